@@ -39,6 +39,7 @@ mod error;
 mod events;
 mod farm;
 mod frame;
+pub mod health;
 mod job;
 pub mod link;
 mod local_devices;

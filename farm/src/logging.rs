@@ -1,14 +1,59 @@
 //! Log lines of the programs on standard error.
 
+use std::str::FromStr;
+
 use tracing_subscriber::filter::Targets;
+use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::layer;
+use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
-/// Writes log lines to standard error from now on: those that the variable `RUST_LOG` names, in the syntax
-/// of [`Targets`] (`info`; `carom_farm=debug,warn`), or without it those of `default`. A variable that
-/// cannot be read is reported there, and not followed.
+use crate::Error;
+
+/// The form of the lines that a program writes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LogFormat {
+    /// For people at a terminal.
+    #[default]
+    Plain,
+    /// Each line begins with the time (RFC 3339, UTC).
+    Time,
+    /// Each line is an object with `timestamp`.
+    Json,
+}
+
+/// `plain`, `time` or `json`, for command lines.
+impl FromStr for LogFormat {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        match text {
+            "plain" => Ok(Self::Plain),
+            "time" => Ok(Self::Time),
+            "json" => Ok(Self::Json),
+            _ => Err(Error::Choice("plain, time or json")),
+        }
+    }
+}
+
+/// The time now, as RFC 3339 has it.
+pub fn timestamp() -> String {
+    let mut text = String::new();
+    // Writing to memory does not fail.
+    let _ = SystemTime.format_time(&mut Writer::new(&mut text));
+    text
+}
+
+/// Writes log lines with the time to standard error from now on, as [`init_with_format`].
 pub fn init(default: &str) {
+    init_with_format(default, LogFormat::Plain);
+}
+
+/// Writes log lines with the time to standard error from now on: those that the variable `RUST_LOG`
+/// names, in the syntax of [`Targets`] (`info`; `carom_farm=debug,warn`), or without it those of
+/// `default`. A variable that cannot be read is reported there, and not followed.
+pub fn init_with_format(default: &str, format: LogFormat) {
     let parsed = |text: String| {
         let filter = text.parse::<Targets>();
         let report = |why| eprintln!("RUST_LOG is ignored: `{}`: {why}", text.escape_debug());
@@ -18,8 +63,11 @@ pub fn init(default: &str) {
         .ok()
         .filter(|text| !text.is_empty());
     let filter = asked.and_then(parsed).or_else(|| default.parse().ok());
-    tracing_subscriber::registry()
-        .with(layer().with_writer(std::io::stderr).with_target(false))
-        .with(filter.unwrap_or_default())
-        .init();
+    let filter = filter.unwrap_or_default();
+    let lines = layer().with_writer(std::io::stderr).with_target(false);
+    let registry = tracing_subscriber::registry();
+    match format {
+        LogFormat::Json => registry.with(lines.json()).with(filter).init(),
+        _ => registry.with(lines).with(filter).init(),
+    }
 }

@@ -7,6 +7,7 @@ mod commands;
 
 use std::process::ExitCode;
 
+use carom_farm::logging::LogFormat;
 use clap::Parser;
 use mimalloc::MiMalloc;
 
@@ -20,12 +21,15 @@ static ALLOCATOR: MiMalloc = MiMalloc;
 struct FarmCli {
     #[command(subcommand)]
     command: commands::FarmCommand,
+    /// Write lines of logs plainly, with the time first, or as JSON: plain, time or json
+    #[arg(long, global = true, default_value = "plain", value_name = "FORMAT")]
+    log: LogFormat,
 }
 
 fn main() -> ExitCode {
     let cli = FarmCli::parse();
-    carom_farm::logging::init("warn");
-    match cli.command.run() {
+    carom_farm::logging::init_with_format("warn", cli.log);
+    match cli.command.run(cli.log) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("carom-farm: {failure}");

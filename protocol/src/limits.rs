@@ -30,6 +30,11 @@ pub const FRAMES_IN_FLIGHT_MAX: usize = 8;
 pub const NODES_MAX: usize = 1024;
 /// Bytes of a file that lists nodes: 1024 with the longest names have a quarter.
 pub const DIRECTORY_FILE_BYTES_MAX: u64 = 1 << 20;
+/// Bytes of a node's record in a directory: with the longest names it has 700.
+pub const NODE_RECORD_BYTES_MAX: usize = 1024;
+/// Records that are kept of a directory that others write to: nodes of a farm, and as many that have
+/// left and are not forgotten yet.
+pub const NODE_RECORDS_MAX: usize = 2 * NODES_MAX;
 /// Probes of a node's health that are answered at once: a cluster sends two, and a person looks too.
 pub const PROBES_MAX: usize = 16;
 /// Seconds that a probe may take: those of Kubernetes give up after one.

@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs as _, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::time::Duration;
 
 use carom_farm::FileFormat;
 use carom_farm::directory::NodeSource;
@@ -65,6 +66,25 @@ pub(crate) fn reachable_host(listen: SocketAddr) -> String {
     let text = address.to_string();
     text.trim_end_matches(":0").to_owned()
 }
+
+/// A number and a unit: s, m, h or d.
+pub(crate) fn duration(text: &str) -> Result<Duration, &'static str> {
+    const RULE: &str = "it must be a number and s, m, h or d, at most ten years, as in 1h";
+    let unit = text.chars().last().ok_or(RULE)?;
+    let secs: u64 = match unit {
+        's' => 1,
+        'm' => 60,
+        'h' => 3600,
+        'd' => 24 * 3600,
+        _ => return Err(RULE),
+    };
+    let count: u64 = text[..text.len() - 1].parse().map_err(|_| RULE)?;
+    let secs = count.checked_mul(secs).filter(|secs| *secs <= SECS_MAX);
+    secs.map(Duration::from_secs).ok_or(RULE)
+}
+
+/// The life of an authority.
+const SECS_MAX: u64 = 10 * 365 * 24 * 3600;
 
 /// A picture file to write.
 #[derive(Clone, Debug)]

@@ -9,13 +9,16 @@ mod failure;
 mod init;
 mod inputs;
 mod join;
+mod log_line;
 mod node;
+mod node_monitor;
 mod output_file;
 mod render;
 mod revoke;
 mod status;
 mod token;
 
+use carom_farm::logging::LogFormat;
 use carom_farm::net::Role;
 use clap::Subcommand;
 
@@ -44,7 +47,7 @@ pub(crate) enum FarmCommand {
 }
 
 impl FarmCommand {
-    pub(crate) fn run(self) -> Result<(), Failure> {
+    pub(crate) fn run(self, log: LogFormat) -> Result<(), Failure> {
         match self {
             Self::Init(args) => init::run(&args),
             Self::Token(args) => token::run(&args),
@@ -53,7 +56,7 @@ impl FarmCommand {
             Self::AddPlayer(args) => add::run(Role::Player, &args),
             Self::Revoke(args) => revoke::run(&args),
             Self::Doctor(args) => doctor::run(&args),
-            Self::Node(args) => node::run(&args),
+            Self::Node(args) => node::run(&args, log),
             Self::Render(args) => render::run(&args),
             Self::Status(args) => status::run(&args),
             Self::Bench(args) => bench::run(&args),

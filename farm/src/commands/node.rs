@@ -1,21 +1,30 @@
 //! `carom-farm node`: this machine's devices, served to players.
 
-use std::io::Write as _;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
+use std::time::Duration;
 
 use carom_farm::NodeState;
-use carom_farm::net::{Credentials, NodeServer, PacketHandler, Role, ServerEvent, StopHandle};
-use carom_farm::node::{Node, NodeConnection, PlayerId};
+use carom_farm::directory::{NodeRecord, NodeSource, Registry};
+use carom_farm::health::{HealthServer, MeteredTracer, NodeCounters, NodeProbe, watch_spot_notice};
+use carom_farm::logging::LogFormat;
+use carom_farm::net::{
+    Credentials, NodeAddress, NodeServer, PacketHandler, Role, ServerEvent, StopHandle,
+};
+use carom_farm::node::{ConnectionDrain, Node, NodeConnection, PlayerId};
 use carom_protocol::session::{Packet, ReceivedScene};
 use carom_protocol::{RequestId, codec};
 
-use crate::commands::{Failure, inputs};
+use crate::commands::node_monitor::{NodeMonitor, RunningMonitor};
+use crate::commands::{Failure, inputs, log_line};
 use carom_farm::backend::NodeBackend;
 
 /// Trace for players until Ctrl-C or SIGTERM
+///
+/// It then drains: what players have asked for is finished, for ten seconds at most, and they turn to
+/// other nodes. The exit code is 0.
 ///
 /// Prints one line per change of state. Its first word is the state: starting, listening (with the
 /// address), paired, syncing, ready, rendering, lost or draining.
@@ -35,42 +44,139 @@ pub(crate) struct NodeArgs {
     /// Use this many CPU threads; 0 means one per core
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=1024))]
     threads: u16,
+    /// Answer GET /healthz, /readyz and /metrics and POST /drain by HTTP at this address, e.g.
+    /// 127.0.0.1:8433; without a key, so keep it from strangers
+    #[arg(long, value_name = "HOST:PORT", value_parser = inputs::listen_address)]
+    health: Option<SocketAddr>,
+    /// End when nothing has been traced for this time: 15m, 2h
+    #[arg(long, value_name = "TIME", value_parser = inputs::duration)]
+    exit_when_idle: Option<Duration>,
+    /// Drain and end when EC2 gives notice that it takes this spot machine back
+    #[arg(long)]
+    spot_notice: bool,
+    /// Register in this directory: nats://HOST:PORT/BUCKET, or mdns: for the local network
+    #[arg(long, value_name = "DIRECTORY", value_parser = inputs::node)]
+    register: Option<String>,
+    /// Register at this address [default: that of this machine in its network]
+    #[arg(long, value_name = "HOST:PORT", requires = "register")]
+    advertise: Option<NodeAddress>,
 }
 
-pub(crate) fn run(args: &NodeArgs) -> Result<(), Failure> {
+pub(crate) fn run(args: &NodeArgs, log: LogFormat) -> Result<(), Failure> {
     let credentials = Credentials::load(&args.credentials, Role::Node)?;
     let mut server = NodeServer::bind(args.listen, &credentials)?;
-    print_line(NodeState::Starting.word());
+    let registry = args.registry()?;
+    log_line::print(log, NodeState::Starting.word());
     let tracer = args.backend.open(usize::from(args.threads))?;
     let stop = StopHandle::default();
     let device = tracer.info().name;
-    let node = Node::new(credentials.name(), tracer);
+    let counters = Arc::<NodeCounters>::default();
+    let tracer = MeteredTracer::new(tracer, Arc::clone(&counters));
+    let node = Node::new(credentials.name(), Arc::new(tracer));
     let name = credentials.name().to_owned();
     let listening = NodeState::Listening.word();
-    print_line(&format!(
-        "{listening} as {name} with {device} on {}",
-        server.local_addr()?
-    ));
-    print_box(&credentials, server.local_addr()?)?;
+    let address = server.local_addr()?;
+    if let Some(health) = args.health {
+        let info = Arc::clone(&node);
+        let probe = NodeProbe {
+            counters: Arc::clone(&counters),
+            info: Arc::new(move || info.info()),
+            stop: stop.clone(),
+        };
+        let health = HealthServer::start(health, probe)?.address();
+        log_line::print(log, &format!("health at http://{health}"));
+    }
+    if args.spot_notice {
+        watch_spot_notice(stop.clone())?;
+    }
+    let monitor = NodeMonitor {
+        counters: Arc::clone(&counters),
+        stop: stop.clone(),
+        idle_exit: args.exit_when_idle,
+        registry,
+        record: NodeRecord {
+            address: args.advertised(address),
+            fingerprint: credentials.farm_fingerprint(),
+            device: device.clone(),
+            ..NodeRecord::default()
+        },
+        log,
+    };
+    let monitor = monitor.start()?;
+    log_line::print(
+        log,
+        &format!("{listening} as {name} with {device} on {address}"),
+    );
+    if log == LogFormat::Plain {
+        print_box(&credentials, address)?;
+    }
     server.keep_renewed(credentials, args.credentials.clone());
+    let wake = Mutex::new(monitor.wake());
+    let events = Arc::new(NodeEvents { counters, log });
+    let sessions = Arc::clone(&events);
     server.serve(
         &stop,
-        move |id, player| LoggedConnection::new(&node, id, player),
-        |event| match event {
-            ServerEvent::Renewed { last_day } => {
-                print_line(&format!(
-                    "renewed: the certificate is valid until {last_day}"
-                ));
+        move |id, player| LoggedConnection::new(&node, &sessions, id, player),
+        {
+            let wake = Arc::new(wake);
+            move |event| {
+                let is_draining = event == ServerEvent::Draining;
+                events.log(event);
+                if is_draining {
+                    RunningMonitor::draining(&wake.lock().unwrap_or_else(PoisonError::into_inner));
+                }
             }
-            ServerEvent::Paired { player } => {
-                print_line(&format!("{} with {player}", NodeState::Paired.word()));
-            }
-            ServerEvent::Left { player } => print_line(&format!("left by {player}")),
-            ServerEvent::Lost { player, why } => print_line(&format!("lost {player}: {why}")),
-            ServerEvent::Draining => print_line(NodeState::Draining.word()),
         },
     );
+    monitor.end();
     Ok(())
+}
+
+impl NodeArgs {
+    fn registry(&self) -> Result<Option<Box<dyn Registry>>, Failure> {
+        let Some(directory) = &self.register else {
+            return Ok(None);
+        };
+        let registry = directory.parse::<NodeSource>()?.registry()?;
+        registry.map(Some).ok_or_else(|| {
+            Failure::Input(format!(
+                "--register {directory}: a node can register in nats://HOST:PORT/BUCKET or mdns: only"
+            ))
+        })
+    }
+
+    fn advertised(&self, listen: SocketAddr) -> String {
+        let own = || format!("{}:{}", inputs::reachable_host(listen), listen.port());
+        self.advertise
+            .as_ref()
+            .map_or_else(own, NodeAddress::to_string)
+    }
+}
+
+/// What happens to a node, in figures and lines.
+struct NodeEvents {
+    counters: Arc<NodeCounters>,
+    log: LogFormat,
+}
+
+impl NodeEvents {
+    fn log(&self, event: ServerEvent) {
+        let line = match event {
+            ServerEvent::Renewed { last_day } => {
+                format!("renewed: the certificate is valid until {last_day}")
+            }
+            ServerEvent::Paired { player } => {
+                format!("{} with {player}", NodeState::Paired.word())
+            }
+            ServerEvent::Left { player } => format!("left by {player}"),
+            ServerEvent::Lost { player, why } => format!("lost {player}: {why}"),
+            ServerEvent::Draining => {
+                self.counters.drain();
+                NodeState::Draining.word().to_owned()
+            }
+        };
+        log_line::print(self.log, &line);
+    }
 }
 
 /// Prints what a person needs to use this node.
@@ -83,6 +189,7 @@ fn print_box(credentials: &Credentials, local: SocketAddr) -> Result<(), Failure
         format!("valid    until {}", credentials.last_day()?),
         format!("play     carom --node {address}"),
     ];
+    let print_line = |line: &str| log_line::print(LogFormat::Plain, line);
     let width = lines.iter().map(String::len).max().unwrap_or_default();
     print_line(&format!("┌{}┐", "─".repeat(width + 2)));
     for line in lines {
@@ -92,16 +199,12 @@ fn print_box(credentials: &Credentials, local: SocketAddr) -> Result<(), Failure
     Ok(())
 }
 
-/// Prints a line. A reader of the output that has gone away does not end the node.
-fn print_line(line: &str) {
-    let _ = writeln!(std::io::stdout(), "{line}");
-}
-
 /// A player's session that prints its changes of state. A player that has requested a picture
 /// counts as rendering until it leaves or sends another scene: at 60 pictures a second, lines for
 /// the pauses between them would be noise.
 struct LoggedConnection {
     node: Arc<Node>,
+    events: Arc<NodeEvents>,
     connection: NodeConnection,
     /// The device's name, which changes when a device fails or recovers.
     device: String,
@@ -110,9 +213,11 @@ struct LoggedConnection {
 }
 
 impl LoggedConnection {
-    fn new(node: &Arc<Node>, id: PlayerId, player: SocketAddr) -> Self {
+    fn new(node: &Arc<Node>, events: &Arc<NodeEvents>, id: PlayerId, player: SocketAddr) -> Self {
+        events.counters.player_came();
         Self {
             node: Arc::clone(node),
+            events: Arc::clone(events),
             connection: node.connect(id),
             device: node.info().device.name,
             player,
@@ -123,7 +228,7 @@ impl LoggedConnection {
     /// Prints the state if it is new.
     fn set_state(&mut self, state: NodeState) {
         if self.state != state {
-            print_line(&format!("{state} for {}", self.player));
+            log_line::print(self.events.log, &format!("{state} for {}", self.player));
             self.state = state;
         }
     }
@@ -139,7 +244,8 @@ impl PacketHandler for LoggedConnection {
         let device = self.node.info().device.name;
         if device != self.device {
             let rendering = NodeState::Rendering.word();
-            print_line(&format!("{rendering} with {device} for {}", self.player));
+            let line = format!("{rendering} with {device} for {}", self.player);
+            log_line::print(self.events.log, &line);
             self.device = device;
         }
         Ok(())
@@ -162,7 +268,9 @@ impl PacketHandler for LoggedConnection {
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {
-        self.connection.poll_transmit()
+        let packet = self.connection.poll_transmit()?;
+        self.events.counters.count_sent(packet.bytes.len());
+        Some(packet)
     }
 
     fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), carom_farm::Error>> {
@@ -175,5 +283,15 @@ impl PacketHandler for LoggedConnection {
 
     fn on_bandwidth(&mut self, bytes_per_sec: f64) {
         self.connection.on_bandwidth(bytes_per_sec);
+    }
+
+    fn drain(&self) -> Option<ConnectionDrain> {
+        Some(self.connection.drain())
+    }
+}
+
+impl Drop for LoggedConnection {
+    fn drop(&mut self) {
+        self.events.counters.player_left();
     }
 }

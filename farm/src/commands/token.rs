@@ -21,7 +21,7 @@ pub(crate) struct TokenArgs {
     #[arg(long, default_value_t = 1)]
     uses: u32,
     /// End after this time: 15m, 1h, 30d
-    #[arg(long = "for", default_value = "1h", value_parser = duration)]
+    #[arg(long = "for", default_value = "1h", value_parser = inputs::duration)]
     time: Duration,
     /// Listen on this address
     #[arg(long, default_value = "0.0.0.0:4434", value_name = "HOST:PORT",
@@ -55,22 +55,3 @@ pub(crate) fn run(args: &TokenArgs) -> Result<(), Failure> {
     });
     Ok(())
 }
-
-/// A number and a unit: s, m, h or d.
-fn duration(text: &str) -> Result<Duration, &'static str> {
-    const RULE: &str = "it must be a number and s, m, h or d, at most ten years, as in 1h";
-    let unit = text.chars().last().ok_or(RULE)?;
-    let secs: u64 = match unit {
-        's' => 1,
-        'm' => 60,
-        'h' => 3600,
-        'd' => 24 * 3600,
-        _ => return Err(RULE),
-    };
-    let count: u64 = text[..text.len() - 1].parse().map_err(|_| RULE)?;
-    let secs = count.checked_mul(secs).filter(|secs| *secs <= SECS_MAX);
-    secs.map(Duration::from_secs).ok_or(RULE)
-}
-
-/// The life of an authority.
-const SECS_MAX: u64 = 10 * 365 * 24 * 3600;

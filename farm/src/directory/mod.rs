@@ -10,6 +10,10 @@
 
 mod dns;
 mod file;
+#[cfg(feature = "mdns")]
+mod mdns;
+#[cfg(feature = "nats")]
+mod nats;
 pub(crate) mod roster;
 mod source;
 pub(crate) mod watch;
@@ -18,6 +22,10 @@ use std::time::Duration;
 
 pub use dns::DnsDirectory;
 pub use file::FileDirectory;
+#[cfg(feature = "mdns")]
+pub use mdns::{MdnsDirectory, MdnsRegistry};
+#[cfg(feature = "nats")]
+pub use nats::{NatsBucket, NatsDirectory, NatsRegistry};
 use serde::{Deserialize, Serialize};
 pub use source::NodeSource;
 
@@ -33,6 +41,24 @@ pub trait Directory: Send {
     fn nodes(&mut self) -> Result<Vec<ListedNode>, Error>;
 
     /// The pause after an answer, or an error, before it is asked again.
+    fn period(&self) -> Duration;
+}
+
+/// A directory in which a node registers itself.
+pub trait Registry: Send {
+    /// Writes a record, in place of the one before; may wait for some seconds.
+    ///
+    /// # Errors
+    /// Why it could not; the node goes on and tries again.
+    fn register(&mut self, record: &NodeRecord) -> Result<(), Error>;
+
+    /// Takes the record back.
+    ///
+    /// # Errors
+    /// Why it could not; it is forgotten by and by.
+    fn leave(&mut self, record: &NodeRecord) -> Result<(), Error>;
+
+    /// The pause until a record has to be written again.
     fn period(&self) -> Duration;
 }
 

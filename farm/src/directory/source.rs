@@ -3,7 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::{Directory, DnsDirectory, FileDirectory};
+use super::{Directory, DnsDirectory, FileDirectory, Registry};
+#[cfg(feature = "mdns")]
+use super::{MdnsDirectory, MdnsRegistry};
+#[cfg(feature = "nats")]
+use super::{NatsBucket, NatsDirectory, NatsRegistry};
 use crate::Error;
 use crate::net::NodeAddress;
 
@@ -16,6 +20,12 @@ pub enum NodeSource {
     Dns(NodeAddress),
     /// `file:path`: a `host:port` in each line.
     File(PathBuf),
+    /// `mdns:`: the nodes that announce themselves on a local network.
+    #[cfg(feature = "mdns")]
+    Mdns,
+    /// `nats://host:port/bucket`: the nodes that have registered there.
+    #[cfg(feature = "nats")]
+    Nats(NatsBucket),
 }
 
 impl NodeSource {
@@ -28,6 +38,24 @@ impl NodeSource {
             Self::Node(address) => Box::new(vec![address.clone()]),
             Self::Dns(name) => Box::new(DnsDirectory::new(name.clone())),
             Self::File(path) => Box::new(FileDirectory::new(path.clone())),
+            #[cfg(feature = "mdns")]
+            Self::Mdns => Box::new(MdnsDirectory::new()?),
+            #[cfg(feature = "nats")]
+            Self::Nats(bucket) => Box::new(NatsDirectory::new(bucket.clone())?),
+        })
+    }
+
+    /// The directory as one in which nodes register themselves; absent if they cannot.
+    ///
+    /// # Errors
+    /// Those of starting it.
+    pub fn registry(&self) -> Result<Option<Box<dyn Registry>>, Error> {
+        Ok(match self {
+            Self::Node(_) | Self::Dns(_) | Self::File(_) => None,
+            #[cfg(feature = "mdns")]
+            Self::Mdns => Some(Box::new(MdnsRegistry::new()?)),
+            #[cfg(feature = "nats")]
+            Self::Nats(bucket) => Some(Box::new(NatsRegistry::new(bucket.clone())?)),
         })
     }
 
@@ -42,6 +70,7 @@ impl NodeSource {
 
 const DNS: &str = "dns:";
 const FILE: &str = "file:";
+const MDNS: &str = "mdns:";
 
 impl FromStr for NodeSource {
     type Err = Error;
@@ -57,9 +86,37 @@ impl FromStr for NodeSource {
                 fault: "`file:` must be followed by a path",
             }),
             Some(path) => Ok(Self::File(path.into())),
+            None if text == MDNS => mdns(),
+            None if text.starts_with("nats://") || text.starts_with("tls://") => nats(text),
             None => Ok(Self::Node(text.parse()?)),
         }
     }
+}
+
+#[cfg(feature = "mdns")]
+fn mdns() -> Result<NodeSource, Error> {
+    Ok(NodeSource::Mdns)
+}
+
+#[cfg(not(feature = "mdns"))]
+fn mdns() -> Result<NodeSource, Error> {
+    Err(Error::NodeAddress {
+        text: MDNS.into(),
+        fault: "this program was built without the feature `mdns`",
+    })
+}
+
+#[cfg(feature = "nats")]
+fn nats(text: &str) -> Result<NodeSource, Error> {
+    text.parse().map(NodeSource::Nats)
+}
+
+#[cfg(not(feature = "nats"))]
+fn nats(_text: &str) -> Result<NodeSource, Error> {
+    Err(Error::NodeAddress {
+        text: "nats://…".into(), // it may hold a password
+        fault: "this program was built without the feature `nats`",
+    })
 }
 
 #[cfg(test)]

@@ -25,6 +25,7 @@ use crate::net::peer::Role;
 use crate::net::tile_transport::{Nack, TileReceiver, TileSender, TileTransport};
 use crate::net::token_bucket::TokenBucket;
 use crate::net::{close_code, congestion, connection_error};
+use crate::node::ConnectionDrain;
 
 /// A session and its owner, as the driver of their connection sees them.
 pub trait PacketHandler {
@@ -66,6 +67,11 @@ pub trait PacketHandler {
 
     /// Handles a new estimate of what the path carries.
     fn on_bandwidth(&mut self, _bytes_per_sec: f64) {}
+
+    /// What finishes the session's work before its node ends; without it the session is cut off.
+    fn drain(&self) -> Option<ConnectionDrain> {
+        None
+    }
 }
 
 /// A new connection with its control stream.

@@ -10,9 +10,11 @@ use std::time::Duration;
 use carom_protocol::RequestId;
 use carom_protocol::session::{Packet, ReceivedScene};
 use tokio::runtime::Runtime;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
+use tokio::time::timeout;
 
 use crate::Error;
+use crate::net::close_code;
 use crate::net::connection_driver::{self, ConnectionStreams, PacketHandler};
 use crate::net::credentials::Credentials;
 use crate::net::deny_list::DenyList;
@@ -21,7 +23,7 @@ use crate::net::enrolment;
 use crate::net::listener::Listener;
 use crate::net::peer::{CertificateFault, DisconnectReason, Role};
 use crate::net::signals::Signals;
-use crate::node::{NodeConnection, PlayerId};
+use crate::node::{ConnectionDrain, NodeConnection, PlayerId};
 
 /// A change in a node's connections.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -149,9 +151,10 @@ impl NodeServer {
         })
     }
 
-    /// Serves players until `stop`, Ctrl-C or SIGTERM; then tells them that the node is shutting
-    /// down, so that their coordinators turn to other nodes at once. `connect` creates the
-    /// session of a player's connection from an address.
+    /// Serves players until `stop`, Ctrl-C or SIGTERM. Then it drains, for ten seconds at most: what a
+    /// player has asked for is finished, what it asks for from then on is refused as busy, so that its
+    /// coordinator turns to other nodes at once, and it is told that the node is shutting down.
+    /// `connect` creates the session of a player's connection from an address.
     pub fn serve<P: PacketHandler + Send>(
         self,
         stop: &StopHandle,
@@ -170,18 +173,23 @@ impl NodeServer {
             runtime.spawn(renewal.run(listener.clone(), options, events.clone()));
         }
         let draining = events.clone();
+        let stopping = watch::Sender::new(false);
+        let stops = stopping.clone();
         let serve = move |id, streams: ConnectionStreams| {
             let (connect, events) = (connect.clone(), events.clone());
             let denied = Arc::clone(&denied);
+            let stops = stops.subscribe();
             async move {
                 let player = streams.connection.remote_address();
                 events(ServerEvent::Paired { player });
                 let (connection, mut session) = (streams.connection.clone(), connect(id, player));
+                let drain = session.drain();
                 let error = tokio::select! {
                     error = connection_driver::drive(streams, &mut session) => error,
                     () = denied.close_if_denied(&connection) => Error::PeerCertificate {
                         fault: CertificateFault::Revoked,
                     },
+                    () = drained(stops, drain, &connection) => Error::ControlStreamEnded,
                 };
                 events(ended(player, &error));
             }
@@ -193,10 +201,43 @@ impl NodeServer {
                 () = signals.recv() => {}
             }
             draining(ServerEvent::Draining);
+            stopping.send_replace(true);
+            // Each player's task listens until its session has ended.
+            if timeout(DRAIN_TIMEOUT, stopping.closed()).await.is_err() {
+                tracing::warn!("what players had asked for took too long and was given up");
+            }
             listener.drain().await;
         });
     }
 }
+
+/// Waits until the node is to end, then until a session's work is done and on its way, and tells the
+/// player.
+async fn drained(
+    mut stops: watch::Receiver<bool>,
+    drain: Option<ConnectionDrain>,
+    connection: &quinn::Connection,
+) {
+    if stops.wait_for(|stop| *stop).await.is_err() {
+        return; // nobody can be told any more: the server has gone
+    }
+    if let Some(drain) = drain {
+        drain.begin();
+        while !drain.is_done() {
+            tokio::time::sleep(DRAIN_POLL).await;
+        }
+        tokio::time::sleep(DRAIN_FLUSH + 2 * connection.rtt()).await;
+    }
+    connection.close(close_code::DRAINING, b"shutting down");
+}
+
+/// How long a node finishes what it has been asked for. A frame of a game takes milliseconds and a
+/// slice of a film some seconds; Kubernetes ends a process after 30, EC2 two minutes after its notice.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(10);
+/// How often a session that drains is looked at: a quarter of a frame at 60 a second.
+const DRAIN_POLL: Duration = Duration::from_millis(4);
+/// From the last tile's being handed to the transport to its being sent.
+const DRAIN_FLUSH: Duration = Duration::from_millis(10);
 
 /// How often a node asks for the deny list, and for a certificate when one is due.
 const RENEWAL_PERIOD: Duration = Duration::from_secs(3600);
@@ -284,5 +325,9 @@ impl PacketHandler for NodeConnection {
 
     fn on_bandwidth(&mut self, bytes_per_sec: f64) {
         Self::on_bandwidth(self, bytes_per_sec);
+    }
+
+    fn drain(&self) -> Option<ConnectionDrain> {
+        Some(Self::drain(self))
     }
 }

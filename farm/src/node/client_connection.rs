@@ -50,6 +50,8 @@ pub(super) struct ConnectionState {
     /// vain.
     pub(super) stall_timeout: Duration,
     pub(super) closed: bool,
+    /// Whether new requests are refused, as the node is about to end.
+    pub(super) draining: bool,
 }
 
 impl ClientConnection {
@@ -61,6 +63,7 @@ impl ClientConnection {
             ready: false,
             stall_timeout: STALL_TIMEOUT,
             closed: false,
+            draining: false,
         };
         Self {
             player,

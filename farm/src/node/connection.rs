@@ -5,11 +5,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 
 use carom_protocol::session::{NodeEvent, Packet, ReceivedScene};
-use carom_protocol::{NodeInfo, RequestId};
+use carom_protocol::{NodeInfo, RefusalReason, RequestId};
 
 use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing};
 use super::fair_queue::PlayerId;
 use super::queue::{JobQueue, NodeJob};
+
+/// The end of a connection's work, seen from outside its session.
+#[derive(Clone)]
+pub struct ConnectionDrain {
+    client: Arc<ClientConnection>,
+}
+
+impl ConnectionDrain {
+    /// Refuses requests from now on as busy, so that the client asks others for their tiles at once.
+    pub fn begin(&self) {
+        self.client.lock().draining = true;
+    }
+
+    /// Whether all requests are answered, and all answers handed to the transport.
+    pub fn is_done(&self) -> bool {
+        let state = self.client.lock();
+        state.session.open_requests() == 0 && state.session.waiting_bytes() == 0
+    }
+}
 
 /// The transport's end of a client's session.
 pub struct NodeConnection {
@@ -26,6 +45,12 @@ impl NodeConnection {
     ) -> Self {
         let client = Arc::new(ClientConnection::new(info, player, sharing));
         Self { client, queue }
+    }
+
+    /// What finishes this connection's work before the node ends.
+    pub fn drain(&self) -> ConnectionDrain {
+        let client = Arc::clone(&self.client);
+        ConnectionDrain { client }
     }
 
     /// Handles a packet from the client.
@@ -56,6 +81,9 @@ impl NodeConnection {
         match event {
             // The session keeps scenes; they are compiled when they are first drawn.
             None | Some(NodeEvent::Scene { .. }) => {}
+            Some(NodeEvent::Trace { request, .. }) if self.client.lock().draining => {
+                self.client.refuse(request.id, RefusalReason::Busy);
+            }
             Some(NodeEvent::Trace { request, scene }) => {
                 let cancelled = Arc::new(AtomicBool::new(false));
                 let flag = Arc::clone(&cancelled);

@@ -26,7 +26,7 @@ use carom_tracer::{DeviceKind, Tracer};
 pub use bitrate_control::LinkEstimate;
 pub(crate) use client_connection::STALL_TIMEOUT;
 use client_connection::TileSharing;
-pub use connection::NodeConnection;
+pub use connection::{ConnectionDrain, NodeConnection};
 pub use fair_queue::{FairQueue, PlayerId};
 use queue::JobQueue;
 

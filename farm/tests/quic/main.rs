@@ -3,6 +3,7 @@
 mod admission;
 mod congestion;
 mod directories;
+mod drain;
 mod farms;
 mod greeter;
 mod stranger;

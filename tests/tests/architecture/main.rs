@@ -54,7 +54,12 @@ const LAYERS: &[(&[&str], &[&str])] = &[
             "rcgen",
             "x509_parser",
         ],
-        &["farm/src/net/", "farm/tests/quic/"],
+        &[
+            "farm/src/net/",
+            "farm/src/health/",
+            "farm/src/directory/nats.rs",
+            "farm/tests/quic/",
+        ],
     ),
     (
         &["winit", "egui", "egui_winit", "egui_wgpu", "softbuffer"],

@@ -1,0 +1,334 @@
+//! Bucket of a NATS server (JetStream key-value store), in which nodes register themselves.
+//!
+//! A node writes its record every [`REGISTRATION_PERIOD`]; one that has not for [`LIFETIME`] is gone.
+//! Ages are counted from a record's arrival here: no clocks are compared.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use async_nats::connection::State;
+use async_nats::jetstream::kv::{Config, Entry, Operation, Store};
+use async_nats::jetstream::stream::StorageType;
+use async_nats::{Client, ConnectOptions, jetstream};
+use carom_protocol::limits::{NODE_RECORD_BYTES_MAX, NODE_RECORDS_MAX};
+use futures_util::StreamExt as _;
+use tokio::runtime::Runtime;
+use tokio::task::JoinHandle;
+
+use super::{Directory, ListedNode, NodeRecord, Registry};
+use crate::Error;
+
+/// `nats://host:port/bucket`, or `tls://` likewise; before the host `user:password@` or `token@`.
+#[derive(Clone, PartialEq, Eq)]
+pub struct NatsBucket {
+    server: String,
+    bucket: String,
+}
+
+/// Without what may be a password.
+impl fmt::Display for NatsBucket {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (scheme, rest) = self.server.split_once("://").unwrap_or_default();
+        let host = rest.rsplit('@').next().unwrap_or_default();
+        write!(f, "{scheme}://{host}/{}", self.bucket)
+    }
+}
+
+impl fmt::Debug for NatsBucket {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl FromStr for NatsBucket {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+        let (server, bucket) = text.rsplit_once('/').unwrap_or((text, ""));
+        let is_server = server
+            .split_once("://")
+            .is_some_and(|(_, host)| !host.is_empty());
+        if !is_server || bucket.is_empty() || bucket.len() > 64 || !bucket.chars().all(plain) {
+            return Err(Error::NodeAddress {
+                text: "nats://…".into(), // it may hold a password
+                fault: "it must be nats://HOST:PORT/BUCKET, the bucket of letters, digits, `-` and `_`",
+            });
+        }
+        Ok(Self {
+            server: server.to_owned(),
+            bucket: bucket.to_owned(),
+        })
+    }
+}
+
+impl NatsBucket {
+    fn fault(&self, why: impl fmt::Display) -> Error {
+        Error::Directory {
+            directory: self.to_string(),
+            reason: why.to_string(),
+        }
+    }
+
+    async fn open(&self) -> Result<(Client, Store), Error> {
+        let options = ConnectOptions::new()
+            .connection_timeout(PATIENCE)
+            .name("carom");
+        let client = options.connect(&self.server).await;
+        let client = client.map_err(|why| self.fault(why))?;
+        let context = jetstream::new(client.clone());
+        // Whoever comes first makes it; of another kind it is taken as it is.
+        let created = context.create_key_value(Config {
+            bucket: self.bucket.clone(),
+            description: "Nodes of a Carom farm".into(),
+            max_value_size: NODE_RECORD_BYTES_MAX as i32,
+            history: 1,
+            max_age: LIFETIME,
+            storage: StorageType::Memory,
+            ..Config::default()
+        });
+        let store = match created.await {
+            Ok(store) => store,
+            Err(why) => {
+                let found = context.get_key_value(&self.bucket).await;
+                found.map_err(|_| self.fault(why))?
+            }
+        };
+        Ok((client, store))
+    }
+}
+
+/// A thread for a connection to a server.
+fn runtime(bucket: &NatsBucket) -> Result<Runtime, Error> {
+    tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .thread_name("carom-nats")
+        .enable_all()
+        .build()
+        .map_err(|why| bucket.fault(why))
+}
+
+async fn in_time<T>(
+    bucket: &NatsBucket,
+    answer: impl Future<Output = Result<T, Error>>,
+) -> Result<T, Error> {
+    let answer = tokio::time::timeout(PATIENCE, answer).await;
+    answer.unwrap_or_else(|_| Err(bucket.fault("no answer")))
+}
+
+/// The nodes of a bucket.
+pub struct NatsDirectory {
+    bucket: NatsBucket,
+    runtime: Runtime,
+    watch: Option<BucketWatch>,
+}
+
+/// A watch of a bucket over one connection.
+struct BucketWatch {
+    client: Client,
+    task: JoinHandle<()>,
+    records: Arc<Mutex<Records>>,
+}
+
+/// The newest record of each key, and when it came.
+type Records = BTreeMap<String, (NodeRecord, Instant)>;
+
+impl NatsDirectory {
+    /// Connects when it is asked.
+    ///
+    /// # Errors
+    /// [`Error::Directory`] if the system has no threads left.
+    pub fn new(bucket: NatsBucket) -> Result<Self, Error> {
+        Ok(Self {
+            runtime: runtime(&bucket)?,
+            bucket,
+            watch: None,
+        })
+    }
+
+    async fn watch(bucket: &NatsBucket) -> Result<BucketWatch, Error> {
+        let (client, store) = bucket.open().await?;
+        let entries = store.watch_with_history(">").await;
+        let mut entries = entries.map_err(|why| bucket.fault(why))?;
+        let records = Arc::<Mutex<Records>>::default();
+        let heard = Arc::clone(&records);
+        let task = tokio::spawn(async move {
+            while let Some(Ok(entry)) = entries.next().await {
+                take(&mut lock(&heard), &entry);
+            }
+        });
+        // The records that are there come at once.
+        tokio::time::sleep(SNAPSHOT_TIME).await;
+        Ok(BucketWatch {
+            client,
+            task,
+            records,
+        })
+    }
+}
+
+/// Records come from whoever may write to the bucket: too many or malformed ones are left out.
+fn take(records: &mut Records, entry: &Entry) {
+    if entry.operation != Operation::Put {
+        records.remove(&entry.key);
+        return;
+    }
+    if entry.value.len() > NODE_RECORD_BYTES_MAX {
+        return;
+    }
+    let Ok(record) = serde_json::from_slice::<NodeRecord>(&entry.value) else {
+        tracing::debug!("a record of {} is malformed", entry.key.escape_debug());
+        return;
+    };
+    if records.len() < NODE_RECORDS_MAX || records.contains_key(&entry.key) {
+        records.insert(entry.key.clone(), (record, Instant::now()));
+    }
+}
+
+impl Directory for NatsDirectory {
+    fn nodes(&mut self) -> Result<Vec<ListedNode>, Error> {
+        let bucket = &self.bucket;
+        let watch = match self.watch.take() {
+            Some(watch) if watch.task.is_finished() => {
+                return Err(bucket.fault("the bucket is gone"));
+            }
+            Some(watch) => watch,
+            None => self
+                .runtime
+                .block_on(in_time(bucket, Self::watch(bucket)))?,
+        };
+        if watch.client.connection_state() != State::Connected {
+            watch.task.abort();
+            return Err(bucket.fault("the server does not answer"));
+        }
+        let nodes = {
+            let mut records = lock(&watch.records);
+            records.retain(|_, (_, came)| came.elapsed() < LIFETIME);
+            let listed = |(record, _): &(NodeRecord, Instant)| {
+                Some(ListedNode {
+                    address: record.address.parse().ok()?,
+                    record: Some(record.clone()),
+                })
+            };
+            records.values().filter_map(listed).collect()
+        };
+        self.watch = Some(watch);
+        Ok(nodes)
+    }
+
+    fn period(&self) -> Duration {
+        LOOK_PERIOD
+    }
+}
+
+/// A node's own entry in a bucket.
+pub struct NatsRegistry {
+    bucket: NatsBucket,
+    runtime: Runtime,
+    store: Option<Store>,
+}
+
+impl NatsRegistry {
+    /// Connects with the first record.
+    ///
+    /// # Errors
+    /// [`Error::Directory`] if the system has no threads left.
+    pub fn new(bucket: NatsBucket) -> Result<Self, Error> {
+        Ok(Self {
+            runtime: runtime(&bucket)?,
+            bucket,
+            store: None,
+        })
+    }
+
+    fn run(&mut self, record: &NodeRecord, is_leaving: bool) -> Result<(), Error> {
+        let (bucket, store) = (&self.bucket, self.store.take());
+        let written = async {
+            let store = match store {
+                Some(store) => store,
+                None => bucket.open().await?.1,
+            };
+            let key = key(&record.address);
+            if is_leaving {
+                let deleted = store.delete(&key).await;
+                deleted.map_err(|why| bucket.fault(why))?;
+            } else {
+                let text = serde_json::to_vec(record).map_err(|why| bucket.fault(why))?;
+                let put = store.put(&key, text.into()).await;
+                put.map_err(|why| bucket.fault(why))?;
+            }
+            Ok(store)
+        };
+        self.store = Some(self.runtime.block_on(in_time(bucket, written))?);
+        Ok(())
+    }
+}
+
+impl Registry for NatsRegistry {
+    fn register(&mut self, record: &NodeRecord) -> Result<(), Error> {
+        self.run(record, false)
+    }
+
+    fn leave(&mut self, record: &NodeRecord) -> Result<(), Error> {
+        self.run(record, true)
+    }
+
+    fn period(&self) -> Duration {
+        REGISTRATION_PERIOD
+    }
+}
+
+/// An address as a key: what keys may not have becomes `_`.
+fn key(address: &str) -> String {
+    let plain = |c: char| match c {
+        'a'..='z' | 'A'..='Z' | '0'..='9' | '-' | '_' => c,
+        _ => '_',
+    };
+    address.chars().map(plain).collect()
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// How often a node writes its record: 1,000 nodes are 200 messages a second.
+const REGISTRATION_PERIOD: Duration = Duration::from_secs(5);
+/// How long a record lives: two may be lost.
+const LIFETIME: Duration = Duration::from_secs(16);
+/// How often a farm looks at what its watch has heard.
+const LOOK_PERIOD: Duration = Duration::from_secs(1);
+/// Bounds the wait for a server.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// From the watch's begin until a snapshot has come: 1,000 records take some 50 ms.
+const SNAPSHOT_TIME: Duration = Duration::from_millis(200);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passwords_of_a_bucket_are_not_shown() {
+        let bucket: NatsBucket = "nats://me:secret@oak:4222/farm".parse().unwrap();
+        assert_eq!(bucket.to_string(), "nats://oak:4222/farm");
+        assert_eq!(format!("{bucket:?}"), "nats://oak:4222/farm");
+        for text in [
+            "nats://oak",
+            "nats://",
+            "nats:///farm",
+            "nats://me:secret@oak/a b",
+            "nats://oak/",
+        ] {
+            let why = text.parse::<NatsBucket>().unwrap_err().to_string();
+            assert!(why.contains("/BUCKET") && !why.contains("secret"), "{why}");
+        }
+    }
+
+    #[test]
+    fn addresses_become_keys() {
+        assert_eq!(key("10.0.0.7:4433"), "10_0_0_7_4433");
+        assert_eq!(key("[::1]:80"), "___1__80");
+    }
+}

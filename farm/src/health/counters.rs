@@ -1,0 +1,276 @@
+//! Figures of a node since it started.
+
+use std::fmt::Write as _;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use carom_protocol::NodeInfo;
+
+/// What a node has done, counted by those who do it.
+#[derive(Debug)]
+pub struct NodeCounters {
+    pub(super) tiles: AtomicU64,
+    pub(super) samples: AtomicU64,
+    pub(super) dropped_samples: AtomicU64,
+    sent_bytes: AtomicU64,
+    players: AtomicU64,
+    draining: AtomicBool,
+    device: Mutex<DeviceUse>,
+}
+
+/// When the device was busy: calls that overlap are not counted twice.
+#[derive(Debug)]
+struct DeviceUse {
+    calls: u32,
+    /// When the number of calls last changed from or to none.
+    since: Instant,
+    busy: Duration,
+}
+
+/// Figures of a node at a moment; all but players and draining only ever rise.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NodeFigures {
+    /// Tiles traced.
+    pub tiles: u64,
+    /// Samples of pixels traced.
+    pub samples: u64,
+    /// Samples that were not finite and count as black.
+    pub dropped_samples: u64,
+    /// Bytes handed to the network.
+    pub sent_bytes: u64,
+    /// Time the device was busy.
+    pub busy: Duration,
+    /// Connections of players now.
+    pub players: u64,
+    /// Whether the node is about to end.
+    pub draining: bool,
+    /// Time since the device was last busy, or since the start; zero while it is.
+    pub idle: Duration,
+}
+
+impl Default for NodeCounters {
+    fn default() -> Self {
+        Self {
+            tiles: AtomicU64::new(0),
+            samples: AtomicU64::new(0),
+            dropped_samples: AtomicU64::new(0),
+            sent_bytes: AtomicU64::new(0),
+            players: AtomicU64::new(0),
+            draining: AtomicBool::new(false),
+            device: Mutex::new(DeviceUse {
+                calls: 0,
+                since: Instant::now(),
+                busy: Duration::ZERO,
+            }),
+        }
+    }
+}
+
+impl NodeCounters {
+    /// Counts bytes that were handed to the network.
+    pub fn count_sent(&self, bytes: usize) {
+        self.sent_bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    /// Counts a player that has come.
+    pub fn player_came(&self) {
+        self.players.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts a player that has gone.
+    pub fn player_left(&self) {
+        self.players.fetch_sub(1, Ordering::Relaxed);
+    }
+
+    /// Notes that the node is about to end.
+    pub fn drain(&self) {
+        self.draining.store(true, Ordering::Relaxed);
+    }
+
+    /// The figures now.
+    pub fn figures(&self) -> NodeFigures {
+        let (busy, idle) = {
+            let device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+            let since = device.since.elapsed();
+            match device.calls {
+                0 => (device.busy, since),
+                _ => (device.busy + since, Duration::ZERO),
+            }
+        };
+        let of = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        NodeFigures {
+            tiles: of(&self.tiles),
+            samples: of(&self.samples),
+            dropped_samples: of(&self.dropped_samples),
+            sent_bytes: of(&self.sent_bytes),
+            busy,
+            players: of(&self.players),
+            draining: self.draining.load(Ordering::Relaxed),
+            idle,
+        }
+    }
+
+    pub(super) fn device_begins(&self) {
+        let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+        if device.calls == 0 {
+            device.since = Instant::now();
+        }
+        device.calls += 1;
+    }
+
+    pub(super) fn device_ends(&self) {
+        let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+        device.calls -= 1;
+        if device.calls == 0 {
+            let now = Instant::now();
+            let since = device.since;
+            device.busy += now.saturating_duration_since(since);
+            device.since = now;
+        }
+    }
+}
+
+impl NodeFigures {
+    /// The share of `period` that the device was busy, 0 to 1; `before` are the figures at its begin.
+    pub fn load_since(&self, before: &Self, period: Duration) -> f64 {
+        let busy = self.busy.saturating_sub(before.busy);
+        (busy.as_secs_f64() / period.as_secs_f64().max(1e-9)).min(1.0)
+    }
+
+    /// Speed while the device was busy since `before`, in millions of pixel samples per second; absent
+    /// if it was not.
+    pub fn msamples_per_sec_since(&self, before: &Self) -> Option<f64> {
+        let busy = self.busy.saturating_sub(before.busy).as_secs_f64();
+        let samples = self.samples.saturating_sub(before.samples) as f64;
+        (busy > 0.0 && samples > 0.0).then(|| 1e-6 * samples / busy)
+    }
+
+    /// The figures in Prometheus' text format, by the names of the game's statistics.
+    pub fn prometheus(&self, info: &NodeInfo) -> String {
+        let mut text = String::new();
+        let version = env!("CARGO_PKG_VERSION");
+        let (name, device) = (label(&info.name), label(&info.device.name));
+        let _ = writeln!(
+            text,
+            "# HELP carom_node_info The node's name, device and version.\n\
+             # TYPE carom_node_info gauge\n\
+             carom_node_info{{name=\"{name}\",device=\"{device}\",version=\"{version}\"}} 1"
+        );
+        let mut metric = |name: &str, kind: &str, help: &str, value: f64| {
+            let _ = writeln!(
+                text,
+                "# HELP carom_node_{name} {help}\n# TYPE carom_node_{name} {kind}\n\
+                 carom_node_{name} {value}"
+            );
+        };
+        let busy = self.busy.as_secs_f64();
+        let draining = f64::from(u8::from(self.draining));
+        let idle = self.idle.as_secs_f64();
+        metric("tiles_total", "counter", "Tiles traced.", self.tiles as f64);
+        metric(
+            "samples_total",
+            "counter",
+            "Pixel samples traced.",
+            self.samples as f64,
+        );
+        metric(
+            "dropped_samples_total",
+            "counter",
+            "Samples that were not finite.",
+            self.dropped_samples as f64,
+        );
+        metric(
+            "payload_bytes_total",
+            "counter",
+            "Bytes handed to the network.",
+            self.sent_bytes as f64,
+        );
+        metric(
+            "busy_seconds_total",
+            "counter",
+            "Time the device was busy.",
+            busy,
+        );
+        metric(
+            "idle_seconds",
+            "gauge",
+            "Time since the device was busy.",
+            idle,
+        );
+        metric(
+            "players",
+            "gauge",
+            "Connections of players.",
+            self.players as f64,
+        );
+        metric(
+            "draining",
+            "gauge",
+            "1 once the node is about to end.",
+            draining,
+        );
+        text
+    }
+}
+
+/// A label's value (Prometheus' exposition format: `\`, `"` and line feeds are escaped).
+fn label(text: &str) -> String {
+    text.replace('\\', "\\\\")
+        .replace('"', "\\\"")
+        .replace('\n', "\\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use carom_tracer::{DeviceInfo, DeviceKind};
+
+    use super::*;
+
+    #[test]
+    fn calls_that_overlap_are_busy_once() {
+        let counters = NodeCounters::default();
+        counters.device_begins();
+        counters.device_begins();
+        std::thread::sleep(Duration::from_millis(20));
+        assert_eq!(counters.figures().idle, Duration::ZERO);
+        counters.device_ends();
+        counters.device_ends();
+        let begun = Instant::now();
+        let busy = counters.figures().busy;
+        std::thread::sleep(Duration::from_millis(5));
+        let after = counters.figures();
+        assert_eq!(after.busy, busy);
+        assert!(busy >= Duration::from_millis(20), "{busy:?}");
+        assert!(after.idle >= Duration::from_millis(5) && after.idle <= begun.elapsed() * 2);
+    }
+
+    #[test]
+    fn figures_are_in_prometheus_text_format() {
+        let counters = NodeCounters::default();
+        counters.count_sent(1500);
+        counters.player_came();
+        counters.drain();
+        let device = DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: "a \"fast\" one".into(),
+            width: 1,
+            threads: 1,
+        };
+        let name = "oak".into();
+        let text = counters.figures().prometheus(&NodeInfo { name, device });
+        for line in [
+            "carom_node_payload_bytes_total 1500",
+            "carom_node_players 1",
+            "carom_node_draining 1",
+            "# TYPE carom_node_tiles_total counter",
+        ] {
+            assert!(text.lines().any(|found| found == line), "{line}: {text}");
+        }
+        assert!(text.contains("device=\"a \\\"fast\\\" one\""), "{text}");
+        for line in text.lines().filter(|line| !line.starts_with('#')) {
+            let (_, value) = line.rsplit_once(' ').unwrap();
+            value.parse::<f64>().unwrap();
+        }
+    }
+}

@@ -1,0 +1,17 @@
+//! Health of a node, for those who run it: figures, probes over HTTP, and the notice by which a cloud
+//! takes its machine back.
+//!
+//! ```text
+//! MeteredTracer, connections ──▶ NodeCounters ──▶ /metrics, a line a minute, the exit when idle
+//!                       POST /drain, spot notice ──▶ StopHandle: the node finishes and ends
+//! ```
+
+mod counters;
+mod http;
+mod metered_tracer;
+mod spot_notice;
+
+pub use counters::{NodeCounters, NodeFigures};
+pub use http::{HealthServer, NodeProbe};
+pub use metered_tracer::MeteredTracer;
+pub use spot_notice::watch_spot_notice;

@@ -1,0 +1,209 @@
+//! Notice of EC2 that it takes a spot machine back, two minutes ahead, by its instance metadata
+//! service (IMDSv2).
+
+use std::time::Duration;
+
+use carom_protocol::limits::METADATA_BYTES_MAX;
+use http_body_util::{BodyExt as _, Empty, Limited};
+use hyper::body::Bytes;
+use hyper::header::HOST;
+use hyper::http::uri::Authority;
+use hyper::{Method, Request, StatusCode, Uri};
+use hyper_util::rt::TokioIo;
+use tokio::net::TcpStream;
+
+use crate::Error;
+use crate::net::StopHandle;
+
+/// Stops the node at the first notice; asks every five seconds, as AWS advises, until the process ends.
+///
+/// The service is where the variable `AWS_EC2_METADATA_SERVICE_ENDPOINT` says, as for AWS' own tools,
+/// or at the address that all machines of EC2 have.
+///
+/// # Errors
+/// [`Error::Directory`] if the variable holds no `http://` address, [`Error::Socket`] if the system has
+/// no threads left.
+pub fn watch_spot_notice(stop: StopHandle) -> Result<(), Error> {
+    let endpoint = std::env::var(ENDPOINT_VARIABLE).unwrap_or_else(|_| ENDPOINT.to_owned());
+    let service = MetadataService::at(&endpoint)?;
+    let failed = |source| Error::Socket {
+        address: endpoint.clone(),
+        source,
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(failed)?;
+    std::thread::Builder::new()
+        .name("carom-spot".into())
+        .spawn(move || {
+            let notice = runtime.block_on(service.wait());
+            tracing::warn!("this machine is taken back: {notice}");
+            stop.stop();
+        })
+        .map_err(failed)?;
+    Ok(())
+}
+
+/// An instance metadata service.
+#[derive(Debug)]
+struct MetadataService {
+    authority: Authority,
+}
+
+impl MetadataService {
+    fn at(endpoint: &str) -> Result<Self, Error> {
+        let uri: Option<Uri> = endpoint.parse().ok();
+        let parts = uri.map(Uri::into_parts);
+        let parts = parts.filter(|parts| parts.scheme.as_ref().is_some_and(|it| it == "http"));
+        let authority = parts.and_then(|parts| parts.authority);
+        let authority = authority.ok_or_else(|| Error::Directory {
+            directory: ENDPOINT_VARIABLE.into(),
+            reason: format!("`{}` is no http:// address", endpoint.escape_debug()),
+        })?;
+        Ok(Self { authority })
+    }
+
+    /// Waits for a notice: AWS' words.
+    async fn wait(&self) -> String {
+        let mut reported = false;
+        loop {
+            match tokio::time::timeout(ANSWER_PATIENCE, self.notice()).await {
+                Ok(Ok(Some(notice))) => return notice,
+                Ok(Ok(None)) => reported = false,
+                fault if !reported => {
+                    let why = match fault {
+                        Ok(Err(why)) => why,
+                        _ => format!("no answer within {} s", ANSWER_PATIENCE.as_secs()),
+                    };
+                    tracing::warn!("no spot notices from {}: {why}", self.authority);
+                    reported = true;
+                }
+                _ => {}
+            }
+            tokio::time::sleep(PERIOD).await;
+        }
+    }
+
+    /// The notice, if there is one.
+    async fn notice(&self) -> Result<Option<String>, String> {
+        let lifetime = ("x-aws-ec2-metadata-token-ttl-seconds", "60");
+        let (status, token) = self.ask(Method::PUT, "/latest/api/token", lifetime).await?;
+        if status != StatusCode::OK {
+            return Err(format!("it gives no token: {status}"));
+        }
+        let token = ("x-aws-ec2-metadata-token", token.as_str());
+        let path = "/latest/meta-data/spot/instance-action";
+        match self.ask(Method::GET, path, token).await? {
+            (StatusCode::OK, notice) => Ok(Some(notice.escape_debug().to_string())),
+            (StatusCode::NOT_FOUND, _) => Ok(None),
+            (status, _) => Err(format!("{path}: {status}")),
+        }
+    }
+
+    async fn ask(
+        &self,
+        method: Method,
+        path: &str,
+        header: (&str, &str),
+    ) -> Result<(StatusCode, String), String> {
+        let failed = |why: &dyn std::fmt::Display| why.to_string();
+        let host = self.authority.host().trim_matches(['[', ']']);
+        let address = (host, self.authority.port_u16().unwrap_or(80));
+        let stream = TcpStream::connect(address).await;
+        let stream = TokioIo::new(stream.map_err(|why| failed(&why))?);
+        let handshake = hyper::client::conn::http1::handshake(stream).await;
+        let (mut sender, connection) = handshake.map_err(|why| failed(&why))?;
+        let request = Request::builder()
+            .method(method)
+            .uri(path)
+            .header(HOST, self.authority.as_str())
+            .header(header.0, header.1)
+            .body(Empty::<Bytes>::new())
+            .map_err(|why| failed(&why))?;
+        // Ends with the answer; what goes wrong is told by the request.
+        tokio::spawn(connection);
+        let response = sender.send_request(request).await;
+        let response = response.map_err(|why| failed(&why))?;
+        let status = response.status();
+        let body = Limited::new(response.into_body(), METADATA_BYTES_MAX);
+        let body = body.collect().await.map_err(|why| failed(&why))?;
+        let text = String::from_utf8_lossy(&body.to_bytes()).into_owned();
+        Ok((status, text))
+    }
+}
+
+const ENDPOINT_VARIABLE: &str = "AWS_EC2_METADATA_SERVICE_ENDPOINT";
+/// The link-local address of the service on every machine of EC2.
+const ENDPOINT: &str = "http://169.254.169.254";
+/// AWS' advice for spot notices.
+const PERIOD: Duration = Duration::from_secs(5);
+/// The service is on the same host and answers within milliseconds.
+const ANSWER_PATIENCE: Duration = Duration::from_secs(2);
+
+#[cfg(test)]
+mod tests {
+    use std::io::{BufRead as _, BufReader, Write as _};
+    use std::net::{SocketAddr, TcpListener};
+
+    use super::*;
+
+    /// A service that demands tokens and gives notice at the second question.
+    fn stub() -> SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        std::thread::spawn(move || {
+            let mut questions = 0;
+            for stream in listener.incoming() {
+                let mut stream = stream.unwrap();
+                let mut head = String::new();
+                let mut reader = BufReader::new(stream.try_clone().unwrap());
+                while !head.ends_with("\r\n\r\n") {
+                    reader.read_line(&mut head).unwrap();
+                }
+                let head = head.to_ascii_lowercase();
+                let (status, body) = if head.starts_with("put /latest/api/token ") {
+                    assert!(head.contains("x-aws-ec2-metadata-token-ttl-seconds: 60\r\n"));
+                    ("200 OK", "the-token")
+                } else if !head.contains("x-aws-ec2-metadata-token: the-token\r\n") {
+                    ("401 Unauthorized", "")
+                } else {
+                    questions += 1;
+                    match questions {
+                        1 => ("404 Not Found", ""),
+                        _ => ("200 OK", r#"{"action":"terminate"}"#),
+                    }
+                };
+                let length = body.len();
+                write!(
+                    stream,
+                    "HTTP/1.1 {status}\r\nContent-Length: {length}\r\n\r\n{body}"
+                )
+                .unwrap();
+            }
+        });
+        address
+    }
+
+    #[test]
+    fn a_notice_is_found_by_a_token() {
+        let service = MetadataService::at(&format!("http://{}", stub())).unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .unwrap();
+        runtime.block_on(async {
+            assert_eq!(service.notice().await, Ok(None));
+            let notice = service.notice().await.unwrap().unwrap();
+            assert!(notice.contains("terminate"), "{notice}");
+        });
+    }
+
+    #[test]
+    fn what_is_no_address_is_refused() {
+        for endpoint in ["", "169.254.169.254", "https://a", "ftp://b"] {
+            let why = MetadataService::at(endpoint).unwrap_err().to_string();
+            assert!(why.contains("is no http:// address"), "{why}");
+        }
+    }
+}
