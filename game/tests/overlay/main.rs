@@ -272,7 +272,7 @@ fn quality_is_chosen_beside_its_measured_cost() {
     let mut harness = harness(StatsLevel::Full, Vec2::new(900.0, 2400.0), 1.0);
     harness.get_by_label("Quality").click();
     harness.run_steps(4);
-    for part in ["1280x720", "160x90", "ms here", "spp"] {
+    for part in ["1280x720", "427x240", "ms here", "spp"] {
         assert!(has(&harness, part), "{part}");
     }
     harness.get_by_label("fine").click();
