@@ -99,6 +99,12 @@ impl<J> FairQueue<J> {
         }
     }
 
+    /// Whether jobs of other players wait.
+    pub fn others_wait(&self, player: PlayerId) -> bool {
+        let mut shares = self.shares.iter();
+        shares.any(|share| share.player != player && !share.jobs.is_empty())
+    }
+
     fn position(&self, player: PlayerId) -> Option<usize> {
         self.shares.iter().position(|share| share.player == player)
     }

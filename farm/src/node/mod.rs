@@ -38,7 +38,8 @@ pub struct Node {
 }
 
 impl Node {
-    /// Starts the worker threads of a node called `name`: two for a GPU, which then has its next
+    /// Starts the threads of a node called `name`: one that stops requests which take too long, and
+    /// workers: two for a GPU, which then has its next
     /// work before it has finished this one, one for a processor, which is busy with one.
     pub fn new(name: impl Into<String>, tracer: Arc<dyn Tracer>) -> Arc<Self> {
         let workers = match tracer.info().kind {
@@ -49,6 +50,7 @@ impl Node {
         for _ in 0..workers {
             worker::start(Arc::clone(&queue), Arc::clone(&tracer));
         }
+        worker::start_watch(Arc::clone(&queue));
         Arc::new(Self {
             name: name.into(),
             tracer,

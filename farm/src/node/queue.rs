@@ -1,10 +1,12 @@
 //! The queue of requests that wait for the device: by turns of the players, the requests of one
 //! client by frame, since the oldest is the next to be shown. They are traced in slices of
-//! [`SLICE_SECS`], so that no player waits for another's whole request.
+//! [`SLICE_SECS`], so that no player waits for another's whole request; one that takes longer than it
+//! was priced at is cut when somebody waits, and its other tiles are queued again.
 //!
 //! A client's session admits at most `REQUESTS_QUEUED_MAX` of its requests. What a request costs is
 //! known before it is traced, from [probes](Turn::Probe) and slices of its scene; one that costs too
-//! much is refused.
+//! much is refused. The player of this process has its node to itself: its requests are neither
+//! priced, refused for their cost, nor divided.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
@@ -16,7 +18,7 @@ use carom_protocol::{SceneHash, TraceRequest};
 use carom_tracer::{CompiledScene, Error, Scene, TileRange};
 
 use super::client_connection::ClientConnection;
-use super::fair_queue::FairQueue;
+use super::fair_queue::{FairQueue, PlayerId};
 
 /// A request to trace.
 pub(super) struct NodeJob {
@@ -55,8 +57,8 @@ impl NodeJob {
     }
 
     /// Counts tiles as finished; whether they were the last.
-    pub(super) fn finish(&self, tiles: TileRange) -> bool {
-        self.unfinished.fetch_sub(tiles.count, Ordering::AcqRel) == tiles.count
+    pub(super) fn finish(&self, tiles: u32) -> bool {
+        self.unfinished.fetch_sub(tiles, Ordering::AcqRel) == tiles
     }
 
     /// Samples of so many of its tiles, if they are whole.
@@ -66,21 +68,32 @@ impl NodeJob {
     }
 }
 
-/// A worker's next piece of work.
-pub(super) enum Turn {
+/// A worker's turn at a request.
+pub(super) struct Turn {
+    pub(super) job: Arc<NodeJob>,
+    pub(super) work: TurnWork,
+    /// Ends the turn early: its request has been cancelled, or it takes too long.
+    pub(super) stop: Arc<AtomicBool>,
+}
+
+/// What is to be done in a turn.
+#[derive(Debug, PartialEq)]
+pub(super) enum TurnWork {
     /// Some pixels of a request whose scene's cost is not known are to be traced for
     /// [`JobQueue::set_cost`].
-    Probe(Arc<NodeJob>),
+    Probe,
     /// A part of a request is to be traced.
-    Trace(Arc<NodeJob>, TileRange),
+    Trace(TileRange),
     /// A request is to be refused with a sentence.
-    Refuse(Arc<NodeJob>, String),
+    Refuse(String),
 }
 
 /// The queue of a node, shared by connections and workers.
 pub(super) struct JobQueue {
     state: Mutex<QueueState>,
     changed: Condvar,
+    /// Notified when a turn begins or a job is pushed: for [`JobQueue::watch`].
+    watched: Condvar,
     scenes: Mutex<VecDeque<(SceneHash, Arc<CompiledScene>)>>,
     /// The time at which the device last finished something.
     last_done: Mutex<Option<Instant>>,
@@ -90,8 +103,8 @@ pub(super) struct JobQueue {
 struct QueueState {
     jobs: FairQueue<QueuedJob>,
     costs: VecDeque<Cost>,
-    /// Flags of the jobs that workers are tracing.
-    running: Vec<Arc<AtomicBool>>,
+    /// The turns that workers are at.
+    running: Vec<RunningTurn>,
     workers: usize,
     closed: bool,
 }
@@ -99,8 +112,16 @@ struct QueueState {
 /// A job of which tiles are left to hand out.
 struct QueuedJob {
     job: Arc<NodeJob>,
-    /// The next tile.
-    next: u32,
+    left: VecDeque<TileRange>,
+}
+
+/// A turn that a worker is at.
+struct RunningTurn {
+    job: Arc<NodeJob>,
+    stop: Arc<AtomicBool>,
+    begun: Instant,
+    /// Whether it has several tiles, of which some can be left for later.
+    is_divisible: bool,
 }
 
 /// The measured cost of a scene.
@@ -109,6 +130,8 @@ struct Cost {
     /// The deepest paths that it was measured with.
     max_depth: u32,
     secs_per_sample: f64,
+    /// The most samples that were measured at once.
+    samples_max: f64,
     /// Probes since the last slice.
     probes: u32,
 }
@@ -118,6 +141,7 @@ impl JobQueue {
         Self {
             state: Mutex::default(),
             changed: Condvar::new(),
+            watched: Condvar::new(),
             scenes: Mutex::default(),
             last_done: Mutex::default(),
         }
@@ -127,18 +151,57 @@ impl JobQueue {
         let mut state = lock(&self.state);
         let jobs = state.jobs.jobs_mut(job.client.player);
         jobs.push_back(QueuedJob {
-            next: job.request.tiles.first,
+            left: VecDeque::from([job.request.tiles]),
             job: Arc::new(job),
         });
         sort_newest(jobs);
         drop(state);
         self.changed.notify_one();
+        self.watched.notify_all();
     }
 
-    /// Removes cancelled jobs.
+    /// Queues tiles of a job again that a turn has left.
+    pub(super) fn put_back(&self, job: &Arc<NodeJob>, tiles: Vec<TileRange>) {
+        let mut state = lock(&self.state);
+        let jobs = state.jobs.jobs_mut(job.client.player);
+        let queued = jobs.iter_mut().find(|queued| Arc::ptr_eq(&queued.job, job));
+        match queued {
+            Some(queued) => tiles
+                .into_iter()
+                .rev()
+                .for_each(|range| queued.left.push_front(range)),
+            None => {
+                jobs.push_back(QueuedJob {
+                    left: tiles.into(),
+                    job: Arc::clone(job),
+                });
+                sort_newest(jobs);
+            }
+        }
+        drop(state);
+        self.changed.notify_one();
+    }
+
+    /// Removes cancelled jobs, and stops the turns at them.
     pub(super) fn drop_cancelled(&self) {
-        let wanted = |queued: &QueuedJob| !queued.job.cancelled.load(Ordering::Relaxed);
-        lock(&self.state).jobs.retain(wanted);
+        let is_cancelled = |job: &NodeJob| job.cancelled.load(Ordering::Relaxed);
+        let mut state = lock(&self.state);
+        state.jobs.retain(|queued| !is_cancelled(&queued.job));
+        for turn in state.running.iter().filter(|turn| is_cancelled(&turn.job)) {
+            turn.stop.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Stops turns that take too long, until the queue is closed.
+    pub(super) fn watch(&self) {
+        let mut state = lock(&self.state);
+        while !state.closed {
+            let now = Instant::now();
+            let due = state.stop_overdue(now);
+            let pause = due.map_or(WATCH_PAUSE_MAX, |due| due.saturating_duration_since(now));
+            let waited = self.watched.wait_timeout(state, pause);
+            (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        }
     }
 
     pub(super) fn worker_starts(&self) {
@@ -160,6 +223,7 @@ impl JobQueue {
             if let Some(turn) = state.turn() {
                 // Another worker may have a part of the same job.
                 self.changed.notify_one();
+                self.watched.notify_all();
                 return Some(turn);
             }
             state = self
@@ -169,14 +233,14 @@ impl JobQueue {
         }
     }
 
-    /// Ends a probe or slice of `job` of so many samples: its player has had `took` of the device.
-    pub(super) fn finish(&self, job: &NodeJob, took: Duration) {
+    /// Ends a turn: its player has had `took` of the device.
+    pub(super) fn finish(&self, turn: &Turn, took: Duration) {
         let mut state = lock(&self.state);
-        state.jobs.charge(job.client.player, took.as_secs_f64());
-        let running = |flag: &Arc<AtomicBool>| Arc::ptr_eq(flag, &job.cancelled);
-        if let Some(index) = state.running.iter().position(running) {
-            state.running.swap_remove(index);
-        }
+        let player = turn.job.client.player;
+        state.jobs.charge(player, took.as_secs_f64());
+        state
+            .running
+            .retain(|running| !Arc::ptr_eq(&running.stop, &turn.stop));
     }
 
     /// Notes what `samples` of a job's scene took: in a slice, or in a probe.
@@ -187,6 +251,7 @@ impl JobQueue {
         let known = state
             .cost(job)
             .map(|cost| (cost.secs_per_sample, cost.probes));
+        let before_max = state.cost(job).map_or(0.0, |cost| cost.samples_max);
         state.costs.retain(|cost| cost.scene != job.request.scene);
         let (secs_per_sample, probes) = match known {
             // A device that compiles its kernels first, or is disturbed, is slower than it will be.
@@ -197,6 +262,7 @@ impl JobQueue {
             scene: job.request.scene,
             max_depth,
             secs_per_sample,
+            samples_max: samples.max(before_max),
             probes,
         });
         state.costs.truncate(COSTS_KEPT_MAX);
@@ -207,10 +273,12 @@ impl JobQueue {
         let mut state = lock(&self.state);
         state.closed = true;
         state.jobs = FairQueue::new();
-        for running in &state.running {
-            running.store(true, Ordering::Relaxed);
+        for turn in &state.running {
+            turn.job.cancelled.store(true, Ordering::Relaxed);
+            turn.stop.store(true, Ordering::Relaxed);
         }
         self.changed.notify_all();
+        self.watched.notify_all();
         let working = |state: &mut QueueState| state.workers > 0;
         // A device that hangs must not keep the program from ending.
         let ended = self.changed.wait_timeout_while(state, timeout, working);
@@ -248,33 +316,82 @@ impl QueueState {
     /// The next piece of work, if there is any.
     fn turn(&mut self) -> Option<Turn> {
         let queued = self.jobs.next_mut()?.front()?;
-        let (job, next) = (Arc::clone(&queued.job), queued.next);
-        self.running.push(Arc::clone(&job.cancelled));
-        let Some(cost) = self.cost(&job) else {
-            return Some(Turn::Probe(job));
+        let (job, next) = (Arc::clone(&queued.job), *queued.left.front()?);
+        let work = self.work(&job, next)?;
+        let stop = Arc::new(AtomicBool::new(job.cancelled.load(Ordering::Relaxed)));
+        self.running.push(RunningTurn {
+            job: Arc::clone(&job),
+            stop: Arc::clone(&stop),
+            begun: Instant::now(),
+            is_divisible: matches!(work, TurnWork::Trace(tiles) if tiles.count > 1),
+        });
+        Some(Turn { job, work, stop })
+    }
+
+    /// What to do for a job whose tiles from `next` on are the first in the queue.
+    fn work(&mut self, job: &NodeJob, next: TileRange) -> Option<TurnWork> {
+        if job.client.player == PlayerId::LOCAL {
+            return self.take(next.count);
+        }
+        let Some(cost) = self.cost(job) else {
+            return Some(TurnWork::Probe);
         };
         let (secs_per_sample, probes) = (cost.secs_per_sample, cost.probes);
-        let end = job.request.tiles.end();
-        if next == job.request.tiles.first
-            && let Some(why) = too_costly(&job, secs_per_sample)
+        let measured = (GROWTH * cost.samples_max / job.samples(1).max(1.0)) as u32;
+        if job.begun.get().is_none()
+            && let Some(why) = too_costly(job, secs_per_sample)
         {
             if probes < PROBES_BEFORE_REFUSAL {
-                return Some(Turn::Probe(job));
+                return Some(TurnWork::Probe);
             }
             self.costs.retain(|cost| cost.scene != job.request.scene);
             self.jobs.next_mut()?.pop_front();
-            return Some(Turn::Refuse(job, why));
+            return Some(TurnWork::Refuse(why));
         }
         let fitting = (SLICE_SECS / (secs_per_sample * job.samples(1)).max(1e-9)) as u32;
+        let fitting = fitting.min(measured);
         // Whole messages, unless one takes too long.
         let whole = fitting - fitting % TILES_PER_MESSAGE_MAX;
-        let count = if whole > 0 { whole } else { fitting.max(1) }.min(end - next);
+        let count = if whole > 0 { whole } else { fitting.max(1) };
+        self.take(count.min(next.count))
+    }
+
+    /// Takes the first tiles of the next job.
+    fn take(&mut self, count: u32) -> Option<TurnWork> {
         let jobs = self.jobs.next_mut()?;
-        match jobs.front_mut() {
-            Some(queued) if next + count < end => queued.next += count,
-            _ => drop(jobs.pop_front()),
+        let left = &mut jobs.front_mut()?.left;
+        let range = left.pop_front()?;
+        if count < range.count {
+            left.push_front(TileRange {
+                first: range.first + count,
+                count: range.count - count,
+            });
         }
-        Some(Turn::Trace(job, TileRange { first: next, count }))
+        if left.is_empty() {
+            jobs.pop_front();
+        }
+        let first = range.first;
+        Some(TurnWork::Trace(TileRange { first, count }))
+    }
+
+    /// Stops the turns that take too long, and returns when the next one will.
+    fn stop_overdue(&self, now: Instant) -> Option<Instant> {
+        let mut next = None::<Instant>;
+        for turn in &self.running {
+            let player = turn.job.client.player;
+            let secs_max = match turn.is_divisible {
+                _ if player == PlayerId::LOCAL || turn.stop.load(Ordering::Relaxed) => continue,
+                true if self.jobs.others_wait(player) => SLICE_SECS_MAX,
+                true => continue,
+                false => TILE_SECS_MAX,
+            };
+            let due = turn.begun + Duration::from_secs_f64(secs_max);
+            match due <= now {
+                true => turn.stop.store(true, Ordering::Relaxed),
+                false => next = Some(next.map_or(due, |next| next.min(due))),
+            }
+        }
+        next
     }
 
     /// The cost of a job's scene, unless its paths are deeper than those that were measured.
@@ -286,18 +403,22 @@ impl QueueState {
     }
 }
 
+/// What to do about a request that is refused for its cost.
+pub(super) const COST_ADVICE: &str = "ask for fewer samples, shallower paths or smaller tiles";
+
 /// The sentence for a request that takes longer than any may.
 fn too_costly(job: &NodeJob, secs_per_sample: f64) -> Option<String> {
     let tile_secs = secs_per_sample * job.samples(1);
     let all_secs = secs_per_sample * job.samples(job.request.tiles.count);
-    let advice = "ask for fewer samples, shallower paths or smaller tiles";
     if tile_secs > TILE_SECS_MAX {
         return Some(format!(
-            "a tile of it takes some {tile_secs:.0} s here, of at most {TILE_SECS_MAX:.0} s: {advice}"
+            "a tile of it takes some {tile_secs:.0} s here, of at most {TILE_SECS_MAX:.0} s: {COST_ADVICE}"
         ));
     }
     (all_secs > REQUEST_SECS_MAX).then(|| {
-        format!("it takes some {all_secs:.0} s here, of at most {REQUEST_SECS_MAX:.0} s: {advice}")
+        format!(
+            "it takes some {all_secs:.0} s here, of at most {REQUEST_SECS_MAX:.0} s: {COST_ADVICE}"
+        )
     })
 }
 
@@ -328,8 +449,15 @@ const COMPILED_KEPT_MAX: usize = 8;
 const COSTS_KEPT_MAX: usize = 32;
 /// Device time of a slice: what another player's frame waits for. A tile is not divided.
 const SLICE_SECS: f64 = 0.05;
-/// Device time of one tile, which nobody can interrupt.
-const TILE_SECS_MAX: f64 = 10.0;
+/// Device time after which a slice is cut if another player waits.
+const SLICE_SECS_MAX: f64 = 2.0 * SLICE_SECS;
+/// A slice has at most so many times the samples of any that was measured: where a probe's pixels were
+/// cheap, the rest of the picture may be dear.
+const GROWTH: f64 = 8.0;
+/// Device time of one tile: what was traced of it before is of no use.
+pub(super) const TILE_SECS_MAX: f64 = 10.0;
+/// The longest pause of [`JobQueue::watch`].
+const WATCH_PAUSE_MAX: Duration = Duration::from_secs(3600);
 /// Device time of a request. A 4K picture of 4,096 samples takes an H200 a minute and four slow
 /// cores the hour, but its requests are parts of it.
 const REQUEST_SECS_MAX: f64 = 3600.0;
@@ -346,7 +474,6 @@ mod tests {
 
     use super::super::NodeConnection;
     use super::super::client_connection::TileSharing;
-    use super::super::fair_queue::PlayerId;
     use super::*;
 
     /// A client that is connected to a node of `queue`.
@@ -423,24 +550,35 @@ mod tests {
 
     /// The player and request of a piece of work.
     fn traced(queue: &JobQueue) -> (PlayerId, u64, TileRange) {
-        match queue.next() {
-            Some(Turn::Trace(job, tiles)) => {
-                let traced = (job.client.player, job.request.id.0, tiles);
-                queue.finish(&job, Duration::from_secs_f64(SLICE_SECS));
-                traced
-            }
-            _ => panic!("the price is known and low"),
-        }
+        let turn = queue.next().unwrap();
+        let TurnWork::Trace(tiles) = turn.work else {
+            panic!("the price is known and low");
+        };
+        queue.finish(&turn, Duration::from_secs_f64(SLICE_SECS));
+        (turn.job.client.player, turn.job.request.id.0, tiles)
     }
+
+    /// The sentence of a refusal.
+    fn refused(queue: &JobQueue) -> String {
+        let turn = queue.next().unwrap();
+        let TurnWork::Refuse(why) = &turn.work else {
+            panic!("the request is too dear");
+        };
+        queue.finish(&turn, Duration::ZERO);
+        why.clone()
+    }
+
+    /// Samples that are measured at once.
+    const SAMPLES: f64 = 1e6;
 
     /// Has the queue believe that a sample of the pool table takes so long.
     fn price(queue: &JobQueue, secs_per_sample: f64, probes: u32) {
         for _ in 0..probes {
-            let Some(Turn::Probe(job)) = queue.next() else {
-                panic!("the price is not known");
-            };
-            queue.set_cost(&job, 1.0, Duration::from_secs_f64(secs_per_sample), true);
-            queue.finish(&job, Duration::ZERO);
+            let turn = queue.next().unwrap();
+            assert_eq!(turn.work, TurnWork::Probe, "the price is not known");
+            let took = Duration::from_secs_f64(SAMPLES * secs_per_sample);
+            queue.set_cost(&turn.job, SAMPLES, took, true);
+            queue.finish(&turn, Duration::ZERO);
         }
     }
 
@@ -502,20 +640,93 @@ mod tests {
     }
 
     #[test]
+    fn the_player_of_this_process_is_neither_priced_nor_sliced() {
+        let queue = Arc::new(JobQueue::new());
+        let mut stranger = Requester::new(&queue, PlayerId::of_key(b"stranger"));
+        stranger.request(0, 4096);
+        price(&queue, 100.0, PROBES_BEFORE_REFUSAL);
+        refused(&queue);
+        let mut local = Requester::new(&queue, PlayerId::LOCAL);
+        for frame in 0..2 {
+            local.request(frame, 4096);
+            let whole = TileRange {
+                first: 0,
+                count: 4096,
+            };
+            assert_eq!(traced(&queue), (PlayerId::LOCAL, frame, whole));
+        }
+    }
+
+    #[test]
     fn a_request_that_takes_days_is_refused() {
         let queue = Arc::new(JobQueue::new());
-        let mut greedy = Requester::new(&queue, PlayerId::LOCAL);
+        let mut greedy = Requester::new(&queue, PlayerId::of_key(b"greedy"));
         greedy.request(0, 4096);
         price(&queue, 1.0, PROBES_BEFORE_REFUSAL);
-        let Some(Turn::Refuse(_, why)) = queue.next() else {
-            panic!("a tile takes a minute");
-        };
+        let why = refused(&queue);
         assert!(why.contains("64 s here, of at most 10 s"), "{why}");
         greedy.request(1, 4096);
         price(&queue, 0.1, PROBES_BEFORE_REFUSAL);
-        let Some(Turn::Refuse(_, why)) = queue.next() else {
-            panic!("all tiles take hours");
-        };
+        let why = refused(&queue);
         assert!(why.contains("26214 s here, of at most 3600 s"), "{why}");
+    }
+
+    #[test]
+    fn slices_grow_from_what_was_measured() {
+        let queue = Arc::new(JobQueue::new());
+        let mut player = Requester::new(&queue, PlayerId::of_key(b"player"));
+        player.request(0, 4096);
+        let probe = queue.next().unwrap();
+        queue.set_cost(&probe.job, 64.0, Duration::from_micros(1), true);
+        queue.finish(&probe, Duration::ZERO);
+        // 64 samples a tile: a slice that was priced by one of them may have eight.
+        assert_eq!(traced(&queue).2.count, 8);
+        queue.set_cost(&probe.job, 512.0, Duration::from_micros(8), false);
+        assert_eq!(traced(&queue).2.count, 64);
+    }
+
+    #[test]
+    fn a_slice_that_takes_longer_than_its_price_is_cut_when_somebody_waits() {
+        let queue = Arc::new(JobQueue::new());
+        let [greedy_id, honest_id] = [b"a", b"b"].map(|key| PlayerId::of_key(key));
+        let mut greedy = Requester::new(&queue, greedy_id);
+        greedy.request(0, 4096);
+        price(&queue, SLICE_SECS / (64.0 * 64.5), 1);
+        let turn = queue.next().unwrap();
+        let stops_at = |secs: f64| {
+            let begun = lock(&queue.state).running[0].begun;
+            lock(&queue.state).stop_overdue(begun + Duration::from_secs_f64(secs));
+            turn.stop.load(Ordering::Relaxed)
+        };
+        // Alone it may take its time.
+        assert!(!stops_at(9.0 * SLICE_SECS_MAX));
+        let mut honest = Requester::new(&queue, honest_id);
+        honest.request(9, 1);
+        assert!(!stops_at(0.9 * SLICE_SECS_MAX));
+        assert!(stops_at(1.1 * SLICE_SECS_MAX));
+        let left = TileRange {
+            first: 8,
+            count: 56,
+        };
+        queue.put_back(&turn.job, vec![left]);
+        queue.finish(&turn, Duration::from_secs_f64(SLICE_SECS_MAX));
+        assert_eq!(traced(&queue).0, honest_id);
+        assert_eq!(traced(&queue), (greedy_id, 0, left));
+        assert_eq!(traced(&queue).2.first, 64);
+    }
+
+    #[test]
+    fn a_tile_without_end_is_stopped() {
+        let queue = Arc::new(JobQueue::new());
+        let mut greedy = Requester::new(&queue, PlayerId::of_key(b"a"));
+        greedy.request(0, 1);
+        price(&queue, 1e-6, 1);
+        let turn = queue.next().unwrap();
+        let state = lock(&queue.state);
+        let begun = state.running[0].begun;
+        state.stop_overdue(begun + Duration::from_secs_f64(0.9 * TILE_SECS_MAX));
+        assert!(!turn.stop.load(Ordering::Relaxed));
+        state.stop_overdue(begun + Duration::from_secs_f64(TILE_SECS_MAX));
+        assert!(turn.stop.load(Ordering::Relaxed));
     }
 }

@@ -16,7 +16,7 @@ use carom_tracer::{
 };
 
 use super::client_connection::TileSharing;
-use super::queue::{JobQueue, NodeJob, Turn};
+use super::queue::{COST_ADVICE, JobQueue, NodeJob, TILE_SECS_MAX, Turn, TurnWork};
 
 /// Starts a worker thread; it ends when the queue is closed.
 pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
@@ -25,7 +25,7 @@ pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
         let queue = Arc::clone(&queue);
         move || {
             while let Some(turn) = queue.next() {
-                run(&queue, &*tracer, turn);
+                run(&queue, &*tracer, &turn);
             }
             // A driver must not be torn down by a process that is exiting meanwhile.
             drop(tracer);
@@ -39,34 +39,28 @@ pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
     }
 }
 
+/// Starts the thread that stops turns which take too long; it ends when the queue is closed.
+pub(super) fn start_watch(queue: Arc<JobQueue>) {
+    let thread = std::thread::Builder::new().name("carom-node-watch".into());
+    if let Err(error) = thread.spawn(move || queue.watch()) {
+        tracing::error!("cannot start the thread that stops long requests: {error}");
+    }
+}
+
 /// Does a piece of work and reports the outcome to its client.
-fn run(queue: &JobQueue, tracer: &dyn Tracer, turn: Turn) {
+fn run(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) {
     let begun = Instant::now();
+    let job = &turn.job;
     // A bug in a tracer or a driver must cost one request, not the node of four players.
-    let (job, done) = match turn {
-        Turn::Probe(job) => {
-            let probed = catch_unwind(AssertUnwindSafe(|| probe(queue, tracer, &job)));
-            (job, probed)
+    let done = catch_unwind(AssertUnwindSafe(|| match &turn.work {
+        TurnWork::Probe => probe(queue, tracer, turn),
+        TurnWork::Trace(tiles) => trace(queue, tracer, turn, *tiles),
+        TurnWork::Refuse(why) => {
+            let why = RefusalReason::Invalid(why.clone());
+            job.client.refuse(job.request.id, why);
+            Ok(())
         }
-        Turn::Trace(job, tiles) => {
-            let slice = ActiveSlice::new(queue, &job, tiles);
-            let traced = catch_unwind(AssertUnwindSafe(|| slice.trace(tracer)));
-            let is_last = job.finish(tiles);
-            if is_last && matches!(traced, Ok(Ok(()))) {
-                match job.cancelled.load(Ordering::Relaxed) {
-                    // Its client knows, or takes no tiles and may ask again.
-                    true => job.client.refuse(job.request.id, RefusalReason::Busy),
-                    false => job.client.request_done(job.report()),
-                }
-            }
-            (job, traced)
-        }
-        Turn::Refuse(job, why) => {
-            job.client
-                .refuse(job.request.id, RefusalReason::Invalid(why));
-            (job, Ok(Ok(())))
-        }
-    };
+    }));
     let why = match done {
         Ok(Ok(())) => None,
         Ok(Err(why @ Error::InvalidScene(_) | why @ Error::InvalidUpdate(_))) => {
@@ -79,15 +73,60 @@ fn run(queue: &JobQueue, tracer: &dyn Tracer, turn: Turn) {
         }
     };
     if let Some(why) = why {
-        job.client.refuse(job.request.id, why);
-        job.cancelled.store(true, Ordering::Relaxed);
-        queue.drop_cancelled();
+        give_up(queue, job, why);
     }
-    queue.finish(&job, begun.elapsed());
+    queue.finish(turn, begun.elapsed());
+}
+
+/// Refuses what is left of a job.
+fn give_up(queue: &JobQueue, job: &NodeJob, why: RefusalReason) {
+    job.client.refuse(job.request.id, why);
+    job.cancelled.store(true, Ordering::Relaxed);
+    queue.drop_cancelled();
+}
+
+/// Refuses a job of which a tile takes too long.
+fn give_up_tile(queue: &JobQueue, job: &NodeJob) {
+    let why = format!(
+        "a tile of it takes longer than {} s here: {COST_ADVICE}",
+        TILE_SECS_MAX
+    );
+    give_up(queue, job, RefusalReason::Invalid(why));
+}
+
+/// Traces a slice. Tiles that it leaves because it was stopped are queued again.
+fn trace(
+    queue: &JobQueue,
+    tracer: &dyn Tracer,
+    turn: &Turn,
+    tiles: TileRange,
+) -> Result<(), Error> {
+    let job = &turn.job;
+    let slice = ActiveSlice::new(queue, turn, tiles);
+    slice.trace(tracer)?;
+    let is_cancelled = job.cancelled.load(Ordering::Relaxed);
+    let left = slice.left();
+    if !is_cancelled && !left.is_empty() {
+        if tiles.count == 1 {
+            give_up_tile(queue, job);
+        } else {
+            let left_tiles = left.iter().map(|range| range.count).sum::<u32>();
+            job.finish(tiles.count - left_tiles);
+            queue.put_back(job, left);
+        }
+    } else if job.finish(tiles.count) {
+        match is_cancelled {
+            // Its client knows, or takes no tiles and may ask again.
+            true => job.client.refuse(job.request.id, RefusalReason::Busy),
+            false => job.client.request_done(job.report()),
+        }
+    }
+    Ok(())
 }
 
 /// Traces a few pixels in the middle of a request, once each, for its price.
-fn probe(queue: &JobQueue, tracer: &dyn Tracer, job: &NodeJob) -> Result<(), Error> {
+fn probe(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) -> Result<(), Error> {
+    let job = &turn.job;
     let scene = job.compiled(queue)?;
     let tiles = job.request.tiles;
     let tile = job.request.grid.tile(tiles.first + tiles.count / 2);
@@ -104,11 +143,15 @@ fn probe(queue: &JobQueue, tracer: &dyn Tracer, job: &NodeJob) -> Result<(), Err
             denoise: false,
             ..job.request.settings
         },
-        cancelled: &job.cancelled,
+        cancelled: &turn.stop,
     };
     let begun = Instant::now();
     tracer.trace(&scene, &trace_job, &|_| ())?;
-    queue.set_cost(job, tile.pixels() as f64, begun.elapsed(), true);
+    match turn.stop.load(Ordering::Relaxed) {
+        false => queue.set_cost(job, tile.pixels() as f64, begun.elapsed(), true),
+        true if job.cancelled.load(Ordering::Relaxed) => {}
+        true => give_up_tile(queue, job),
+    }
     Ok(())
 }
 
@@ -148,6 +191,7 @@ impl NodeJob {
 struct ActiveSlice<'a> {
     queue: &'a JobQueue,
     job: &'a NodeJob,
+    stop: &'a AtomicBool,
     begun: Instant,
     first: u32,
     tiles: Vec<Tile>,
@@ -164,8 +208,8 @@ struct TileGroup {
 }
 
 impl<'a> ActiveSlice<'a> {
-    fn new(queue: &'a JobQueue, job: &'a NodeJob, tiles: TileRange) -> Self {
-        let first = tiles.first;
+    fn new(queue: &'a JobQueue, turn: &'a Turn, tiles: TileRange) -> Self {
+        let (job, first) = (&*turn.job, tiles.first);
         let tiles: Vec<Tile> = job.request.grid.tiles(tiles).collect();
         let group = |tiles: &[Tile]| {
             Mutex::new(TileGroup {
@@ -178,6 +222,7 @@ impl<'a> ActiveSlice<'a> {
         Self {
             queue,
             job,
+            stop: &turn.stop,
             begun: Instant::now(),
             first,
             groups: tiles.chunks(GROUP_TILES).map(group).collect(),
@@ -189,7 +234,7 @@ impl<'a> ActiveSlice<'a> {
     /// Traces the whole slice in one call, as a GPU is fast only on many tiles; groups are encoded
     /// meanwhile, on rayon's threads, as they become complete.
     fn trace(&self, tracer: &dyn Tracer) -> Result<(), Error> {
-        if self.job.cancelled.load(Ordering::Relaxed) {
+        if self.stop.load(Ordering::Relaxed) {
             return Ok(());
         }
         let request = &self.job.request;
@@ -198,7 +243,7 @@ impl<'a> ActiveSlice<'a> {
             size: request.size(),
             tiles: &self.tiles,
             settings: request.settings,
-            cancelled: &self.job.cancelled,
+            cancelled: self.stop,
         };
         let begun = Instant::now();
         // The tracer stays on this thread; only encoding goes to rayon's.
@@ -210,13 +255,18 @@ impl<'a> ActiveSlice<'a> {
                     if self.job.client.wait_for_room(&self.job.cancelled) {
                         self.stalled.store(true, Ordering::Relaxed);
                     }
+                    if self.job.cancelled.load(Ordering::Relaxed) {
+                        self.stop.store(true, Ordering::Relaxed);
+                    }
                     encoders.spawn(move |_| self.send(first, &group, traced));
                 }
             };
             tracer.trace(&scene, &job, &sink).map(drop)?;
-            let is_whole = !self.job.cancelled.load(Ordering::Relaxed);
-            if is_whole && !self.stalled.load(Ordering::Relaxed) {
-                let pixels: usize = self.tiles.iter().map(|tile| tile.pixels()).sum();
+            let is_wanted = !self.job.cancelled.load(Ordering::Relaxed);
+            if is_wanted && !self.stalled.load(Ordering::Relaxed) {
+                // Of a slice that was stopped, what has come has taken all the time.
+                let pixels: usize = self.finished().map(|tile| tile.pixels()).sum();
+                let pixels = pixels.max(self.tiles[0].pixels());
                 let samples = pixels as f64 * f64::from(request.settings.samples);
                 self.queue
                     .set_cost(self.job, samples, begun.elapsed(), false);
@@ -247,6 +297,36 @@ impl<'a> ActiveSlice<'a> {
             ..*group
         };
         Some((index * GROUP_TILES, complete))
+    }
+
+    /// Whether each group is complete, by its place.
+    fn complete(&self) -> impl Iterator<Item = bool> {
+        self.groups.iter().map(|group| {
+            let group = group.lock().unwrap_or_else(PoisonError::into_inner);
+            group.missing == 0
+        })
+    }
+
+    /// The tiles of the groups that are complete.
+    fn finished(&self) -> impl Iterator<Item = &Tile> {
+        let groups = self.tiles.chunks(GROUP_TILES).zip(self.complete());
+        groups
+            .filter(|(_, is_complete)| *is_complete)
+            .flat_map(|(tiles, _)| tiles)
+    }
+
+    /// The tiles of the groups that are not.
+    fn left(&self) -> Vec<TileRange> {
+        let mut first = self.first;
+        let mut left = Vec::new();
+        for (tiles, is_complete) in self.tiles.chunks(GROUP_TILES).zip(self.complete()) {
+            let count = tiles.len() as u32;
+            if !is_complete {
+                left.push(TileRange { first, count });
+            }
+            first += count;
+        }
+        left
     }
 
     /// Encodes and sends a group of tiles, the last of which was `traced` then.

@@ -69,12 +69,12 @@ impl Scratch {
             self.begin(area, first, pixels);
             let samples_at_once = (BATCH / pixels) as u32;
             for done in (0..settings.samples).step_by(samples_at_once as usize) {
+                let samples = samples_at_once.min(settings.samples - done);
+                self.fill(settings.first_sample.wrapping_add(done), samples);
+                traced.rays += scene.trace(simd, &mut self.stream, cancelled);
                 if cancelled.load(Ordering::Relaxed) {
                     return None;
                 }
-                let samples = samples_at_once.min(settings.samples - done);
-                self.fill(settings.first_sample.wrapping_add(done), samples);
-                traced.rays += scene.trace(simd, &mut self.stream);
                 let half = (settings.samples / 2).checked_sub(done);
                 let half = half.filter(|_| settings.denoise && settings.samples > 1);
                 traced.dropped_samples += self.accumulate(samples as usize, half);

@@ -4,6 +4,8 @@
 //! heuristic (Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, §9.2);
 //! the environment is found by the BSDF's directions alone.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use fearless_simd::{i32x16, prelude::*};
 
 use super::area_light::{AreaLights, LightSample};
@@ -49,9 +51,15 @@ impl Prepared {
     }
 
     /// Traces the paths of `stream`, whose pixels, samples and slots are set, to their end.
-    /// Returns the number of rays.
+    /// Returns the number of rays. Once `cancelled` is true it ends within a packet, and what the stream
+    /// holds is of no use.
     #[inline(always)]
-    pub(super) fn trace<S: Simd>(&self, simd: S, stream: &mut Stream) -> u64 {
+    pub(super) fn trace<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        cancelled: &AtomicBool,
+    ) -> u64 {
         let mut rays = 0;
         let max_depth = self.settings.max_depth;
         simd.vectorize(
@@ -62,9 +70,9 @@ impl Prepared {
             let last = depth == max_depth;
             rays += simd.vectorize(
                 #[inline(always)]
-                || self.extend(simd, stream, depth, last),
+                || self.extend(simd, stream, depth, last, cancelled),
             );
-            if stream.len == 0 {
+            if stream.len == 0 || cancelled.load(Ordering::Relaxed) {
                 break;
             }
             rays += simd.vectorize(
@@ -77,7 +85,7 @@ impl Prepared {
                 for lobe in [OTHER, MIRROR].into_iter().take(lobes) {
                     rays += simd.vectorize(
                         #[inline(always)]
-                        || self.connect(simd, stream, lobe),
+                        || self.connect(simd, stream, lobe, cancelled),
                     );
                 }
             }
@@ -164,9 +172,20 @@ impl Prepared {
     /// Finds what each path meets next, ends those that meet light or nothing, or all if this is
     /// their last edge, and closes the ranks of the others. Returns the number of rays.
     #[inline(always)]
-    fn extend<S: Simd>(&self, simd: S, stream: &mut Stream, depth: u32, last: bool) -> u64 {
+    fn extend<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        depth: u32,
+        last: bool,
+        cancelled: &AtomicBool,
+    ) -> u64 {
         let (mut kept, mut rays) = (0, 0);
         for packet in packets(stream.len) {
+            // A packet may take a millisecond, a batch of them seconds.
+            if cancelled.load(Ordering::Relaxed) {
+                break;
+            }
             let at = packet.at;
             let origin = stream.origin.load(simd, at);
             let direction = stream.direction.load(simd, at);
@@ -641,14 +660,20 @@ impl Prepared {
     /// Adds the light of the shadow rays of a `lobe` that reach their area light. Returns how many were
     /// traced.
     #[inline(always)]
-    fn connect<S: Simd>(&self, simd: S, stream: &mut Stream, lobe: usize) -> u64 {
+    fn connect<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        lobe: usize,
+        cancelled: &AtomicBool,
+    ) -> u64 {
         let mut rays = 0;
         let shadow = &stream.shadows[lobe];
         for StreamPacket { at, .. } in packets(stream.len) {
             let distance = load(simd, &shadow.distance, at);
             let lit: Mask<S> = distance.simd_gt(0.0);
             let traced = lit.to_bitmask().count_ones();
-            if traced == 0 {
+            if traced == 0 || cancelled.load(Ordering::Relaxed) {
                 continue;
             }
             rays += u64::from(traced);
