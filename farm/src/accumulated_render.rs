@@ -144,6 +144,14 @@ impl AccumulatedRender {
         Some(SampleBatch { frame, samples })
     }
 
+    /// Takes back what is in flight, which frees the nodes.
+    pub(crate) fn cancel(&mut self, submitter: &mut Submitter) {
+        for (id, samples) in self.in_flight.drain(..) {
+            submitter.cancel(id);
+            self.next_sample -= samples;
+        }
+    }
+
     /// Samples of each pixel that have come.
     pub const fn samples_done(&self) -> u32 {
         self.samples_done

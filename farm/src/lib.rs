@@ -20,7 +20,7 @@
 //! # }
 //! ```
 //!
-//! [`Still`] is one picture. Underneath, [`Farm::submit`] takes single frames.
+//! [`Still`] is one picture, [`Live`] a view that follows its camera. Underneath, [`Farm::submit`] takes single frames.
 //! Submitting never waits, several frames are in flight at once, and nodes may come, slow down or
 //! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`].
 
@@ -42,6 +42,7 @@ mod frame;
 pub mod health;
 mod job;
 pub mod link;
+mod live;
 mod local_devices;
 pub mod logging;
 mod memory_link;
@@ -68,6 +69,7 @@ pub use error::{Error, Result};
 pub use events::{FarmEvent, FarmEvents};
 pub use farm::Farm;
 pub use frame::{Frame, FrameSpec, Pixels};
+pub use live::{Live, LiveView};
 pub use node_status::{NodeIndex, NodeState, NodeStatus};
 pub use picture::{FileFormat, Picture};
 pub use stats::{Delivery, FrameStats, LatencySplit, NodeEffort};

@@ -137,6 +137,27 @@ impl Scene {
         })
     }
 
+    /// Where the scene has an object that can move.
+    ///
+    /// # Errors
+    /// [`Error::InvalidUpdate`] if the handle is of another scene or the object cannot move.
+    pub fn base_pose(&self, handle: ObjectHandle) -> Result<ObjectPose, Error> {
+        let pose = self.pose(handle, Vec3::ZERO, Quat::IDENTITY)?;
+        match self.objects[handle.index as usize].shape {
+            Shape::Sphere {
+                center, rotation, ..
+            }
+            | Shape::TruncatedCone {
+                center, rotation, ..
+            } => Ok(ObjectPose {
+                position: center,
+                rotation,
+                ..pose
+            }),
+            _ => Err(Error::InvalidUpdate(SceneError::Immovable(handle.index))),
+        }
+    }
+
     /// Checks every rule, and that there is something to see and light to see it by.
     ///
     /// # Errors

@@ -1,0 +1,358 @@
+//! Live pictures: a view that follows its camera and its objects, and gathers samples while nothing
+//! changes.
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use carom_protocol::PixelFormat;
+use carom_tracer::film::Film;
+use carom_tracer::glam::{Quat, Vec3};
+use carom_tracer::{
+    Camera, ImageSize, ObjectHandle, ObjectPose, RenderSettings, Scene, SceneUpdate,
+};
+
+use crate::accumulated_render::AccumulatedRender;
+use crate::error::Error;
+use crate::farm::Farm;
+use crate::frame::FrameSpec;
+use crate::job::{Cancellation, Job};
+use crate::picture::Picture;
+use crate::submission::{Priority, SceneHandle};
+use crate::submitter::Submitter;
+
+/// A live picture to begin.
+///
+/// ```
+/// # use carom_farm::prelude::*;
+/// # fn main() -> carom_farm::Result<()> {
+/// # let mut scene = Scene::new();
+/// let ball = scene.add(Sphere::new(0.5), Material::plastic([0.1, 0.3, 0.8]));
+/// # let mut farm = Farm::new(FarmConfig { local: LocalNode::Cpu, ..FarmConfig::default() })?;
+/// let mut view = farm.live(&scene, Live::new(32, 18).samples_per_frame(2))?;
+/// view.set_camera(Camera::looking_at([0.0, -3.0, 1.0], [0.0; 3]))?;
+/// view.move_to(ball, [0.2, 0.0, 0.0], Quat::IDENTITY)?; // samples gather anew
+/// loop {
+///     match view.latest()? {
+///         Some(picture) if picture.samples() >= 8 => break,
+///         _ => std::thread::yield_now(), // an application draws, and handles its events
+///     }
+/// }
+/// # Ok(())
+/// # }
+/// ```
+pub struct Live {
+    size: ImageSize,
+    settings: RenderSettings,
+    samples_per_frame: u32,
+    exposure: f32,
+    on_frame: Option<FrameCallback>,
+}
+
+type FrameCallback = Box<dyn FnMut() + Send>;
+
+impl Live {
+    /// A view of so many pixels.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self {
+            size: ImageSize::new(width, height),
+            settings: RenderSettings {
+                samples: 1024,
+                ..RenderSettings::default()
+            },
+            samples_per_frame: 1,
+            exposure: 1.0,
+            on_frame: None,
+        }
+    }
+
+    /// With so many samples per pixel in each frame: higher is smoother while things move, and slower
+    /// in proportion. Default: 1.
+    #[must_use]
+    pub fn samples_per_frame(self, samples_per_frame: u32) -> Self {
+        Self {
+            samples_per_frame,
+            ..self
+        }
+    }
+
+    /// Gathering so many samples per pixel while nothing changes. Default: 1024.
+    #[must_use]
+    pub fn samples(mut self, samples: u32) -> Self {
+        self.settings.samples = samples;
+        self
+    }
+
+    /// With paths of at most so many scattering events, see [`RenderSettings::max_depth`].
+    #[must_use]
+    pub fn max_depth(mut self, max_depth: u32) -> Self {
+        self.settings.max_depth = max_depth;
+        self
+    }
+
+    /// 8-bit pixels show radiance times this. Default: 1.
+    #[must_use]
+    pub fn exposure(self, exposure: f32) -> Self {
+        Self { exposure, ..self }
+    }
+
+    /// Calls this from the view's thread whenever [`LiveView::latest`] has something new, an error or
+    /// a picture: to wake a loop of events.
+    #[must_use]
+    pub fn on_frame(self, callback: impl FnMut() + Send + 'static) -> Self {
+        Self {
+            on_frame: Some(Box::new(callback)),
+            ..self
+        }
+    }
+}
+
+/// A live picture. Its calls never wait; dropped, it ends.
+pub struct LiveView {
+    scene: Scene,
+    handle: SceneHandle,
+    settings: RenderSettings,
+    shared: Arc<Shared>,
+    job: Job<()>,
+}
+
+/// What the view's owner and its thread share.
+struct Shared {
+    state: Mutex<LiveState>,
+    changed: Condvar,
+}
+
+struct LiveState {
+    update: SceneUpdate,
+    size: ImageSize,
+    /// Counts changes of the two.
+    version: u64,
+    latest: Option<Picture>,
+    error: Option<Error>,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, LiveState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Farm {
+    /// Begins a live picture, on a thread of its own.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] with the first rule that the scene or the view breaks, [`Error::Thread`].
+    pub fn live(&mut self, scene: &Scene, live: Live) -> Result<LiveView, Error> {
+        let handle = self.announce(scene)?;
+        let shared = Arc::new(Shared {
+            state: Mutex::new(LiveState {
+                update: SceneUpdate::default(),
+                size: live.size,
+                version: 1,
+                latest: None,
+                error: None,
+            }),
+            changed: Condvar::new(),
+        });
+        let settings = RenderSettings {
+            samples: live.samples_per_frame,
+            ..live.settings
+        };
+        handle.check(&spec(&SceneUpdate::default(), live.size, settings))?;
+        handle.check(&spec(&SceneUpdate::default(), live.size, live.settings))?;
+        let run = LiveRun {
+            submitter: self.submitter(),
+            scene: handle.clone(),
+            shared: Arc::clone(&shared),
+            live,
+        };
+        Ok(LiveView {
+            scene: scene.clone(),
+            handle,
+            settings,
+            shared,
+            job: Job::start("carom-live", |cancelled| {
+                run.run(cancelled);
+                Ok(())
+            })?,
+        })
+    }
+}
+
+impl LiveView {
+    /// Looks through this camera from now on.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] with the rule that the camera breaks; the view stays as it was.
+    pub fn set_camera(&mut self, camera: Camera) -> Result<(), Error> {
+        self.change(|update, _| update.camera = Some(camera))
+    }
+
+    /// Shows an object elsewhere from now on: `position` in metres, `rotation` a unit quaternion.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] if the handle is of another scene, the object cannot move or a value is out
+    /// of range; the view stays as it was.
+    pub fn move_to(
+        &mut self,
+        object: ObjectHandle,
+        position: impl Into<Vec3>,
+        rotation: Quat,
+    ) -> Result<(), Error> {
+        let pose = self.scene.pose(object, position, rotation)?;
+        self.pose(pose)
+    }
+
+    /// Shows an object, or leaves it out, where the scene has it.
+    ///
+    /// # Errors
+    /// As [`LiveView::move_to`].
+    pub fn set_visible(&mut self, object: ObjectHandle, visible: bool) -> Result<(), Error> {
+        let pose = self.scene.base_pose(object)?;
+        self.pose(ObjectPose { visible, ..pose })
+    }
+
+    /// Traces so many pixels from now on, as when a window has another size.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] if there are none or too many.
+    pub fn resize(&mut self, width: u32, height: u32) -> Result<(), Error> {
+        self.change(|_, size| *size = ImageSize::new(width, height))
+    }
+
+    /// The newest picture, if there is one that has not been taken.
+    ///
+    /// # Errors
+    /// What has ended the view, once: [`Error::NoNodes`] if no node has answered for
+    /// [`crate::FarmConfig::timeout_secs`], [`Error::FarmClosed`] if the farm has been dropped.
+    pub fn latest(&mut self) -> Result<Option<Picture>, Error> {
+        let mut state = self.shared.lock();
+        match state.error.take() {
+            Some(error) => Err(error),
+            None => Ok(state.latest.take()),
+        }
+    }
+
+    fn pose(&mut self, pose: ObjectPose) -> Result<(), Error> {
+        self.change(|update, _| {
+            update.poses.retain(|other| other.object != pose.object);
+            update.poses.push(pose);
+        })
+    }
+
+    /// Changes what is seen, if the result fits the scene.
+    fn change(&self, change: impl FnOnce(&mut SceneUpdate, &mut ImageSize)) -> Result<(), Error> {
+        let mut state = self.shared.lock();
+        let (mut update, mut size) = (state.update.clone(), state.size);
+        change(&mut update, &mut size);
+        if (&update, size) == (&state.update, state.size) {
+            return Ok(());
+        }
+        self.handle.check(&spec(&update, size, self.settings))?;
+        (state.update, state.size) = (update, size);
+        state.version += 1;
+        drop(state);
+        self.shared.changed.notify_all();
+        Ok(())
+    }
+}
+
+impl Drop for LiveView {
+    fn drop(&mut self) {
+        self.job.cancellation().cancel();
+        self.shared.changed.notify_all();
+    }
+}
+
+/// What the thread of a view works on.
+struct LiveRun {
+    submitter: Submitter,
+    scene: SceneHandle,
+    shared: Arc<Shared>,
+    live: Live,
+}
+
+impl LiveRun {
+    fn run(mut self, cancelled: &Cancellation) {
+        if let Err(error) = self.follow(cancelled) {
+            self.shared.lock().error = Some(error);
+            self.announce();
+        }
+    }
+
+    /// One picture after the other, each as long as nothing changes.
+    fn follow(&mut self, cancelled: &Cancellation) -> Result<(), Error> {
+        while !cancelled.is_cancelled() {
+            let (version, spec) = {
+                let state = self.shared.lock();
+                let spec = spec(&state.update, state.size, self.live.settings);
+                (state.version, spec)
+            };
+            self.gather(version, spec, cancelled)?;
+            self.rest(version, cancelled);
+        }
+        Ok(())
+    }
+
+    /// Adds samples up until all are there or something changes. The first frame is shown even so: a
+    /// view that is moved all the time must not stand still.
+    fn gather(
+        &mut self,
+        version: u64,
+        spec: FrameSpec,
+        cancelled: &Cancellation,
+    ) -> Result<(), Error> {
+        let mut film = Film::new(spec.size);
+        let mut render = AccumulatedRender::new(spec, Priority::Interactive);
+        render.set_frame_samples(self.live.samples_per_frame);
+        while !render.is_done() && !cancelled.is_cancelled() {
+            let has_changed = self.shared.lock().version != version;
+            if has_changed && render.samples_done() > 0 {
+                break;
+            }
+            if !has_changed || render.samples_in_flight() == 0 {
+                render.submit_through(&mut self.submitter, &self.scene)?;
+            }
+            let frame = self.submitter.wait_frame(POLL_INTERVAL);
+            match frame.and_then(|frame| render.accept(frame)) {
+                Some(batch) => {
+                    batch.add_to(&mut film)?;
+                    let picture = Picture::new(film.clone(), Vec::new(), self.live.exposure);
+                    self.shared.lock().latest = Some(picture);
+                    self.announce();
+                }
+                None => self.submitter.check_nodes()?,
+            }
+        }
+        render.cancel(&mut self.submitter);
+        Ok(())
+    }
+
+    /// Waits until something changes.
+    fn rest(&self, version: u64, cancelled: &Cancellation) {
+        let mut state = self.shared.lock();
+        while state.version == version && !cancelled.is_cancelled() {
+            let waited = self.shared.changed.wait_timeout(state, REST_INTERVAL);
+            (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn announce(&mut self) {
+        if let Some(callback) = &mut self.live.on_frame {
+            callback();
+        }
+    }
+}
+
+fn spec(update: &SceneUpdate, size: ImageSize, settings: RenderSettings) -> FrameSpec {
+    FrameSpec {
+        update: update.clone(),
+        size,
+        settings,
+        format: PixelFormat::LinearF16,
+    }
+}
+
+/// How long to wait for a frame before looking at what has changed.
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// How long a view that is finished sleeps at most: a change wakes it.
+const REST_INTERVAL: Duration = Duration::from_millis(200);
