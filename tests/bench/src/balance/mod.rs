@@ -2,6 +2,7 @@
 
 mod acceptance;
 mod decision;
+mod own;
 mod plot;
 
 use std::path::PathBuf;
@@ -40,9 +41,10 @@ pub(crate) struct Args {
     /// When frames are submitted: closed, pipelined [default: both; closed for 1000 nodes].
     #[arg(long, value_delimiter = ',', value_parser = submission_mode)]
     mode: Vec<SubmissionMode>,
-    /// Algorithms by name, with _hedged at the end for hedging [default: all without, and
-    /// water_filling_hedged].
-    #[arg(long, value_delimiter = ',')]
+    /// Algorithms by name, with _hedged at the end for hedging; `own` is that of
+    /// farm/examples/own_balancer.rs, or of the file that CAROM_BALANCER names when this program is
+    /// built [default: all without, water_filling_hedged and own_hedged].
+    #[arg(long, value_delimiter = ',', value_parser = algorithm)]
     algorithm: Vec<Balancing>,
     /// Runs of each kind [default: 4 of up to 5 nodes, 2 of up to 64, else 1].
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1000))]
@@ -50,6 +52,12 @@ pub(crate) struct Args {
     /// Frames of a run.
     #[arg(long, default_value_t = 800, value_parser = clap::value_parser!(u64).range(80..=100_000))]
     frames: u64,
+}
+
+fn algorithm(text: &str) -> Result<Balancing, carom_farm::Error> {
+    let own = [Algorithm::Own.unhedged(), Algorithm::Own.hedged()];
+    let own = own.into_iter().find(|own| own.to_string() == text);
+    own.map_or_else(|| text.parse(), Ok)
 }
 
 fn network(text: &str) -> Result<Network, ValueError> {
@@ -137,7 +145,8 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
 fn algorithms(args: &Args) -> Vec<Balancing> {
     if args.algorithm.is_empty() {
         let all = Algorithm::ALL.map(Algorithm::unhedged);
-        all.into_iter().chain([Balancing::default()]).collect()
+        let hedged = [Balancing::default(), Algorithm::Own.hedged()];
+        all.into_iter().chain(hedged).collect()
     } else {
         args.algorithm.clone()
     }
@@ -180,7 +189,10 @@ fn scenarios(args: &Args) -> Vec<Scenario> {
 
 fn simulate(scenario: Scenario, balancing: Balancing) -> BalanceRun {
     let plan = scenario.plan(balancing);
-    let report = simulator::run(&plan, SECS_MAX);
+    let report = match balancing.algorithm {
+        Algorithm::Own => simulator::run_with(&plan, SECS_MAX, own::balancer()),
+        _ => simulator::run(&plan, SECS_MAX),
+    };
     let (frames, events) = (scenario.frames, scenario.events());
     let score = Score::new(
         frames,

@@ -40,6 +40,7 @@ pub use self::test_pattern::empty_scene;
 use self::test_pattern::{frame_spec, is_right};
 use crate::random::SplitMix64;
 use carom_farm::NodeIndex;
+use carom_farm::balancer::Balancer;
 use carom_farm::coordinator::{Coordinator, CoordinatorAction};
 use carom_farm::link::{LinkCommand, LinkEvent};
 use carom_farm::pacing::{FrameSchedule, LeadTime};
@@ -52,6 +53,22 @@ use carom_farm::{Frame, Pixels};
 /// runs than a session lets in, or gives a run a number that is not above the last.
 pub fn run(plan: &FarmPlan, secs_max: f64) -> SimulationReport {
     let mut simulation = FarmSimulation::new(plan);
+    simulation.run(secs_max);
+    simulation.into_report()
+}
+
+/// The same with a balancer from outside in the place of [`carom_farm::Algorithm::Own`].
+///
+/// # Panics
+/// As [`run`].
+pub fn run_with(
+    plan: &FarmPlan,
+    secs_max: f64,
+    balancer: Box<dyn Balancer + Send>,
+) -> SimulationReport {
+    let mut simulation = FarmSimulation::new(plan);
+    simulation.coordinator.set_balancer(balancer);
+    simulation.coordinator.set_balancing(plan.balancing);
     simulation.run(secs_max);
     simulation.into_report()
 }
