@@ -25,6 +25,7 @@
 //! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`].
 
 mod accumulated_render;
+#[cfg(feature = "cli")]
 pub mod backend;
 pub mod balancer;
 mod balancing;
@@ -44,6 +45,7 @@ mod job;
 pub mod link;
 mod live;
 mod local_devices;
+#[cfg(feature = "cli")]
 pub mod logging;
 mod memory_link;
 pub mod multi_device;

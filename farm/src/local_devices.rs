@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use carom_tracer::gpu::AdapterChoice;
-use carom_tracer::{CpuTracer, Error, GpuTracer, Tracer};
+use carom_tracer::{CpuTracer, Error, Tracer};
+#[cfg(feature = "gpu")]
+use carom_tracer::{GpuTracer, gpu::AdapterChoice};
 
+#[cfg(feature = "gpu")]
 use crate::multi_device::MultiDeviceTracer;
 
 /// All that this machine traces with: every real GPU that passes its probe, and the CPU with
@@ -12,6 +14,7 @@ use crate::multi_device::MultiDeviceTracer;
 ///
 /// # Errors
 /// [`Error::Device`] if the system refuses threads.
+#[cfg(feature = "gpu")]
 pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     let cpu = cpu(threads)?;
     let mut devices: Vec<Arc<dyn Tracer>> = Vec::new();
@@ -37,8 +40,23 @@ pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
 ///
 /// # Errors
 /// [`Error::Device`] if there is none.
+#[cfg(feature = "gpu")]
 pub(crate) fn gpu() -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(GpuTracer::new(&AdapterChoice::Gpu)?))
+}
+
+/// Without the feature `gpu` this machine traces with its CPU alone.
+#[cfg(not(feature = "gpu"))]
+pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
+    cpu(threads)
+}
+
+#[cfg(not(feature = "gpu"))]
+pub(crate) fn gpu() -> Result<Arc<dyn Tracer>, Error> {
+    Err(Error::Device {
+        device: "GPU".to_owned(),
+        message: "this program was built without the feature `gpu` of carom-farm".to_owned(),
+    })
 }
 
 /// The CPU with `threads` threads, 0 for one per core.

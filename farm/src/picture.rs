@@ -73,6 +73,31 @@ impl Picture {
         self.image().pixels.iter().map(opaque).collect()
     }
 
+    /// The bytes of a PNG file of 8-bit sRGB, for who sends them elsewhere.
+    ///
+    /// # Errors
+    /// [`Error::File`] if memory is too small for it.
+    pub fn png(&self) -> Result<Vec<u8>, Error> {
+        let ImageSize { width, height } = self.size();
+        let rgb = self.image().pixels;
+        let rgb = rgb.iter().flat_map(|&pixel| srgb8(pixel, self.exposure));
+        let mut bytes = Vec::new();
+        let mut write = || -> Result<(), png::EncodingError> {
+            let mut encoder = png::Encoder::new(&mut bytes, width, height);
+            encoder.set_color(png::ColorType::Rgb);
+            encoder.set_depth(png::BitDepth::Eight);
+            encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+            let mut writer = encoder.write_header()?;
+            writer.write_image_data(&rgb.clone().collect::<Vec<u8>>())?;
+            writer.finish()
+        };
+        let written = write().map_err(|error| Error::File {
+            path: PathBuf::from("a PNG in memory"),
+            source: error.into(),
+        });
+        written.map(|()| bytes)
+    }
+
     /// Writes the picture: as 8-bit sRGB if the name ends in `.png` or `.jpg`, as 32-bit linear
     /// radiance with the layers that there are if it ends in `.exr`. Half a file is never seen.
     ///
@@ -212,6 +237,14 @@ mod tests {
         let why = picture().save(folder.path().join("a.gif")).unwrap_err();
         assert!(why.to_string().contains("a.gif: the name must end in .png"));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
+    }
+
+    #[test]
+    fn a_png_in_memory_is_that_of_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        picture().save(&path).unwrap();
+        assert!(picture().png().unwrap() == std::fs::read(path).unwrap());
     }
 
     #[test]

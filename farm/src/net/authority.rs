@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use pkcs8::{EncryptedPrivateKeyInfoRef, LineEnding, PrivateKeyInfoRef, SecretDocument};
 use rcgen::{
     BasicConstraints, Certificate, CertificateParams, CertificateSigningRequestParams,
     DistinguishedName, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose,
@@ -16,14 +15,13 @@ use crate::Error;
 use crate::net::certificate_fields;
 use crate::net::credential_files::file_error;
 use crate::net::credentials::{AUTHORITY_FILE, Credentials};
+use crate::net::encrypted_key::{self, ENCRYPTED_KEY, KeyFault};
 use crate::net::peer::{AUTHORITY_LIFE, Role};
 
 /// Certificates begin a day early: clocks of fresh machines are often wrong by a time zone.
 const EARLY: Duration = Duration::from_secs(24 * 3600);
 /// The file of the authority's key.
 pub(crate) const AUTHORITY_KEY_FILE: &str = "ca.key";
-/// The label of an encrypted key in a PEM file (RFC 7468, 11).
-const ENCRYPTED_KEY: &str = "ENCRYPTED PRIVATE KEY";
 /// Bytes of a serial number; more than half of them must be random (CA/Browser Forum, 7.1).
 const SERIAL_BYTES: usize = 16;
 
@@ -133,12 +131,8 @@ impl Authority {
         let Some(passphrase) = passphrase else {
             return Ok(key.serialize_pem());
         };
-        let der = key.serialize_der();
-        let encrypted = PrivateKeyInfoRef::try_from(der.as_slice())
-            .and_then(|key| key.encrypt(passphrase))
-            .map_err(|error| not_created(&error))?;
-        let pem = encrypted.to_pem(ENCRYPTED_KEY, LineEnding::LF);
-        Ok(pem.map_err(|error| not_created(&error))?.to_string())
+        encrypted_key::encrypt(&key.serialize_der(), passphrase)
+            .map_err(|error| not_created(&error))
     }
 
     /// Creates a key and issues its certificate.
@@ -245,15 +239,13 @@ pub(crate) fn read_authority(path: &Path) -> Result<String, Error> {
 }
 
 fn decrypted(path: &Path, key_pem: &str, passphrase: &str) -> Result<KeyPair, Error> {
-    let (_, document) =
-        SecretDocument::from_pem(key_pem).map_err(|error| not_pem(path, "private key", &error))?;
-    let key = EncryptedPrivateKeyInfoRef::try_from(document.as_bytes())
-        .map_err(|error| not_pem(path, "private key", &error))?
-        .decrypt(passphrase)
-        .map_err(|_| Error::PassphraseWrong {
+    let key = encrypted_key::decrypt(key_pem, passphrase).map_err(|fault| match fault {
+        KeyFault::Format(error) => not_pem(path, "private key", &error),
+        KeyFault::Passphrase => Error::PassphraseWrong {
             path: path.to_path_buf(),
-        })?;
-    KeyPair::try_from(key.as_bytes()).map_err(|error| not_pem(path, "private key", &error))
+        },
+    })?;
+    KeyPair::try_from(key.as_slice()).map_err(|error| not_pem(path, "private key", &error))
 }
 
 pub(crate) fn lasting(life: Duration) -> std::ops::Range<SystemTime> {

@@ -53,6 +53,7 @@ mod connector;
 mod credential_files;
 pub mod credentials;
 mod deny_list;
+mod encrypted_key;
 mod endpoint;
 mod enrolment;
 pub mod enrolment_service;
