@@ -228,7 +228,7 @@ mod tests {
         let ids = [0; 2].map(|_| queue.pop_finished().unwrap().id.0);
         assert_eq!(ids, [first, first + 1]);
         queue.remove(FrameId(1));
-        assert_eq!(queue.unfinished().count(), 1);
+        assert_eq!(queue.unfinished().count(), 2);
     }
 
     #[test]
