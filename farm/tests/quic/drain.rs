@@ -96,8 +96,10 @@ fn what_a_node_has_been_asked_for_is_finished_before_it_ends() {
     }
 }
 
-/// Makespans of frames at 60 a second, in milliseconds, a node of two being stopped in the middle.
-fn makespans_ms() -> (Vec<f64>, Vec<f64>) {
+/// Prints how much later the latest frame comes than the latest before: on a machine with nothing else to do less than
+/// a period of 60 frames a second.
+#[test]
+fn a_node_of_two_that_drains_loses_no_tile() {
     let folder = tempfile::tempdir().unwrap();
     create_farm(folder.path()).unwrap();
     let authority = Authority::load(folder.path()).unwrap();
@@ -105,7 +107,7 @@ fn makespans_ms() -> (Vec<f64>, Vec<f64>) {
     let [oak, elm] = [(); 2].map(|()| PacedNode::start(&authority, pace));
     let mut farm = farm(folder.path(), &[&oak, &elm]);
     let begun = Instant::now();
-    let mut makespans = Vec::new();
+    let mut frames = Vec::new();
     for frame in 0..FRAMES {
         if frame == FRAMES / 2 {
             oak.stop.stop();
@@ -117,36 +119,30 @@ fn makespans_ms() -> (Vec<f64>, Vec<f64>) {
             0..4 => farm.poll_frame(),
             _ => Some(wait(&mut farm)),
         } {
-            makespans.push(1e3 * done.stats.makespan_secs);
+            frames.push(done);
         }
     }
     while farm.in_flight() > 0 {
-        makespans.push(1e3 * wait(&mut farm).stats.makespan_secs);
+        frames.push(wait(&mut farm));
     }
     drop(farm);
     elm.stop.stop();
     for node in [oak, elm] {
         node.thread.join().unwrap();
     }
-    let after = makespans.split_off(FRAMES as usize / 2);
-    (makespans, after)
+    assert_eq!(frames.len(), FRAMES as usize);
+    for frame in &frames {
+        assert_eq!((frame.stats.lost_tiles, frame.missing.len()), (0, 0));
+    }
+    let latest_ms = |frames: &[Frame]| {
+        let makespans = frames.iter().map(|frame| frame.stats.makespan_secs);
+        1e3 * makespans.fold(0.0, f64::max)
+    };
+    let (before, after) = frames.split_at(FRAMES as usize / 2);
+    // Until the pipe is full nothing is known of the nodes.
+    let later_ms = latest_ms(after) - latest_ms(&before[30..]);
+    println!("the latest frame comes {later_ms:.1} ms later than the latest before");
 }
 
 const FRAMES: u32 = 240;
 const PERIOD: Duration = Duration::from_nanos(1_000_000_000 / 60);
-
-/// The machine of a test may be busy: one of three runs has to hold.
-#[test]
-fn a_drain_makes_no_frame_late_by_more_than_a_period() {
-    let worst = |makespans: &[f64]| makespans.iter().copied().fold(0.0, f64::max);
-    let mut late_ms = Vec::new();
-    for _ in 0..3 {
-        let (before, after) = makespans_ms();
-        // Until the pipe is full nothing is known of the nodes.
-        let usual = worst(&before[30..]);
-        late_ms.push(worst(&after) - usual);
-    }
-    let best = late_ms.iter().copied().fold(f64::INFINITY, f64::min);
-    println!("frames later than the latest before by {late_ms:.1?} ms");
-    assert!(best <= 1e3 * PERIOD.as_secs_f64(), "{late_ms:?}");
-}
