@@ -2,47 +2,14 @@
 
 use std::net::SocketAddr;
 use std::path::Path;
-use std::sync::Arc;
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use carom_farm::directory::{Directory, ListedNode};
-use carom_farm::net::{Authority, NodeServer, Role, StopHandle, create_farm};
-use carom_farm::node::Node;
+use carom_farm::net::{Authority, create_farm};
 use carom_farm::{Error, Farm, FarmConfig, LocalNode, NodeStatus};
-use carom_tracer::CpuTracer;
 
-use crate::greeter::{any_port, today};
-
-struct DirectoryNode {
-    address: SocketAddr,
-    stop: StopHandle,
-    thread: JoinHandle<()>,
-}
-
-impl DirectoryNode {
-    fn start(authority: &Authority) -> Self {
-        let credentials = authority.credentials(Role::Node, "oak", today()).unwrap();
-        let server = NodeServer::bind(any_port(), &credentials).unwrap();
-        let address = server.local_addr().unwrap();
-        let node = Node::new("oak", Arc::new(CpuTracer::with_threads(1).unwrap()));
-        let stop = StopHandle::default();
-        let stopped = stop.clone();
-        let thread = std::thread::spawn(move || {
-            server.serve(&stopped, move |player, _| node.connect(player), |_| {});
-        });
-        Self {
-            address,
-            stop,
-            thread,
-        }
-    }
-
-    fn stop(self) {
-        self.stop.stop();
-        self.thread.join().unwrap();
-    }
-}
+use crate::greeter::any_port;
+use crate::running_node::RunningNode;
 
 fn farm(credentials: &Path, nodes: Vec<String>) -> Farm {
     Farm::new(FarmConfig {
@@ -75,7 +42,7 @@ fn nodes_of_a_file_come_and_go_while_the_farm_runs() {
     let folder = tempfile::tempdir().unwrap();
     create_farm(folder.path()).unwrap();
     let authority = Authority::load(folder.path()).unwrap();
-    let [oak, elm, ash] = [(); 3].map(|()| DirectoryNode::start(&authority));
+    let [oak, elm, ash] = [(); 3].map(|()| RunningNode::start(&authority, any_port()));
     let path = folder.path().join("nodes.txt");
     let list = |nodes: &[SocketAddr]| {
         let lines: Vec<String> = nodes.iter().map(SocketAddr::to_string).collect();
@@ -93,14 +60,14 @@ fn nodes_of_a_file_come_and_go_while_the_farm_runs() {
     list(&[elm.address, ash.address]);
     wait_until(&farm, |nodes| answering(nodes) == 3);
     let gone = oak.address.to_string();
-    oak.stop();
+    drop(oak);
     let nodes = wait_until(&farm, |nodes| {
         nodes
             .iter()
             .any(|node| node.state.sentence().contains("left the directory"))
     });
     let place = nodes.iter().position(|node| node.address == gone).unwrap();
-    let oak = DirectoryNode::start(&authority);
+    let oak = RunningNode::start(&authority, any_port());
     list(&[elm.address, ash.address, oak.address]);
     let nodes = wait_until(&farm, |nodes| answering(nodes) == 3);
     assert_eq!(
@@ -111,7 +78,7 @@ fn nodes_of_a_file_come_and_go_while_the_farm_runs() {
     assert_eq!(nodes[place].address, oak.address.to_string());
     drop(farm);
     for node in [oak, elm, ash] {
-        node.stop();
+        drop(node);
     }
 }
 
@@ -136,7 +103,7 @@ fn a_directory_that_fails_takes_no_node_away() {
     let folder = tempfile::tempdir().unwrap();
     create_farm(folder.path()).unwrap();
     let authority = Authority::load(folder.path()).unwrap();
-    let oak = DirectoryNode::start(&authority);
+    let oak = RunningNode::start(&authority, any_port());
     let mut farm = farm(folder.path(), Vec::new());
     farm.add_directory(Box::new(Dead)).unwrap();
     farm.add_directory(Box::new(vec![oak.address.into()]))
@@ -145,14 +112,14 @@ fn a_directory_that_fails_takes_no_node_away() {
     std::thread::sleep(Duration::from_millis(100));
     assert_eq!(answering(&farm.nodes()), 1);
     drop(farm);
-    oak.stop();
+    drop(oak);
 }
 
 #[test]
 fn a_directory_cannot_bring_in_strangers() {
     let folder = tempfile::tempdir().unwrap();
     create_farm(folder.path()).unwrap();
-    let stranger = DirectoryNode::start(&Authority::generate().unwrap());
+    let stranger = RunningNode::start(&Authority::generate().unwrap(), any_port());
     let mut farm = farm(folder.path(), Vec::new());
     farm.add_directory(Box::new(vec![stranger.address.into()]))
         .unwrap();
@@ -163,5 +130,5 @@ fn a_directory_cannot_bring_in_strangers() {
     });
     assert_eq!(answering(&nodes), 0);
     drop(farm);
-    stranger.stop();
+    drop(stranger);
 }

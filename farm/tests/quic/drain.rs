@@ -2,50 +2,26 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use carom_farm::net::{Authority, NodeServer, Role, StopHandle, create_farm};
-use carom_farm::node::Node;
+use carom_farm::net::{Authority, create_farm};
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, PixelFormat};
 use carom_testkit::pattern_tracer::{self, PatternTracer};
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 
-use crate::greeter::{any_port, today};
+use crate::greeter::any_port;
+use crate::running_node::RunningNode;
 
-struct PacedNode {
-    address: String,
-    stop: StopHandle,
-    thread: JoinHandle<()>,
+/// A node that takes `pace` for a tile.
+fn paced_node(authority: &Authority, pace: Duration) -> RunningNode {
+    let tracer = PatternTracer::new().with_pace(pace.as_micros() as u64);
+    RunningNode::start_with(authority, any_port(), Arc::new(tracer))
 }
 
-impl PacedNode {
-    /// A node that takes `pace` for a tile.
-    fn start(authority: &Authority, pace: Duration) -> Self {
-        let credentials = authority.credentials(Role::Node, "oak", today()).unwrap();
-        let server = NodeServer::bind(any_port(), &credentials).unwrap();
-        let address = server.local_addr().unwrap().to_string();
-        let node = Node::new(
-            "oak",
-            Arc::new(PatternTracer::new().with_pace(pace.as_micros() as u64)),
-        );
-        let stop = StopHandle::default();
-        let stopped = stop.clone();
-        let thread = std::thread::spawn(move || {
-            server.serve(&stopped, move |player, _| node.connect(player), |_| {});
-        });
-        Self {
-            address,
-            stop,
-            thread,
-        }
-    }
-}
-
-fn farm(credentials: &Path, nodes: &[&PacedNode]) -> Farm {
+fn farm(credentials: &Path, nodes: &[&RunningNode]) -> Farm {
     let mut farm = Farm::new(FarmConfig {
         local: LocalNode::None,
-        nodes: nodes.iter().map(|node| node.address.clone()).collect(),
+        nodes: nodes.iter().map(|node| node.address.to_string()).collect(),
         credentials: credentials.to_owned(),
         tile_edge: 16,
         ..FarmConfig::default()
@@ -82,7 +58,7 @@ fn what_a_node_has_been_asked_for_is_finished_before_it_ends() {
     let folder = tempfile::tempdir().unwrap();
     create_farm(folder.path()).unwrap();
     let authority = Authority::load(folder.path()).unwrap();
-    let oak = PacedNode::start(&authority, Duration::from_millis(10));
+    let oak = paced_node(&authority, Duration::from_millis(10));
     let mut farm = farm(folder.path(), &[&oak]);
     submit(&mut farm);
     std::thread::sleep(Duration::from_millis(100));
@@ -90,7 +66,7 @@ fn what_a_node_has_been_asked_for_is_finished_before_it_ends() {
     oak.stop.stop();
     let frame = wait(&mut farm);
     assert_eq!(frame.stats.lost_tiles, 0);
-    oak.thread.join().unwrap();
+    drop(oak);
     while !farm.nodes()[0].state.sentence().contains("shutting down") {
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -104,7 +80,7 @@ fn frames_are_whole_while_a_node_of_two_drains() {
     create_farm(folder.path()).unwrap();
     let authority = Authority::load(folder.path()).unwrap();
     let pace = Duration::from_micros(100);
-    let [oak, elm] = [(); 2].map(|()| PacedNode::start(&authority, pace));
+    let [oak, elm] = [(); 2].map(|()| paced_node(&authority, pace));
     let mut farm = farm(folder.path(), &[&oak, &elm]);
     let begun = Instant::now();
     let mut frames = Vec::new();
@@ -126,10 +102,6 @@ fn frames_are_whole_while_a_node_of_two_drains() {
         frames.push(wait(&mut farm));
     }
     drop(farm);
-    elm.stop.stop();
-    for node in [oak, elm] {
-        node.thread.join().unwrap();
-    }
     assert_eq!(frames.len(), FRAMES as usize);
     assert!(frames.iter().all(|frame| frame.missing.is_empty()));
     let lost_tiles: u32 = frames.iter().map(|frame| frame.stats.lost_tiles).sum();

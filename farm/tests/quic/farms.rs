@@ -3,14 +3,11 @@
 use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;
 use std::sync::{Arc, mpsc};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use carom_farm::net::{
-    Authority, Client, Credentials, LinkCommand, LinkEvent, NodeLink, NodeServer, Role, StopHandle,
-    create_farm,
+    Authority, Client, Credentials, LinkCommand, LinkEvent, NodeLink, Role, create_farm,
 };
-use carom_farm::node::Node;
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
 use carom_protocol::{ClientEvent, PixelFormat, SceneHash};
 use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
@@ -19,51 +16,11 @@ use carom_tracer::{
     SceneUpdate, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 
-use crate::greeter::{any_port, today};
+use crate::greeter::any_port;
+use crate::running_node::RunningNode;
 
 /// Far longer than anything here takes; a test that needs it has failed.
 const TIMEOUT: Duration = Duration::from_secs(120);
-
-/// A node behind a socket, on a thread of its own.
-struct RunningNode {
-    address: SocketAddr,
-    stop: StopHandle,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl RunningNode {
-    fn start(authority: &Authority, address: SocketAddr) -> Self {
-        let tracer = Arc::new(CpuTracer::with_threads(1).unwrap());
-        Self::start_with(authority, address, tracer)
-    }
-
-    fn start_with(authority: &Authority, address: SocketAddr, tracer: Arc<dyn Tracer>) -> Self {
-        let credentials = authority.credentials(Role::Node, "oak", today()).unwrap();
-        let server = NodeServer::bind(address, &credentials).unwrap();
-        let address = server.local_addr().unwrap();
-        let node = Node::new("any name", tracer);
-        let stop = StopHandle::default();
-        let stopped = stop.clone();
-        let thread = std::thread::spawn(move || {
-            server.serve(&stopped, move |player, _| node.connect(player), |_| {});
-        });
-        Self {
-            address,
-            stop,
-            thread: Some(thread),
-        }
-    }
-}
-
-impl Drop for RunningNode {
-    fn drop(&mut self) {
-        self.stop.stop();
-        let ended = self.thread.take().map(JoinHandle::join);
-        if !std::thread::panicking() {
-            ended.unwrap().unwrap();
-        }
-    }
-}
 
 fn farm(credentials: &Path, nodes: &[SocketAddr]) -> Farm {
     let mut farm = Farm::new(FarmConfig {

@@ -6,5 +6,6 @@ mod directories;
 mod drain;
 mod farms;
 mod greeter;
+mod running_node;
 mod stranger;
 mod trust;

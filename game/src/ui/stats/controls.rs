@@ -243,7 +243,7 @@ const DIALS: [(QualityPreference, &str, &str); 3] = [
     (
         QualityPreference::Smooth,
         "smooth",
-        "60 frames per second at any resolution.",
+        "60 frames per second, at 426x240 pixels or more.",
     ),
     (
         QualityPreference::Balanced,

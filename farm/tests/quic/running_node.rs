@@ -1,0 +1,57 @@
+//! Node behind a socket, in the process of the test.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use carom_farm::net::{Authority, NodeServer, Role, StopHandle};
+use carom_farm::node::Node;
+use carom_tracer::{CpuTracer, Tracer};
+
+use crate::greeter::today;
+
+/// A node on a thread of its own; dropped, it ends.
+pub(crate) struct RunningNode {
+    pub(crate) address: SocketAddr,
+    pub(crate) stop: StopHandle,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl RunningNode {
+    /// A node that traces with one thread.
+    pub(crate) fn start(authority: &Authority, address: SocketAddr) -> Self {
+        let tracer = Arc::new(CpuTracer::with_threads(1).unwrap());
+        Self::start_with(authority, address, tracer)
+    }
+
+    pub(crate) fn start_with(
+        authority: &Authority,
+        address: SocketAddr,
+        tracer: Arc<dyn Tracer>,
+    ) -> Self {
+        let credentials = authority.credentials(Role::Node, "oak", today()).unwrap();
+        let server = NodeServer::bind(address, &credentials).unwrap();
+        let address = server.local_addr().unwrap();
+        let node = Node::new("any name", tracer);
+        let stop = StopHandle::default();
+        let stopped = stop.clone();
+        let thread = std::thread::spawn(move || {
+            server.serve(&stopped, move |player, _| node.connect(player), |_| {});
+        });
+        Self {
+            address,
+            stop,
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for RunningNode {
+    fn drop(&mut self) {
+        self.stop.stop();
+        let ended = self.thread.take().map(JoinHandle::join);
+        if !std::thread::panicking() {
+            ended.unwrap().unwrap();
+        }
+    }
+}
