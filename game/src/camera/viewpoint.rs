@@ -14,8 +14,9 @@ pub const EYE_Z_M_MAX: f64 = 0.95;
 /// The eye stays above the rails and the balls.
 pub const EYE_Z_M_MIN: f64 = 0.12;
 
-/// Radius of the aperture of replays, films and the title, in metres: a lens of 50 mm at f/2.
-pub const APERTURE_RADIUS_M: f32 = 0.0125;
+/// Radius of the aperture of replays and videos, in metres: a lens of 50 mm at f/5.6, whose blur of the farthest balls is
+/// about a pixel of a picture 640 wide.
+pub const APERTURE_RADIUS_M: f32 = 0.0045;
 
 /// A view as people think of it: what is looked at, from which side, how steeply and how far off.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,7 +9,7 @@ use carom_tracer::{Camera, Scene, Shape};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 
-use crate::camera::{APERTURE_RADIUS_M, Viewpoint};
+use crate::camera::Viewpoint;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::cue_stick::CuePose;
 use crate::scene::table_scene::TableScene;
@@ -70,7 +70,7 @@ impl SceneView {
                 let middle = sum / object_balls.len() as f64;
                 if self == Self::Title {
                     let camera = title(middle).camera_in(table);
-                    return camera.aperture_radius_m(APERTURE_RADIUS_M);
+                    return camera.aperture_radius_m(TITLE_APERTURE_RADIUS_M);
                 }
                 let near = Viewpoint {
                     distance_m: RACK_DISTANCE_M,
@@ -82,6 +82,9 @@ impl SceneView {
         }
     }
 }
+
+/// A lens of 50 mm at f/2.
+const TITLE_APERTURE_RADIUS_M: f32 = 0.0125;
 
 /// From behind the rack, low over the rail.
 fn title(rack: DVec3) -> Viewpoint {
