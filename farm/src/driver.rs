@@ -10,7 +10,7 @@ use carom_protocol::{FrameId, PrecisionRange, SceneHash};
 use carom_tracer::{Scene, Tracer};
 
 use crate::balancer::Balancer;
-use crate::coordinator::{Coordinator, CoordinatorAction};
+use crate::coordinator::{Coordinator, CoordinatorAction, FrameRefusal};
 use crate::directory::roster::Roster;
 use crate::directory::watch::DirectoryWatch;
 use crate::directory::{Directory, ListedNode};
@@ -33,7 +33,7 @@ pub(crate) enum DriverInput {
         spec: Box<FrameSpec>,
         scene: (SceneHash, Arc<Scene>),
         deadline: Option<Duration>,
-        replies: Sender<Frame>,
+        replies: Sender<FrameReply>,
     },
     Cancel(FrameId),
     Balancing(Balancing),
@@ -54,6 +54,9 @@ pub(crate) enum DriverInput {
     Stop,
 }
 
+/// What becomes of a frame.
+pub(crate) type FrameReply = Result<Frame, FrameRefusal>;
+
 /// A link among all that a driver has had: events of one that was dropped are void, though another node
 /// has its index.
 type LinkId = u64;
@@ -68,7 +71,7 @@ pub(crate) struct FarmBoard {
 
 /// Where a frame goes.
 struct Route {
-    replies: Sender<Frame>,
+    replies: Sender<FrameReply>,
     has_deadline: bool,
 }
 
@@ -227,6 +230,7 @@ impl Driver {
                         self.links[node.0].send(command)
                     }
                     CoordinatorAction::Deliver(frame) => self.deliver(*frame),
+                    CoordinatorAction::Refuse(refusal) => self.refuse(refusal),
                 }
             }
             self.refresh_board(now);
@@ -416,13 +420,21 @@ impl Driver {
         };
         let has_deadline = route.has_deadline;
         // Nobody waits for it any more if the client is gone.
-        let _ = route.replies.send(frame);
+        let _ = route.replies.send(Ok(frame));
         if is_whole {
             self.routes.remove(&id);
         }
         if has_deadline {
             self.routes
                 .retain(|earlier, route| *earlier >= id || !route.has_deadline);
+        }
+    }
+
+    /// Tells whoever has submitted a frame that it will not come.
+    fn refuse(&mut self, refusal: FrameRefusal) {
+        if let Some(route) = self.routes.remove(&refusal.frame) {
+            // Nobody waits for it any more if the client is gone.
+            let _ = route.replies.send(Err(refusal));
         }
     }
 

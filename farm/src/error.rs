@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::config_fault::ConfigFault;
+use crate::coordinator::FrameRefusal;
 use crate::net::peer::{CertificateFault, DisconnectReason, NoPlace, Role};
 use crate::node_status::NodeStatus;
 
@@ -327,6 +328,13 @@ pub enum Error {
         /// The nodes, with the reason of each.
         nodes: Vec<NodeStatus>,
     },
+    /// Every node refuses a frame.
+    #[error(
+        "no node traces frame {}: {}. Change what is asked for, or add a node that takes it",
+        _0.frame.0,
+        _0.reasons()
+    )]
+    FrameRefused(FrameRefusal),
     /// The system gives no thread.
     #[error("the system gives no thread: {0}")]
     Thread(std::io::Error),

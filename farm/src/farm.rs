@@ -236,7 +236,9 @@ impl Farm {
     /// comes. After three seconds without a node a warning is logged that says why.
     ///
     /// # Errors
-    /// [`Error::NoNodes`] when none has answered for [`FarmConfig::timeout_secs`].
+    /// [`Error::NoNodes`] when none has answered for [`FarmConfig::timeout_secs`];
+    /// [`Error::FrameRefused`] once after every node has refused a frame, which is not in flight any
+    /// more then.
     pub fn check_nodes(&mut self) -> Result<(), Error> {
         self.submitter.check_nodes()
     }

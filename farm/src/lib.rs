@@ -67,6 +67,7 @@ pub use carom_tracer;
 pub use carom_tracer::glam;
 pub use config::{FarmConfig, LocalNode};
 pub use config_fault::ConfigFault;
+pub use coordinator::FrameRefusal;
 pub use error::{Error, Result};
 pub use events::{FarmEvent, FarmEvents};
 pub use farm::Farm;

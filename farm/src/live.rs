@@ -223,7 +223,8 @@ impl LiveView {
     ///
     /// # Errors
     /// What has ended the view, once: [`Error::NoNodes`] if no node has answered for
-    /// [`crate::FarmConfig::timeout_secs`], [`Error::FarmClosed`] if the farm has been dropped.
+    /// [`crate::FarmConfig::timeout_secs`], [`Error::FrameRefused`] if every node refuses a frame,
+    /// [`Error::FarmClosed`] if the farm has been dropped.
     pub fn latest(&mut self) -> Result<Option<Picture>, Error> {
         let mut state = self.shared.lock();
         match state.error.take() {

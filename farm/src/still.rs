@@ -293,7 +293,7 @@ impl StillJob {
     ///
     /// # Errors
     /// [`Error::NoNodes`] if no node has answered for [`crate::FarmConfig::timeout_secs`],
-    /// [`Error::Cancelled`], [`Error::FarmClosed`] if the farm has been dropped.
+    /// [`Error::FrameRefused`] if every node refuses the picture, [`Error::Cancelled`], [`Error::FarmClosed`] if the farm has been dropped.
     pub fn wait(self) -> Result<Picture, Error> {
         self.job.wait()
     }

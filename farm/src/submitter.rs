@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use carom_protocol::FrameId;
 use carom_protocol::limits::FRAMES_IN_FLIGHT_MAX;
 
-use crate::driver::{DriverInput, FarmBoard};
+use crate::coordinator::FrameRefusal;
+use crate::driver::{DriverInput, FarmBoard, FrameReply};
 use crate::{Error, Frame, FrameSpec, NodeState, NodeStatus, Priority, SceneHandle, Submission};
 
 /// See the [module](self).
@@ -17,12 +18,14 @@ pub(crate) struct Submitter {
     inputs: Sender<DriverInput>,
     board: Arc<Mutex<FarmBoard>>,
     ids: Arc<Mutex<FrameIds>>,
-    replies: Sender<Frame>,
-    frames: Receiver<Frame>,
+    replies: Sender<FrameReply>,
+    frames: Receiver<FrameReply>,
     frames_in_flight_max: usize,
     timeout_secs: Option<u32>,
     /// Submitted, and neither taken whole nor cancelled; and whether they have a deadline.
     in_flight: VecDeque<(FrameId, bool)>,
+    /// The last frame that every node has refused, until [`Submitter::check_nodes`] tells.
+    refusal: Option<FrameRefusal>,
     /// Since when [`Submitter::check_nodes`] has seen no node that could trace.
     idle_since: Option<Instant>,
     /// Whether that has been said.
@@ -56,6 +59,7 @@ impl Submitter {
             frames_in_flight_max,
             timeout_secs,
             in_flight: VecDeque::new(),
+            refusal: None,
             idle_since: None,
             idle_reported: false,
         }
@@ -71,6 +75,7 @@ impl Submitter {
             replies,
             frames,
             in_flight: VecDeque::new(),
+            refusal: None,
             idle_since: None,
             ..*self
         }
@@ -116,8 +121,8 @@ impl Submitter {
 
     pub(crate) fn poll_frame(&mut self) -> Option<Frame> {
         loop {
-            let frame = self.frames.try_recv().ok()?;
-            if let Some(frame) = self.take(frame) {
+            let reply = self.frames.try_recv().ok()?;
+            if let Some(frame) = self.take(reply) {
                 return Some(frame);
             }
         }
@@ -128,9 +133,12 @@ impl Submitter {
         while !self.in_flight.is_empty() {
             let left = deadline.saturating_duration_since(Instant::now());
             match self.frames.recv_timeout(left) {
-                Ok(frame) => {
-                    if let Some(frame) = self.take(frame) {
+                Ok(reply) => {
+                    if let Some(frame) = self.take(reply) {
                         return Some(frame);
+                    }
+                    if self.refusal.is_some() {
+                        return None;
                     }
                 }
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return None,
@@ -171,6 +179,9 @@ impl Submitter {
 
     /// As [`crate::Farm::check_nodes`]; and [`Error::FarmClosed`] if the farm has ended.
     pub(crate) fn check_nodes(&mut self) -> Result<(), Error> {
+        if let Some(refusal) = self.refusal.take() {
+            return Err(Error::FrameRefused(refusal));
+        }
         let alive = self.inputs.send(DriverInput::Nothing);
         alive.map_err(|_| Error::FarmClosed)?;
         let nodes = self.nodes();
@@ -202,7 +213,15 @@ impl Submitter {
         Ok(())
     }
 
-    fn take(&mut self, frame: Frame) -> Option<Frame> {
+    fn take(&mut self, reply: FrameReply) -> Option<Frame> {
+        let frame = match reply {
+            Ok(frame) => frame,
+            Err(refusal) => {
+                self.in_flight.retain(|(id, _)| *id != refusal.frame);
+                self.refusal = Some(refusal);
+                return None;
+            }
+        };
         self.idle_since = None;
         // A frame that is not in flight was cancelled while it was on its way here.
         let place = self.in_flight.iter().position(|(id, _)| *id == frame.id)?;

@@ -9,6 +9,7 @@ use carom_tracer::{RenderSettings, Scene, TileRange};
 
 use super::CoordinatorAction;
 use super::frame_in_flight::FrameInFlight;
+use super::frame_refusals::FrameRefusal;
 use super::node_table::NodeTable;
 use super::open_request::OpenRequest;
 use crate::balancer::Estimate;
@@ -36,6 +37,10 @@ impl Dispatcher {
     pub(super) fn deliver(&mut self, frame: Frame) {
         let action = CoordinatorAction::Deliver(Box::new(frame));
         self.actions.push_back(action);
+    }
+
+    pub(super) fn refuse(&mut self, refusal: FrameRefusal) {
+        self.actions.push_back(CoordinatorAction::Refuse(refusal));
     }
 
     pub(super) fn poll(&mut self) -> Option<CoordinatorAction> {

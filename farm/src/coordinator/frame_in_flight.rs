@@ -8,6 +8,7 @@ use carom_protocol::{FrameId, NodeTimes, SceneHash};
 use carom_tracer::{Scene, TileRange};
 
 use super::frame_buffer::FrameBuffer;
+use super::frame_refusals::FrameRefusals;
 use super::open_request::OpenRequest;
 use super::partition::WorkMap;
 use super::sample_passes::SamplePasses;
@@ -43,6 +44,7 @@ pub(super) struct FrameInFlight {
     pub(super) deadline: Option<f64>,
     /// Whether older frames with this set are of no use once it has been handed over.
     pub(super) perishes: bool,
+    pub(super) refusals: FrameRefusals,
     pub(super) stats: FrameStats,
     /// By node.
     busy_secs: Vec<f64>,
@@ -91,6 +93,7 @@ impl FrameInFlight {
             last_evaluation: now,
             deadline: None,
             perishes: false,
+            refusals: FrameRefusals::default(),
             stats,
             busy_secs: Vec::new(),
             finished: None,
@@ -133,6 +136,7 @@ impl FrameInFlight {
         arrival: &TileArrival<'_>,
     ) -> Option<(u32, LatencySplit)> {
         let tiles = arrival.tiles;
+        self.refusals.forget(node);
         let fresh = self.buffer.as_mut()?.fill(tiles, arrival.pixels);
         let arrived_secs = now - self.submitted;
         let split = request.split(now, self.submitted, arrival.times);

@@ -10,6 +10,8 @@ use std::time::Duration;
 use carom_protocol::FrameId;
 
 use super::frame_in_flight::FrameInFlight;
+use super::frame_refusals::FrameRefusal;
+use super::node_table::NodeTable;
 use crate::frame::Frame;
 
 /// Its length is bounded by [`crate::Farm::submit`].
@@ -88,6 +90,14 @@ impl FrameQueue {
     pub(super) fn unfinished_mut(&mut self) -> impl Iterator<Item = &mut FrameInFlight> {
         let frames = self.frames.iter_mut();
         frames.filter(|frame| frame.buffer.is_some())
+    }
+
+    /// The oldest frame that no node will trace.
+    pub(super) fn hopeless(&mut self, now: f64, nodes: &NodeTable) -> Option<FrameRefusal> {
+        self.unfinished_mut().find_map(|frame| {
+            let (id, scene) = (frame.id, frame.scene.0);
+            frame.refusals.give_up(now, id, scene, nodes)
+        })
     }
 
     /// When a frame must be shown or evaluated next.

@@ -21,6 +21,7 @@ mod frame_buffer;
 mod frame_forecast;
 mod frame_in_flight;
 mod frame_queue;
+mod frame_refusals;
 mod hedge_budget;
 mod node_entry;
 mod node_table;
@@ -34,13 +35,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use carom_protocol::session::ClientEvent;
-use carom_protocol::{FrameId, RequestId, SceneHash};
+use carom_protocol::{FrameId, RefusalReason, RequestId, SceneHash};
 use carom_tracer::{Scene, TileGrid, TileRange};
 
 use self::assignment::Assigner;
 use self::dispatcher::Dispatcher;
 use self::frame_in_flight::{FrameInFlight, TileArrival};
 use self::frame_queue::FrameQueue;
+pub use self::frame_refusals::FrameRefusal;
 use self::node_entry::ConnectionState;
 use self::node_table::NodeTable;
 use self::recovery::{Recovery, cancel_redundant};
@@ -62,6 +64,8 @@ pub enum CoordinatorAction {
     },
     /// Hands a frame to the caller: it is finished, and so are all before it; or its deadline has passed.
     Deliver(Box<Frame>),
+    /// Tells the caller that a frame will not come: every node refuses it.
+    Refuse(FrameRefusal),
 }
 
 /// See the [module](self). Durations count from any moment that stays the same.
@@ -102,6 +106,8 @@ impl Coordinator {
         let retry_at = None;
         self.disconnect(node, ConnectionState::Lost { why, retry_at });
         self.nodes.release(node);
+        let frames = self.frames.unfinished_mut();
+        frames.for_each(|frame| frame.refusals.forget(node));
         self.advance(now.as_secs_f64());
     }
 
@@ -175,6 +181,11 @@ impl Coordinator {
             LinkEvent::Connecting => self.disconnect(node, ConnectionState::Connecting),
             LinkEvent::Lost { why, retry } => {
                 let retry_at = retry.map(|pause| now + pause.as_secs_f64());
+                if self.nodes[node].is_open() {
+                    // A frame may be what has ended it.
+                    let frames = self.frames.unfinished_mut();
+                    frames.for_each(|frame| frame.refusals.count(node, false, &why));
+                }
                 self.disconnect(node, ConnectionState::Lost { why, retry_at });
             }
             LinkEvent::Decoded { request, took } => {
@@ -240,8 +251,12 @@ impl Coordinator {
                 self.receive(now, index, request, tiles, busy_micros);
             }
             ClientEvent::RequestDone { report, .. } => self.close(now, index, report.request),
-            ClientEvent::RequestRefused { refusal, .. } => {
-                Recovery::refuse(now, node, &refusal);
+            ClientEvent::RequestRefused { frame, refusal } => {
+                let why = Recovery::refuse(now, node, &refusal);
+                if let (Some(why), Some(frame)) = (why, self.frames.get_mut(frame)) {
+                    let is_final = matches!(refusal.why, RefusalReason::Invalid(_));
+                    frame.refusals.count(index, is_final, &why);
+                }
                 self.close(now, index, refusal.request);
             }
             ClientEvent::Pong(number) => node.pong(now, number),
@@ -355,7 +370,12 @@ impl Coordinator {
     fn fill(&mut self, now: f64, index: NodeIndex, id: RequestId, arrival: &TileArrival<'_>) {
         let nodes = self.nodes.len();
         if !frame_buffer::is_finite(arrival.pixels) {
-            let why = "it sent pixels that are not numbers".into();
+            let why = "it sent pixels that are not numbers".to_owned();
+            if let Some(frame) = self.nodes[index].workload.requests.get(&id)
+                && let Some(frame) = self.frames.get_mut(frame.frame)
+            {
+                frame.refusals.count(index, false, &why);
+            }
             self.nodes[index].back_off(now, Some(why));
             self.dispatcher.cancel(now, &mut self.nodes, index, id);
             self.has_unassigned = true;
@@ -389,7 +409,7 @@ impl Coordinator {
         self.has_unassigned |= self.frames.has_background();
     }
 
-    /// Assigns what nobody holds, and delivers what is finished.
+    /// Assigns what nobody holds, gives up what nobody will trace, and delivers what is finished.
     fn advance(&mut self, now: f64) {
         if std::mem::take(&mut self.has_unassigned) {
             self.assigner.assign(
@@ -399,6 +419,12 @@ impl Coordinator {
                 &self.recovery,
                 &mut self.dispatcher,
             );
+        }
+        while let Some(refusal) = self.frames.hopeless(now, &self.nodes) {
+            self.frames.remove(refusal.frame);
+            self.dispatcher
+                .cancel_frame(now, &mut self.nodes, refusal.frame);
+            self.dispatcher.refuse(refusal);
         }
         while let Some(frame) = self.frames.pop_finished() {
             self.dispatcher.deliver(frame);

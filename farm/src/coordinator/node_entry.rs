@@ -1,7 +1,7 @@
 //! A node as the coordinator knows it: its connection, its scenes, pauses after failures, and its
 //! [`Workload`].
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use carom_protocol::limits::REQUESTS_QUEUED_MAX;
@@ -20,7 +20,8 @@ pub(super) struct NodeEntry {
     scenes: BTreeSet<SceneHash>,
     /// The scene that is on its way to it, and how much of it has come, in per cent.
     scene_progress: Option<(SceneHash, u8)>,
-    scene_refused: Option<(SceneHash, String)>,
+    /// Scenes that it cannot use, each with its reason.
+    scenes_refused: BTreeMap<SceneHash, String>,
     pub(super) workload: Workload,
     pause: Option<Pause>,
     /// Failures since it last sent something right.
@@ -65,7 +66,7 @@ impl NodeEntry {
             connection: ConnectionState::Connecting,
             scenes: BTreeSet::new(),
             scene_progress: None,
-            scene_refused: None,
+            scenes_refused: BTreeMap::new(),
             workload: Workload::default(),
             pause: None,
             failures: 0,
@@ -92,7 +93,7 @@ impl NodeEntry {
         self.connection = connection;
         self.scenes.clear();
         self.scene_progress = None;
-        self.scene_refused = None;
+        self.scenes_refused.clear();
         self.lost_tiles += self.workload.clear();
         self.pause = None;
         self.failures = 0;
@@ -100,7 +101,7 @@ impl NodeEntry {
 
     /// `true` if it was not ready for that scene before.
     pub(super) fn scene_ready(&mut self, hash: SceneHash) -> bool {
-        self.scene_refused = None;
+        self.scenes_refused.remove(&hash);
         self.scenes.insert(hash)
     }
 
@@ -109,7 +110,10 @@ impl NodeEntry {
     }
 
     pub(super) fn scene_refused(&mut self, hash: SceneHash, why: String) {
-        self.scene_refused = Some((hash, why));
+        if self.scenes_refused.len() >= SCENES_REFUSED_MAX {
+            self.scenes_refused.pop_first();
+        }
+        self.scenes_refused.insert(hash, why);
     }
 
     /// Counts tiles that have come, where their time went, and that they are right.
@@ -208,6 +212,24 @@ impl NodeEntry {
         matches!(self.connection, ConnectionState::Open(_))
     }
 
+    /// Why it cannot use a scene, if it has said so.
+    pub(super) fn scene_refusal(&self, hash: SceneHash) -> Option<&str> {
+        self.scenes_refused.get(&hash).map(String::as_str)
+    }
+
+    /// What it is called by.
+    pub(super) fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// Whether it is not called any more.
+    pub(super) fn is_gone(&self) -> bool {
+        matches!(
+            self.connection,
+            ConnectionState::Lost { retry_at: None, .. }
+        )
+    }
+
     /// Whether it can be asked for tiles of that scene.
     pub(super) fn is_usable(&self, scene: SceneHash) -> bool {
         self.workload.silent_since.is_none() && self.is_usable_if_it_answers(scene)
@@ -267,14 +289,13 @@ impl NodeEntry {
             why,
             retry_secs: retry_at.map(|at| (at - now).ceil().max(1.0) as u64),
         };
-        match (&self.connection, &self.scene_refused, &self.pause) {
+        let scene_refusal = scene.and_then(|scene| self.scene_refusal(scene));
+        match (&self.connection, scene_refusal, &self.pause) {
             (ConnectionState::Connecting, ..) => return NodeState::Starting,
             (ConnectionState::Lost { why, retry_at }, ..) => {
                 return lost(why.clone(), *retry_at);
             }
-            (_, Some((hash, why)), _) if Some(*hash) == scene => {
-                return lost(format!("it cannot use the scene: {why}"), None);
-            }
+            (_, Some(why), _) => return lost(format!("it cannot use the scene: {why}"), None),
             (.., Some(Pause { why, until })) if why.is_some() => {
                 return lost(why.clone().unwrap_or_default(), Some(*until));
             }
@@ -319,5 +340,7 @@ const BUSY_PAUSE_SECS: f64 = 0.02;
 /// Seconds since its last answer that a node still counts as rendering: at 60 frames a second the
 /// pauses between them would tell nobody anything.
 const WORK_SECS: f64 = 1.0;
+/// Refused scenes of a connection that are remembered.
+const SCENES_REFUSED_MAX: usize = 16;
 /// Seconds between pings.
 const PING_SECS: f64 = 1.0;

@@ -37,20 +37,22 @@ pub(super) struct Recovery {
 }
 
 impl Recovery {
-    /// Lets a node pause that has refused a request, if it was still wanted.
-    pub(super) fn refuse(now: f64, node: &mut NodeEntry, refusal: &Refusal) {
+    /// Lets a node pause that has refused a request, if it was still wanted. Returns why, if it is
+    /// the fault of the node, its device or the request.
+    pub(super) fn refuse(now: f64, node: &mut NodeEntry, refusal: &Refusal) -> Option<String> {
         let request = node.workload.requests.get(&refusal.request);
         let is_wanted = request.is_some_and(|request| !request.is_cancelled);
         let why = match &refusal.why {
             RefusalReason::Cancelled | RefusalReason::Busy if is_wanted => None,
-            RefusalReason::Cancelled | RefusalReason::Busy => return,
+            RefusalReason::Cancelled | RefusalReason::Busy => return None,
             RefusalReason::UnknownScene => {
                 Some("it has lost the scene, which is sent again".to_owned())
             }
             RefusalReason::Invalid(why) => Some(format!("it calls a request invalid: {why}")),
             RefusalReason::Device(why) => Some(format!("its device failed: {why}")),
         };
-        node.back_off(now, why);
+        node.back_off(now, why.clone());
+        why
     }
 
     /// Requests the tiles of an assigned frame that nobody holds any more of `helpers`, so that they

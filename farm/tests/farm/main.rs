@@ -4,6 +4,7 @@
 mod live;
 mod multi_device;
 mod progressive;
+mod refusals;
 mod samples;
 
 use std::sync::Arc;

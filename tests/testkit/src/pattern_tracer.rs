@@ -9,7 +9,7 @@ use carom_farm::FrameSpec;
 use carom_tracer::sampling::{pixel_key, uniforms};
 use carom_tracer::{
     Camera, CompiledScene, DeviceInfo, DeviceKind, Environment, Error, Lens, Material, Object,
-    RenderSettings, Scene, Shape, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
+    RenderSettings, Scene, SceneError, Shape, Tile, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 use glam::{Quat, Vec3};
 
@@ -26,6 +26,8 @@ pub struct PatternTracer {
 pub enum DeviceFault {
     /// By an error.
     Error,
+    /// By an error that blames the scene.
+    Refusal,
     /// By a panic.
     Panic,
     /// Until the gate opens.
@@ -109,6 +111,11 @@ impl PatternTracer {
                 device: "pattern".into(),
                 message: "it was told to fail".into(),
             }),
+            Some(DeviceFault::Refusal) => Err(Error::InvalidScene(SceneError::TooMany {
+                what: "objects",
+                count: 9,
+                max: 4,
+            })),
             Some(DeviceFault::Panic) => panic!("it was told to panic"),
             Some(DeviceFault::Hang(gate)) => {
                 gate.pass();

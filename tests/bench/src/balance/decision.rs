@@ -75,7 +75,7 @@ fn answer_all(coordinator: &mut Coordinator, mut now: Duration) {
     loop {
         while let Some(action) = coordinator.poll_action() {
             match action {
-                CoordinatorAction::Deliver(_) => return,
+                CoordinatorAction::Deliver(_) | CoordinatorAction::Refuse(_) => return,
                 CoordinatorAction::Command {
                     node,
                     command: LinkCommand::Trace(request),

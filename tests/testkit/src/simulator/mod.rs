@@ -311,6 +311,10 @@ impl<'a> FarmSimulation<'a> {
                     self.schedule(arrival, SimulationEvent::Command(node, connection, command));
                 }
                 CoordinatorAction::Deliver(frame) => self.deliver(*frame),
+                CoordinatorAction::Refuse(refusal) => {
+                    self.handed = self.handed.max(refusal.frame.0 + 1);
+                    self.report.refused.push(refusal);
+                }
             }
         }
     }

@@ -1,5 +1,6 @@
 //! The results of a simulation.
 
+use carom_farm::coordinator::FrameRefusal;
 use carom_farm::{Frame, NodeStatus};
 
 /// What came out.
@@ -9,6 +10,8 @@ pub struct SimulationReport {
     pub frames: Vec<Frame>,
     /// Those that were shown with tiles missing, of which some came whole later.
     pub partial: Vec<Frame>,
+    /// Those that every node refused.
+    pub refused: Vec<FrameRefusal>,
     /// The most that a frame was handed over after it had to be shown, in seconds.
     pub shown_late_secs: f64,
     /// Frames in which any pixel was wrong or missing.
