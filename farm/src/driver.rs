@@ -8,9 +8,10 @@ use std::time::{Duration, Instant};
 use carom_protocol::limits::NODES_MAX;
 use carom_protocol::{FrameId, PrecisionRange, SceneHash};
 use carom_tracer::{Scene, Tracer};
+use ring::rand::{SecureRandom, SystemRandom};
 
 use crate::balancer::Balancer;
-use crate::coordinator::{Coordinator, CoordinatorAction, FrameRefusal};
+use crate::coordinator::{Coordinator, CoordinatorAction, FrameRefusal, SPOT_CHECK_TILES};
 use crate::directory::roster::Roster;
 use crate::directory::watch::DirectoryWatch;
 use crate::directory::{Directory, ListedNode};
@@ -117,6 +118,7 @@ impl Driver {
         let (inputs, receiver) = mpsc::channel();
         let mut coordinator = Coordinator::new(config.balancer);
         coordinator.set_distribution(config.distribution);
+        coordinator.set_spot_checks(SPOT_CHECK_TILES, secret_key());
         Self {
             coordinator,
             links: Vec::new(),
@@ -149,7 +151,7 @@ impl Driver {
     }
 
     pub(crate) fn add_local(&mut self, tracer: Arc<dyn Tracer>) {
-        let index = self.add_node("local".into());
+        let index = self.add_local_node();
         self.links[index.0] = self.memory_link(index, tracer);
     }
 
@@ -158,7 +160,7 @@ impl Driver {
         &mut self,
         open: fn() -> Result<Arc<dyn Tracer>, carom_tracer::Error>,
     ) {
-        let index = self.add_node("local".into());
+        let index = self.add_local_node();
         self.opening += 1;
         let inputs = self.inputs.clone();
         std::thread::spawn(move || {
@@ -231,6 +233,8 @@ impl Driver {
                     }
                     CoordinatorAction::Deliver(frame) => self.deliver(*frame),
                     CoordinatorAction::Refuse(refusal) => self.refuse(refusal),
+                    CoordinatorAction::HangUp(node) => self.hang_up(node),
+                    CoordinatorAction::Warn(sentence) => tracing::warn!("{sentence}"),
                 }
             }
             self.refresh_board(now);
@@ -338,8 +342,7 @@ impl Driver {
             let is_idle =
                 |state: &NodeState| matches!(state, NodeState::Starting | NodeState::Lost { .. });
             if nodes[node.0].info.is_none() && is_idle(&nodes[node.0].state) {
-                self.links[node.0] = DriverLink::None;
-                self.link_ids[node.0] = VOID;
+                self.hang_up(node);
                 self.roster.forget(node);
                 self.coordinator.remove_node(self.now(), node);
             }
@@ -349,6 +352,15 @@ impl Driver {
     /// A place for a node that has no link yet.
     fn add_node(&mut self, name: String) -> NodeIndex {
         let index = self.coordinator.add_node(name);
+        self.add_link(index)
+    }
+
+    fn add_local_node(&mut self) -> NodeIndex {
+        let index = self.coordinator.add_local_node("local".into());
+        self.add_link(index)
+    }
+
+    fn add_link(&mut self, index: NodeIndex) -> NodeIndex {
         if index.0 == self.links.len() {
             self.links.push(DriverLink::None);
             self.link_ids.push(VOID);
@@ -430,6 +442,12 @@ impl Driver {
         }
     }
 
+    /// Ends the link to a node, whose events are void from now on.
+    fn hang_up(&mut self, node: NodeIndex) {
+        self.links[node.0] = DriverLink::None;
+        self.link_ids[node.0] = VOID;
+    }
+
     /// Tells whoever has submitted a frame that it will not come.
     fn refuse(&mut self, refusal: FrameRefusal) {
         if let Some(route) = self.routes.remove(&refusal.frame) {
@@ -455,6 +473,16 @@ impl DriverLink {
             tracing::debug!("a command for a link that is gone was dropped");
         }
     }
+}
+
+/// What no node can guess. Without the system's random numbers spot checks would fall on tiles that
+/// nodes can foretell, which is no reason not to render.
+fn secret_key() -> [u8; 32] {
+    let mut key = [0; 32];
+    if SystemRandom::new().fill(&mut key).is_err() {
+        tracing::warn!("the system gives no random numbers: nodes can foretell spot checks");
+    }
+    key
 }
 
 /// No link.

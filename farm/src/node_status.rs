@@ -33,6 +33,11 @@ pub struct NodeStatus {
     /// Tiles that it was asked for and that it refused, or that were lost with its connection or
     /// asked of others because it had fallen silent.
     pub lost_tiles: u64,
+    /// Tiles of it that others have traced again and that were compared.
+    pub checked_tiles: u64,
+    /// That its pixels differ from another node's while nobody knows who is right, as the end of a
+    /// sentence.
+    pub doubt: Option<String>,
     /// Last round trip of a ping, if there was one.
     pub round_trip: Option<Duration>,
     /// Where the time of its last tile went.

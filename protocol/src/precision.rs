@@ -51,6 +51,11 @@ impl PixelPrecision {
         }
     }
 
+    /// Whether it is one of JPEG's, which keep means of blocks and no pixel.
+    pub fn is_lossy(self) -> bool {
+        self.step().is_none()
+    }
+
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Exact => "exact",

@@ -349,6 +349,9 @@ impl Assigner {
             return;
         };
         let request = &workload.requests[&id];
+        if request.is_check {
+            return;
+        }
         if request.is_probe {
             workload.estimator.expect_little();
         }

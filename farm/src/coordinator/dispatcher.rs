@@ -12,8 +12,10 @@ use super::frame_in_flight::FrameInFlight;
 use super::frame_refusals::FrameRefusal;
 use super::node_table::NodeTable;
 use super::open_request::OpenRequest;
+use super::sample_passes::SamplePasses;
+use super::spot_checks::CheckedTile;
 use crate::balancer::Estimate;
-use crate::frame::Frame;
+use crate::frame::{Frame, FrameSpec};
 use crate::link::LinkCommand;
 use crate::node_status::NodeIndex;
 
@@ -22,6 +24,15 @@ use crate::node_status::NodeIndex;
 pub(super) struct Dispatcher {
     actions: VecDeque<CoordinatorAction>,
     last_request: RequestId,
+}
+
+/// What is asked for, but for the tiles.
+#[derive(Clone, Copy)]
+struct RequestedFrame<'a> {
+    frame: FrameId,
+    scene: SceneHash,
+    spec: &'a FrameSpec,
+    passes: SamplePasses,
 }
 
 impl Dispatcher {
@@ -41,6 +52,16 @@ impl Dispatcher {
 
     pub(super) fn refuse(&mut self, refusal: FrameRefusal) {
         self.actions.push_back(CoordinatorAction::Refuse(refusal));
+    }
+
+    /// Has the link to a node dropped.
+    pub(super) fn hang_up(&mut self, node: NodeIndex) {
+        self.actions.push_back(CoordinatorAction::HangUp(node));
+    }
+
+    /// Has something logged.
+    pub(super) fn warn(&mut self, sentence: String) {
+        self.actions.push_back(CoordinatorAction::Warn(sentence));
     }
 
     pub(super) fn poll(&mut self) -> Option<CoordinatorAction> {
@@ -68,6 +89,12 @@ impl Dispatcher {
         // Nothing is sent if the node has it; a node keeps only the scenes used last.
         self.send_scene(node, frame.scene.0, &frame.scene.1);
         let mut wait_secs = nodes[node].workload.wait_secs(now, frame.id);
+        let of = RequestedFrame {
+            frame: frame.id,
+            scene: frame.scene.0,
+            spec: &frame.spec,
+            passes,
+        };
         for range in tiles.iter().flat_map(|range| passes.split(*range)) {
             for first in range.indices().step_by(most as usize) {
                 let count = most.min(range.end() - first);
@@ -75,10 +102,36 @@ impl Dispatcher {
                 let work = frame.work.of(tiles);
                 let mut request = OpenRequest::new(now, frame.id, passes, tiles, work);
                 request.is_probe = is_probe;
-                wait_secs += self.request_range(nodes, node, frame, request, wait_secs);
+                wait_secs += self.request_range(nodes, node, of, request, wait_secs);
             }
         }
         nodes.arm(node);
+    }
+
+    /// Asks a node for a tile that another node has traced, if it has room.
+    pub(super) fn request_check(
+        &mut self,
+        now: f64,
+        nodes: &mut NodeTable,
+        node: NodeIndex,
+        tile: &CheckedTile,
+    ) -> Option<RequestId> {
+        if !nodes[node].has_room() {
+            return None;
+        }
+        self.send_scene(node, tile.scene.0, &tile.scene.1);
+        let mut request = OpenRequest::new(now, tile.frame, tile.passes, tile.unit, tile.work);
+        (request.is_probe, request.is_check) = (true, true);
+        let of = RequestedFrame {
+            frame: tile.frame,
+            scene: tile.scene.0,
+            spec: &tile.spec,
+            passes: tile.passes,
+        };
+        let wait_secs = nodes[node].workload.wait_secs(now, tile.frame);
+        self.request_range(nodes, node, of, request, wait_secs);
+        nodes.arm(node);
+        Some(self.last_request)
     }
 
     /// Sends one request, which waits at its node for others for `wait_secs`. Returns for how long
@@ -87,7 +140,7 @@ impl Dispatcher {
         &mut self,
         nodes: &mut NodeTable,
         index: NodeIndex,
-        frame: &FrameInFlight,
+        of: RequestedFrame<'_>,
         mut request: OpenRequest,
         wait_secs: f64,
     ) -> f64 {
@@ -98,24 +151,24 @@ impl Dispatcher {
         let workload = &mut node.workload;
         let cost = workload.delivered();
         let busy_secs = cost.map_or(0.0, |cost| cost.secs_per_work * request.work);
-        request.delay_secs = workload.delay.secs(frame.id);
+        request.delay_secs = workload.delay.secs(of.frame);
         let comes = |cost: Estimate| request.issued + cost.fixed_secs + request.delay_secs;
         request.expected = cost.map(|cost| comes(cost) + wait_secs + busy_secs);
         self.last_request = RequestId(self.last_request.0 + 1);
-        let samples = frame.passes.samples(request.tiles.first);
+        let samples = of.passes.samples(request.tiles.first);
         let message = Box::new(TraceRequest {
-            frame: frame.id,
+            frame: of.frame,
             id: self.last_request,
-            scene: frame.scene.0,
-            update: frame.spec.update.clone(),
-            grid: frame.passes.grid,
-            tiles: frame.passes.tiles(request.tiles),
+            scene: of.scene,
+            update: of.spec.update.clone(),
+            grid: of.passes.grid,
+            tiles: of.passes.tiles(request.tiles),
             settings: RenderSettings {
                 samples: samples.len() as u32,
-                first_sample: frame.spec.settings.first_sample + samples.start,
-                ..frame.spec.settings
+                first_sample: of.spec.settings.first_sample + samples.start,
+                ..of.spec.settings
             },
-            format: frame.spec.format,
+            format: of.spec.format,
             precision: PrecisionRange::EXACT,
             references: Vec::new(),
         });

@@ -63,6 +63,14 @@ impl FrameBuffer {
         filled
     }
 
+    /// Takes units out again: another node's pixels come in their place.
+    pub(super) fn clear(&mut self, run: TileRange) {
+        for index in run.indices() {
+            let filled = std::mem::take(&mut self.filled[index as usize]);
+            self.missing += u32::from(filled);
+        }
+    }
+
     pub(super) fn is_complete(&self) -> bool {
         self.missing == 0
     }

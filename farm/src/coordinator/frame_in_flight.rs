@@ -58,6 +58,8 @@ pub(super) struct TileArrival<'a> {
     pub(super) dropped_samples: u32,
     pub(super) payload_bytes: usize,
     pub(super) times: NodeTimes,
+    /// Whether JPEG has changed the pixels.
+    pub(super) is_lossy: bool,
 }
 
 impl FrameInFlight {
@@ -184,6 +186,28 @@ impl FrameInFlight {
         }
         *noted = split;
         split
+    }
+
+    /// Takes out what a node has sent, whose pixels are wrong; of several passes, whose sums cannot be
+    /// told apart, all that has come.
+    pub(super) fn retract(&mut self, node: NodeIndex) {
+        let Some(buffer) = &mut self.buffer else {
+            return;
+        };
+        let several = self.passes.count() > 1;
+        let is_out = |delivery: &Delivery| several || delivery.node == node;
+        let out = self
+            .stats
+            .deliveries
+            .extract_if(.., |delivery| is_out(delivery));
+        for delivery in out {
+            buffer.clear(delivery.tiles);
+            self.stats.tiles_by_node[delivery.node.0] = 0;
+            self.stats.response_secs_by_node[delivery.node.0] = 0.0;
+        }
+        if several {
+            *buffer = FrameBuffer::new(self.passes, self.spec.format);
+        }
     }
 
     /// How much later than its target a tile may come before it is asked for again, in seconds:

@@ -199,6 +199,7 @@ mod tests {
             dropped_samples: 0,
             payload_bytes: 1,
             times: NodeTimes::default(),
+            is_lossy: false,
         };
         frame.add_tiles(1.0, NodeIndex(0), 1, &request, &arrival);
         frame.finish(1.0);
@@ -214,6 +215,21 @@ mod tests {
         let ids = [0; 2].map(|_| queue.pop_finished().unwrap().id.0);
         assert_eq!(ids, [0, 1]);
         assert_eq!(queue.unfinished().count(), 1);
+    }
+
+    #[test]
+    fn tiles_of_a_node_that_is_dropped_are_asked_for_again() {
+        let mut queue = FrameQueue::default();
+        queue.push(frame(0, 0.0));
+        deliver(&mut queue, 0, 0, 1);
+        let frame = queue.get_mut(FrameId(0)).unwrap();
+        frame.retract(NodeIndex(1));
+        let missing = |frame: &FrameInFlight| frame.buffer.as_ref().unwrap().missing_count();
+        assert_eq!((missing(frame), frame.stats.deliveries.len()), (1, 1));
+        frame.retract(NodeIndex(0));
+        assert_eq!((missing(frame), frame.stats.tiles_by_node[0]), (2, 0));
+        deliver(&mut queue, 0, 0, 2);
+        assert!(queue.pop_finished().is_some());
     }
 
     #[test]

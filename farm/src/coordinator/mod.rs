@@ -29,6 +29,8 @@ mod open_request;
 mod partition;
 mod recovery;
 mod sample_passes;
+mod spot_checks;
+mod tile_comparison;
 mod workload;
 
 use std::sync::Arc;
@@ -46,6 +48,9 @@ pub use self::frame_refusals::FrameRefusal;
 use self::node_entry::ConnectionState;
 use self::node_table::NodeTable;
 use self::recovery::{Recovery, cancel_redundant};
+pub use self::spot_checks::SPOT_CHECK_TILES;
+use self::spot_checks::{SpotChecks, Verdict};
+pub use self::tile_comparison::{differing_share, tiles_agree};
 use crate::balancer::Balancer;
 use crate::balancing::{Algorithm, Balancing, Distribution};
 use crate::frame::{Frame, FrameSpec};
@@ -66,6 +71,10 @@ pub enum CoordinatorAction {
     Deliver(Box<Frame>),
     /// Tells the caller that a frame will not come: every node refuses it.
     Refuse(FrameRefusal),
+    /// Drops the link to a node for good: its pixels are wrong.
+    HangUp(NodeIndex),
+    /// Tells the user something that has happened.
+    Warn(String),
 }
 
 /// See the [module](self). Durations count from any moment that stays the same.
@@ -76,6 +85,7 @@ pub struct Coordinator {
     assigner: Assigner,
     recovery: Recovery,
     dispatcher: Dispatcher,
+    spot_checks: SpotChecks,
     scene: Option<(SceneHash, Arc<Scene>)>,
     /// Whether there may be tiles that nobody holds.
     has_unassigned: bool,
@@ -90,6 +100,7 @@ impl Coordinator {
             assigner: Assigner::new(balancing),
             recovery: Recovery::default(),
             dispatcher: Dispatcher::default(),
+            spot_checks: SpotChecks::default(),
             scene: None,
             has_unassigned: false,
         }
@@ -98,6 +109,19 @@ impl Coordinator {
     /// Adds a node that is about to be called.
     pub fn add_node(&mut self, address: String) -> NodeIndex {
         self.nodes.add(address)
+    }
+
+    /// The same of a node of this process, whose pixels are right where others differ.
+    pub fn add_local_node(&mut self, address: String) -> NodeIndex {
+        let node = self.nodes.add(address);
+        self.nodes[node].is_local = true;
+        node
+    }
+
+    /// Has one tile of `tiles` ([`SPOT_CHECK_TILES`] unless told otherwise; 0 for none) traced again by
+    /// another node. Which ones follows from `key`, which no node may know.
+    pub fn set_spot_checks(&mut self, tiles: u32, key: [u8; 32]) {
+        self.spot_checks = SpotChecks::new(tiles, key);
     }
 
     /// Forgets a node that is no longer called; the next one that is added takes its index.
@@ -228,6 +252,7 @@ impl Coordinator {
                 times,
                 dropped_samples,
                 payload_bytes,
+                precision,
                 ..
             } => {
                 let tiles = self.units(index, request, tiles);
@@ -237,6 +262,7 @@ impl Coordinator {
                     dropped_samples,
                     payload_bytes,
                     times,
+                    is_lossy: precision.is_lossy(),
                 };
                 self.receive(now, index, request, tiles, busy_micros);
                 self.fill(now, index, request, &arrival);
@@ -311,6 +337,7 @@ impl Coordinator {
     }
 
     fn disconnect(&mut self, index: NodeIndex, connection: ConnectionState) {
+        self.spot_checks.forget(index);
         self.nodes[index].reset(connection);
         self.has_unassigned = true;
     }
@@ -381,6 +408,10 @@ impl Coordinator {
             self.has_unassigned = true;
             return;
         }
+        if self.spot_checks.has(index, id) {
+            self.compare(now, index, id, arrival);
+            return;
+        }
         let node = &mut self.nodes[index];
         node.forgive();
         let Some(request) = node.workload.requests.get(&id) else {
@@ -393,6 +424,11 @@ impl Coordinator {
             return;
         };
         node.count_tiles(fresh, split);
+        if fresh == arrival.tiles.count {
+            let (nodes, dispatcher) = (&mut self.nodes, &mut self.dispatcher);
+            let checks = &mut self.spot_checks;
+            checks.offer(now, nodes, dispatcher, frame, index, arrival);
+        }
         if frame.finish(now) {
             self.dispatcher.cancel_frame(now, &mut self.nodes, frame.id);
         } else {
@@ -401,9 +437,59 @@ impl Coordinator {
         }
     }
 
+    /// Compares a tile that has been traced again, and drops the node that has sent something else than
+    /// others.
+    fn compare(&mut self, now: f64, index: NodeIndex, id: RequestId, arrival: &TileArrival<'_>) {
+        let (nodes, dispatcher) = (&mut self.nodes, &mut self.dispatcher);
+        let checks = &mut self.spot_checks;
+        let names = |nodes: &NodeTable, of: &[NodeIndex]| {
+            let names = of.iter().map(|node| nodes[*node].full_name());
+            names.collect::<Vec<_>>().join(" and ")
+        };
+        match checks.answer(now, nodes, dispatcher, (index, id), arrival) {
+            None => {}
+            Some(Verdict::Agreement(all)) => all.iter().for_each(|node| nodes[*node].agree()),
+            Some(Verdict::Wrong(node, right)) => {
+                let who = names(nodes, &[node]);
+                let right = names(nodes, &right);
+                dispatcher.warn(format!(
+                    "{who} is dropped: it sends wrong pixels, unlike {right} for the same tile. If it \
+                     should not, take its certificate back with `carom-farm revoke`"
+                ));
+                self.drop_node(node, format!("it sent other pixels than {right}"));
+            }
+            Some(Verdict::Disagreement(all)) => {
+                let mut is_new = false;
+                for node in &all {
+                    let mut others = all.clone();
+                    others.retain(|other| other != node);
+                    let others = names(nodes, &others);
+                    is_new |= nodes[*node].disagree(&others);
+                }
+                if is_new {
+                    let all = names(nodes, &all);
+                    dispatcher.warn(format!(
+                        "{all} send different pixels of the same tile, and no further node tells which \
+                         are right: add one"
+                    ));
+                }
+            }
+        }
+    }
+
+    /// Drops a node for good, with what it has sent for frames that are not finished.
+    fn drop_node(&mut self, index: NodeIndex, why: String) {
+        let retry_at = None;
+        self.disconnect(index, ConnectionState::Lost { why, retry_at });
+        let frames = self.frames.unfinished_mut();
+        frames.for_each(|frame| frame.retract(index));
+        self.dispatcher.hang_up(index);
+    }
+
     /// Ends a request; one that was refused may leave tiles that nobody holds.
     fn close(&mut self, now: f64, index: NodeIndex, id: RequestId) {
         self.assigner.learn(&mut self.nodes, index, id);
+        self.spot_checks.close(index, id);
         self.has_unassigned |= self.nodes[index].close(now, id);
         // A request that was cancelled or refused frees its node, and no tiles may come that tell.
         self.has_unassigned |= self.frames.has_background();

@@ -15,6 +15,8 @@ use crate::stats::LatencySplit;
 #[derive(Debug)]
 pub(super) struct NodeEntry {
     address: String,
+    /// Whether it is in this process: its pixels are right.
+    pub(super) is_local: bool,
     connection: ConnectionState,
     /// Scenes that it has said it is ready for.
     scenes: BTreeSet<SceneHash>,
@@ -28,6 +30,10 @@ pub(super) struct NodeEntry {
     failures: u32,
     tiles: u64,
     lost_tiles: u64,
+    /// Tiles of it that other nodes have traced again.
+    checked_tiles: u64,
+    /// With whom it last disagreed about pixels, while nobody knows who is right.
+    doubt: Option<String>,
     split: LatencySplit,
     ping: PingState,
     pub(super) last_probe: Option<FrameId>,
@@ -63,6 +69,7 @@ impl NodeEntry {
     pub(super) fn new(address: String) -> Self {
         Self {
             address,
+            is_local: false,
             connection: ConnectionState::Connecting,
             scenes: BTreeSet::new(),
             scene_progress: None,
@@ -72,6 +79,8 @@ impl NodeEntry {
             failures: 0,
             tiles: 0,
             lost_tiles: 0,
+            checked_tiles: 0,
+            doubt: None,
             split: LatencySplit::default(),
             ping: PingState::default(),
             last_probe: None,
@@ -222,6 +231,30 @@ impl NodeEntry {
         &self.address
     }
 
+    /// What it is called by, with the name in its certificate.
+    pub(super) fn full_name(&self) -> String {
+        match &self.connection {
+            ConnectionState::Open(info) if !info.name.is_empty() => {
+                format!("{} ({})", info.name, self.address)
+            }
+            _ => self.address.clone(),
+        }
+    }
+
+    /// Counts a tile that it and others have traced alike.
+    pub(super) fn agree(&mut self) {
+        self.checked_tiles += 1;
+        self.doubt = None;
+    }
+
+    /// Notes that it and others have traced a tile differently, and nobody knows who is right. `true`
+    /// if that is new.
+    pub(super) fn disagree(&mut self, others: &str) -> bool {
+        self.checked_tiles += 1;
+        let doubt = format!("its pixels differ from those of {others}");
+        self.doubt.replace(doubt.clone()) != Some(doubt)
+    }
+
     /// Whether it is not called any more.
     pub(super) fn is_gone(&self) -> bool {
         matches!(
@@ -279,6 +312,8 @@ impl NodeEntry {
             speed_error: error.map_or(0.0, |error| error.pace),
             tiles: self.tiles,
             lost_tiles: self.lost_tiles,
+            checked_tiles: self.checked_tiles,
+            doubt: self.doubt.clone(),
             round_trip: round_trip.map(Duration::from_secs_f64),
             split: self.split,
         }

@@ -23,6 +23,8 @@ pub(super) struct OpenRequest {
     pub(super) expected: Option<f64>,
     /// Whether the frame does without: the tile has been asked of another node too.
     pub(super) is_probe: bool,
+    /// Whether it is a probe only to compare its tile: nothing is learned from how long it takes.
+    pub(super) is_check: bool,
     pub(super) is_cancelled: bool,
     /// Whether its node has been silent for so long that others are asked for it.
     pub(super) is_lost: bool,
@@ -66,6 +68,7 @@ impl OpenRequest {
             delay_secs: 0.0,
             expected: None,
             is_probe: false,
+            is_check: false,
             is_cancelled: false,
             is_lost: false,
             tiles_received: 0,

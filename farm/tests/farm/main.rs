@@ -1,6 +1,7 @@
 //! Laws of a farm of in-process nodes, on real threads: what a picture may depend on, and what may
 //! happen to nodes while it is traced.
 
+mod device_agreement;
 mod live;
 mod multi_device;
 mod progressive;

@@ -4,10 +4,12 @@ mod acceptance;
 mod fairness;
 mod faults;
 mod samples;
+mod spot_checks;
 mod states;
 
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
 use carom_farm::balancer::{CostModel, water_fill};
+use carom_farm::coordinator::SPOT_CHECK_TILES;
 use carom_farm::{Balancing, Distribution, FrameStats, NodeState};
 use carom_testkit::simulator::{
     FarmPlan, NetworkConditions, NodeChange, NodePlan, SimulationReport, run,
@@ -30,6 +32,7 @@ fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> FarmPlan {
         size: ImageSize::new(240, 160),
         samples: 1,
         distribution: Distribution::Tiles,
+        spot_check_tiles: SPOT_CHECK_TILES,
         tile_edge: 8,
         conditions: NetworkConditions::default(),
         changes: Vec::new(),
@@ -76,6 +79,7 @@ fn checked(plan: &FarmPlan) -> SimulationReport {
             .all(|(index, frame)| frame.id.0 == index as u64)
     );
     assert_eq!(report.wrong_frames, 0, "seed {}", plan.seed);
+    assert_eq!(report.warnings, [""; 0], "seed {}", plan.seed);
     for frame in &report.frames {
         let delivered: u32 = frame.stats.tiles_by_node.iter().sum();
         assert_eq!(delivered, report.tiles_per_frame * frame.stats.passes);

@@ -9,6 +9,7 @@
 //! | a node is lost | others trace its tiles, it is called again | once, with why; and when it is back |
 //! | all nodes lost | this machine goes on alone; with no local tracer the last picture stays | the first once, the second as long as it lasts |
 //! | a bad network | pictures are asked for earlier, precision falls | once, with the round trip |
+//! | two nodes send different pixels | one further traces the tile, who is alone is dropped as a lost node | once, with both, where there is no third |
 //! | another version, UDP blocked | as a lost node | the reason says what to do |
 
 use carom_farm::{NodeState, NodeStatus};
@@ -29,6 +30,7 @@ struct NodeNotice {
     was_ready: bool,
     slow: bool,
     far: bool,
+    doubted: bool,
     /// When a sentence was last said of it.
     said_secs: Option<f64>,
 }
@@ -58,7 +60,8 @@ impl FarmNotifier {
             let note = seen
                 .changed(node, others(index))
                 .or_else(|| seen.slowed(node, fastest))
-                .or_else(|| seen.distanced(node));
+                .or_else(|| seen.distanced(node))
+                .or_else(|| seen.doubted(node));
             if let Some(note) = note {
                 let again = seen
                     .said_secs
@@ -129,6 +132,12 @@ impl NodeNotice {
                 name(node)
             )
         })
+    }
+
+    fn doubted(&mut self, node: &NodeStatus) -> Option<String> {
+        let was_doubted = std::mem::replace(&mut self.doubted, node.doubt.is_some());
+        let doubt = node.doubt.as_ref().filter(|_| !was_doubted)?;
+        Some(format!("{}: {doubt}, and one of them is wrong", name(node)))
     }
 
     fn distanced(&mut self, node: &NodeStatus) -> Option<String> {
@@ -229,6 +238,8 @@ mod tests {
             speed_error: 0.0,
             tiles: 0,
             lost_tiles: 0,
+            checked_tiles: 0,
+            doubt: None,
             round_trip: None,
             split: Default::default(),
         }
@@ -294,6 +305,18 @@ mod tests {
             told(&mut lookout, &farm(NodeState::Ready), 20.0),
             "attic:1 is connected again"
         );
+    }
+
+    #[test]
+    fn nodes_whose_pixels_differ_are_told_of_once() {
+        let mut lookout = FarmNotifier::default();
+        let mut attic = node("attic:1", NodeState::Ready);
+        assert_eq!(told(&mut lookout, &[attic.clone()], 0.0), "");
+        attic.doubt = Some("its pixels differ from those of oak:1".to_owned());
+        let said = told(&mut lookout, &[attic.clone()], 20.0);
+        let expected = "attic:1: its pixels differ from those of oak:1, and one of them is wrong";
+        assert_eq!(said, expected);
+        assert_eq!(told(&mut lookout, &[attic], 40.0), "");
     }
 
     #[test]

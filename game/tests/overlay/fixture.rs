@@ -46,6 +46,8 @@ pub(crate) fn nodes() -> Vec<NodeStatus> {
             speed_error: 0.03,
             tiles: 40_000,
             lost_tiles: 0,
+            checked_tiles: 0,
+            doubt: None,
             round_trip: None,
             split: LatencySplit::default(),
         };

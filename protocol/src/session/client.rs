@@ -15,6 +15,7 @@ use crate::message::{
     FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId, RequestReport,
     SceneHash, TilesDone, ToClient, ToNode, TraceRequest, VERSION,
 };
+use crate::precision::PixelPrecision;
 use crate::tile_codec::{Decoder, TilePixels};
 
 /// An event of a client's session.
@@ -56,6 +57,8 @@ pub enum ClientEvent {
         dropped_samples: u32,
         /// Bytes that the pixels took on the wire.
         payload_bytes: usize,
+        /// The precision that the node has chosen for them.
+        precision: PixelPrecision,
     },
     /// Tiles of a request that has been cancelled: their pixels are not needed, which were not decoded,
     /// but the time they took says how fast the node is.
@@ -370,6 +373,7 @@ impl ClientSession {
         } else {
             let count = request.grid.pixels(done.tiles);
             let shared = shared.filter(|pixels| pixels.fits(request.format, count));
+            let mut precision = PixelPrecision::Exact;
             let pixels = match (request.format, shared) {
                 (_, Some(pixels)) => pixels,
                 (PixelFormat::Srgb8 { .. }, None) => {
@@ -385,6 +389,7 @@ impl ClientSession {
                         done.tiles,
                         decoded.references,
                     );
+                    precision = decoded.precision;
                     TilePixels::Srgb8(decoded.pixels)
                 }
                 (format, None) => {
@@ -401,6 +406,7 @@ impl ClientSession {
                 times: done.times,
                 dropped_samples: done.dropped_samples,
                 payload_bytes,
+                precision,
             }
         };
         let Some(report) = request.report.filter(|_| request.missing == 0) else {

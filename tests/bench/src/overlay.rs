@@ -218,6 +218,7 @@ fn plan() -> FarmPlan {
         frames_in_flight: 1,
         period_secs: None,
         looks_ahead: false,
+        spot_check_tiles: 0,
         size: SIZE,
         samples: 1,
         distribution: Distribution::default(),

@@ -296,6 +296,8 @@ mod tests {
                 speed_error: 0.1,
                 tiles: 5,
                 lost_tiles: 0,
+                checked_tiles: 0,
+                doubt: None,
                 round_trip: None,
                 split: carom_farm::LatencySplit::default(),
             }],

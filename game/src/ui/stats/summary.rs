@@ -152,7 +152,10 @@ impl NodeSummary {
     }
 
     fn of_status(status: &NodeStatus) -> Self {
-        let state_sentence = status.state.to_string();
+        let state_sentence = match &status.doubt {
+            Some(doubt) => format!("{}; {doubt}", status.state),
+            None => status.state.to_string(),
+        };
         let device = status.info.as_ref().map(|info| info.device.name.clone());
         Self {
             name: name_of(status).to_owned(),

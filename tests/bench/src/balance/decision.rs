@@ -9,7 +9,7 @@ use carom_farm::link::{LinkCommand, LinkEvent};
 use carom_farm::{Balancing, FrameId, FrameSpec, NodeIndex, NodeInfo, PixelFormat};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{RequestId, RequestReport, SceneHash, TraceRequest};
+use carom_protocol::{PixelPrecision, RequestId, RequestReport, SceneHash, TraceRequest};
 use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate};
 use cpu_time::ThreadTime;
 use serde::Serialize;
@@ -83,7 +83,9 @@ fn answer_all(coordinator: &mut Coordinator, mut now: Duration) {
                     let done = now + busy(node, &request) + Duration::from_millis(1);
                     asked.insert((done, request.id), (node, request));
                 }
-                CoordinatorAction::Command { .. } => {}
+                CoordinatorAction::Command { .. }
+                | CoordinatorAction::HangUp(_)
+                | CoordinatorAction::Warn(_) => {}
             }
         }
         let ((done, _), (node, request)) = asked.pop_first().expect("the frame is asked for");
@@ -109,6 +111,7 @@ fn answer(coordinator: &mut Coordinator, now: Duration, node: NodeIndex, request
         times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
         payload_bytes: 1,
+        precision: PixelPrecision::Exact,
     };
     coordinator.handle(now, node, LinkEvent::Session(tiles));
     let report = RequestReport {

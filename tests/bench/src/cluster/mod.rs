@@ -11,6 +11,7 @@ use std::time::Duration;
 use anyhow::Context;
 use carom_farm::NodeIndex;
 use carom_farm::backend::NodeBackend;
+use carom_farm::coordinator::SPOT_CHECK_TILES;
 use carom_farm::net::interruption;
 use carom_farm::{
     Algorithm, Balancing, Distribution, Farm, FarmConfig, FrameId, LocalNode, PixelPrecision,
@@ -380,6 +381,7 @@ impl ClusterBench<'_> {
             size: size(self.args),
             samples: 1,
             distribution: Distribution::Tiles,
+            spot_check_tiles: SPOT_CHECK_TILES,
             tile_edge: self.args.tile_edge,
             conditions: NetworkConditions::default(),
             changes: happened.iter().map(change).collect(),

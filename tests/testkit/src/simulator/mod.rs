@@ -136,6 +136,7 @@ impl<'a> FarmSimulation<'a> {
     fn new(plan: &'a FarmPlan) -> Self {
         let mut coordinator = Coordinator::new(plan.balancing);
         coordinator.set_distribution(plan.distribution);
+        coordinator.set_spot_checks(plan.spot_check_tiles, [plan.seed as u8; 32]);
         let scene = (SceneHash([7; 32]), Arc::new(empty_scene()));
         coordinator.set_scene(scene.0, Arc::clone(&scene.1));
         let mut simulation = Self {
@@ -156,7 +157,11 @@ impl<'a> FarmSimulation<'a> {
             report: SimulationReport::default(),
         };
         for (index, node) in plan.nodes.iter().enumerate() {
-            let index_of = simulation.coordinator.add_node(format!("node {index}"));
+            let name = format!("node {index}");
+            let index_of = match node.is_local {
+                true => simulation.coordinator.add_local_node(name),
+                false => simulation.coordinator.add_node(name),
+            };
             simulation.nodes.push(SimNode::new(index_of, node));
             for (at_secs, change) in &node.changes {
                 let at = Duration::from_secs_f64(*at_secs);
@@ -282,6 +287,7 @@ impl<'a> FarmSimulation<'a> {
             NodeChange::Fail => node.failing = true,
             NodeChange::Lie(honesty) => node.honesty = honesty,
             NodeChange::Poison => node.poisoned = true,
+            NodeChange::Forge(one_in) => node.forges = Some(one_in),
             NodeChange::Suspend(secs) => self.now += Duration::from_secs_f64(secs),
             NodeChange::Die => {
                 node.die();
@@ -311,6 +317,8 @@ impl<'a> FarmSimulation<'a> {
                     self.schedule(arrival, SimulationEvent::Command(node, connection, command));
                 }
                 CoordinatorAction::Deliver(frame) => self.deliver(*frame),
+                CoordinatorAction::HangUp(node) => self.nodes[node.0].die(),
+                CoordinatorAction::Warn(sentence) => self.report.warnings.push(sentence),
                 CoordinatorAction::Refuse(refusal) => {
                     self.handed = self.handed.max(refusal.frame.0 + 1);
                     self.report.refused.push(refusal);

@@ -6,12 +6,13 @@ use std::time::Duration;
 use carom_protocol::limits::{REQUESTS_QUEUED_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{
-    FrameId, NodeTimes, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TraceRequest,
+    FrameId, NodeTimes, PixelPrecision, Refusal, RefusalReason, RequestId, RequestReport,
+    SceneHash, TraceRequest,
 };
 use carom_tracer::TileRange;
 
 use super::random_environment::RandomEnvironment;
-use super::test_pattern::{poison, tile_pixels};
+use super::test_pattern::{forgery, poison, tile_pixels};
 use super::{NodePlan, OpenRuns};
 use carom_farm::NodeIndex;
 use carom_farm::link::LinkCommand;
@@ -37,6 +38,8 @@ pub(super) struct SimNode {
     pub(super) honesty: f64,
     /// Whether it sends pixels that are not numbers.
     pub(super) poisoned: bool,
+    /// Of how many tiles it sends one that is wrong, as plausible as others.
+    pub(super) forges: Option<u32>,
     scene: Option<SceneHash>,
     queue: VecDeque<QueuedRequest>,
     /// Number of the step that is waited for.
@@ -75,6 +78,7 @@ impl SimNode {
             streams: plan.streams,
             honesty: plan.honesty,
             poisoned: false,
+            forges: None,
             scene: None,
             queue: VecDeque::new(),
             step: 0,
@@ -233,10 +237,12 @@ impl SimNode {
                 frame: job.request.frame,
                 request: job.request.id,
                 tiles,
-                pixels: if self.poisoned {
-                    poison(&job.request, tiles)
-                } else {
-                    tile_pixels(&job.request, tiles)
+                pixels: match self.forges {
+                    _ if self.poisoned => poison(&job.request, tiles),
+                    Some(one_in) if tiles.first.is_multiple_of(one_in) => {
+                        forgery(&job.request, tiles)
+                    }
+                    _ => tile_pixels(&job.request, tiles),
                 },
                 busy_micros: std::mem::take(&mut busy_micros),
                 times: NodeTimes {
@@ -246,6 +252,7 @@ impl SimNode {
                 },
                 dropped_samples: 0,
                 payload_bytes: 1,
+                precision: PixelPrecision::Exact,
             }));
             job.tiles_sent += tiles.count;
             job.message_begun = now;

@@ -104,7 +104,10 @@ impl NodeForecast {
             NodeChange::Slow(factor) => self.slowness *= factor,
             NodeChange::Silent | NodeChange::Die | NodeChange::Fail => self.there = false,
             NodeChange::Join => self.there = true,
-            NodeChange::Lie(_) | NodeChange::Poison | NodeChange::Suspend(_) => {}
+            NodeChange::Lie(_)
+            | NodeChange::Poison
+            | NodeChange::Forge(_)
+            | NodeChange::Suspend(_) => {}
         }
     }
 }

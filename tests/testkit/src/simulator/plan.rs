@@ -33,6 +33,8 @@ pub struct FarmPlan {
     pub distribution: Distribution,
     /// Pixels along a tile's edge.
     pub tile_edge: u16,
+    /// One tile of so many is traced again by another node; 0 for none.
+    pub spot_check_tiles: u32,
     /// How much it varies.
     pub conditions: NetworkConditions,
     /// What happens to nodes when a frame is submitted.
@@ -52,6 +54,8 @@ pub struct NodePlan {
     pub streams: bool,
     /// What share of its true busy time it reports; 1 is honest.
     pub honesty: f64,
+    /// Whether it is in the client's process.
+    pub is_local: bool,
     /// What happens to it, by the second.
     pub changes: Vec<(f64, NodeChange)>,
 }
@@ -73,6 +77,8 @@ pub enum NodeChange {
     Lie(f64),
     /// It sends pixels that are not numbers from now on.
     Poison,
+    /// It sends wrong pixels that look right for one tile of so many from now on.
+    Forge(u32),
     /// The client sleeps for so many seconds.
     Suspend(f64),
 }
@@ -102,6 +108,7 @@ impl NodePlan {
             msamples_per_sec,
             streams: true,
             honesty: 1.0,
+            is_local: false,
             changes: Vec::new(),
         }
     }

@@ -12,6 +12,8 @@ pub struct SimulationReport {
     pub partial: Vec<Frame>,
     /// Those that every node refused.
     pub refused: Vec<FrameRefusal>,
+    /// What the user was told.
+    pub warnings: Vec<String>,
     /// The most that a frame was handed over after it had to be shown, in seconds.
     pub shown_late_secs: f64,
     /// Frames in which any pixel was wrong or missing.

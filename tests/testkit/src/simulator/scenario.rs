@@ -8,6 +8,7 @@ use super::optimum::shares;
 use super::{FarmPlan, NetworkConditions, NodeChange, NodePlan};
 use crate::random::SplitMix64;
 use carom_farm::NodeIndex;
+use carom_farm::coordinator::SPOT_CHECK_TILES;
 use carom_farm::{Balancing, Distribution};
 
 /// How far nodes are.
@@ -104,6 +105,7 @@ impl Scenario {
             size,
             samples: 1,
             distribution: Distribution::Tiles,
+            spot_check_tiles: SPOT_CHECK_TILES,
             tile_edge: 1,
             conditions: NETWORK_CONDITIONS,
             changes: Vec::new(),
