@@ -39,8 +39,8 @@ pub const NODE_RECORDS_MAX: usize = 2 * NODES_MAX;
 pub const PROBES_MAX: usize = 16;
 /// Seconds that a probe may take: those of Kubernetes give up after one.
 pub const PROBE_SECS_MAX: u64 = 5;
-/// Bytes of an answer of a cloud's metadata service: a notice has 60, a token 56.
-pub const METADATA_BYTES_MAX: usize = 4096;
+/// Bytes of an answer over HTTP: a node's figures have 1,500, a cloud's notice 60.
+pub const HTTP_ANSWER_BYTES_MAX: usize = 16 << 10;
 /// Tiles of one request: a 4K picture in tiles of 8 pixels has 129,600. Bounds the lists that a node
 /// makes of a request of 200 bytes.
 pub const REQUEST_TILES_MAX: u32 = 1 << 17;

@@ -3,6 +3,7 @@
 mod add;
 mod authority;
 mod bench;
+mod cloud;
 mod compare;
 mod doctor;
 mod failure;
@@ -40,6 +41,7 @@ pub(crate) enum FarmCommand {
     Revoke(revoke::RevokeArgs),
     Doctor(doctor::DoctorArgs),
     Node(node::NodeArgs),
+    Cloud(cloud::CloudArgs),
     Render(render::RenderArgs),
     Status(status::StatusArgs),
     Bench(bench::Args),
@@ -57,6 +59,7 @@ impl FarmCommand {
             Self::Revoke(args) => revoke::run(&args),
             Self::Doctor(args) => doctor::run(&args),
             Self::Node(args) => node::run(&args, log),
+            Self::Cloud(args) => cloud::run(&args),
             Self::Render(args) => render::run(&args),
             Self::Status(args) => status::run(&args),
             Self::Bench(args) => bench::run(&args),

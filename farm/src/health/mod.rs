@@ -8,10 +8,12 @@
 
 mod counters;
 mod http;
+mod http_client;
 mod metered_tracer;
 mod spot_notice;
 
 pub use counters::{NodeCounters, NodeFigures};
 pub use http::{HealthServer, NodeProbe};
+pub use http_client::http_get;
 pub use metered_tracer::MeteredTracer;
 pub use spot_notice::watch_spot_notice;

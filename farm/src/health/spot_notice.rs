@@ -3,15 +3,9 @@
 
 use std::time::Duration;
 
-use carom_protocol::limits::METADATA_BYTES_MAX;
-use http_body_util::{BodyExt as _, Empty, Limited};
-use hyper::body::Bytes;
-use hyper::header::HOST;
-use hyper::http::uri::Authority;
-use hyper::{Method, Request, StatusCode, Uri};
-use hyper_util::rt::TokioIo;
-use tokio::net::TcpStream;
+use hyper::{Method, StatusCode};
 
+use super::http_client::{HttpService, runtime};
 use crate::Error;
 use crate::net::StopHandle;
 
@@ -30,10 +24,7 @@ pub fn watch_spot_notice(stop: StopHandle) -> Result<(), Error> {
         address: endpoint.clone(),
         source,
     };
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .map_err(failed)?;
+    let runtime = runtime().map_err(failed)?;
     std::thread::Builder::new()
         .name("carom-spot".into())
         .spawn(move || {
@@ -47,21 +38,15 @@ pub fn watch_spot_notice(stop: StopHandle) -> Result<(), Error> {
 
 /// An instance metadata service.
 #[derive(Debug)]
-struct MetadataService {
-    authority: Authority,
-}
+struct MetadataService(HttpService);
 
 impl MetadataService {
     fn at(endpoint: &str) -> Result<Self, Error> {
-        let uri: Option<Uri> = endpoint.parse().ok();
-        let parts = uri.map(Uri::into_parts);
-        let parts = parts.filter(|parts| parts.scheme.as_ref().is_some_and(|it| it == "http"));
-        let authority = parts.and_then(|parts| parts.authority);
-        let authority = authority.ok_or_else(|| Error::Directory {
+        let service = HttpService::at(endpoint).ok_or_else(|| Error::Directory {
             directory: ENDPOINT_VARIABLE.into(),
             reason: format!("`{}` is no http:// address", endpoint.escape_debug()),
         })?;
-        Ok(Self { authority })
+        Ok(Self(service))
     }
 
     /// Waits for a notice: AWS' words.
@@ -76,7 +61,7 @@ impl MetadataService {
                         Ok(Err(why)) => why,
                         _ => format!("no answer within {} s", ANSWER_PATIENCE.as_secs()),
                     };
-                    tracing::warn!("no spot notices from {}: {why}", self.authority);
+                    tracing::warn!("no spot notices from {}: {why}", self.0.authority);
                     reported = true;
                 }
                 _ => {}
@@ -88,48 +73,20 @@ impl MetadataService {
     /// The notice, if there is one.
     async fn notice(&self) -> Result<Option<String>, String> {
         let lifetime = ("x-aws-ec2-metadata-token-ttl-seconds", "60");
-        let (status, token) = self.ask(Method::PUT, "/latest/api/token", lifetime).await?;
+        let (status, token) = self
+            .0
+            .ask(Method::PUT, "/latest/api/token", Some(lifetime))
+            .await?;
         if status != StatusCode::OK {
             return Err(format!("it gives no token: {status}"));
         }
         let token = ("x-aws-ec2-metadata-token", token.as_str());
         let path = "/latest/meta-data/spot/instance-action";
-        match self.ask(Method::GET, path, token).await? {
+        match self.0.ask(Method::GET, path, Some(token)).await? {
             (StatusCode::OK, notice) => Ok(Some(notice.escape_debug().to_string())),
             (StatusCode::NOT_FOUND, _) => Ok(None),
             (status, _) => Err(format!("{path}: {status}")),
         }
-    }
-
-    async fn ask(
-        &self,
-        method: Method,
-        path: &str,
-        header: (&str, &str),
-    ) -> Result<(StatusCode, String), String> {
-        let failed = |why: &dyn std::fmt::Display| why.to_string();
-        let host = self.authority.host().trim_matches(['[', ']']);
-        let address = (host, self.authority.port_u16().unwrap_or(80));
-        let stream = TcpStream::connect(address).await;
-        let stream = TokioIo::new(stream.map_err(|why| failed(&why))?);
-        let handshake = hyper::client::conn::http1::handshake(stream).await;
-        let (mut sender, connection) = handshake.map_err(|why| failed(&why))?;
-        let request = Request::builder()
-            .method(method)
-            .uri(path)
-            .header(HOST, self.authority.as_str())
-            .header(header.0, header.1)
-            .body(Empty::<Bytes>::new())
-            .map_err(|why| failed(&why))?;
-        // Ends with the answer; what goes wrong is told by the request.
-        tokio::spawn(connection);
-        let response = sender.send_request(request).await;
-        let response = response.map_err(|why| failed(&why))?;
-        let status = response.status();
-        let body = Limited::new(response.into_body(), METADATA_BYTES_MAX);
-        let body = body.collect().await.map_err(|why| failed(&why))?;
-        let text = String::from_utf8_lossy(&body.to_bytes()).into_owned();
-        Ok((status, text))
     }
 }
 

@@ -52,6 +52,14 @@ pub(crate) fn day(unix_secs: u64) -> String {
     }
 }
 
+/// A moment as `2026-12-24T18:00:00Z`.
+pub fn utc(time: SystemTime) -> String {
+    let since = time.duration_since(SystemTime::UNIX_EPOCH);
+    let secs = since.map_or(0, |since| since.as_secs());
+    let (hour, minute, second) = (secs / 3600 % 24, secs / 60 % 60, secs % 60);
+    format!("{}T{hour:02}:{minute:02}:{second:02}Z", day(secs))
+}
+
 /// SHA-256 in hexadecimal.
 pub(crate) fn sha256(bytes: &[u8]) -> String {
     hexadecimal(digest::digest(&digest::SHA256, bytes).as_ref())

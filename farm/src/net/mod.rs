@@ -73,6 +73,7 @@ mod token_bucket;
 
 pub use address::NodeAddress;
 pub use authority::{Authority, IssuedCertificate};
+pub use certificate_fields::utc;
 pub use client::{Client, LinkCommand, LinkEvent, NodeLink};
 pub use congestion::DelayBasedController;
 pub use connection_driver::PacketHandler;
