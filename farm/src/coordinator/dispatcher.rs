@@ -8,12 +8,12 @@ use carom_protocol::{FrameId, PrecisionRange, RequestId, SceneHash, TraceRequest
 use carom_tracer::{RenderSettings, Scene, TileRange};
 
 use super::CoordinatorAction;
+use super::checked_tile::CheckedTile;
 use super::frame_in_flight::FrameInFlight;
 use super::frame_refusals::FrameRefusal;
 use super::node_table::NodeTable;
 use super::open_request::OpenRequest;
 use super::sample_passes::SamplePasses;
-use super::spot_checks::CheckedTile;
 use crate::balancer::Estimate;
 use crate::frame::{Frame, FrameSpec};
 use crate::link::LinkCommand;

@@ -11,7 +11,7 @@ use carom_protocol::FrameId;
 
 use super::frame_in_flight::FrameInFlight;
 use super::frame_refusals::FrameRefusal;
-use super::node_table::NodeTable;
+use super::node_table::{NodeTable, timer};
 use crate::frame::Frame;
 
 /// Its length is bounded by [`crate::Farm::submit`].
@@ -145,11 +145,6 @@ impl FrameQueue {
             None => frame.partial_frame(now),
         }
     }
-}
-
-/// When a timer for a moment of the client's clock may ring: rounding must not let it ring before.
-pub(super) fn timer(secs: f64) -> Duration {
-    Duration::from_secs_f64(secs.max(0.0)) + Duration::from_nanos(100)
 }
 
 /// Share of an interval's deviation that the period follows.

@@ -15,6 +15,7 @@
 
 mod arrival_model;
 mod assignment;
+mod checked_tile;
 mod cost_map;
 mod dispatcher;
 mod frame_buffer;

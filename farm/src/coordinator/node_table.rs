@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use carom_protocol::{FrameId, SceneHash};
 
-use super::frame_queue::timer;
 use super::node_entry::NodeEntry;
 use crate::balancer::{Candidate, Estimate};
 use crate::node_status::{NodeIndex, NodeStatus};
@@ -161,6 +160,11 @@ impl NodeTable {
         let entries = self.entries.iter();
         entries.map(|node| node.status(now, scene)).collect()
     }
+}
+
+/// When a timer for a moment of the client's clock may ring: rounding must not let it ring before.
+pub(super) fn timer(secs: f64) -> Duration {
+    Duration::from_secs_f64(secs.max(0.0)) + Duration::from_nanos(100)
 }
 
 #[cfg(test)]

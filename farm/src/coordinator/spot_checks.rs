@@ -16,15 +16,15 @@
 use std::sync::Arc;
 
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{FrameId, RequestId, SceneHash};
-use carom_tracer::{Scene, Tile, TileRange};
+use carom_protocol::{RequestId, SceneHash};
+use carom_tracer::TileRange;
 
+use super::checked_tile::CheckedTile;
 use super::dispatcher::Dispatcher;
 use super::frame_in_flight::{FrameInFlight, TileArrival};
 use super::node_table::NodeTable;
 use super::sample_passes::SamplePasses;
 use super::tile_comparison::tiles_agree;
-use crate::frame::FrameSpec;
 use crate::node_status::NodeIndex;
 
 /// One tile of so many is traced again elsewhere: 0.2 % more work.
@@ -50,18 +50,6 @@ struct SpotCheck {
     copies: Vec<TileCopy>,
     /// Who has been asked for the next copy.
     asked: (NodeIndex, RequestId),
-}
-
-/// A tile of a frame that may have been delivered meanwhile, as it is asked for.
-#[derive(Debug)]
-pub(super) struct CheckedTile {
-    pub(super) frame: FrameId,
-    pub(super) spec: FrameSpec,
-    pub(super) scene: (SceneHash, Arc<Scene>),
-    pub(super) passes: SamplePasses,
-    /// One unit.
-    pub(super) unit: TileRange,
-    pub(super) work: f64,
 }
 
 #[derive(Debug)]
@@ -276,13 +264,6 @@ impl SpotCheck {
             wrong.node,
             others(wrong).into_iter().map(node).collect(),
         ))
-    }
-}
-
-impl CheckedTile {
-    /// Its place in the picture.
-    fn tile(&self) -> Tile {
-        self.passes.grid.tile(self.passes.tile(self.unit.first))
     }
 }
 

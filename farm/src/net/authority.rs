@@ -17,6 +17,7 @@ use crate::net::credential_files::file_error;
 use crate::net::credentials::{AUTHORITY_FILE, Credentials};
 use crate::net::encrypted_key::{self, ENCRYPTED_KEY, KeyFault};
 use crate::net::peer::{AUTHORITY_LIFE, Role};
+use zeroize::{Zeroize, Zeroizing};
 
 /// Certificates begin a day early: clocks of fresh machines are often wrong by a time zone.
 const EARLY: Duration = Duration::from_secs(24 * 3600);
@@ -37,6 +38,13 @@ impl IssuedCertificate {
     pub(crate) fn certificate_der(&self) -> Result<CertificateDer<'static>, Error> {
         CertificateDer::from_pem_slice(self.certificate_pem.as_bytes())
             .map_err(|error| not_created(&error))
+    }
+}
+
+/// The key does not stay in memory that is given back.
+impl Drop for IssuedCertificate {
+    fn drop(&mut self) {
+        self.key_pem.zeroize();
     }
 }
 
@@ -100,7 +108,7 @@ impl Authority {
         let certificate_path = dir.join(AUTHORITY_FILE);
         let certificate_pem = read_authority(&certificate_path)?;
         let key_path = dir.join(AUTHORITY_KEY_FILE);
-        let key_pem = read_authority(&key_path)?;
+        let key_pem = Zeroizing::new(read_authority(&key_path)?);
         let encrypted = key_pem.contains(ENCRYPTED_KEY);
         let key = match (encrypted, passphrase) {
             (false, _) => KeyPair::from_pem(&key_pem)
@@ -245,7 +253,8 @@ fn decrypted(path: &Path, key_pem: &str, passphrase: &str) -> Result<KeyPair, Er
             path: path.to_path_buf(),
         },
     })?;
-    KeyPair::try_from(key.as_slice()).map_err(|error| not_pem(path, "private key", &error))
+    KeyPair::try_from(Zeroizing::new(key).as_slice())
+        .map_err(|error| not_pem(path, "private key", &error))
 }
 
 pub(crate) fn lasting(life: Duration) -> std::ops::Range<SystemTime> {

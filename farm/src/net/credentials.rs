@@ -7,6 +7,7 @@ use std::time::SystemTime;
 
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, UnixTime};
+use zeroize::{Zeroize, Zeroizing};
 
 use crate::Error;
 use crate::net::deny_list::DenyList;
@@ -39,7 +40,7 @@ impl Credentials {
         let authority = read_certificate(&dir.join(AUTHORITY_FILE), role)?;
         let certificate = read_certificate(&certificate_path, role)?;
         let key_path = dir.join(role.key_file());
-        let key = PrivateKeyDer::from_pem_slice(&read(&key_path, role)?)
+        let key = PrivateKeyDer::from_pem_slice(&Zeroizing::new(read(&key_path, role)?))
             .map_err(|error| not_pem(&key_path, "private key", &error))?;
         warn_if_shared(&key_path);
         let denied = Arc::new(DenyList::in_folder(dir));
@@ -130,6 +131,13 @@ impl Credentials {
 fn is_due(validity: &std::ops::Range<SystemTime>, now: SystemTime) -> bool {
     let life = validity.end.duration_since(validity.start);
     life.is_ok_and(|life| now >= validity.end - life / 3)
+}
+
+/// The key does not stay in memory that is given back.
+impl Drop for Credentials {
+    fn drop(&mut self) {
+        self.key.zeroize();
+    }
 }
 
 /// Everything but the key.

@@ -10,6 +10,7 @@ use carom_farm::net::{
 };
 use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
 use carom_protocol::{ClientEvent, PixelFormat, SceneHash};
+use carom_testkit::pattern_tracer::{DeviceFault, PatternTracer};
 use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{
     CompiledScene, CpuTracer, DeviceInfo, Error, ImageSize, Object, RenderSettings, Scene,
@@ -97,6 +98,32 @@ fn pixels_cross_the_network_unchanged_in_each_format() {
 }
 
 /// Tiles travel as datagrams there, and requests twice.
+/// Three nodes over the network, one of which sends a picture that is half as bright again.
+#[test]
+fn a_node_that_forges_pixels_is_dropped_and_the_others_go_on() {
+    let dir = tempfile::tempdir().unwrap();
+    create_farm(dir.path()).unwrap();
+    let authority = Authority::load(dir.path()).unwrap();
+    let start =
+        |tracer: PatternTracer| RunningNode::start_with(&authority, any_port(), Arc::new(tracer));
+    let forger = PatternTracer::new().with_fault(DeviceFault::Forgery, 0);
+    let nodes = [PatternTracer::new(), forger, PatternTracer::new()].map(start);
+    let mut farm = farm(dir.path(), &nodes.each_ref().map(|node| node.address));
+    let dropped = |farm: &Farm| {
+        let lost = |node: &carom_farm::NodeStatus| match &node.state {
+            NodeState::Lost { why, .. } => why.contains("other pixels"),
+            _ => false,
+        };
+        farm.nodes().iter().map(lost).collect::<Vec<_>>()
+    };
+    while dropped(&farm) == [false; 3] {
+        frame(&mut farm, PixelFormat::LinearF32);
+    }
+    assert_eq!(dropped(&farm), [false, true, false], "{:?}", farm.nodes());
+    let by_node = frame(&mut farm, PixelFormat::LinearF32).stats.tiles_by_node;
+    assert_eq!(by_node.get(1).copied().unwrap_or(0), 0, "{by_node:?}");
+}
+
 #[test]
 fn pixels_survive_a_long_path_that_loses_and_reorders() {
     let dir = tempfile::tempdir().unwrap();

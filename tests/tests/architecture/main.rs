@@ -12,7 +12,7 @@ use sources::{Source, code_lines, root, sources};
 
 #[test]
 fn paths_named_in_the_documents_exist() {
-    for document in ["ARCHITECTURE.md", "README.md"] {
+    for document in ["ARCHITECTURE.md", "README.md", SECURITY] {
         let text = fs::read_to_string(root().join(document)).expect(document);
         let paths = named_paths(&text);
         assert!(paths.len() >= 3, "{document} names only {paths:?}");
@@ -23,6 +23,29 @@ fn paths_named_in_the_documents_exist() {
             );
         }
     }
+}
+
+/// A test that is named beside files is in one of them.
+#[test]
+fn tests_named_for_security_exist() {
+    let text = fs::read_to_string(root().join(SECURITY)).expect(SECURITY);
+    let mut named = 0;
+    for line in text.lines().filter(|line| line.starts_with('|')) {
+        let files = named_paths(line).into_iter().map(|path| root().join(path));
+        let files = files.filter(|path| path.is_file()).map(fs::read_to_string);
+        let sources: String = files.map(|file| file.expect("a file")).collect();
+        let quoted = line.split('`').skip(1).step_by(2);
+        let is_test = |word: &&str| {
+            let is_plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+            word.matches('_').count() >= 2 && word.chars().all(is_plain)
+        };
+        for test in quoted.filter(is_test) {
+            let is_there = sources.contains(&format!("fn {test}("));
+            assert!(is_there, "{SECURITY} names `{test}`, which is not there");
+            named += 1;
+        }
+    }
+    assert!(named > 20, "only {named} tests are named");
 }
 
 /// Words in back quotes that begin with one of the repository's folders.
@@ -42,6 +65,9 @@ fn named_paths(markdown: &str) -> Vec<String> {
     };
     quoted.filter(is_path).map(str::to_owned).collect()
 }
+
+/// The document of what the farm withstands.
+const SECURITY: &str = "farm/SECURITY.md";
 
 /// A crate name as a path in code, and the folders that may say it.
 const LAYERS: &[(&[&str], &[&str])] = &[
