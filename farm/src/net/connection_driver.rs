@@ -5,6 +5,7 @@
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
@@ -22,8 +23,8 @@ use crate::net::connection_event::{Arrival, ConnectionEnd};
 use crate::net::endpoint::HANDSHAKE_TIMEOUT;
 use crate::net::fec::datagram::Datagram;
 use crate::net::peer::Role;
+use crate::net::player_account::PlayerAccount;
 use crate::net::tile_transport::{Nack, TileReceiver, TileSender, TileTransport};
-use crate::net::token_bucket::TokenBucket;
 use crate::net::{close_code, congestion, connection_error};
 use crate::node::ConnectionDrain;
 
@@ -81,6 +82,8 @@ pub(crate) struct ConnectionStreams {
     pub(crate) receive: RecvStream,
     /// The role of this side.
     pub(crate) role: Role,
+    /// Of the player: a node shares it among the player's connections.
+    pub(crate) account: Arc<PlayerAccount>,
 }
 
 /// The certificate that the peer has shown.
@@ -102,14 +105,6 @@ const NACKS_MAX: usize = 64;
 const REQUEST_COPY_DELAY: Duration = Duration::from_millis(3);
 /// Bytes that are read from the control stream at once.
 const CHUNK_BYTES_MAX: usize = 64 << 10;
-/// Bytes of a player's control stream that a node reads at once, and each second: a full cache of
-/// large scenes, then one in three seconds.
-const CONTROL_BYTES_BURST: f64 = (limits::SCENES_KEPT_MAX * limits::SCENE_BYTES_MAX) as f64;
-const CONTROL_BYTES_PER_SEC: f64 = 8e6;
-/// Packets likewise. A player at 60 frames a second that asks for each frame in 16 parts, and again
-/// for half of them, sends 1,500; a packet costs the network thread some 10 µs.
-const PACKETS_BURST: f64 = 8192.0;
-const PACKETS_PER_SEC: f64 = 2048.0;
 /// Reports of a scene's progress.
 const SCENE_REPORTS_MAX: usize = 16;
 /// Control packets leave before tiles.
@@ -145,6 +140,7 @@ struct ConnectionDriver {
     cancelled: watch::Sender<VecDeque<RequestId>>,
     transport: watch::Receiver<TileTransport>,
     role: Role,
+    account: Arc<PlayerAccount>,
 }
 
 impl ConnectionDriver {
@@ -154,6 +150,7 @@ impl ConnectionDriver {
             send,
             receive,
             role,
+            account,
         } = streams;
         let _ = send.set_priority(CONTROL_PRIORITY);
         let (to_session, arrivals) = mpsc::channel(PACKETS_ARRIVED_MAX);
@@ -162,7 +159,8 @@ impl ConnectionDriver {
         let cancelled = watch::Sender::default();
         let (transport_sender, transport) = watch::channel(TileTransport::default());
         let mut tasks = JoinSet::new();
-        tasks.spawn(ControlReader::new(role, to_session.clone()).run(receive));
+        let reader = ControlReader::new(role, to_session.clone(), Arc::clone(&account));
+        tasks.spawn(reader.run(receive));
         if role == Role::Player {
             let receiver = TileReceiver::new(connection.clone(), to_session, transport_sender);
             tasks.spawn(receiver.run());
@@ -171,7 +169,9 @@ impl ConnectionDriver {
             let subscription = cancelled.subscribe();
             let sender = TileSender::new(connection.clone(), subscription, transport_sender);
             tasks.spawn(sender.run(tile_packets, nacks));
-            tasks.spawn(read_datagrams(connection.clone(), to_session, nack_sender));
+            let account = Arc::clone(&account);
+            let (connection, nacks) = (connection.clone(), nack_sender);
+            tasks.spawn(read_datagrams(connection, account, to_session, nacks));
         }
         Self {
             arrivals,
@@ -183,6 +183,7 @@ impl ConnectionDriver {
             cancelled,
             transport,
             role,
+            account,
         }
     }
 
@@ -203,7 +204,10 @@ impl ConnectionDriver {
                 permit = out.reserve(), if pending.is_some() => match (permit, pending.take()) {
                     (Ok(permit), Some(packet)) => {
                         match packet.channel {
-                            Channel::Tiles => handler.on_bandwidth(self.tile_bytes_per_sec()),
+                            Channel::Tiles => {
+                                self.account.work(Instant::now());
+                                handler.on_bandwidth(self.tile_bytes_per_sec());
+                            }
                             _ => self.send_copy(&packet.bytes),
                         }
                         permit.send(packet.bytes);
@@ -305,13 +309,11 @@ struct ControlReader {
     /// Whether the first packet has come.
     greeted: bool,
     reported_bytes: usize,
-    bytes: TokenBucket,
-    packets: TokenBucket,
+    account: Arc<PlayerAccount>,
 }
 
 impl ControlReader {
-    fn new(role: Role, to_session: mpsc::Sender<Arrival>) -> Self {
-        let now = Instant::now();
+    fn new(role: Role, to_session: mpsc::Sender<Arrival>, account: Arc<PlayerAccount>) -> Self {
         let packet_bytes_max = match role {
             Role::Player => limits::CONTROL_BYTES_MAX,
             Role::Node => limits::SCENE_BYTES_MAX,
@@ -322,8 +324,7 @@ impl ControlReader {
             to_session,
             greeted: false,
             reported_bytes: 0,
-            bytes: TokenBucket::new(now, CONTROL_BYTES_BURST, CONTROL_BYTES_PER_SEC),
-            packets: TokenBucket::new(now, PACKETS_BURST, PACKETS_PER_SEC),
+            account,
         }
     }
 
@@ -358,7 +359,7 @@ impl ControlReader {
             if let Err(end) = self.deliver().await {
                 return end;
             }
-            pause(self.bytes.take(Instant::now(), chunk.len() as f64)).await;
+            pause(self.account.spend_bytes(Instant::now(), chunk.len())).await;
         }
     }
 
@@ -368,7 +369,7 @@ impl ControlReader {
         while let Some(bytes) = self.deframer.next_packet().map_err(violation)? {
             let arrival = match self.role {
                 Role::Node if self.greeted && codec::is_scene(&bytes) => {
-                    decode_scene(bytes).await?
+                    decode_scene(bytes, &self.account).await?
                 }
                 _ => Arrival::Packet(Packet::new(Channel::Control, bytes)),
             };
@@ -378,7 +379,7 @@ impl ControlReader {
                 return Err(ConnectionEnd::Lost(ConnectionError::LocallyClosed));
             }
             if self.role == Role::Node {
-                pause(self.packets.take(Instant::now(), 1.0)).await;
+                pause(self.account.spend_packet(Instant::now())).await;
             }
         }
         // Only scenes are longer than this.
@@ -399,8 +400,10 @@ impl ControlReader {
 }
 
 /// Decodes a scene on a thread of its own: this one serves other players, too. One at a time for a
-/// connection, as its stream is not read meanwhile.
-async fn decode_scene(packet: Vec<u8>) -> Result<Arrival, ConnectionEnd> {
+/// player.
+async fn decode_scene(packet: Vec<u8>, account: &PlayerAccount) -> Result<Arrival, ConnectionEnd> {
+    // Never closed: an account's permits last as long as it does.
+    let _turn = account.decoding.acquire().await;
     let decoded = tokio::task::spawn_blocking(move || ReceivedScene::decode(&packet)).await;
     decoded.map(Arrival::Scene).map_err(|panic| {
         ConnectionEnd::Violation(Error::Task {
@@ -430,12 +433,12 @@ async fn write_control(mut stream: SendStream, mut packets: mpsc::Receiver<Vec<u
 /// are dropped by QUIC's bounded queue.
 async fn read_datagrams(
     connection: Connection,
+    account: Arc<PlayerAccount>,
     to_session: mpsc::Sender<Arrival>,
     nacks: mpsc::Sender<Nack>,
 ) -> ConnectionEnd {
-    let mut packets = TokenBucket::new(Instant::now(), PACKETS_BURST, PACKETS_PER_SEC);
     loop {
-        pause(packets.take(Instant::now(), 1.0)).await;
+        pause(account.spend_packet(Instant::now())).await;
         let bytes = match connection.read_datagram().await {
             Ok(bytes) => bytes,
             Err(error) => return ConnectionEnd::Lost(error),

@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 use quinn::{ClientConfig, Connection, Endpoint};
 
@@ -12,6 +13,7 @@ use crate::net::address::NodeAddress;
 use crate::net::connection_driver::ConnectionStreams;
 use crate::net::credentials::Credentials;
 use crate::net::peer::Role;
+use crate::net::player_account::PlayerAccount;
 use crate::net::{close_code, connection_error, endpoint, tls};
 
 /// A player's sockets, one for each address family that is needed.
@@ -150,6 +152,7 @@ async fn open(connection: Connection) -> Result<ConnectionStreams, quinn::Connec
         send,
         receive,
         role: Role::Player,
+        account: Arc::new(PlayerAccount::new(Instant::now())),
     })
 }
 

@@ -3,6 +3,7 @@
 
 use std::future::Future;
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::Instant;
 
 use quinn::{Connection, Endpoint, Incoming};
@@ -12,7 +13,7 @@ use crate::net::connection_driver::{self, ConnectionStreams};
 use crate::net::credentials::Credentials;
 use crate::net::endpoint::{self, TransportOptions};
 use crate::net::handshakes::{Handshakes, PendingHandshake};
-use crate::net::peer::{CertificateFault, Role};
+use crate::net::peer::{CertificateFault, NoPlace, Role};
 use crate::net::places::{Place, Places};
 use crate::net::{certificate_fields, close_code, connection_error};
 use crate::node::PlayerId;
@@ -77,7 +78,17 @@ impl Listener {
                 let from = incoming.remote_address();
                 match authenticate(incoming, pending, &places).await {
                     Ok((streams, place)) => {
-                        serve(place.player, streams).await;
+                        let connection = streams.connection.clone();
+                        let served = serve(place.player, streams);
+                        tokio::pin!(served);
+                        tokio::select! {
+                            () = &mut served => {}
+                            () = place.yielded() => {
+                                let why = NoPlace::Yielded.to_string();
+                                connection.close(close_code::FULL, why.as_bytes());
+                                served.await;
+                            }
+                        }
                         drop(place);
                     }
                     Err(error) => {
@@ -149,6 +160,7 @@ async fn authenticate(
         send,
         receive,
         role,
+        account: Arc::clone(&place.account),
     };
     Ok((streams, place))
 }

@@ -65,6 +65,7 @@ mod join_url;
 mod listener;
 pub(crate) mod peer;
 mod places;
+mod player_account;
 pub mod server;
 mod signals;
 mod tile_transport;

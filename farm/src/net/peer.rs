@@ -197,6 +197,9 @@ pub enum NoPlace {
         /// Players before it in line.
         ahead: usize,
     },
+    /// Its place has gone to another player.
+    #[error("it asked for nothing while another player waited, who has its place now: call again")]
+    Yielded,
     /// The line is full.
     #[error("{waiting} of at most {waiting} players wait in line: call again later")]
     LineFull {

@@ -1,70 +1,125 @@
 //! Places of a node: the players that it serves, and the line of those that wait.
 //!
-//! A player is a certificate's key. Its connections share one place, so that nobody can take all of
-//! them; who is turned away keeps a place in line by calling again, as every link does.
+//! A player is a certificate's key. Its connections share one place and one [`PlayerAccount`], so that
+//! nobody gets more by calling more often; who is turned away keeps a place in line by calling again,
+//! as every link does. When all places are taken, who has asked for nothing for a while yields its place
+//! to the first in line.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use tokio::sync::watch;
+
 use crate::net::peer::NoPlace;
+use crate::net::player_account::PlayerAccount;
 use crate::node::PlayerId;
 
-/// Players that a node serves at once. They share the device; more would make it slow for all.
-const PLAYERS_MAX: usize = 4;
+/// Players that a node serves at once: a hundred persons share a farm, and each calls all of its nodes.
+/// Their shares of the device are equal; `crowds_fit_into_a_node` prints what they take.
+const PLAYERS_MAX: usize = 128;
 /// Connections of one player: a game, one that has crashed and not timed out, a render or two.
 const CONNECTIONS_MAX: usize = 4;
 /// Players in line.
 const LINE_MAX: usize = 64;
 /// A player that has not called for this long leaves the line: links call every five seconds.
 const ABSENCE_MAX: Duration = Duration::from_secs(12);
+/// A player that has had no tiles for this long yields its place if another waits.
+const IDLE_MAX: Duration = Duration::from_secs(60);
+/// Accounts of players that have left: they get no new one by calling again.
+const ACCOUNTS_MAX: usize = 4 * PLAYERS_MAX;
 
 /// Who is served, and who waits.
 #[derive(Debug, Default)]
 struct Seating {
-    /// Connections of each player.
-    served: BTreeMap<PlayerId, usize>,
+    served: BTreeMap<PlayerId, Seat>,
     line: VecDeque<(PlayerId, Instant)>,
+    accounts: BTreeMap<PlayerId, Arc<PlayerAccount>>,
+}
+
+/// The place of a player.
+#[derive(Debug)]
+struct Seat {
+    connections: usize,
+    /// Whether it has been given to another.
+    yields: watch::Sender<bool>,
 }
 
 impl Seating {
-    fn enter(&mut self, now: Instant, player: PlayerId) -> Result<(), NoPlace> {
-        if let Some(connections) = self.served.get_mut(&player) {
-            if *connections >= CONNECTIONS_MAX {
+    fn enter(&mut self, now: Instant, player: PlayerId) -> Result<watch::Receiver<bool>, NoPlace> {
+        if let Some(seat) = self.served.get_mut(&player) {
+            if seat.connections >= CONNECTIONS_MAX {
                 return Err(NoPlace::Connections {
                     max: CONNECTIONS_MAX,
                 });
             }
-            *connections += 1;
-            return Ok(());
+            seat.connections += 1;
+            return Ok(seat.yields.subscribe());
         }
-        self.line
-            .retain(|(_, called)| now.saturating_duration_since(*called) < ABSENCE_MAX);
-        let ahead = self.line.iter().position(|(waiting, _)| *waiting == player);
-        let ahead = match ahead {
-            Some(ahead) => ahead,
-            None if self.line.len() >= LINE_MAX => {
-                return Err(NoPlace::LineFull { waiting: LINE_MAX });
-            }
-            None => {
-                self.line.push_back((player, now));
-                self.line.len() - 1
-            }
-        };
-        if ahead >= PLAYERS_MAX - self.served.len() {
+        let ahead = self.place_in_line(now, player)?;
+        if ahead == 0 && self.served.len() >= PLAYERS_MAX {
+            self.vacate(now);
+        }
+        if ahead >= PLAYERS_MAX.saturating_sub(self.served.len()) {
             self.line[ahead].1 = now;
             let players = self.served.len();
             return Err(NoPlace::Full { players, ahead });
         }
         self.line.remove(ahead);
-        self.served.insert(player, 1);
-        Ok(())
+        let (yields, yielded) = watch::channel(false);
+        let connections = 1;
+        self.served.insert(
+            player,
+            Seat {
+                connections,
+                yields,
+            },
+        );
+        Ok(yielded)
     }
 
-    fn leave(&mut self, player: PlayerId) {
-        if let Some(connections) = self.served.get_mut(&player) {
-            *connections -= 1;
-            if *connections == 0 {
+    /// How many wait before a player, which waits from now on.
+    fn place_in_line(&mut self, now: Instant, player: PlayerId) -> Result<usize, NoPlace> {
+        self.line
+            .retain(|(_, called)| now.saturating_duration_since(*called) < ABSENCE_MAX);
+        let ahead = self.line.iter().position(|(waiting, _)| *waiting == player);
+        match ahead {
+            Some(ahead) => Ok(ahead),
+            None if self.line.len() >= LINE_MAX => Err(NoPlace::LineFull { waiting: LINE_MAX }),
+            None => {
+                self.line.push_back((player, now));
+                Ok(self.line.len() - 1)
+            }
+        }
+    }
+
+    /// Takes the place of the player that has been idle for longest, if it has been for long enough.
+    fn vacate(&mut self, now: Instant) {
+        let idle = |player: &&PlayerId| self.accounts.get(player).map(|account| account.idle(now));
+        let idlest = self.served.keys().max_by_key(idle).copied();
+        let idlest = idlest.filter(|player| idle(&player).is_some_and(|idle| idle >= IDLE_MAX));
+        if let Some(seat) = idlest.and_then(|player| self.served.remove(&player)) {
+            seat.yields.send_replace(true);
+        }
+    }
+
+    /// The account of a player, which it keeps for a while when it leaves.
+    fn account(&mut self, now: Instant, player: PlayerId) -> Arc<PlayerAccount> {
+        if self.accounts.len() >= ACCOUNTS_MAX {
+            let served = &self.served;
+            self.accounts
+                .retain(|player, _| served.contains_key(player));
+        }
+        let new = || Arc::new(PlayerAccount::new(now));
+        Arc::clone(self.accounts.entry(player).or_insert_with(new))
+    }
+
+    fn leave(&mut self, player: PlayerId, yielded: &watch::Receiver<bool>) {
+        let seat = self.served.get_mut(&player);
+        // Another seat of the player's, if it has yielded the one that it leaves.
+        if let Some(seat) = seat.filter(|seat| seat.yields.subscribe().same_channel(yielded)) {
+            seat.connections -= 1;
+            if seat.connections == 0 {
                 self.served.remove(&player);
             }
         }
@@ -79,22 +134,43 @@ pub(crate) struct Places(Arc<Mutex<Seating>>);
 #[derive(Debug)]
 pub(crate) struct Place {
     pub(crate) player: PlayerId,
+    pub(crate) account: Arc<PlayerAccount>,
+    yielded: watch::Receiver<bool>,
     places: Places,
 }
 
 impl Places {
     pub(crate) fn enter(&self, now: Instant, player: PlayerId) -> Result<Place, NoPlace> {
-        let mut seating = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        seating.enter(now, player)?;
-        let places = self.clone();
-        Ok(Place { player, places })
+        let mut seating = self.lock();
+        let yielded = seating.enter(now, player)?;
+        let account = seating.account(now, player);
+        account.work(now);
+        Ok(Place {
+            player,
+            account,
+            yielded,
+            places: self.clone(),
+        })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Seating> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Place {
+    /// Waits until the place goes to another player.
+    pub(crate) async fn yielded(&self) {
+        let mut yielded = self.yielded.clone();
+        if yielded.wait_for(|yielded| *yielded).await.is_err() {
+            std::future::pending().await // the seat is gone with its last connection
+        }
     }
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        let mut seating = self.places.0.lock().unwrap_or_else(PoisonError::into_inner);
-        seating.leave(self.player);
+        self.places.lock().leave(self.player, &self.yielded);
     }
 }
 
@@ -103,7 +179,7 @@ mod tests {
     use super::*;
 
     fn player(number: usize) -> PlayerId {
-        PlayerId::of_key(&[number as u8])
+        PlayerId::of_key(&number.to_le_bytes())
     }
 
     #[test]
@@ -117,9 +193,9 @@ mod tests {
             .map(|other| enter(other).unwrap())
             .collect();
         let players = PLAYERS_MAX;
-        assert_eq!(enter(9).unwrap_err(), NoPlace::Full { players, ahead: 0 });
+        assert_eq!(enter(209).unwrap_err(), NoPlace::Full { players, ahead: 0 });
         drop((mine, others));
-        enter(9).unwrap();
+        enter(209).unwrap();
     }
 
     #[test]
@@ -127,19 +203,56 @@ mod tests {
         let (places, start) = (Places::default(), Instant::now());
         let enter = |secs, number| places.enter(start + Duration::from_secs(secs), player(number));
         let mut served: Vec<Place> = (0..PLAYERS_MAX).map(|one| enter(0, one).unwrap()).collect();
-        for (number, ahead) in [(10, 0), (11, 1), (12, 2), (11, 1)] {
+        for (number, ahead) in [(210, 0), (211, 1), (212, 2), (211, 1)] {
             let players = PLAYERS_MAX;
             let refusal = enter(1, number).unwrap_err();
             assert_eq!(refusal, NoPlace::Full { players, ahead });
         }
         served.pop();
         // The place is kept for the first in line while it calls.
-        assert!(enter(2, 11).is_err());
-        let first = enter(3, 10).unwrap();
-        assert!(enter(4, 11).is_err());
+        assert!(enter(2, 211).is_err());
+        let first = enter(3, 210).unwrap();
+        assert!(enter(4, 211).is_err());
         drop(first);
         // The second has given up.
-        assert!(enter(6, 12).is_err());
-        assert!(enter(17, 12).is_ok());
+        assert!(enter(6, 212).is_err());
+        assert!(enter(17, 212).is_ok());
+    }
+    #[test]
+    fn a_player_that_asks_for_nothing_yields_its_place_to_one_that_waits() {
+        let (places, start) = (Places::default(), Instant::now());
+        let enter = |secs, number| places.enter(start + Duration::from_secs(secs), player(number));
+        let served: Vec<Place> = (0..PLAYERS_MAX).map(|one| enter(0, one).unwrap()).collect();
+        let yields = || served.iter().map(|place| *place.yielded.borrow());
+        served[1..]
+            .iter()
+            .for_each(|place| place.account.work(start + IDLE_MAX));
+        assert!(enter(1, 200).is_err() && enter(59, 200).is_err());
+        assert!(!yields().any(|yields| yields));
+        let newcomer = enter(60, 200).unwrap();
+        assert!(yields().eq((0..PLAYERS_MAX).map(|one| one == 0)));
+        // All others have worked since.
+        assert!(enter(61, 0).is_err());
+        // Who leaves a place that it has yielded takes none from itself.
+        drop(newcomer);
+        let again = enter(62, 0).unwrap();
+        drop(served);
+        let max = CONNECTIONS_MAX;
+        let more: Vec<Place> = (1..max).map(|_| enter(63, 0).unwrap()).collect();
+        assert_eq!(enter(64, 0).unwrap_err(), NoPlace::Connections { max });
+        drop((again, more));
+    }
+
+    #[test]
+    fn a_player_gets_no_new_account_by_calling_again() {
+        let (places, now) = (Places::default(), Instant::now());
+        let spend = |place: &Place| place.account.spend_bytes(now, 300 << 20);
+        let first = places.enter(now, player(0)).unwrap();
+        let second = places.enter(now, player(0)).unwrap();
+        assert!(spend(&first) < spend(&second));
+        drop((first, second));
+        assert!(spend(&places.enter(now, player(0)).unwrap()) > Duration::from_secs(60));
+        let other = places.enter(now, player(1)).unwrap();
+        assert_eq!(other.account.spend_bytes(now, 1 << 20), Duration::ZERO);
     }
 }

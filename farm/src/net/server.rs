@@ -1,5 +1,4 @@
-//! The network side of a node: its socket, which serves up to four players at once until it is
-//! stopped.
+//! The network side of a node: its socket, which serves many players at once until it is stopped.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 /// A bucket that fills by `per_sec` up to `burst`.
+#[derive(Debug)]
 pub(crate) struct TokenBucket {
     tokens: f64,
     burst: f64,

@@ -51,7 +51,7 @@ pub(super) fn start_watch(queue: Arc<JobQueue>) {
 fn run(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) {
     let begun = Instant::now();
     let job = &turn.job;
-    // A bug in a tracer or a driver must cost one request, not the node of four players.
+    // A bug in a tracer or a driver must cost one request, not the node of all its players.
     let done = catch_unwind(AssertUnwindSafe(|| match &turn.work {
         TurnWork::Probe => probe(queue, tracer, turn),
         TurnWork::Trace(tiles) => trace(queue, tracer, turn, *tiles),

@@ -178,12 +178,10 @@ class Attack:
         self.count("taken")
         return client
 
-    # 1: certificates
-
-    def certificates(self):
+    def issuer(self):
+        """Issues certificates as the farm's authority would, or would not."""
         authority = x509.load_pem_x509_certificate((self.folder / ".carom/ca.pem").read_bytes())
         issuer = serialization.load_pem_private_key((self.folder / ".carom/ca.key").read_bytes(), None)
-        stranger = ec.generate_private_key(ec.SECP256R1())
         now = datetime.datetime.now(datetime.timezone.utc)
 
         def issue(by=issuer, key=None, roles=(PLAYER,), starts=-DAY, days=2 * DAY, use=ExtendedKeyUsageOID.CLIENT_AUTH, name="mallory"):
@@ -203,6 +201,13 @@ class Attack:
             hashed = hashes.SHA256() if isinstance(by, ec.EllipticCurvePrivateKey) else None
             return builder.sign(by, hashed), key
 
+        return issue
+
+    # 1: certificates
+
+    def certificates(self):
+        stranger = ec.generate_private_key(ec.SECP256R1())
+        issue = self.issuer()
         shown = issue()
         cases = {
             "good": shown,
@@ -459,6 +464,22 @@ class Attack:
                 client.step()
             open_ones = [client for client in open_ones if not client.closed]
             self.counts["most at once"] = max(self.counts.get("most at once", 0), len(open_ones))
+
+    def crowd(self):
+        """A hundred players with a scene each time, who watch."""
+        issue, players = self.issuer(), []
+        for _ in range(100):
+            client = Client(self.node, issue()).open()
+            if client.is_open:
+                client.send(self.message("hello") + self.message("scene"))
+                client.run(0.5, lambda client: client.closed or client.stream_bytes > 80)
+            self.count("served" if client.stream_bytes > 80 and not client.closed else "turned away")
+            players.append(client)
+        while not self.ends():
+            for client in players:
+                client.frames(b"")
+                client.step()
+            time.sleep(0.2)
 
     def nobody(self):
         """No attack: what the machine's own noise does."""

@@ -162,6 +162,13 @@ fn one_player_takes_few_connections_and_no_descriptors() {
 }
 
 #[test]
+fn crowds_fit_into_a_node() {
+    if let Some(counts) = withstood("crowd") {
+        assert_eq!(count(&counts, "served"), 100, "{counts:?}");
+    }
+}
+
+#[test]
 fn a_node_that_stood_still_serves_its_player_again() {
     let _alone = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
     let node = AttackedNode::start();
