@@ -35,6 +35,8 @@ pub enum LinkCommand {
     CancelRequest(RequestId),
     /// [`ClientSession::ping`].
     Ping(u64),
+    /// [`ClientSession::leave`].
+    Leave,
 }
 
 /// What becomes of a node.
@@ -92,6 +94,7 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
             LinkCommand::CancelBefore(frame) => session.cancel_before(frame),
             LinkCommand::CancelRequest(run) => session.cancel_request(run),
             LinkCommand::Ping(number) => session.ping(number),
+            LinkCommand::Leave => session.leave(),
             LinkCommand::Trace(request) => return self.trace(*request),
         };
         if let Err(why) = done {

@@ -62,7 +62,7 @@ pub enum NodeState {
     Ready,
     /// Holds the scene and has had work within the last second.
     Rendering,
-    /// Ends: only a node says that, of itself.
+    /// Ends, and is asked for nothing more.
     Draining,
     /// Gone, or of no use for now.
     Lost {

@@ -140,6 +140,7 @@ pub(crate) fn to_node_kind(message: &ToNode) -> &'static str {
         ToNode::Trace(_) => "trace request",
         ToNode::CancelBefore(_) | ToNode::CancelRequest(_) => "cancellation",
         ToNode::Ping(_) => "ping",
+        ToNode::Leave => "farewell",
     }
 }
 
@@ -153,6 +154,7 @@ pub(crate) fn to_client_kind(message: &ToClient) -> &'static str {
         ToClient::RequestRefused(_) => "refusal",
         ToClient::Pong(_) => "pong",
         ToClient::SceneComing { .. } => "progress of a scene",
+        ToClient::Leaving => "farewell",
     }
 }
 

@@ -10,7 +10,7 @@ use crate::precision::PrecisionRange;
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
 /// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
 /// ends of different versions can say so.
-pub const VERSION: u16 = 7;
+pub const VERSION: u16 = 8;
 
 /// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -61,6 +61,9 @@ pub enum ToNode {
     CancelRequest(RequestId),
     /// Answered at once by [`ToClient::Pong`] with the same number.
     Ping(u64),
+    /// The client has all that it asked for and asks for nothing more, as the node is
+    /// [`ToClient::Leaving`], which may close the connection.
+    Leave,
 }
 
 /// From a node to the client.
@@ -96,6 +99,8 @@ pub enum ToClient {
         /// At most the message's length.
         bytes: u32,
     },
+    /// The node is about to end: it answers what it has been asked, and should be asked for nothing more.
+    Leaving,
 }
 
 /// Description of a node.

@@ -28,7 +28,8 @@ impl ToNode {
             | Self::Scene { .. }
             | Self::CancelBefore(_)
             | Self::CancelRequest(_)
-            | Self::Ping(_) => Ok(()),
+            | Self::Ping(_)
+            | Self::Leave => Ok(()),
         }
     }
 }
@@ -53,7 +54,8 @@ impl ToClient {
             Self::SceneReady(_)
             | Self::RequestDone(_)
             | Self::Pong(_)
-            | Self::SceneComing { .. } => Ok(()),
+            | Self::SceneComing { .. }
+            | Self::Leaving => Ok(()),
         }
     }
 }

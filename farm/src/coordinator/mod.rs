@@ -220,7 +220,12 @@ impl Coordinator {
                 }
                 return;
             }
-            LinkEvent::Session(event) => self.handle_session(now, node, event),
+            LinkEvent::Session(event) => {
+                self.handle_session(now, node, event);
+                if self.nodes[node].says_farewell() {
+                    self.dispatcher.send(node, LinkCommand::Leave);
+                }
+            }
         }
         self.nodes.arm(node);
         self.advance(now);
@@ -287,6 +292,7 @@ impl Coordinator {
                 self.close(now, index, refusal.request);
             }
             ClientEvent::Pong(number) => node.pong(now, number),
+            ClientEvent::Leaving => node.leaving = true,
         }
     }
 

@@ -26,6 +26,9 @@ pub(super) struct NodeEntry {
     scenes_refused: BTreeMap<SceneHash, String>,
     pub(super) workload: Workload,
     pause: Option<Pause>,
+    /// Whether it is about to end, and is asked for nothing more.
+    pub(super) leaving: bool,
+    has_said_farewell: bool,
     /// Failures since it last sent something right.
     failures: u32,
     tiles: u64,
@@ -76,6 +79,8 @@ impl NodeEntry {
             scenes_refused: BTreeMap::new(),
             workload: Workload::default(),
             pause: None,
+            leaving: false,
+            has_said_farewell: false,
             failures: 0,
             tiles: 0,
             lost_tiles: 0,
@@ -105,7 +110,15 @@ impl NodeEntry {
         self.scenes_refused.clear();
         self.lost_tiles += self.workload.clear();
         self.pause = None;
+        self.leaving = false;
+        self.has_said_farewell = false;
         self.failures = 0;
+    }
+
+    /// Whether it is to be told now, once, that everything has come: it is leaving, and owes nothing.
+    pub(super) fn says_farewell(&mut self) -> bool {
+        let owes_nothing = self.leaving && self.workload.requests.is_empty();
+        owes_nothing && !std::mem::replace(&mut self.has_said_farewell, true)
     }
 
     /// `true` if it was not ready for that scene before.
@@ -270,7 +283,8 @@ impl NodeEntry {
 
     /// The same of a node that may be silent.
     pub(super) fn is_usable_if_it_answers(&self, scene: SceneHash) -> bool {
-        self.is_open() && self.scenes.contains(&scene) && self.pause.is_none() && self.has_room()
+        let may_be_asked = self.is_open() && !self.leaving && self.pause.is_none();
+        may_be_asked && self.scenes.contains(&scene) && self.has_room()
     }
 
     pub(super) fn has_room(&self) -> bool {
@@ -335,6 +349,9 @@ impl NodeEntry {
                 return lost(why.clone().unwrap_or_default(), Some(*until));
             }
             _ => {}
+        }
+        if self.leaving {
+            return NodeState::Draining;
         }
         let workload = &self.workload;
         if let Some(secs) = workload.silent_since.map(|since| now - since)

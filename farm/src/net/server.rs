@@ -150,9 +150,8 @@ impl NodeServer {
         })
     }
 
-    /// Serves players until `stop`, Ctrl-C or SIGTERM. Then it drains, for ten seconds at most: what a
-    /// player has asked for is finished, what it asks for from then on is refused as busy, so that its
-    /// coordinator turns to other nodes at once, and it is told that the node is shutting down.
+    /// Serves players until `stop`, Ctrl-C or SIGTERM. Then it drains, for ten seconds at most: each
+    /// player is asked for no more requests, and leaves when it has the answers of those that it has sent.
     /// `connect` creates the session of a player's connection from an address.
     pub fn serve<P: PacketHandler + Send>(
         self,
@@ -222,10 +221,15 @@ async fn drained(
     }
     if let Some(drain) = drain {
         drain.begin();
-        while !drain.is_done() {
+        let mut idle = Duration::ZERO;
+        while !drain.has_left() && idle < FAREWELL_PATIENCE {
             tokio::time::sleep(DRAIN_POLL).await;
+            idle = if drain.is_idle() {
+                idle + DRAIN_POLL
+            } else {
+                Duration::ZERO
+            };
         }
-        tokio::time::sleep(DRAIN_FLUSH + 2 * connection.rtt()).await;
     }
     connection.close(close_code::DRAINING, b"shutting down");
 }
@@ -235,8 +239,9 @@ async fn drained(
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(10);
 /// How often a session that drains is looked at: a quarter of a frame at 60 a second.
 const DRAIN_POLL: Duration = Duration::from_millis(4);
-/// From the last tile's being handed to the transport to its being sent.
-const DRAIN_FLUSH: Duration = Duration::from_millis(10);
+/// How long a player that is owed nothing may leave the farewell without an answer: longer than a round
+/// trip, and than lost packets take.
+const FAREWELL_PATIENCE: Duration = Duration::from_millis(500);
 
 /// How often a node asks for the deny list, and for a certificate when one is due.
 const RENEWAL_PERIOD: Duration = Duration::from_secs(3600);

@@ -50,8 +50,8 @@ pub(super) struct ConnectionState {
     /// vain.
     pub(super) stall_timeout: Duration,
     pub(super) closed: bool,
-    /// Whether new requests are refused, as the node is about to end.
-    pub(super) draining: bool,
+    /// Whether the client has all that it asked for, and asks for nothing more.
+    pub(super) has_left: bool,
 }
 
 impl ClientConnection {
@@ -63,7 +63,7 @@ impl ClientConnection {
             ready: false,
             stall_timeout: STALL_TIMEOUT,
             closed: false,
-            draining: false,
+            has_left: false,
         };
         Self {
             player,
@@ -189,7 +189,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Wakes the transport after the lock is released, so that it does not wait for it.
-fn wake(mut state: MutexGuard<'_, ConnectionState>) {
+pub(super) fn wake(mut state: MutexGuard<'_, ConnectionState>) {
     state.ready = true;
     let waker = state.waker.take();
     drop(state);

@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 
 use carom_protocol::session::{NodeEvent, Packet, ReceivedScene};
-use carom_protocol::{NodeInfo, RefusalReason, RequestId};
+use carom_protocol::{NodeInfo, RequestId};
 
-use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing};
+use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing, wake};
 use super::fair_queue::PlayerId;
 use super::queue::{JobQueue, NodeJob};
 
@@ -18,13 +18,20 @@ pub struct ConnectionDrain {
 }
 
 impl ConnectionDrain {
-    /// Refuses requests from now on as busy, so that the client asks others for their tiles at once.
+    /// Asks the client for no more requests; those that are on their way are still answered.
     pub fn begin(&self) {
-        self.client.lock().draining = true;
+        let mut state = self.client.lock();
+        state.session.leave();
+        wake(state);
     }
 
-    /// Whether all requests are answered, and all answers handed to the transport.
-    pub fn is_done(&self) -> bool {
+    /// Whether the client has said that it has everything.
+    pub fn has_left(&self) -> bool {
+        self.client.lock().has_left
+    }
+
+    /// Whether all requests that have come are answered, and all answers handed to the transport.
+    pub fn is_idle(&self) -> bool {
         let state = self.client.lock();
         state.session.open_requests() == 0 && state.session.waiting_bytes() == 0
     }
@@ -81,9 +88,6 @@ impl NodeConnection {
         match event {
             // The session keeps scenes; they are compiled when they are first drawn.
             None | Some(NodeEvent::Scene { .. }) => {}
-            Some(NodeEvent::Trace { request, .. }) if self.client.lock().draining => {
-                self.client.refuse(request.id, RefusalReason::Busy);
-            }
             Some(NodeEvent::Trace { request, scene }) => {
                 let cancelled = Arc::new(AtomicBool::new(false));
                 let flag = Arc::clone(&cancelled);
@@ -92,6 +96,7 @@ impl NodeConnection {
                 self.queue
                     .push(NodeJob::new(client, request, scene, cancelled));
             }
+            Some(NodeEvent::Left) => self.client.lock().has_left = true,
             Some(NodeEvent::Cancelled(requests)) => {
                 let mut state = self.client.lock();
                 for request in requests {

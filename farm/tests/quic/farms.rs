@@ -246,6 +246,7 @@ fn a_node_that_stops_gives_its_reason() {
         "{welcome:?}"
     );
     drop(oak);
+    assert_eq!(next(), LinkEvent::Session(ClientEvent::Leaving));
     let LinkEvent::Lost { why, retry } = next() else {
         panic!("the node is gone");
     };

@@ -90,6 +90,9 @@ pub enum ClientEvent {
     },
     /// The answer to [`ClientSession::ping`].
     Pong(u64),
+    /// The node is about to end: it is to be asked for nothing more, and told by
+    /// [`ClientSession::leave`] when everything has come.
+    Leaving,
 }
 
 /// Status of a scene at the node.
@@ -227,6 +230,14 @@ impl ClientSession {
         self.cancel(&message, |id, _| id == request)
     }
 
+    /// Tells the node that nothing more is awaited of it, after [`ClientEvent::Leaving`].
+    ///
+    /// # Errors
+    /// [`Error::Unsendable`] if [`CONTROL_QUEUED_MAX`] packets wait for the network.
+    pub fn leave(&mut self) -> Result<(), Error> {
+        self.send(&ToNode::Leave)
+    }
+
     /// Asks for a [`ClientEvent::Pong`] with the same number.
     ///
     /// # Errors
@@ -307,6 +318,7 @@ impl ClientSession {
             ToClient::RequestRefused(refusal) => self.run_refused(refusal),
             ToClient::Pong(number) => self.pong(number),
             ToClient::SceneComing { bytes } => self.scene_coming(bytes as usize),
+            ToClient::Leaving => Ok(vec![ClientEvent::Leaving]),
         }
     }
 

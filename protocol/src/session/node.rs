@@ -41,6 +41,8 @@ pub enum NodeEvent {
     /// Requests to stop and to take from the queue. The client has been told; what else is said of
     /// them is dropped.
     Cancelled(Vec<RequestId>),
+    /// The client has all that it asked for, and asks for nothing more.
+    Left,
 }
 
 /// A scene message, decoded and checked. For a large scene that takes a good part of a second, so a
@@ -208,6 +210,14 @@ impl NodeSession {
         if self.state == SessionState::Open && has_room {
             let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
             self.send(&ToClient::SceneComing { bytes });
+        }
+    }
+
+    /// Asks the client for no more requests, as the node is about to end; [`NodeEvent::Left`] follows
+    /// once it has the answers of those that it has sent.
+    pub fn leave(&mut self) {
+        if self.state == SessionState::Open {
+            self.send(&ToClient::Leaving);
         }
     }
 
@@ -383,6 +393,7 @@ impl NodeSession {
                 self.send(&ToClient::Pong(number));
                 Ok(None)
             }
+            ToNode::Leave => Ok(Some(NodeEvent::Left)),
         }
     }
 

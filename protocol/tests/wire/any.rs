@@ -35,6 +35,7 @@ pub(crate) fn to_node() -> impl Strategy<Value = ToNode> {
         any::<u64>().prop_map(|frame| ToNode::CancelBefore(FrameId(frame))),
         any::<u64>().prop_map(|request| ToNode::CancelRequest(RequestId(request))),
         any::<u64>().prop_map(ToNode::Ping),
+        Just(ToNode::Leave),
     ]
 }
 
@@ -51,6 +52,7 @@ pub(crate) fn to_client() -> impl Strategy<Value = ToClient> {
         refusal().prop_map(ToClient::RequestRefused),
         any::<u64>().prop_map(ToClient::Pong),
         any::<u32>().prop_map(|bytes| ToClient::SceneComing { bytes }),
+        Just(ToClient::Leaving),
     ]
 }
 

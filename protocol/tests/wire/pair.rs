@@ -184,7 +184,7 @@ impl Pair {
                 }
             }
             Some(NodeEvent::Scene { hash, scene }) => assert_eq!(SceneHash::of(&scene), hash),
-            None => {}
+            None | Some(NodeEvent::Left) => {}
         }
     }
 
@@ -289,7 +289,10 @@ impl Pair {
                         why => panic!("{why:?}"),
                     }
                 }
-                ClientEvent::Welcome(_) | ClientEvent::SceneReady(_) | ClientEvent::Pong(_) => {}
+                ClientEvent::Welcome(_)
+                | ClientEvent::SceneReady(_)
+                | ClientEvent::Pong(_)
+                | ClientEvent::Leaving => {}
                 ClientEvent::SceneComing { percent, .. } => assert!(percent <= 100),
                 ClientEvent::SceneRefused { why, .. } => panic!("{why}"),
             }

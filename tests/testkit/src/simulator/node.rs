@@ -127,6 +127,7 @@ impl SimNode {
                 vec![NodeOutput::Event(ClientEvent::SceneReady(hash))]
             }
             LinkCommand::Ping(number) => vec![NodeOutput::Event(ClientEvent::Pong(number))],
+            LinkCommand::Leave => Vec::new(),
             LinkCommand::Trace(request) => self.queue(now, environment, *request),
             LinkCommand::CancelRequest(run) => self.cancel(|job| job.request.id == run),
             LinkCommand::CancelBefore(frame) => self.cancel(|job| job.request.frame < frame),
