@@ -15,9 +15,11 @@ mod node;
 mod node_monitor;
 mod output_file;
 mod render;
+mod render_summary;
 mod revoke;
 mod status;
 mod token;
+mod top;
 
 use carom_farm::logging::LogFormat;
 use carom_farm::net::Role;
@@ -44,6 +46,7 @@ pub(crate) enum FarmCommand {
     Cloud(cloud::CloudArgs),
     Render(render::RenderArgs),
     Status(status::StatusArgs),
+    Top(top::TopArgs),
     Bench(bench::Args),
     Compare(compare::CompareArgs),
 }
@@ -62,6 +65,7 @@ impl FarmCommand {
             Self::Cloud(args) => cloud::run(&args),
             Self::Render(args) => render::run(&args),
             Self::Status(args) => status::run(&args),
+            Self::Top(args) => top::run(&args),
             Self::Bench(args) => bench::run(&args),
             Self::Compare(args) => compare::run(&args),
         }

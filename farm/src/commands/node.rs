@@ -14,7 +14,8 @@ use carom_farm::net::{
     Credentials, NodeAddress, NodeServer, PacketHandler, Role, ServerEvent, StopHandle,
 };
 use carom_farm::node::{ConnectionDrain, Node, NodeConnection, PlayerId};
-use carom_protocol::session::{Packet, ReceivedScene};
+use carom_protocol::message::ToClient;
+use carom_protocol::session::{Channel, Packet, ReceivedScene};
 use carom_protocol::{RequestId, codec};
 
 use crate::commands::node_monitor::{NodeMonitor, RunningMonitor};
@@ -287,7 +288,13 @@ impl PacketHandler for LoggedConnection {
 
     fn poll_transmit(&mut self) -> Option<Packet> {
         let packet = self.connection.poll_transmit()?;
-        self.events.counters.count_sent(packet.bytes.len());
+        let counters = &self.events.counters;
+        counters.count_sent(packet.bytes.len());
+        if packet.channel == Channel::Control
+            && let Ok(ToClient::RequestDone(report)) = codec::decode_to_client(&packet.bytes)
+        {
+            counters.count_request(&report);
+        }
         Some(packet)
     }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use carom_farm::net;
@@ -15,6 +15,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::commands::Failure;
 use crate::commands::inputs::{self, PictureFile};
 use crate::commands::output_file::OutputFile;
+use crate::commands::render_summary::FrameTotals;
 
 /// Trace a picture on this machine, on nodes, or on both
 #[derive(Clone, clap::Args)]
@@ -79,6 +80,9 @@ pub(crate) struct RenderArgs {
     /// command resumes from it.
     #[arg(long, required = true)]
     out: Vec<PictureFile>,
+    /// Print what it has cost as JSON on standard output: time, bytes, tiles of each node
+    #[arg(long)]
+    json: bool,
     /// Write a checkpoint at most every this many seconds; fewer lose less to a crash and write 32
     /// bytes a pixel more often
     #[arg(long, default_value_t = 30)]
@@ -98,7 +102,12 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let interrupted = net::interruption().context("Ctrl-C")?;
     let layered = outputs.iter().any(|out| out.format() == FileFormat::Exr);
     let checkpoint = checkpoint_path(&args.out[0].path);
-    let job = farm.still(&named.scene, args.still(&checkpoint, layered))?;
+    let totals = FrameTotals::default();
+    let counted = totals.clone();
+    let still = args.still(&checkpoint, layered);
+    let still = still.on_progress(move |progress| counted.count(progress));
+    let begun = Instant::now();
+    let job = farm.still(&named.scene, still)?;
     if job.resumed_samples() > 0 {
         eprintln!(
             "carom-farm: resuming from {} with {} of {} samples",
@@ -108,6 +117,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
         );
     }
     let traced = wait(job, args.spp, &interrupted);
+    let summary = totals.summary(begun.elapsed(), &farm.nodes());
     drop(farm);
     if matches!(&traced, Err(carom_farm::Error::Cancelled { samples_done }) if *samples_done > 0) {
         let path = checkpoint.display();
@@ -134,7 +144,15 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
         }
         return Err(why);
     }
-    Ok(picture.remove_checkpoint()?)
+    picture.remove_checkpoint()?;
+    match args.json {
+        true => println!(
+            "{}",
+            serde_json::to_string(&summary).context("the summary")?
+        ),
+        false => eprintln!("carom-farm: {}", summary.lines()),
+    }
+    Ok(())
 }
 
 /// Waits for the picture, with a progress bar.

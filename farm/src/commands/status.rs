@@ -1,9 +1,13 @@
 //! `carom-farm status`: the state of each node of a farm.
 
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
+use carom_farm::logging::timestamp;
+use carom_farm::net;
 use carom_farm::{Farm, FarmConfig, LocalNode, NodeState, NodeStatus};
 use serde::Serialize;
 
@@ -31,6 +35,9 @@ pub(crate) struct StatusArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    /// Stay connected and print anew each second, until Ctrl-C
+    #[arg(long)]
+    watch: bool,
 }
 
 #[derive(Serialize)]
@@ -58,19 +65,53 @@ pub(crate) fn run(args: &StatusArgs) -> Result<(), Failure> {
     let farm = Farm::new(config)?;
     let timeout = Duration::from_secs(args.timeout_secs);
     let nodes = wait(&farm, timeout);
-    let rows: Vec<NodeRow> = nodes.iter().map(|node| row(node, timeout)).collect();
-    if args.json {
-        println!(
-            "{}",
-            serde_json::to_string(&rows).context("results as JSON")?
-        );
-    } else {
-        rows.iter().for_each(print);
+    if args.watch {
+        return watch(args, &farm, timeout);
     }
+    print_all(args, &nodes, timeout)?;
     match nodes.iter().filter(|node| node.info.is_none()).count() {
         0 if nodes.is_empty() => Err(anyhow!("no directory lists a node").into()),
         0 => Ok(()),
         absent => Err(anyhow!("{absent} of {} nodes do not answer", nodes.len()).into()),
+    }
+}
+
+fn print_all(args: &StatusArgs, nodes: &[NodeStatus], timeout: Duration) -> Result<(), Failure> {
+    let rows: Vec<NodeRow> = nodes.iter().map(|node| row(node, timeout)).collect();
+    if args.json {
+        let text = serde_json::to_string(&rows).context("results as JSON")?;
+        println!("{text}");
+    } else {
+        rows.iter().for_each(print);
+    }
+    Ok(())
+}
+
+/// Prints the nodes each second: over each other on a terminal, one after the other elsewhere.
+fn watch(args: &StatusArgs, farm: &Farm, timeout: Duration) -> Result<(), Failure> {
+    let interrupted = net::interruption().context("Ctrl-C")?;
+    let mut looked = Instant::now();
+    loop {
+        if std::io::stdout().is_terminal() && !args.json {
+            print!("\x1b[2J\x1b[H"); // clear, home (ECMA-48)
+        }
+        let nodes = farm.nodes();
+        if !args.json {
+            let answering = nodes.iter().filter(|node| node.info.is_some()).count();
+            println!(
+                "{}: {answering} of {} nodes answer",
+                timestamp(),
+                nodes.len()
+            );
+        }
+        print_all(args, &nodes, timeout)?;
+        while looked.elapsed() < WATCH_PERIOD {
+            if interrupted.load(Ordering::Relaxed) {
+                return Ok(());
+            }
+            std::thread::sleep(POLL);
+        }
+        looked = Instant::now();
     }
 }
 
@@ -148,5 +189,7 @@ fn print(row: &NodeRow) {
     println!();
 }
 
+/// How often a watch prints.
+const WATCH_PERIOD: Duration = Duration::from_secs(1);
 /// The interval between two looks at the nodes.
 const POLL: Duration = Duration::from_millis(20);

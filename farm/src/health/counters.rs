@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use carom_protocol::NodeInfo;
+use carom_protocol::{NodeInfo, RequestReport};
 
 /// What a node has done, counted by those who do it.
 #[derive(Debug)]
@@ -14,6 +14,8 @@ pub struct NodeCounters {
     pub(super) samples: AtomicU64,
     pub(super) dropped_samples: AtomicU64,
     sent_bytes: AtomicU64,
+    requests: AtomicU64,
+    response_micros: AtomicU64,
     players: AtomicU64,
     draining: AtomicBool,
     device: Mutex<DeviceUse>,
@@ -39,6 +41,10 @@ pub struct NodeFigures {
     pub dropped_samples: u64,
     /// Bytes handed to the network.
     pub sent_bytes: u64,
+    /// Requests answered.
+    pub requests: u64,
+    /// Time from their arrival to their last tile's being encoded, summed up.
+    pub response: Duration,
     /// Time the device was busy.
     pub busy: Duration,
     /// Connections of players now.
@@ -56,6 +62,8 @@ impl Default for NodeCounters {
             samples: AtomicU64::new(0),
             dropped_samples: AtomicU64::new(0),
             sent_bytes: AtomicU64::new(0),
+            requests: AtomicU64::new(0),
+            response_micros: AtomicU64::new(0),
             players: AtomicU64::new(0),
             draining: AtomicBool::new(false),
             device: Mutex::new(DeviceUse {
@@ -71,6 +79,18 @@ impl NodeCounters {
     /// Counts bytes that were handed to the network.
     pub fn count_sent(&self, bytes: usize) {
         self.sent_bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    /// Counts a request that was answered, by its report.
+    pub fn count_request(&self, report: &RequestReport) {
+        let stages = [
+            report.queue_micros,
+            report.trace_micros,
+            report.encode_micros,
+        ];
+        let micros = stages.into_iter().map(u64::from).sum();
+        self.requests.fetch_add(1, Ordering::Relaxed);
+        self.response_micros.fetch_add(micros, Ordering::Relaxed);
     }
 
     /// Counts a player that has come.
@@ -104,6 +124,8 @@ impl NodeCounters {
             samples: of(&self.samples),
             dropped_samples: of(&self.dropped_samples),
             sent_bytes: of(&self.sent_bytes),
+            requests: of(&self.requests),
+            response: Duration::from_micros(of(&self.response_micros)),
             busy,
             players: of(&self.players),
             draining: self.draining.load(Ordering::Relaxed),
@@ -187,6 +209,18 @@ impl NodeFigures {
             self.sent_bytes as f64,
         );
         metric(
+            "requests_total",
+            "counter",
+            "Requests answered.",
+            self.requests as f64,
+        );
+        metric(
+            "response_seconds_total",
+            "counter",
+            "Time from the arrival of requests to their last tile.",
+            self.response.as_secs_f64(),
+        );
+        metric(
             "busy_seconds_total",
             "counter",
             "Time the device was busy.",
@@ -251,6 +285,12 @@ mod tests {
         counters.count_sent(1500);
         counters.player_came();
         counters.drain();
+        counters.count_request(&RequestReport {
+            queue_micros: 100,
+            trace_micros: 2000,
+            encode_micros: 400,
+            ..RequestReport::default()
+        });
         let device = DeviceInfo {
             kind: DeviceKind::Cpu,
             name: "a \"fast\" one".into(),
@@ -262,6 +302,8 @@ mod tests {
         for line in [
             "carom_node_payload_bytes_total 1500",
             "carom_node_players 1",
+            "carom_node_requests_total 1",
+            "carom_node_response_seconds_total 0.0025",
             "carom_node_draining 1",
             "# TYPE carom_node_tiles_total counter",
         ] {

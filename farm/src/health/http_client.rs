@@ -20,6 +20,41 @@ use crate::Error;
 /// # Errors
 /// [`Error::Directory`] if there is none within `patience`, or the status is not 200.
 pub fn http_get(url: &str, patience: Duration) -> Result<String, Error> {
+    let mut answers = http_get_all(&[url.to_owned()], patience)?;
+    answers.remove(0)
+}
+
+/// The texts of several addresses, asked at once; of each the text or why there is none.
+///
+/// # Errors
+/// [`Error::Directory`] if the system has no files left.
+pub fn http_get_all(
+    urls: &[String],
+    patience: Duration,
+) -> Result<Vec<Result<String, Error>>, Error> {
+    let runtime = runtime().map_err(|why| Error::Directory {
+        directory: "http".into(),
+        reason: why.to_string(),
+    })?;
+    let mut answers = Vec::new();
+    runtime.block_on(async {
+        for urls in urls.chunks(AT_ONCE_MAX) {
+            let asked = urls.iter().cloned();
+            let asked = asked.map(|url| tokio::spawn(async move { get(&url, patience).await }));
+            let asked: Vec<_> = asked.collect();
+            for (task, url) in asked.into_iter().zip(urls) {
+                let answer = task.await.map_err(|panic| Error::Directory {
+                    directory: url.clone(),
+                    reason: panic.to_string(),
+                });
+                answers.push(answer.and_then(|answer| answer));
+            }
+        }
+    });
+    Ok(answers)
+}
+
+async fn get(url: &str, patience: Duration) -> Result<String, Error> {
     let failed = |reason: String| Error::Directory {
         directory: url.to_owned(),
         reason,
@@ -27,18 +62,17 @@ pub fn http_get(url: &str, patience: Duration) -> Result<String, Error> {
     let service = HttpService::at(url).ok_or_else(|| failed("no http:// address".into()))?;
     let path = url.parse::<Uri>().map(|uri| uri.path().to_owned());
     let path = path.unwrap_or_default();
-    let runtime = runtime().map_err(|why| failed(why.to_string()))?;
-    let answer = async {
-        let answer = service.ask(Method::GET, &path, None);
-        tokio::time::timeout(patience, answer).await
-    };
-    match runtime.block_on(answer) {
+    let answer = service.ask(Method::GET, &path, None);
+    match tokio::time::timeout(patience, answer).await {
         Ok(Ok((StatusCode::OK, text))) => Ok(text),
         Ok(Ok((status, _))) => Err(failed(format!("it answers {status}"))),
         Ok(Err(why)) => Err(failed(why)),
         Err(_) => Err(failed(format!("no answer within {} s", patience.as_secs()))),
     }
 }
+
+/// Services that are asked at once.
+const AT_ONCE_MAX: usize = 128;
 
 /// What requests run on, on the thread that waits for them.
 pub(super) fn runtime() -> std::io::Result<Runtime> {

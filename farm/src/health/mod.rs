@@ -14,6 +14,6 @@ mod spot_notice;
 
 pub use counters::{NodeCounters, NodeFigures};
 pub use http::{HealthServer, NodeProbe};
-pub use http_client::http_get;
+pub use http_client::{http_get, http_get_all};
 pub use metered_tracer::MeteredTracer;
 pub use spot_notice::watch_spot_notice;

@@ -18,7 +18,8 @@ const HOST_BYTES_MAX: usize = 253;
 
 impl NodeAddress {
     /// The same host at another port.
-    pub(crate) fn with_port(self, port: u16) -> Self {
+    #[must_use]
+    pub fn with_port(self, port: u16) -> Self {
         Self { port, ..self }
     }
 
