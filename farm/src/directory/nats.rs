@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use async_nats::connection::State;
-use async_nats::jetstream::kv::{Config, Entry, Operation, Store};
-use async_nats::jetstream::stream::StorageType;
+use async_nats::jetstream::kv::{Entry, Operation, Store};
+use async_nats::jetstream::stream::{self, DiscardPolicy, StorageType};
 use async_nats::{Client, ConnectOptions, jetstream};
 use carom_protocol::limits::{NODE_RECORD_BYTES_MAX, NODE_RECORDS_MAX};
 use futures_util::StreamExt as _;
@@ -80,24 +80,34 @@ impl NatsBucket {
         let client = options.connect(&self.server).await;
         let client = client.map_err(|why| self.fault(why))?;
         let context = jetstream::new(client.clone());
-        // Whoever comes first makes it; of another kind it is taken as it is.
-        let created = context.create_key_value(Config {
-            bucket: self.bucket.clone(),
-            description: "Nodes of a Carom farm".into(),
-            max_value_size: NODE_RECORD_BYTES_MAX as i32,
-            history: 1,
-            max_age: LIFETIME,
-            storage: StorageType::Memory,
-            ..Config::default()
-        });
-        let store = match created.await {
-            Ok(store) => store,
-            Err(why) => {
-                let found = context.get_key_value(&self.bucket).await;
-                found.map_err(|_| self.fault(why))?
-            }
-        };
+        // Whoever comes first makes it; of another kind it is taken as it is. Not by `create_key_value`, which
+        // asks for more than servers before 2.10 answer.
+        let made = context.get_or_create_stream(self.stream()).await;
+        made.map_err(|why| self.fault(why))?;
+        let store = context.get_key_value(&self.bucket).await;
+        let store = store.map_err(|why| self.fault(why))?;
         Ok((client, store))
+    }
+}
+
+impl NatsBucket {
+    /// The bucket as a stream (ADR-8 of NATS): the last value of each key, for [`LIFETIME`], in memory.
+    fn stream(&self) -> stream::Config {
+        stream::Config {
+            name: format!("KV_{}", self.bucket),
+            description: Some("Nodes of a Carom farm".into()),
+            subjects: vec![format!("$KV.{}.>", self.bucket)],
+            max_messages_per_subject: 1,
+            max_age: LIFETIME,
+            max_message_size: NODE_RECORD_BYTES_MAX as i32,
+            storage: StorageType::Memory,
+            discard: DiscardPolicy::New,
+            allow_rollup: true,
+            deny_delete: true,
+            allow_direct: true,
+            num_replicas: 1,
+            ..stream::Config::default()
+        }
     }
 }
 

@@ -6,6 +6,8 @@ mod directories;
 mod drain;
 mod farms;
 mod greeter;
+#[cfg(feature = "nats")]
+mod nats;
 mod running_node;
 mod stranger;
 mod trust;
