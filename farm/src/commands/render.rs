@@ -13,9 +13,9 @@ use carom_tracer::{ImageSize, Preset};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::commands::Failure;
-use crate::commands::inputs::{self, PictureFile};
+use crate::commands::inputs::{self, NamedScene, PictureFile};
 use crate::commands::output_file::OutputFile;
-use crate::commands::render_summary::FrameTotals;
+use crate::commands::render_summary::{FrameTotals, RenderSummary};
 
 /// Trace a picture on this machine, on nodes, or on both
 #[derive(Clone, clap::Args)]
@@ -98,35 +98,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
         .iter()
         .map(OutputFile::claim)
         .collect::<Result<_, _>>()?;
-    let mut farm = Farm::new(config)?;
-    let interrupted = net::interruption().context("Ctrl-C")?;
     let layered = outputs.iter().any(|out| out.format() == FileFormat::Exr);
     let checkpoint = checkpoint_path(&args.out[0].path);
-    let totals = FrameTotals::default();
-    let counted = totals.clone();
-    let still = args.still(&checkpoint, layered);
-    let still = still.on_progress(move |progress| counted.count(progress));
-    let begun = Instant::now();
-    let job = farm.still(&named.scene, still)?;
-    if job.resumed_samples() > 0 {
-        eprintln!(
-            "carom-farm: resuming from {} with {} of {} samples",
-            checkpoint.display(),
-            job.resumed_samples(),
-            args.spp
-        );
-    }
-    let traced = wait(job, args.spp, &interrupted);
-    let summary = totals.summary(begun.elapsed(), &farm.nodes());
-    drop(farm);
-    if matches!(&traced, Err(carom_farm::Error::Cancelled { samples_done }) if *samples_done > 0) {
-        let path = checkpoint.display();
-        eprintln!("carom-farm: run the same command again to resume from {path}");
-    }
-    let picture = traced.map_err(|error| match error {
-        carom_farm::Error::Cancelled { .. } => Failure::Interrupted,
-        error => error.into(),
-    })?;
+    let (picture, summary) = trace(args, &named, config, layered, &checkpoint)?;
     if picture.dropped_samples() > 0 {
         eprintln!(
             "carom-farm: {} samples were not finite and were counted as black",
@@ -153,6 +127,44 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
         false => eprintln!("carom-farm: {}", summary.lines()),
     }
     Ok(())
+}
+
+/// Traces the picture by the farm of `config`, and says what it has cost.
+fn trace(
+    args: &RenderArgs,
+    named: &NamedScene,
+    config: FarmConfig,
+    layered: bool,
+    checkpoint: &Path,
+) -> Result<(Picture, RenderSummary), Failure> {
+    let mut farm = Farm::new(config)?;
+    let interrupted = net::interruption().context("Ctrl-C")?;
+    let totals = FrameTotals::default();
+    let counted = totals.clone();
+    let still = args.still(checkpoint, layered);
+    let still = still.on_progress(move |progress| counted.count(progress));
+    let begun = Instant::now();
+    let job = farm.still(&named.scene, still)?;
+    if job.resumed_samples() > 0 {
+        eprintln!(
+            "carom-farm: resuming from {} with {} of {} samples",
+            checkpoint.display(),
+            job.resumed_samples(),
+            args.spp
+        );
+    }
+    let traced = wait(job, args.spp, &interrupted);
+    let summary = totals.summary(begun.elapsed(), &farm.nodes());
+    drop(farm);
+    if matches!(&traced, Err(carom_farm::Error::Cancelled { samples_done }) if *samples_done > 0) {
+        let path = checkpoint.display();
+        eprintln!("carom-farm: run the same command again to resume from {path}");
+    }
+    match traced {
+        Ok(picture) => Ok((picture, summary)),
+        Err(carom_farm::Error::Cancelled { .. }) => Err(Failure::Interrupted),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// Waits for the picture, with a progress bar.
