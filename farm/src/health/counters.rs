@@ -179,72 +179,38 @@ impl NodeFigures {
              # TYPE carom_node_info gauge\n\
              carom_node_info{{name=\"{name}\",device=\"{device}\",version=\"{version}\"}} 1"
         );
-        let mut metric = |name: &str, kind: &str, help: &str, value: f64| {
+        for (name, help, value) in self.metrics() {
+            // Prometheus' naming: what only rises ends in `_total`.
+            let kind = if name.ends_with("_total") {
+                "counter"
+            } else {
+                "gauge"
+            };
             let _ = writeln!(
                 text,
                 "# HELP carom_node_{name} {help}\n# TYPE carom_node_{name} {kind}\n\
                  carom_node_{name} {value}"
             );
-        };
-        let busy = self.busy.as_secs_f64();
-        let draining = f64::from(u8::from(self.draining));
-        let idle = self.idle.as_secs_f64();
-        metric("tiles_total", "counter", "Tiles traced.", self.tiles as f64);
-        metric(
-            "samples_total",
-            "counter",
-            "Pixel samples traced.",
-            self.samples as f64,
-        );
-        metric(
-            "dropped_samples_total",
-            "counter",
-            "Samples that were not finite.",
-            self.dropped_samples as f64,
-        );
-        metric(
-            "payload_bytes_total",
-            "counter",
-            "Bytes handed to the network.",
-            self.sent_bytes as f64,
-        );
-        metric(
-            "requests_total",
-            "counter",
-            "Requests answered.",
-            self.requests as f64,
-        );
-        metric(
-            "response_seconds_total",
-            "counter",
-            "Time from the arrival of requests to their last tile.",
-            self.response.as_secs_f64(),
-        );
-        metric(
-            "busy_seconds_total",
-            "counter",
-            "Time the device was busy.",
-            busy,
-        );
-        metric(
-            "idle_seconds",
-            "gauge",
-            "Time since the device was busy.",
-            idle,
-        );
-        metric(
-            "players",
-            "gauge",
-            "Connections of players.",
-            self.players as f64,
-        );
-        metric(
-            "draining",
-            "gauge",
-            "1 once the node is about to end.",
-            draining,
-        );
+        }
         text
+    }
+
+    /// Names, what they mean, and values.
+    #[rustfmt::skip]
+    fn metrics(&self) -> [(&'static str, &'static str, f64); 10] {
+        let (busy, idle) = (self.busy.as_secs_f64(), self.idle.as_secs_f64());
+        [
+            ("tiles_total", "Tiles traced.", self.tiles as f64),
+            ("samples_total", "Pixel samples traced.", self.samples as f64),
+            ("dropped_samples_total", "Samples that were not finite.", self.dropped_samples as f64),
+            ("payload_bytes_total", "Bytes handed to the network.", self.sent_bytes as f64),
+            ("requests_total", "Requests answered.", self.requests as f64),
+            ("response_seconds_total", "From requests' arrival to their last tile.", self.response.as_secs_f64()),
+            ("busy_seconds_total", "Time the device was busy.", busy),
+            ("idle_seconds", "Time since the device was busy.", idle),
+            ("players", "Connections of players.", self.players as f64),
+            ("draining", "1 once the node is about to end.", f64::from(u8::from(self.draining))),
+        ]
     }
 }
 
