@@ -112,7 +112,9 @@ pub(super) fn run(args: &UpArgs) -> Result<(), Failure> {
         &enrolment.url,
     )?)?;
     NodeProgram::upload(&programs, &stack)?;
-    println!("Waiting for {new_nodes} nodes to join.");
+    if enrolment.is_open() {
+        println!("Waiting for {new_nodes} nodes to join.");
+    }
     let absent = enrolment.wait(new_nodes);
     write_nodes(&args.nodes.nodes_file, &stack.machines()?)?;
     let name = &stack.name;
