@@ -92,6 +92,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         &["game/src/", "game/tests/", "game/examples/", "tests/bench/"],
     ),
     (&["rapier3d"], &["game/billiards/"]),
+    (&["ratatui"], &["farm/src/commands/top/"]),
     (
         &["wgpu"],
         &[

@@ -1,4 +1,4 @@
-//! Figures of a farm's nodes: what each counts, as rates between two looks.
+//! Figures of a farm's nodes: what each counts, as rates between two scrapes.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -11,7 +11,7 @@ use crate::commands::Failure;
 
 /// A node as a row of the table.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct NodeRow {
+pub(super) struct NodeRates {
     pub(super) address: String,
     pub(super) name: String,
     pub(super) device: String,
@@ -41,13 +41,13 @@ pub(super) enum NodeHealth {
 /// The nodes' figures at the last look, and at the one before.
 pub(super) struct FarmFigures {
     sources: FigureSources,
-    looks: BTreeMap<String, Look>,
-    rows: Vec<NodeRow>,
+    scrapes: BTreeMap<String, Scrape>,
+    rows: Vec<NodeRates>,
 }
 
 /// The metrics of a node by their names, and when they were asked for.
 #[derive(Clone, Debug)]
-struct Look {
+struct Scrape {
     at: Instant,
     metrics: BTreeMap<String, f64>,
 }
@@ -56,7 +56,7 @@ impl FarmFigures {
     pub(super) const fn new(sources: FigureSources) -> Self {
         Self {
             sources,
-            looks: BTreeMap::new(),
+            scrapes: BTreeMap::new(),
             rows: Vec::new(),
         }
     }
@@ -79,7 +79,7 @@ impl FarmFigures {
             rows.push(match answer {
                 Ok(text) => self.row(&address, &text, Instant::now()),
                 Err(why) => {
-                    self.looks.remove(&address);
+                    self.scrapes.remove(&address);
                     silent(&address, &reason(&why))
                 }
             });
@@ -89,15 +89,15 @@ impl FarmFigures {
         Ok(())
     }
 
-    pub(super) fn rows(&self) -> Vec<NodeRow> {
+    pub(super) fn rows(&self) -> Vec<NodeRates> {
         self.rows.clone()
     }
 
     /// The row of a node that has answered; rates are zero at the first look.
-    fn row(&mut self, address: &str, text: &str, at: Instant) -> NodeRow {
+    fn row(&mut self, address: &str, text: &str, at: Instant) -> NodeRates {
         let metrics = metrics(text);
-        let now = Look { at, metrics };
-        let before = self.looks.insert(address.to_owned(), now.clone());
+        let now = Scrape { at, metrics };
+        let before = self.scrapes.insert(address.to_owned(), now.clone());
         let before = before.unwrap_or_else(|| now.clone());
         let secs = (now.at - before.at).as_secs_f64().max(1e-3);
         // A node that was started anew counts from zero.
@@ -105,7 +105,7 @@ impl FarmFigures {
         let requests = grown("requests_total");
         let mean_ms = 1e3 * grown("response_seconds_total") / requests;
         let draining = now.value("draining") > 0.0;
-        NodeRow {
+        NodeRates {
             address: address.to_owned(),
             name: label(text, "name"),
             device: label(text, "device"),
@@ -125,7 +125,7 @@ impl FarmFigures {
     }
 }
 
-impl Look {
+impl Scrape {
     fn value(&self, name: &str) -> f64 {
         self.metrics.get(name).copied().unwrap_or(0.0)
     }
@@ -139,15 +139,15 @@ fn reason(why: &carom_farm::Error) -> String {
     }
 }
 
-fn silent(address: &str, why: &str) -> NodeRow {
-    NodeRow {
+fn silent(address: &str, why: &str) -> NodeRates {
+    NodeRates {
         address: address.to_owned(),
         state: NodeHealth::Silent(printable(why, REASON_BYTES_MAX)),
-        ..NodeRow::default()
+        ..NodeRates::default()
     }
 }
 
-fn set_shares(rows: &mut [NodeRow]) {
+fn set_shares(rows: &mut [NodeRates]) {
     let all: f64 = rows.iter().map(|row| row.msamples_per_sec).sum();
     for row in rows {
         row.share = row.msamples_per_sec / all.max(1e-12);
@@ -235,9 +235,9 @@ mod tests {
 
     #[test]
     fn shares_are_of_all_samples() {
-        let row = |msamples_per_sec| NodeRow {
+        let row = |msamples_per_sec| NodeRates {
             msamples_per_sec,
-            ..NodeRow::default()
+            ..NodeRates::default()
         };
         let mut rows = [row(3.0), row(1.0), silent("elm:1", "no answer")];
         set_shares(&mut rows);

@@ -7,7 +7,7 @@ use ratatui::style::{Color, Style, Stylize as _};
 use ratatui::text::Line;
 use ratatui::widgets::{Row, Table, Widget};
 
-use super::figures::{NodeHealth, NodeRow};
+use super::figures::{NodeHealth, NodeRates};
 
 const COLUMNS: [(&str, Constraint); 10] = [
     ("node", Constraint::Fill(3)),
@@ -23,12 +23,12 @@ const COLUMNS: [(&str, Constraint); 10] = [
 ];
 
 /// Draws the rows from `first_row` on, and below them the sums.
-pub(super) fn draw(frame: &mut Frame<'_>, rows: &[NodeRow], first_row: usize) {
+pub(super) fn draw(frame: &mut Frame<'_>, rows: &[NodeRates], first_row: usize) {
     render(frame.area(), frame.buffer_mut(), rows, first_row);
 }
 
 /// The table as text.
-pub(super) fn text(rows: &[NodeRow]) -> String {
+pub(super) fn text(rows: &[NodeRates]) -> String {
     let height = (rows.len() + 2).min(usize::from(u16::MAX / TEXT_WIDTH)) as u16;
     let area = Rect::new(0, 0, TEXT_WIDTH, height);
     let mut buffer = Buffer::empty(area);
@@ -44,7 +44,7 @@ pub(super) fn text(rows: &[NodeRow]) -> String {
 /// Columns of the text: `--once` is for files and mails.
 const TEXT_WIDTH: u16 = 120;
 
-fn render(area: Rect, buffer: &mut Buffer, rows: &[NodeRow], first_row: usize) {
+fn render(area: Rect, buffer: &mut Buffer, rows: &[NodeRates], first_row: usize) {
     let [table_area, sums_area] =
         Layout::vertical([Constraint::Fill(1), Constraint::Length(1)]).areas(area);
     let header = Row::new(COLUMNS.map(|(title, _)| title)).style(Style::new().bold());
@@ -54,7 +54,7 @@ fn render(area: Rect, buffer: &mut Buffer, rows: &[NodeRow], first_row: usize) {
     Line::from(sums(rows)).bold().render(sums_area, buffer);
 }
 
-fn row(node: &NodeRow) -> Row<'static> {
+fn row(node: &NodeRates) -> Row<'static> {
     let name = match (&*node.name, &*node.device) {
         ("", "") => String::new(),
         (name, device) => format!("{name}: {device}"),
@@ -85,10 +85,10 @@ fn row(node: &NodeRow) -> Row<'static> {
     .style(style)
 }
 
-fn sums(rows: &[NodeRow]) -> String {
-    let silent = |row: &&NodeRow| matches!(row.state, NodeHealth::Silent(_));
+fn sums(rows: &[NodeRates]) -> String {
+    let silent = |row: &&NodeRates| matches!(row.state, NodeHealth::Silent(_));
     let answering = rows.len() - rows.iter().filter(silent).count();
-    let sum = |value: fn(&NodeRow) -> f64| rows.iter().map(value).sum::<f64>();
+    let sum = |value: fn(&NodeRates) -> f64| rows.iter().map(value).sum::<f64>();
     format!(
         "{answering} of {} nodes answer: {:.2} Msample/s, {:.1} tiles/s, {:.2} Mbit/s  (q ends)",
         rows.len(),
@@ -105,8 +105,8 @@ mod tests {
 
     use super::*;
 
-    fn nodes() -> Vec<NodeRow> {
-        let node = |index: usize| NodeRow {
+    fn nodes() -> Vec<NodeRates> {
+        let node = |index: usize| NodeRates {
             address: format!("10.0.0.{index}:8433"),
             name: format!("oak{index}"),
             device: "L4".into(),
@@ -114,9 +114,9 @@ mod tests {
             msamples_per_sec: 12.5,
             response_ms: Some(4.2),
             mbits_per_sec: 48.0,
-            ..NodeRow::default()
+            ..NodeRates::default()
         };
-        let mut nodes: Vec<NodeRow> = (0..4).map(node).collect();
+        let mut nodes: Vec<NodeRates> = (0..4).map(node).collect();
         nodes[3].state = NodeHealth::Silent("connection refused".into());
         nodes
     }
