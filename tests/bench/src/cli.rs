@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::{
-    BenchError, balance, bvh, cluster, codec, faults, kernel_specialization, latency,
+    BenchError, balance, bvh, cluster, codec, faults, first_frames, kernel_specialization, latency,
     latency_hiding, mitsuba_scene, node, overlay, physics, play, proxy, quality, tradeoff_chart,
     transport,
 };
@@ -22,6 +22,7 @@ struct Cli {
 enum Command {
     Balance(balance::Args),
     Cluster(cluster::Args),
+    FirstFrames(first_frames::Args),
     Faults(faults::Args),
     Codec(codec::Args),
     Transport(transport::Args),
@@ -58,6 +59,7 @@ impl Command {
         match self {
             Self::Balance(args) => balance::run(&args),
             Self::Cluster(args) => cluster::run(&args),
+            Self::FirstFrames(args) => first_frames::run(&args),
             Self::Faults(args) => faults::run(&args),
             Self::Codec(args) => codec::run(&args),
             Self::Transport(args) => transport::run(&args),

@@ -12,6 +12,7 @@ mod cluster;
 mod codec;
 mod error;
 mod faults;
+mod first_frames;
 mod kernel_specialization;
 mod latency;
 mod latency_hiding;

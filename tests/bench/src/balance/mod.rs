@@ -2,6 +2,7 @@
 
 mod acceptance;
 mod decision;
+mod first_frame;
 mod own;
 mod plot;
 
@@ -81,6 +82,7 @@ struct BalanceRun {
 #[derive(Serialize)]
 struct BalanceReport {
     runs: Vec<BalanceRow>,
+    first_frames: Vec<first_frame::FirstFrame>,
     decisions: Vec<decision::DivisionCost>,
 }
 
@@ -128,6 +130,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     }
     let output = BalanceReport {
         runs: runs.iter().map(row).collect(),
+        first_frames: first_frame::measure(),
         decisions: algorithms.iter().copied().map(decision::measure).collect(),
     };
     if args.json {
@@ -138,6 +141,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     } else {
         print_tables(&output);
         acceptance::print(&runs);
+        first_frame::print(&output.first_frames);
     }
     Ok(())
 }

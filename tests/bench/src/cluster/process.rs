@@ -123,9 +123,53 @@ impl Drop for FarmFolder {
     }
 }
 
-/// A process, killed when dropped, and the way to it.
-pub(crate) struct NodeProcess {
+/// A node as a process of this machine; killed when dropped.
+pub(crate) struct RunningProcess {
     process: Child,
+    pub(crate) address: SocketAddr,
+}
+
+impl RunningProcess {
+    /// Starts the node `index` with so many threads and a share of their time, with certificates of the
+    /// farm in `folder`.
+    pub(crate) fn start(
+        folder: &Path,
+        index: usize,
+        threads: u16,
+        share: f64,
+    ) -> anyhow::Result<Self> {
+        let credentials = add_node(folder, &format!("node{index}"), None, true)?;
+        let program = std::env::current_exe().context("where this program is")?;
+        let process = Command::new(program)
+            .args(["node", "--listen", "127.0.0.1:0", "--stdin-control"])
+            .args(["--backend", "cpu", "--threads", &threads.to_string()])
+            .args(["--throttle", &share.to_string()])
+            .arg("--credentials")
+            .arg(credentials)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .context("a node's process")?;
+        let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        let mut started = Self {
+            process,
+            address: any,
+        };
+        started.address = listening(&mut started.process)?;
+        Ok(started)
+    }
+}
+
+impl Drop for RunningProcess {
+    fn drop(&mut self) {
+        let _ = self.process.kill(); // it may have ended already
+        let _ = self.process.wait();
+    }
+}
+
+/// A node and the way to it.
+pub(crate) struct NodeProcess {
+    node: RunningProcess,
     proxy: UdpProxy,
 }
 
@@ -139,34 +183,20 @@ impl NodeProcess {
         path: LinkConfig,
         seed: u64,
     ) -> anyhow::Result<Self> {
-        let credentials = add_node(folder, &format!("node{index}"), None, true)?;
-        let program = std::env::current_exe().context("where this program is")?;
-        let mut process = Command::new(program)
-            .args(["node", "--listen", "127.0.0.1:0", "--stdin-control"])
-            .args(["--backend", "cpu", "--threads", "1"])
-            .args(["--throttle", &spec.share.to_string()])
-            .arg("--credentials")
-            .arg(credentials)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .context("a node's process")?;
-        let address = match listening(&mut process) {
-            Ok(address) => address,
-            Err(why) => {
-                let _ = process.kill(); // it may have ended by itself
-                let _ = process.wait();
-                return Err(why);
-            }
-        };
+        let node = RunningProcess::start(folder, index, 1, spec.share)?;
         let path = LinkConfig {
             delay: Duration::from_secs_f64(0.5 * spec.round_trip_secs),
             ..path
         };
         let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let proxy = UdpProxy::start(any, address, path, seed.wrapping_add(1000 * index as u64));
+        let proxy = UdpProxy::start(
+            any,
+            node.address,
+            path,
+            seed.wrapping_add(1000 * index as u64),
+        );
         Ok(Self {
-            process,
+            node,
             proxy: proxy.context("a node's proxy")?,
         })
     }
@@ -179,11 +209,16 @@ impl NodeProcess {
     /// Does to it what can be done to a process; [`NodeAction::Join`] is the client's.
     pub(crate) fn act(&mut self, action: NodeAction) -> anyhow::Result<()> {
         match action {
-            NodeAction::Kill => self.process.kill().context("ending a node"),
+            NodeAction::Kill => self.node.process.kill().context("ending a node"),
             NodeAction::Stop => self.signal("STOP"),
             NodeAction::Go => self.signal("CONT"),
             NodeAction::Throttle(share) => {
-                let commands = self.process.stdin.as_mut().context("a node's commands")?;
+                let commands = self
+                    .node
+                    .process
+                    .stdin
+                    .as_mut()
+                    .context("a node's commands")?;
                 writeln!(commands, "throttle {share}").context("a command to a node")
             }
             NodeAction::Join => Ok(()),
@@ -191,19 +226,12 @@ impl NodeProcess {
     }
 
     fn signal(&self, name: &str) -> anyhow::Result<()> {
-        let id = self.process.id().to_string();
+        let id = self.node.process.id().to_string();
         let sent = Command::new("kill").args(["-s", name, &id]).status();
         if !sent.context("the program `kill`")?.success() {
             bail!("node process {id} cannot be sent {name}");
         }
         Ok(())
-    }
-}
-
-impl Drop for NodeProcess {
-    fn drop(&mut self) {
-        let _ = self.process.kill(); // it may have ended already
-        let _ = self.process.wait();
     }
 }
 

@@ -1,0 +1,78 @@
+//! The first frame of a farm in which the slowest node is ready first, and one of a hundred times its
+//! speed joins: nothing may be left to the slow one that the fast one would be through with.
+
+use carom_farm::coordinator::SPOT_CHECK_TILES;
+use carom_farm::{Algorithm, Distribution};
+use carom_testkit::simulator::{self, FarmPlan, NetworkConditions, NodeChange, NodePlan};
+use carom_tracer::ImageSize;
+use serde::Serialize;
+
+/// One run.
+#[derive(Serialize)]
+pub(super) struct FirstFrame {
+    /// When the fast node joins.
+    joins_ms: f64,
+    first_frame_ms: f64,
+    /// Over the time of both nodes from when the fast one is there.
+    ratio: f64,
+}
+
+/// The fast node joins at once, and up to half a second late.
+pub(super) fn measure() -> Vec<FirstFrame> {
+    [0.0, 0.02, 0.1, 0.5].map(simulate).into()
+}
+
+fn simulate(joins_secs: f64) -> FirstFrame {
+    let (slow, fast) = (
+        NodePlan::new(1e-4, SLOW),
+        NodePlan::new(1e-3, SPREAD * SLOW),
+    );
+    let plan = FarmPlan {
+        seed: 1,
+        balancing: Algorithm::WaterFilling.hedged(),
+        nodes: vec![slow, fast.with(START_SECS + joins_secs, NodeChange::Join)],
+        frames: 1,
+        frames_in_flight: 1,
+        period_secs: None,
+        looks_ahead: false,
+        size: ImageSize::new(240, 160),
+        samples: 1,
+        distribution: Distribution::Tiles,
+        spot_check_tiles: SPOT_CHECK_TILES,
+        tile_edge: 8,
+        conditions: NetworkConditions::default(),
+        changes: Vec::new(),
+    };
+    let report = simulator::run(&plan, SECS_MAX);
+    let frame_secs = report
+        .frames
+        .first()
+        .map_or(f64::INFINITY, |frame| frame.stats.makespan_secs);
+    let together = 1e-6 * plan.size.pixels() as f64 / (SLOW * (1.0 + SPREAD));
+    FirstFrame {
+        joins_ms: 1e3 * joins_secs,
+        first_frame_ms: 1e3 * frame_secs,
+        ratio: frame_secs / (joins_secs + 1e-3 + together),
+    }
+}
+
+/// A line beside the other criteria.
+pub(super) fn print(frames: &[FirstFrame]) {
+    let met = frames.iter().all(|frame| frame.ratio <= RATIO_MAX);
+    let met = if met { "met" } else { "missed" };
+    let ratio = |frame: &FirstFrame| format!("{:.2} after {:.0} ms", frame.ratio, frame.joins_ms);
+    let ratios: Vec<String> = frames.iter().map(ratio).collect();
+    println!(
+        "{met:<6} first frame of a slow node and one 100 times as fast that joins, over the optimum: {} \
+         ≤ {RATIO_MAX}",
+        ratios.join(", ")
+    );
+}
+
+/// Million samples a second of the slow node, and how many times as fast the other is.
+const SLOW: f64 = 0.02;
+const SPREAD: f64 = 100.0;
+/// When the simulator submits the first frame.
+const START_SECS: f64 = 0.5;
+const RATIO_MAX: f64 = 2.0;
+const SECS_MAX: f64 = 600.0;

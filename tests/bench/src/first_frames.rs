@@ -1,0 +1,157 @@
+//! The bench of a farm's first frames on real processes: nothing is known of the nodes yet, and they
+//! become ready one after the other.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use carom_farm::{
+    Farm, FarmConfig, FrameSpec, LocalNode, NodeStatus, PixelFormat, PixelPrecision, PrecisionRange,
+};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+use serde::Serialize;
+
+use crate::BenchError;
+use crate::cluster::process::{FarmFolder, RunningProcess};
+use crate::scenes;
+
+/// Compare the first frames of many nodes of one thread with those of one node of as many threads.
+///
+/// Each node is a process of this machine, called as a game calls it: frames are asked for from the
+/// start, whoever is ready. Pairs of runs follow each other, and each pair's ratio is printed; what the
+/// machine does beside it disturbs single pairs.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Nodes of one thread each.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u16).range(2..=64))]
+    nodes: u16,
+    /// Frames of a run.
+    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    frames: u32,
+    /// Pixels across; the picture is 16:9.
+    #[arg(long, default_value_t = 640, value_parser = clap::value_parser!(u32).range(16..=3840))]
+    width: u32,
+    /// Samples a pixel.
+    #[arg(long, default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    spp: u32,
+    /// Pairs of runs.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=100))]
+    pairs: u8,
+}
+
+#[derive(Serialize)]
+struct FirstFrames {
+    one_secs: f64,
+    many_secs: f64,
+    ratio: f64,
+    /// Tiles of the many nodes that were asked for again, each on average so often.
+    reissued_per_tile: f64,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
+    let folder = FarmFolder::new("carom-bench-first-frames")?;
+    let pair = |_| -> Result<FirstFrames, BenchError> {
+        let (one_secs, _) = play(args, &folder, 1, args.nodes)?;
+        let (many_secs, reissued_per_tile) = play(args, &folder, args.nodes, 1)?;
+        Ok(FirstFrames {
+            one_secs,
+            many_secs,
+            ratio: many_secs / one_secs,
+            reissued_per_tile,
+        })
+    };
+    let pairs: Vec<FirstFrames> = (0..args.pairs).map(pair).collect::<Result<_, _>>()?;
+    if args.json {
+        let json = serde_json::to_string(&pairs).context("results as JSON")?;
+        println!("{json}");
+        return Ok(());
+    }
+    let (nodes, frames) = (args.nodes, args.frames);
+    println!("one node s  {nodes} nodes s  ratio  requested again, per tile");
+    for pair in &pairs {
+        let FirstFrames {
+            one_secs,
+            many_secs,
+            ratio,
+            reissued_per_tile,
+        } = pair;
+        println!("{one_secs:>10.2}  {many_secs:>9.2}  {ratio:>5.2}  {reissued_per_tile:.2}");
+    }
+    let mut ratios: Vec<f64> = pairs.iter().map(|pair| pair.ratio).collect();
+    ratios.sort_by(f64::total_cmp);
+    let ratio = ratios[ratios.len() / 2];
+    let again = pairs.iter().map(|pair| pair.reissued_per_tile);
+    let again = again.fold(0.0, f64::max);
+    let met = if ratio <= RATIO_MAX && again < 1.0 {
+        "met"
+    } else {
+        "missed"
+    };
+    println!(
+        "{met}: the first {frames} frames take {ratio:.2} times as long (at most {RATIO_MAX}), and a \
+         tile is requested again {again:.2} times (below 1)"
+    );
+    Ok(())
+}
+
+/// Starts nodes and a farm, and waits for its first frames. Returns the seconds that they took, and how
+/// often each tile was asked for again.
+fn play(
+    args: &Args,
+    folder: &FarmFolder,
+    nodes: u16,
+    threads: u16,
+) -> Result<(f64, f64), BenchError> {
+    let start = |index| RunningProcess::start(&folder.0, usize::from(index), threads, 1.0);
+    let nodes: Vec<RunningProcess> = (0..nodes).map(start).collect::<Result<_, _>>()?;
+    let begun = Instant::now();
+    let mut farm = Farm::new(FarmConfig {
+        local: LocalNode::None,
+        nodes: nodes.iter().map(|node| node.address.to_string()).collect(),
+        credentials: folder.0.clone(),
+        precision: PrecisionRange::only(PixelPrecision::Exact),
+        ..FarmConfig::default()
+    })?;
+    farm.set_scene(&scenes::scene(None)?.scene)?;
+    let (mut submitted, mut reissued, mut tiles) = (0, 0, 0);
+    for _ in 0..args.frames {
+        while submitted < args.frames && farm.in_flight() < FRAMES_IN_FLIGHT {
+            farm.submit(spec(args, submitted))?;
+            submitted += 1;
+        }
+        let frame = farm.wait_frame(PATIENCE).with_context(|| no_frame(&farm))?;
+        reissued += frame.stats.reissued_tiles;
+        tiles += frame.stats.tiles_by_node.iter().sum::<u32>();
+    }
+    let secs = begun.elapsed().as_secs_f64();
+    Ok((secs, f64::from(reissued) / f64::from(tiles.max(1))))
+}
+
+fn no_frame(farm: &Farm) -> String {
+    let state = |node: &NodeStatus| format!("{} {}", node.address, node.state.sentence());
+    let nodes: Vec<String> = farm.nodes().iter().map(state).collect();
+    format!("no frame came: {}", nodes.join("; "))
+}
+
+/// A frame that differs from its neighbours.
+fn spec(args: &Args, frame: u32) -> FrameSpec {
+    FrameSpec {
+        update: SceneUpdate::default(),
+        size: ImageSize::new(args.width, (args.width * 9 / 16).max(1)),
+        settings: RenderSettings {
+            samples: args.spp,
+            seed: frame,
+            ..RenderSettings::default()
+        },
+        format: PixelFormat::Srgb8 { exposure: 1.0 },
+    }
+}
+
+/// As the game has it without a display.
+const FRAMES_IN_FLIGHT: usize = 3;
+/// How many times as long the many may take.
+const RATIO_MAX: f64 = 1.25;
+/// No frame takes that long unless something is wrong.
+const PATIENCE: Duration = Duration::from_secs(120);
