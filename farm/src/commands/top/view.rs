@@ -10,8 +10,8 @@ use ratatui::widgets::{Row, Table, Widget};
 use super::figures::{NodeHealth, NodeRates};
 
 const COLUMNS: [(&str, Constraint); 10] = [
-    ("node", Constraint::Fill(3)),
-    ("address", Constraint::Fill(2)),
+    ("node", Constraint::Fill(1)),
+    ("address", Constraint::Length(21)),
     ("state", Constraint::Length(8)),
     ("players", Constraint::Length(7)),
     ("busy", Constraint::Length(5)),
@@ -122,7 +122,7 @@ mod tests {
     }
 
     fn screen(first_row: usize, height: u16) -> String {
-        let mut terminal = Terminal::new(TestBackend::new(100, height)).unwrap();
+        let mut terminal = Terminal::new(TestBackend::new(120, height)).unwrap();
         terminal
             .draw(|frame| draw(frame, &nodes(), first_row))
             .unwrap();
