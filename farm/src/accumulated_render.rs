@@ -118,6 +118,7 @@ impl AccumulatedRender {
         while let Some(spec) = self.next_frame() {
             let submission = Submission {
                 priority: self.priority,
+                exact: true,
                 ..Submission::default()
             };
             match submitter.submit(spec, submission, scene.clone()) {

@@ -34,6 +34,7 @@ pub(crate) enum DriverInput {
         spec: Box<FrameSpec>,
         scene: (SceneHash, Arc<Scene>),
         deadline: Option<Duration>,
+        exact: bool,
         replies: Sender<FrameReply>,
     },
     Cancel(FrameId),
@@ -261,6 +262,7 @@ impl Driver {
                 spec,
                 scene,
                 deadline,
+                exact,
                 replies,
             } => {
                 let has_deadline = deadline.is_some();
@@ -270,7 +272,8 @@ impl Driver {
                 };
                 self.routes.insert(id, route);
                 let edge = self.tile_edge;
-                self.coordinator.submit(now, id, *spec, scene, edge);
+                let coordinator = &mut self.coordinator;
+                coordinator.submit(now, id, *spec, scene, edge, exact);
                 if let Some(deadline) = deadline {
                     self.coordinator.set_deadline(id, now + deadline);
                 }

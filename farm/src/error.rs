@@ -361,8 +361,75 @@ pub enum Error {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// A film was cancelled.
+    #[error("the film was cancelled after {frames_done} of {frames} frames")]
+    FilmCancelled {
+        /// Frames that are kept.
+        frames_done: u32,
+        /// Frames of its range.
+        frames: u32,
+    },
+    /// A folder holds some frames of another film.
+    #[error(
+        "{} holds {held} frames of an unfinished film of another kind ({other}): its own command \
+         goes on with it; delete the folder, or name another, for this one ({own})",
+        folder.display()
+    )]
+    UnfinishedFilm {
+        /// The folder.
+        folder: PathBuf,
+        /// How many frames it holds.
+        held: usize,
+        /// The film that they are of.
+        other: String,
+        /// The film that was asked for.
+        own: String,
+    },
+    /// A frame of a film cannot be read.
+    #[error("{} is damaged: delete it and render the film again: {reason}", path.display())]
+    FilmFrame {
+        /// The file.
+        path: PathBuf,
+        /// Its fault.
+        reason: String,
+    },
+    /// The name of a film's file ends in none that is written.
+    #[error(
+        "{}: the name of a film must end in .y4m (then `ffmpeg -i film.y4m film.mp4` makes other \
+         kinds of it) or in .png for an animation",
+        path.display()
+    )]
+    FilmFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A text is no range of frames.
+    #[error(
+        "`{}` is no range of frames: give the first and the last, counted from 0, as in 0-9",
+        text.escape_debug()
+    )]
+    FrameRange {
+        /// As it was given.
+        text: String,
+    },
+    /// A film ends before a range of its frames begins.
+    #[error("a film of {frames} frames has none in a range that begins with frame {first}")]
+    NoFrameOfRange {
+        /// The first of the range, counted from 0.
+        first: u32,
+        /// All of the film.
+        frames: u32,
+    },
+    /// A film has more frames than a folder may hold.
+    #[error("a film of {frames} frames is too long: at most {max} are traced at once")]
+    FilmLength {
+        /// Its frames.
+        frames: usize,
+        /// The bound.
+        max: u32,
+    },
     /// A file that a render would go on from is of another one, or damaged.
-    #[error("{}: {reason}; delete it, or write the picture to another file", path.display())]
+    #[error("{}: {reason}; delete it, or choose another name", path.display())]
     Resume {
         /// The file.
         path: PathBuf,
@@ -406,6 +473,11 @@ impl Error {
             | Self::MemberName { .. }
             | Self::NodeAddress { .. }
             | Self::PictureFormat { .. }
+            | Self::UnfinishedFilm { .. }
+            | Self::FilmFormat { .. }
+            | Self::FrameRange { .. }
+            | Self::NoFrameOfRange { .. }
+            | Self::FilmLength { .. }
             | Self::Resume { .. } => true,
             _ => false,
         }

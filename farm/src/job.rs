@@ -10,15 +10,16 @@ use crate::error::Error;
 #[derive(Debug)]
 pub(crate) struct Job<T> {
     thread: Option<JoinHandle<Result<T, Error>>>,
-    cancelled: Cancellation,
+    canceller: Canceller,
 }
 
-/// Whether a job has been cancelled.
+/// Cancels a still or a film from another thread.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Cancellation(Arc<AtomicBool>);
+pub struct Canceller(Arc<AtomicBool>);
 
-impl Cancellation {
-    pub(crate) fn cancel(&self) {
+impl Canceller {
+    /// Ends the work: who waits for it gets [`Error::Cancelled`] or [`Error::FilmCancelled`].
+    pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
@@ -34,20 +35,20 @@ impl<T: Send + 'static> Job<T> {
     /// [`Error::Thread`].
     pub(crate) fn start(
         name: &str,
-        run: impl FnOnce(&Cancellation) -> Result<T, Error> + Send + 'static,
+        run: impl FnOnce(&Canceller) -> Result<T, Error> + Send + 'static,
     ) -> Result<Self, Error> {
-        let cancelled = Cancellation::default();
-        let seen = cancelled.clone();
+        let canceller = Canceller::default();
+        let seen = canceller.clone();
         let thread = std::thread::Builder::new().name(name.to_owned());
         let thread = thread.spawn(move || run(&seen)).map_err(Error::Thread)?;
         Ok(Self {
             thread: Some(thread),
-            cancelled,
+            canceller,
         })
     }
 
-    pub(crate) fn cancellation(&self) -> &Cancellation {
-        &self.cancelled
+    pub(crate) fn canceller(&self) -> &Canceller {
+        &self.canceller
     }
 
     pub(crate) fn is_finished(&self) -> bool {
@@ -63,6 +64,6 @@ impl<T: Send + 'static> Job<T> {
 
 impl<T> Drop for Job<T> {
     fn drop(&mut self) {
-        self.cancelled.cancel();
+        self.canceller.cancel();
     }
 }

@@ -20,9 +20,10 @@
 //! # }
 //! ```
 //!
-//! [`Still`] is one picture, [`Live`] a view that follows its camera. Underneath, [`Farm::submit`] takes single frames.
+//! [`Still`] is one picture, [`Film`] many in a row, [`Live`] a view that follows its camera. Underneath,
+//! [`Farm::submit`] takes single frames.
 //! Submitting never waits, several frames are in flight at once, and nodes may come, slow down or
-//! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`].
+//! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`]; the [`guide`] goes by subject.
 
 mod accumulated_render;
 #[cfg(feature = "cli")]
@@ -39,7 +40,9 @@ mod driver;
 mod error;
 mod events;
 mod farm;
+mod film;
 mod frame;
+pub mod guide;
 pub mod health;
 mod job;
 pub mod link;
@@ -71,10 +74,12 @@ pub use coordinator::FrameRefusal;
 pub use error::{Error, Result};
 pub use events::{FarmEvent, FarmEvents};
 pub use farm::Farm;
+pub use film::{Film, FilmFormat, FilmFrames, FilmJob, FilmProgress, FrameRange};
 pub use frame::{Frame, FrameSpec, Pixels};
+pub use job::Canceller;
 pub use live::{Live, LiveView};
 pub use node_status::{NodeIndex, NodeState, NodeStatus};
 pub use picture::{FileFormat, Picture};
 pub use stats::{Delivery, FrameStats, LatencySplit, NodeEffort};
-pub use still::{Still, StillCanceller, StillJob, StillProgress};
+pub use still::{Still, StillJob, StillProgress};
 pub use submission::{Priority, SceneHandle, Submission};

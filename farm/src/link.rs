@@ -137,7 +137,9 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
     }
 
     fn trace(&mut self, mut request: TraceRequest) {
-        request.precision = self.precision;
+        if request.precision != PrecisionRange::EXACT {
+            request.precision = self.precision;
+        }
         let (frame, id) = (request.frame, request.id);
         if let Err(why) = self.session.trace(request) {
             let why = RefusalReason::Invalid(why.to_string());

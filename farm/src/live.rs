@@ -15,7 +15,7 @@ use crate::accumulated_render::AccumulatedRender;
 use crate::error::Error;
 use crate::farm::Farm;
 use crate::frame::FrameSpec;
-use crate::job::{Cancellation, Job};
+use crate::job::{Canceller, Job};
 use crate::picture::Picture;
 use crate::submission::{Priority, SceneHandle};
 use crate::submitter::Submitter;
@@ -259,7 +259,7 @@ impl LiveView {
 
 impl Drop for LiveView {
     fn drop(&mut self) {
-        self.job.cancellation().cancel();
+        self.job.canceller().cancel();
         self.shared.changed.notify_all();
     }
 }
@@ -273,7 +273,7 @@ struct LiveRun {
 }
 
 impl LiveRun {
-    fn run(mut self, cancelled: &Cancellation) {
+    fn run(mut self, cancelled: &Canceller) {
         if let Err(error) = self.follow(cancelled) {
             self.shared.lock().error = Some(error);
             self.announce();
@@ -281,7 +281,7 @@ impl LiveRun {
     }
 
     /// One picture after the other, each as long as nothing changes.
-    fn follow(&mut self, cancelled: &Cancellation) -> Result<(), Error> {
+    fn follow(&mut self, cancelled: &Canceller) -> Result<(), Error> {
         while !cancelled.is_cancelled() {
             let (version, spec) = {
                 let state = self.shared.lock();
@@ -300,7 +300,7 @@ impl LiveRun {
         &mut self,
         version: u64,
         spec: FrameSpec,
-        cancelled: &Cancellation,
+        cancelled: &Canceller,
     ) -> Result<(), Error> {
         let mut film = Film::new(spec.size);
         let mut render = AccumulatedRender::new(spec, Priority::Interactive);
@@ -329,7 +329,7 @@ impl LiveRun {
     }
 
     /// Waits until something changes.
-    fn rest(&self, version: u64, cancelled: &Cancellation) {
+    fn rest(&self, version: u64, cancelled: &Canceller) {
         let mut state = self.shared.lock();
         while state.version == version && !cancelled.is_cancelled() {
             let waited = self.shared.changed.wait_timeout(state, REST_INTERVAL);

@@ -1,11 +1,13 @@
 //! Finished pictures, and their files.
 
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use carom_tracer::film::Film;
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{Aovs, ImageSize, RadianceImage};
+use png::Compression;
 
 use crate::checkpoint::Checkpoint;
 use crate::error::Error;
@@ -78,22 +80,18 @@ impl Picture {
     /// # Errors
     /// [`Error::File`] if memory is too small for it.
     pub fn png(&self) -> Result<Vec<u8>, Error> {
-        let ImageSize { width, height } = self.size();
-        let rgb = self.image().pixels;
-        let rgb = rgb.iter().flat_map(|&pixel| srgb8(pixel, self.exposure));
+        let pixels = self.image().pixels;
+        let rgb = pixels.iter().flat_map(|&pixel| srgb8(pixel, self.exposure));
         let mut bytes = Vec::new();
-        let mut write = || -> Result<(), png::EncodingError> {
-            let mut encoder = png::Encoder::new(&mut bytes, width, height);
-            encoder.set_color(png::ColorType::Rgb);
-            encoder.set_depth(png::BitDepth::Eight);
-            encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-            let mut writer = encoder.write_header()?;
-            writer.write_image_data(&rgb.clone().collect::<Vec<u8>>())?;
-            writer.finish()
-        };
-        let written = write().map_err(|error| Error::File {
+        let written = write_png(
+            &mut bytes,
+            self.size(),
+            &rgb.collect::<Vec<u8>>(),
+            Compression::default(),
+        );
+        let written = written.map_err(|source| Error::File {
             path: PathBuf::from("a PNG in memory"),
-            source: error.into(),
+            source,
         });
         written.map(|()| bytes)
     }
@@ -191,6 +189,35 @@ impl FileFormat {
             }),
         }
     }
+}
+
+/// A PNG of `rgb`, sRGB bytes row by row.
+///
+/// # Errors
+/// The system's reason, or that `rgb` is of another size.
+pub(crate) fn write_png(
+    to: impl Write,
+    size: ImageSize,
+    rgb: &[u8],
+    compression: Compression,
+) -> io::Result<()> {
+    let mut writer = png_encoder(to, size, compression).write_header()?;
+    writer.write_image_data(rgb)?;
+    Ok(writer.finish()?)
+}
+
+/// An encoder of sRGB bytes.
+pub(crate) fn png_encoder<W: Write>(
+    to: W,
+    size: ImageSize,
+    compression: Compression,
+) -> png::Encoder<'static, W> {
+    let mut encoder = png::Encoder::new(to, size.width, size.height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    encoder.set_compression(compression);
+    encoder
 }
 
 /// `a/b.png` becomes `a/.b.png.partial`.

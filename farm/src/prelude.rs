@@ -7,6 +7,6 @@ pub use carom_tracer::{
 };
 
 pub use crate::{
-    Error, Farm, FarmConfig, FarmEvent, Live, LiveView, LocalNode, NodeStatus, Picture, Still,
-    StillJob, StillProgress,
+    Error, Farm, FarmConfig, FarmEvent, Film, FilmJob, FilmProgress, Live, LiveView, LocalNode,
+    NodeStatus, Picture, Still, StillJob, StillProgress,
 };

@@ -13,7 +13,7 @@ use crate::checkpoint::Checkpoint;
 use crate::error::Error;
 use crate::farm::Farm;
 use crate::frame::FrameSpec;
-use crate::job::{Cancellation, Job};
+use crate::job::{Canceller, Job};
 use crate::picture::Picture;
 use crate::stats::FrameStats;
 use crate::submission::{Priority, SceneHandle};
@@ -200,17 +200,6 @@ pub struct StillJob {
     resumed_samples: u32,
 }
 
-/// Cancels a still from another thread.
-#[derive(Clone, Debug)]
-pub struct StillCanceller(Cancellation);
-
-impl StillCanceller {
-    /// Ends the work: [`StillJob::wait`] returns [`Error::Cancelled`].
-    pub fn cancel(&self) {
-        self.0.cancel();
-    }
-}
-
 impl Farm {
     /// Traces a picture and waits for it.
     ///
@@ -281,12 +270,12 @@ impl StillJob {
 
     /// Ends the work; a checkpoint is written if one was asked for.
     pub fn cancel(&self) {
-        self.job.cancellation().cancel();
+        self.job.canceller().cancel();
     }
 
     /// To cancel the work while another thread waits for it.
-    pub fn canceller(&self) -> StillCanceller {
-        StillCanceller(self.job.cancellation().clone())
+    pub fn canceller(&self) -> Canceller {
+        self.job.canceller().clone()
     }
 
     /// Waits for the picture.
@@ -311,7 +300,7 @@ struct StillRun {
 }
 
 impl StillRun {
-    fn run(mut self, cancelled: &Cancellation) -> Result<Picture, Error> {
+    fn run(mut self, cancelled: &Canceller) -> Result<Picture, Error> {
         while !self.render.is_done() {
             if cancelled.is_cancelled() {
                 return Err(self.interrupt()?);

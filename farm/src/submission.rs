@@ -30,6 +30,9 @@ pub struct Submission {
     /// tiles, and again when it is whole. As soon as it has had to be shown, earlier ones with
     /// deadlines do not come any more. Frames in the background have none.
     pub deadline: Option<Duration>,
+    /// Whether pixels come exactly, however slow a link is: for files. Otherwise sRGB pixels come as
+    /// [`crate::FarmConfig::precision`] has it.
+    pub exact: bool,
     /// Its scene; absent, the one that was set last.
     pub scene: Option<SceneHandle>,
 }

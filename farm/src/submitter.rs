@@ -111,6 +111,7 @@ impl Submitter {
             spec: Box::new(spec),
             scene: (scene.hash, scene.scene),
             deadline,
+            exact: submission.exact,
             replies: self.replies.clone(),
         });
         sent.map_err(|_| Error::FarmClosed)?;

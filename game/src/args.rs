@@ -6,11 +6,11 @@ use carom_billiards::PlayersFault;
 use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::{Engine, Recording, Table};
 use carom_billiards::rules::RuleSet;
-use carom_farm::{Balancing, FarmConfig, LocalNode};
+use carom_farm::{Balancing, FarmConfig, FrameRange, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
-use crate::capture::video::{FrameRange, VideoTarget, VideoView};
+use crate::capture::video::{VideoTarget, VideoView};
 use crate::display::Present;
 use crate::play::tournament::MatchArgs;
 use crate::scene::ball_materials::BallSet;

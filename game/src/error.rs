@@ -73,22 +73,6 @@ pub enum Error {
         /// As it was given.
         name: String,
     },
-    /// A text is no range of frames.
-    #[error(
-        "`{text}` is no range of frames: give the first and the last, counted from 0, as in 0-9"
-    )]
-    FrameRange {
-        /// As it was given.
-        text: String,
-    },
-    /// A film ends before a range of its frames begins.
-    #[error("the film has {frames} frames, 0 to {}: none of them is in a range from {first}", frames.saturating_sub(1))]
-    NoFrameOfRange {
-        /// The first of the range.
-        first: u32,
-        /// All of the film.
-        frames: u32,
-    },
 }
 
 /// A reason why a ball of the practice table cannot come, go or lie somewhere.

@@ -110,6 +110,12 @@ impl PrecisionRange {
     /// Exact pixels only.
     pub const EXACT: Self = Self::only(PixelPrecision::Exact);
 
+    /// Whatever the link carries.
+    pub const ANY: Self = Self {
+        finest: PixelPrecision::Exact,
+        coarsest: PixelPrecision::Lossy50,
+    };
+
     /// One level.
     pub const fn only(precision: PixelPrecision) -> Self {
         Self {

@@ -33,6 +33,7 @@ struct RequestedFrame<'a> {
     scene: SceneHash,
     spec: &'a FrameSpec,
     passes: SamplePasses,
+    is_exact: bool,
 }
 
 impl Dispatcher {
@@ -94,6 +95,7 @@ impl Dispatcher {
             scene: frame.scene.0,
             spec: &frame.spec,
             passes,
+            is_exact: frame.is_exact,
         };
         for range in tiles.iter().flat_map(|range| passes.split(*range)) {
             for first in range.indices().step_by(most as usize) {
@@ -127,6 +129,7 @@ impl Dispatcher {
             scene: tile.scene.0,
             spec: &tile.spec,
             passes: tile.passes,
+            is_exact: true,
         };
         let wait_secs = nodes[node].workload.wait_secs(now, tile.frame);
         self.request_range(nodes, node, of, request, wait_secs);
@@ -169,7 +172,10 @@ impl Dispatcher {
                 ..of.spec.settings
             },
             format: of.spec.format,
-            precision: PrecisionRange::EXACT,
+            precision: match of.is_exact {
+                true => PrecisionRange::EXACT,
+                false => PrecisionRange::ANY,
+            },
             references: Vec::new(),
         });
         workload.add(request.issued, self.last_request, request);

@@ -25,6 +25,8 @@ pub(super) struct FrameInFlight {
     pub(super) passes: SamplePasses,
     pub(super) work: WorkMap,
     pub(super) submitted: f64,
+    /// Whether links may not make its pixels coarser.
+    pub(super) is_exact: bool,
     /// Absent once it is finished.
     pub(super) buffer: Option<FrameBuffer>,
     /// Whether its tiles have been assigned once.
@@ -88,6 +90,7 @@ impl FrameInFlight {
             scene,
             passes,
             submitted: now,
+            is_exact: false,
             is_assigned: false,
             is_guessed: false,
             reissued: Vec::new(),

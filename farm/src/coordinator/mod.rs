@@ -172,6 +172,7 @@ impl Coordinator {
         spec: FrameSpec,
         scene: (SceneHash, Arc<Scene>),
         tile_edge: u16,
+        exact: bool,
     ) {
         let now = now.as_secs_f64();
         let grid = TileGrid::new(spec.size, tile_edge);
@@ -179,7 +180,8 @@ impl Coordinator {
         if !id.is_background() {
             self.recovery.budget.add_frame(work.of(passes.all()));
         }
-        let frame = FrameInFlight::new(now, id, spec, scene, passes, work);
+        let mut frame = FrameInFlight::new(now, id, spec, scene, passes, work);
+        frame.is_exact = exact;
         self.frames.push(frame);
         self.has_unassigned = true;
         self.advance(now);

@@ -1,82 +1,49 @@
-//! Pictures into PNG files, one by one and as an animation.
+//! Animated PNG, frame by frame.
 
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{self, BufWriter};
 use std::path::Path;
 
-use anyhow::Context as _;
 use carom_tracer::ImageSize;
-use png::{BitDepth, ColorType, Compression, Encoder, SrgbRenderingIntent, Writer};
+use png::{Compression, Writer};
 
-/// Writes `rgb`, sRGB bytes row by row, to `path`.
-///
-/// # Errors
-/// A sentence with the path.
-pub fn write_png(path: &Path, size: ImageSize, rgb: &[u8]) -> anyhow::Result<()> {
-    let write = || -> anyhow::Result<()> {
-        let mut writer = encoder(path, size)?.write_header()?;
-        writer.write_image_data(rgb)?;
-        Ok(writer.finish()?)
-    };
-    write().with_context(|| format!("cannot write {}", path.display()))
-}
+use crate::picture::png_encoder;
 
 /// An animated PNG that is written frame by frame; programs that know no animation show its first
 /// frame.
-pub struct Animation {
+pub(super) struct Animation {
     writer: Writer<BufWriter<File>>,
 }
 
 impl Animation {
     /// Begins an animation of exactly `frames` frames that repeats for ever.
-    ///
-    /// # Errors
-    /// A sentence with the path.
-    pub fn create(
+    pub(super) fn create(
         path: &Path,
         size: ImageSize,
         frames: u32,
         frames_per_sec: u16,
-    ) -> anyhow::Result<Self> {
-        let begin = || -> anyhow::Result<Self> {
-            let mut encoder = encoder(path, size)?;
-            encoder.set_animated(frames, 0)?;
-            encoder.set_frame_delay(1, frames_per_sec)?;
-            let writer = encoder.write_header()?;
-            Ok(Self { writer })
-        };
-        begin().with_context(|| format!("cannot write {}", path.display()))
+    ) -> io::Result<Self> {
+        let file = BufWriter::new(File::create(path)?);
+        let mut encoder = png_encoder(file, size, COMPRESSION);
+        encoder.set_animated(frames, 0)?;
+        encoder.set_frame_delay(1, frames_per_sec)?;
+        let writer = encoder.write_header()?;
+        Ok(Self { writer })
     }
 
     /// Adds a frame of sRGB bytes, row by row.
-    ///
-    /// # Errors
-    /// The system's reason, or a frame of another size.
-    pub fn push(&mut self, rgb: &[u8]) -> anyhow::Result<()> {
-        self.writer
-            .write_image_data(rgb)
-            .context("cannot write the animation")
+    pub(super) fn push(&mut self, rgb: &[u8]) -> io::Result<()> {
+        Ok(self.writer.write_image_data(rgb)?)
     }
 
     /// Ends the file.
-    ///
-    /// # Errors
-    /// The system's reason, or fewer frames than promised.
-    pub fn finish(self) -> anyhow::Result<()> {
-        self.writer.finish().context("cannot end the animation")
+    pub(super) fn finish(self) -> io::Result<()> {
+        Ok(self.writer.finish()?)
     }
 }
 
-fn encoder(path: &Path, size: ImageSize) -> anyhow::Result<Encoder<'static, BufWriter<File>>> {
-    let file = BufWriter::new(File::create(path)?);
-    let mut encoder = Encoder::new(file, size.width, size.height);
-    encoder.set_color(ColorType::Rgb);
-    encoder.set_depth(BitDepth::Eight);
-    encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
-    // Path-traced noise compresses badly whatever is tried.
-    encoder.set_compression(Compression::Fast);
-    Ok(encoder)
-}
+/// Path-traced noise compresses badly whatever is tried.
+pub(super) const COMPRESSION: Compression = Compression::Fast;
 
 #[cfg(test)]
 mod tests {
@@ -105,15 +72,5 @@ mod tests {
             assert_eq!((control.delay_num, control.delay_den), (1, 30));
             assert_eq!(pixels, frame(value));
         }
-    }
-
-    #[test]
-    fn a_path_that_cannot_be_written_is_named() {
-        let error = write_png(
-            Path::new("/no/such/folder/x.png"),
-            ImageSize::new(4, 2),
-            &frame(1),
-        );
-        assert!(format!("{:#}", error.unwrap_err()).contains("/no/such/folder/x.png"));
     }
 }

@@ -1,9 +1,9 @@
-//! Ranges of a film's frames, by which a queue divides it among jobs.
+//! Ranges of a film's frames, by which a queue divides it among machines.
 
 use std::fmt;
 use std::str::FromStr;
 
-use crate::Error;
+use crate::error::Error;
 
 /// Frames from the first to the last, both included; the first of a film is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +83,7 @@ mod tests {
         assert_eq!("7".parse::<FrameRange>().unwrap().count(), 1);
         assert_eq!(FrameRange::ALL.of_film(48).unwrap().count(), 48);
         let why = range.of_film(10).unwrap_err().to_string();
-        assert!(why.contains("has 10 frames"), "{why}");
+        assert!(why.contains("of 10 frames"), "{why}");
     }
 
     #[test]

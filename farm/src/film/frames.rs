@@ -1,22 +1,25 @@
-//! Finished frames in a folder, so that a film that was interrupted goes on.
+//! Finished frames of a film in a folder, so that one that was interrupted goes on.
 //!
 //! `job.json` says whose frames they are: a BLAKE3 hash of all that their pixels depend on. Each frame
 //! is a PNG that is written beside its place and renamed, so that one that is there is whole.
 
 use std::fs::{self, File};
-use std::io::BufReader;
+use std::io::{self, BufReader, BufWriter, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail, ensure};
-use carom_tracer::{ImageSize, RenderSettings};
+use carom_protocol::SceneHash;
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 use serde::{Deserialize, Serialize};
 
-use super::{FrameRange, ShotSequence, frame_bytes, write_png};
-use crate::scene::scene_builder::EXPOSURE;
+use super::apng::{Animation, COMPRESSION};
+use super::frame_range::FrameRange;
+use super::y4m::Y4m;
+use crate::error::Error;
+use crate::picture::{partial, write_png};
 
 /// Whose frames a folder holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RenderJob {
+pub(super) struct FilmIdentity {
     /// Of all that the frames' pixels depend on, in hexadecimal.
     hash: String,
     frames: u32,
@@ -26,94 +29,85 @@ pub struct RenderJob {
     done: bool,
 }
 
-impl RenderJob {
-    /// Of a film at a size, with settings.
-    ///
-    /// # Errors
-    /// If a number of the scene cannot be written down.
-    pub fn of(
-        footage: &ShotSequence,
+impl FilmIdentity {
+    /// Of a film of a scene, a frame for each update.
+    pub(super) fn of(
+        SceneHash(scene): SceneHash,
         size: ImageSize,
         settings: RenderSettings,
-    ) -> anyhow::Result<Self> {
+        exposure: f32,
+        updates: &[SceneUpdate],
+    ) -> Self {
         let mut hash = blake3::Hasher::new();
-        let scene = footage.stage().scene();
-        serde_json::to_writer(&mut hash, &(VERSION, scene, size, settings, EXPOSURE))?;
-        for frame in 0..footage.frames() {
-            serde_json::to_writer(&mut hash, &footage.update(frame))?;
+        hash.update(&scene);
+        // What Rust prints of a number tells it from all others.
+        hash.update(format!("{VERSION} {size:?} {settings:?} {exposure:?}").as_bytes());
+        for update in updates {
+            hash.update(format!("{update:?}").as_bytes());
         }
-        let (ImageSize { width, height }, frames) = (size, footage.frames());
+        let ImageSize { width, height } = size;
         let RenderSettings { samples, seed, .. } = settings;
-        let rate = footage.frames_per_sec();
-        Ok(Self {
+        let frames = u32::try_from(updates.len()).unwrap_or(u32::MAX);
+        Self {
             hash: hash.finalize().to_hex().to_string(),
             frames,
             words: format!(
-                "{frames} frames of {width}x{height}, {rate} a second, {samples} samples per pixel, \
-                 seed {seed}"
+                "{frames} frames of {width}x{height}, {samples} samples per pixel, seed {seed}"
             ),
             done: false,
-        })
+        }
     }
 }
 
-/// The frames of a job.
+/// The frames of a film, each a PNG in one folder.
 #[derive(Debug)]
-pub struct FrameCache {
+pub struct FilmFrames {
     folder: PathBuf,
-    job: RenderJob,
+    identity: FilmIdentity,
     size: ImageSize,
     kept: Vec<bool>,
     range: FrameRange,
 }
 
-impl FrameCache {
-    /// Begins in a folder, which is made if there is none; or goes on with the frames of the same job
-    /// that are there. Frames of a finished film make room.
+impl FilmFrames {
+    /// Begins in a folder, which is made if there is none; or goes on with the frames of the same film
+    /// that are there. Frames of another that is finished make room. Those outside of `range` may be
+    /// kept by other processes, also on other machines that share the folder.
     ///
     /// # Errors
-    /// A sentence with the folder if it holds an unfinished film of another job, or cannot be used.
-    pub fn open(folder: &Path, job: RenderJob, size: ImageSize) -> anyhow::Result<Self> {
-        Self::open_range(folder, job, size, FrameRange::ALL)
-    }
-
-    /// The same for some of the frames, while others may be kept by other processes, also on other
-    /// machines that share the folder. A part of a finished film that is asked for again is there.
-    ///
-    /// # Errors
-    /// As [`FrameCache::open`].
-    pub fn open_range(
+    /// [`Error::UnfinishedFilm`] of another, [`Error::Resume`], [`Error::File`].
+    pub(super) fn open(
         folder: &Path,
-        job: RenderJob,
+        identity: FilmIdentity,
         size: ImageSize,
         range: FrameRange,
-    ) -> anyhow::Result<Self> {
-        fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
-        let mut reel = Self {
+    ) -> Result<Self, Error> {
+        fs::create_dir_all(folder).map_err(|source| file_error(folder, source))?;
+        let mut frames = Self {
             folder: folder.to_owned(),
-            kept: vec![false; job.frames as usize],
-            job,
+            kept: vec![false; identity.frames as usize],
+            identity,
             size,
             range,
         };
         let is_part = range != FrameRange::ALL;
-        match reel.before()? {
-            Some(before) if before == reel.job || is_part && before.hash == reel.job.hash => {
-                reel.kept = (0..reel.job.frames)
-                    .map(|i| reel.path(i).is_file())
-                    .collect();
+        match frames.before()? {
+            Some(before)
+                if before == frames.identity || is_part && before.hash == frames.identity.hash =>
+            {
+                let is_there = |i| frames.path(i).is_file();
+                frames.kept = (0..frames.identity.frames).map(is_there).collect();
             }
-            Some(before) => reel.make_room(&before)?,
-            None => reel.clear(reel.job.frames)?,
+            Some(before) => frames.make_room(&before)?,
+            None => frames.clear(frames.identity.frames)?,
         }
-        reel.write_job()?;
-        Ok(reel)
+        frames.write_identity()?;
+        Ok(frames)
     }
 
     /// How many frames the film has.
     pub fn frames(&self) -> u32 {
-        self.job.frames
+        self.identity.frames
     }
 
     /// Pixels across and down.
@@ -121,18 +115,18 @@ impl FrameCache {
         self.size
     }
 
-    /// Where it is.
+    /// Where they are, as `frame_0000.png` and so on.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The frames of its range that are not there yet, in order.
+    /// The frames of the film's range that are not there yet, in order.
     pub fn missing(&self) -> impl Iterator<Item = u32> {
-        let in_range = (0..self.job.frames).filter(|&i| self.range.contains(i));
+        let in_range = (0..self.frames()).filter(|&i| self.range.contains(i));
         in_range.filter(|&i| !self.kept[i as usize])
     }
 
-    /// How many frames of its range are there.
+    /// How many frames of the film's range are there.
     pub fn kept(&self) -> u32 {
         let kept = (0..).zip(&self.kept);
         kept.map(|(i, &kept)| u32::from(kept && self.range.contains(i)))
@@ -140,133 +134,178 @@ impl FrameCache {
     }
 
     /// Keeps a frame of sRGB bytes, row by row.
-    ///
-    /// # Errors
-    /// A sentence with the path.
-    pub fn keep(&mut self, index: u32, rgb: &[u8]) -> anyhow::Result<()> {
-        // Others may write theirs at the same time.
-        let partial = self.folder.join(format!("frame_{index:04}.partial"));
-        write_png(&partial, self.size, rgb)?;
+    pub(super) fn keep(&mut self, index: u32, rgb: &[u8]) -> Result<(), Error> {
         let path = self.path(index);
-        fs::rename(&partial, &path).with_context(|| format!("cannot write {}", path.display()))?;
+        replace(&path, &partial(&path), |partial| {
+            let file = BufWriter::new(File::create(partial)?);
+            write_png(file, self.size, rgb, COMPRESSION)
+        })?;
         self.kept[index as usize] = true;
         Ok(())
     }
 
-    /// The sRGB bytes of a frame that is there.
+    /// The sRGB bytes of a frame, row by row from the top left.
     ///
     /// # Errors
-    /// A sentence with the path if it is damaged, and what to do.
-    pub fn read(&self, index: u32) -> anyhow::Result<Vec<u8>> {
+    /// [`Error::FilmFrame`] if it is not there or damaged.
+    pub fn read(&self, index: u32) -> Result<Vec<u8>, Error> {
         let path = self.path(index);
-        let read = || -> anyhow::Result<Vec<u8>> {
+        let read = || -> Result<Vec<u8>, Box<dyn std::error::Error>> {
             let file = BufReader::new(File::open(&path)?);
             let mut reader = png::Decoder::new(file).read_info()?;
             let (width, height) = reader.info().size();
-            let expected = frame_bytes(self.size);
-            ensure!(
-                ImageSize::new(width, height) == self.size
-                    && reader.output_buffer_size() == Some(expected),
-                "it has another size"
-            );
+            let expected = 3 * self.size.pixels();
+            if ImageSize::new(width, height) != self.size
+                || reader.output_buffer_size() != Some(expected)
+            {
+                return Err("it has another size".into());
+            }
             let mut rgb = vec![0; expected];
             reader.next_frame(&mut rgb)?;
             Ok(rgb)
         };
-        read().with_context(|| {
-            format!(
-                "{} is damaged: delete it and give the same command again",
-                path.display()
-            )
+        read().map_err(|why| Error::FilmFrame {
+            path: path.clone(),
+            reason: why.to_string(),
         })
     }
 
-    /// Notes that the film is whole: the next job may take the folder.
+    /// Puts all frames together in one file of the kind that its name tells, see [`FilmFormat`],
+    /// shown at `frames_per_sec`, at least 1. There is never half a file.
     ///
     /// # Errors
-    /// A sentence with the path.
-    pub fn finish(&mut self) -> anyhow::Result<()> {
-        self.job.done = true;
-        self.write_job()
+    /// [`Error::FilmFormat`], [`Error::FilmFrame`], [`Error::File`].
+    pub fn save(&self, path: impl AsRef<Path>, frames_per_sec: u16) -> Result<(), Error> {
+        self.save_while(path, frames_per_sec, &mut || true)
+    }
+
+    /// The same, as long as `proceed` says so before each frame.
+    ///
+    /// # Errors
+    /// As [`FilmFrames::save`], and [`Error::FilmCancelled`].
+    pub fn save_while(
+        &self,
+        path: impl AsRef<Path>,
+        frames_per_sec: u16,
+        proceed: &mut dyn FnMut() -> bool,
+    ) -> Result<(), Error> {
+        let path = path.as_ref();
+        let format = FilmFormat::of(path)?;
+        let (size, frames, rate) = (self.size, self.frames(), frames_per_sec);
+        let mut failure = None;
+        let written = replace(path, &partial(path), |partial| {
+            let mut next = |index| self.next_to_save(index, proceed, &mut failure);
+            match format {
+                FilmFormat::Y4m => {
+                    let mut film = Y4m::create(partial, size, rate)?;
+                    (0..frames).try_for_each(|index| film.push(&next(index)?))?;
+                    film.finish()
+                }
+                FilmFormat::Apng => {
+                    let mut film = Animation::create(partial, size, frames, rate)?;
+                    (0..frames).try_for_each(|index| film.push(&next(index)?))?;
+                    film.finish()
+                }
+            }
+        });
+        failure.map_or(written, Err)
+    }
+
+    /// A frame to save; what keeps it from that goes to `failure`.
+    fn next_to_save(
+        &self,
+        index: u32,
+        proceed: &mut dyn FnMut() -> bool,
+        failure: &mut Option<Error>,
+    ) -> io::Result<Vec<u8>> {
+        let frame = if proceed() {
+            self.read(index)
+        } else {
+            Err(Error::FilmCancelled {
+                frames_done: self.kept(),
+                frames: self.frames(),
+            })
+        };
+        frame.map_err(|why| {
+            *failure = Some(why);
+            ErrorKind::Interrupted.into()
+        })
+    }
+
+    /// Notes that the film is of no more use in parts: the next one may take the folder.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub fn finish(&mut self) -> Result<(), Error> {
+        self.identity.done = true;
+        self.write_identity()
     }
 
     /// Removes the frames, and the folder if nothing else is in it.
     ///
     /// # Errors
-    /// A sentence with the path.
-    pub fn remove(self) -> anyhow::Result<()> {
-        self.clear(self.job.frames)?;
-        fs::remove_file(self.job_path())
-            .with_context(|| format!("cannot remove {}", self.job_path().display()))?;
+    /// [`Error::File`].
+    pub fn remove(self) -> Result<(), Error> {
+        self.clear(self.frames())?;
+        let path = self.identity_path();
+        fs::remove_file(&path).map_err(|source| file_error(&path, source))?;
         // Whatever else somebody put there stays.
         let _ = fs::remove_dir(&self.folder);
         Ok(())
     }
 
-    /// Throws the frames of another job away, unless it is not finished.
-    fn make_room(&self, before: &RenderJob) -> anyhow::Result<()> {
-        let held = (0..before.frames)
-            .filter(|&i| self.path(i).is_file())
-            .count();
+    /// Throws the frames of another film away, unless it is not finished.
+    fn make_room(&self, before: &FilmIdentity) -> Result<(), Error> {
+        let is_there = |&i: &u32| self.path(i).is_file();
+        let held = (0..before.frames).filter(is_there).count();
         if held > 0 && !before.done {
-            bail!(
-                "{} holds {held} frames of an unfinished film of another kind ({}): its own command \
-                 goes on with it; delete the folder, or name another, for this one ({})",
-                self.folder.display(),
-                before.words,
-                self.job.words
-            );
+            return Err(Error::UnfinishedFilm {
+                folder: self.folder.clone(),
+                held,
+                other: before.words.clone(),
+                own: self.identity.words.clone(),
+            });
         }
-        self.clear(before.frames.max(self.job.frames))
+        self.clear(before.frames.max(self.frames()))
     }
 
-    fn clear(&self, frames: u32) -> anyhow::Result<()> {
-        for path in (0..frames)
-            .map(|i| self.path(i))
-            .filter(|path| path.is_file())
-        {
-            fs::remove_file(&path).with_context(|| format!("cannot remove {}", path.display()))?;
+    fn clear(&self, frames: u32) -> Result<(), Error> {
+        let paths = (0..frames).map(|i| self.path(i));
+        for path in paths.filter(|path| path.is_file()) {
+            fs::remove_file(&path).map_err(|source| file_error(&path, source))?;
         }
         Ok(())
     }
 
-    /// The job whose frames are there; none if nothing tells.
-    fn before(&self) -> anyhow::Result<Option<RenderJob>> {
-        let path = self.job_path();
+    /// The film whose frames are there; none if nothing tells.
+    fn before(&self) -> Result<Option<FilmIdentity>, Error> {
+        let path = self.identity_path();
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => {
-                return Err(error).with_context(|| format!("cannot read {}", path.display()));
-            }
+            Err(why) if why.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(why) => return Err(file_error(&path, why)),
         };
-        let job: RenderJob = serde_json::from_str(&text).with_context(|| {
-            format!(
-                "{} tells of no film: delete it, or name another folder",
-                path.display()
-            )
-        })?;
-        ensure!(
-            job.frames <= FRAMES_MAX,
-            "{} tells of {} frames: delete it, or name another folder",
-            path.display(),
-            job.frames
-        );
-        Ok(Some(job))
+        match serde_json::from_str::<FilmIdentity>(&text) {
+            Ok(film) if film.frames <= FRAMES_MAX => Ok(Some(film)),
+            _ => Err(Error::Resume {
+                path,
+                reason: "it tells of no film".to_owned(),
+            }),
+        }
     }
 
-    fn write_job(&self) -> anyhow::Result<()> {
-        let path = self.job_path();
-        let partial = format!("job_{:04}.partial", self.range.first());
-        let partial = self.folder.join(partial);
-        let write = || -> anyhow::Result<()> {
-            fs::write(&partial, serde_json::to_string_pretty(&self.job)? + "\n")?;
-            Ok(fs::rename(&partial, &path)?)
-        };
-        write().with_context(|| format!("cannot write {}", path.display()))
+    fn write_identity(&self) -> Result<(), Error> {
+        let text = serde_json::to_string_pretty(&self.identity);
+        // Others may write the same at the same time.
+        let partial = format!(".job_{:04}.partial", self.range.first());
+        replace(
+            &self.identity_path(),
+            &self.folder.join(partial),
+            |partial| fs::write(partial, text? + "\n"),
+        )
     }
 
-    fn job_path(&self) -> PathBuf {
+    fn identity_path(&self) -> PathBuf {
         self.folder.join("job.json")
     }
 
@@ -275,45 +314,91 @@ impl FrameCache {
     }
 }
 
-/// Another version of the program may trace other pixels.
+/// The kind of a film's file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FilmFormat {
+    /// YUV4MPEG2, uncompressed, which video encoders read: `.y4m`.
+    Y4m,
+    /// An animated PNG, without loss: `.png`.
+    Apng,
+}
+
+impl FilmFormat {
+    /// What a file's name says.
+    ///
+    /// # Errors
+    /// [`Error::FilmFormat`] for an ending that is not written.
+    pub fn of(path: &Path) -> Result<Self, Error> {
+        match path.extension().and_then(|ending| ending.to_str()) {
+            Some("y4m") => Ok(Self::Y4m),
+            Some("png") => Ok(Self::Apng),
+            _ => Err(Error::FilmFormat {
+                path: path.to_owned(),
+            }),
+        }
+    }
+}
+
+/// Writes `partial` and renames it.
+fn replace(
+    path: &Path,
+    partial: &Path,
+    write: impl FnOnce(&Path) -> io::Result<()>,
+) -> Result<(), Error> {
+    let written = write(partial).and_then(|()| fs::rename(partial, path));
+    written.map_err(|source| {
+        let _ = fs::remove_file(partial); // the reason that counts is the first
+        file_error(path, source)
+    })
+}
+
+fn file_error(path: &Path, source: io::Error) -> Error {
+    Error::File {
+        path: path.to_owned(),
+        source,
+    }
+}
+
+/// Another version of the library may trace other pixels.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
-/// More than an hour's shot at the highest rate: bounds what a file can make the program look for.
-const FRAMES_MAX: u32 = 1 << 20;
+/// More than four hours at 60 a second: bounds what a file can make the program look for.
+pub(super) const FRAMES_MAX: u32 = 1 << 20;
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::video::VideoView;
-    use crate::scene::ball_materials::BallSet;
-    use crate::scene::table_scene::TableScene;
-    use carom_billiards::physics::{Stroke, World};
 
     const SIZE: ImageSize = ImageSize::new(4, 2);
 
-    fn job(speed_m_s: f64, samples: u32, frames: u32) -> RenderJob {
-        let table = TableScene::table();
-        let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
-        let shot = world.strike(Stroke::straight(1.2, speed_m_s)).unwrap();
-        let stage = TableScene::room(BallSet::Classic);
-        let footage = ShotSequence::whole(stage, vec![shot], VideoView::Table, 30).cut(frames);
+    /// A film whose first camera stands at `eye`.
+    fn film(eye: f32, samples: u32, frames: usize) -> FilmIdentity {
+        let mut camera = carom_tracer::Scene::new().camera;
+        camera.eye.y = eye;
+        let mut updates = vec![SceneUpdate::default(); frames];
+        updates[0].camera = Some(camera);
         let settings = RenderSettings {
             samples,
             ..RenderSettings::default()
         };
-        RenderJob::of(&footage, SIZE, settings).unwrap()
+        FilmIdentity::of(SceneHash([7; 32]), SIZE, settings, 1.0, &updates)
+    }
+
+    fn open(folder: &tempfile::TempDir, film: FilmIdentity) -> Result<FilmFrames, Error> {
+        FilmFrames::open(folder.path(), film, SIZE, FrameRange::ALL)
     }
 
     fn frame(value: u8) -> Vec<u8> {
-        vec![value; frame_bytes(SIZE)]
+        vec![value; 3 * SIZE.pixels()]
     }
 
     #[test]
     fn a_film_goes_on_with_the_frames_that_are_there() {
         let folder = tempfile::tempdir().unwrap();
-        let mut first = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        let mut first = open(&folder, film(0.5, 1, 4)).unwrap();
         first.keep(0, &frame(10)).unwrap();
         first.keep(2, &frame(30)).unwrap();
-        let mut second = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        let mut second = open(&folder, film(0.5, 1, 4)).unwrap();
         assert_eq!(second.missing().collect::<Vec<u32>>(), [1, 3]);
         assert_eq!(second.read(2).unwrap(), frame(30));
         second.keep(1, &frame(20)).unwrap();
@@ -328,7 +413,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let part = |range: &str| {
             let range = range.parse().unwrap();
-            FrameCache::open_range(folder.path(), job(0.5, 1, 4), SIZE, range).unwrap()
+            FilmFrames::open(folder.path(), film(0.5, 1, 4), SIZE, range).unwrap()
         };
         let (mut first, mut second) = (part("0-1"), part("2-3"));
         for (reel, frames) in [(&mut first, [0, 1]), (&mut second, [2, 3])] {
@@ -338,7 +423,7 @@ mod tests {
             }
             assert_eq!((reel.kept(), reel.missing().count()), (2, 0));
         }
-        let mut whole = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        let mut whole = open(&folder, film(0.5, 1, 4)).unwrap();
         assert_eq!(whole.missing().count(), 0);
         assert_eq!(whole.read(3).unwrap(), frame(3));
         whole.finish().unwrap();
@@ -350,44 +435,43 @@ mod tests {
     #[test]
     fn an_unfinished_film_is_never_lost_to_another_and_a_finished_one_makes_room() {
         let folder = tempfile::tempdir().unwrap();
-        let mut first = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        let mut first = open(&folder, film(0.5, 1, 4)).unwrap();
         first.keep(0, &frame(1)).unwrap();
-        for other in [job(0.6, 1, 4), job(0.5, 2, 4), job(0.5, 1, 5)] {
-            let refused = FrameCache::open(folder.path(), other, SIZE)
-                .unwrap_err()
-                .to_string();
+        for other in [film(0.6, 1, 4), film(0.5, 2, 4), film(0.5, 1, 5)] {
+            let refused = open(&folder, other).unwrap_err().to_string();
             assert!(
                 refused.contains("1 frames of an unfinished film"),
                 "{refused}"
             );
         }
         first.finish().unwrap();
-        let second = FrameCache::open(folder.path(), job(0.5, 2, 4), SIZE).unwrap();
+        let second = open(&folder, film(0.5, 2, 4)).unwrap();
         assert_eq!(second.kept(), 0);
         // The same film, asked for again after it was finished, is traced again.
         drop(second);
-        let mut third = FrameCache::open(folder.path(), job(0.5, 2, 4), SIZE).unwrap();
+        let mut third = open(&folder, film(0.5, 2, 4)).unwrap();
         third.keep(1, &frame(1)).unwrap();
         third.finish().unwrap();
-        let again = FrameCache::open(folder.path(), job(0.5, 2, 4), SIZE).unwrap();
+        let again = open(&folder, film(0.5, 2, 4)).unwrap();
         assert_eq!(again.kept(), 0);
     }
 
     #[test]
     fn pictures_of_unknown_origin_are_not_taken_for_frames() {
         let folder = tempfile::tempdir().unwrap();
-        write_png(&folder.path().join("frame_0001.png"), SIZE, &frame(9)).unwrap();
-        let reel = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap();
+        let file = File::create(folder.path().join("frame_0001.png")).unwrap();
+        write_png(file, SIZE, &frame(9), COMPRESSION).unwrap();
+        let reel = open(&folder, film(0.5, 1, 4)).unwrap();
         assert_eq!(reel.kept(), 0);
         fs::write(folder.path().join("job.json"), "{}").unwrap();
-        let error = FrameCache::open(folder.path(), job(0.5, 1, 4), SIZE).unwrap_err();
+        let error = open(&folder, film(0.5, 1, 4)).unwrap_err();
         assert!(error.to_string().contains("tells of no film"), "{error}");
     }
 
     #[test]
     fn a_damaged_frame_is_named() {
         let folder = tempfile::tempdir().unwrap();
-        let mut reel = FrameCache::open(folder.path(), job(0.5, 1, 2), SIZE).unwrap();
+        let mut reel = open(&folder, film(0.5, 1, 2)).unwrap();
         reel.keep(0, &frame(7)).unwrap();
         let path = folder.path().join("frame_0000.png");
         let whole = fs::read(&path).unwrap();

@@ -2,6 +2,7 @@
 //! happen to nodes while it is traced.
 
 mod device_agreement;
+mod film;
 mod live;
 mod multi_device;
 mod progressive;

@@ -2,32 +2,30 @@
 //!
 //! ```text
 //! rack, stroke ─┐
-//! recording ────┴▶ ShotSequence ─▶ Farm (several frames in flight) ─▶ FrameCache: frame_0000.png …
-//!                                                                 ├─▶ a film, or break.png
-//!                                                                 └─▶ stats.json
+//! recording ────┴▶ ShotSequence ─▶ Farm::film ─▶ FilmFrames: frame_0000.png …
+//!                                            ├─▶ a film, or break.png
+//!                                            └─▶ stats.json
 //! ```
 
-use std::collections::VecDeque;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write as _};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use carom_billiards::physics::{Engine, Recording, Shot, Stroke, Table, World};
 use carom_farm::{
-    Farm, FarmConfig, Frame, FrameSpec, FrameStats, NodeState, NodeStatus, PixelFormat, Pixels,
-    PrecisionRange, net,
+    Farm, FarmConfig, Film, FilmFrames, FilmJob, FilmProgress, FrameRange, FrameStats, NodeState,
+    NodeStatus, net,
 };
 use carom_tracer::{ImageSize, RenderSettings};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::Args;
-use crate::capture::video::{
-    FrameCache, FrameRange, RenderJob, ShotSequence, VideoTarget, assemble,
-};
+use crate::capture::video::{ShotSequence, VideoTarget};
 use crate::play::CUE_SPEED_M_S_MAX;
 use crate::scene::scene_builder::EXPOSURE;
 use crate::scene::table_scene::TableScene;
@@ -102,56 +100,37 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
         Some(target) => target.clone(),
         None => VideoTarget::Folder(args.out.clone()),
     };
-    let job = RenderJob::of(&footage, settings.size(), settings.render())?;
-    let range = args
-        .frame_range
-        .map(|range| range.of_film(footage.frames()));
-    let range = range.transpose()?;
-    let mut reel = FrameCache::open_range(
-        &target.reel(),
-        job,
-        settings.size(),
-        range.unwrap_or(FrameRange::ALL),
-    )?;
     let interrupted = net::interruption().context("Ctrl-C")?;
-    let before = reel.kept();
-    let report = match make(config, &footage, settings, &mut reel, &interrupted) {
-        Ok(report) => report,
-        // The same command ends the same way where it had not begun to render.
-        Err(error) if reel.kept() > before || interrupted.load(Ordering::Relaxed) => {
-            return Err(error.context(going_on(&reel)));
-        }
-        Err(error) => {
-            if before == 0 && range.is_none() {
-                // Nothing has begun; what cannot be removed does no harm.
-                let _ = reel.remove();
-            }
-            return Err(error);
-        }
-    };
+    let range = args.frame_range;
+    let (mut frames, report) = make(config, &footage, settings, range, &target, &interrupted)?;
     if let Some(range) = range {
-        let folder = reel.folder().display();
-        println!("{folder} holds frames {range} of {}", reel.frames());
+        let (folder, count) = (frames.folder().display(), frames.frames());
+        println!("{folder} holds frames {} of {count}", range.of_film(count)?);
         return Ok(());
     }
-    let proceed = &mut || proceed(&interrupted);
-    let film = match &args.video {
-        Some(target) => target.clone(),
-        None => VideoTarget::Apng(args.out.join("break.png")),
+    let film = match &target {
+        VideoTarget::Folder(_) if args.video.is_none() => Some(args.out.join("break.png")),
+        VideoTarget::Folder(_) => None,
+        VideoTarget::File(path) => Some(path.clone()),
     };
-    assemble(&reel, &film, settings.frames_per_sec, proceed).with_context(|| going_on(&reel))?;
-    reel.finish()?;
+    if let Some(film) = &film {
+        let proceed = &mut || !interrupted.load(Ordering::Relaxed);
+        let saved = frames.save_while(film, settings.frames_per_sec, proceed);
+        let count = frames.frames();
+        saved.with_context(|| going_on(count, count, frames.folder()))?;
+    }
+    frames.finish()?;
     if let VideoTarget::Folder(folder) = &target {
         write_report(&report, &folder.join("stats.json"))?;
     } else {
-        reel.remove()?;
+        frames.remove()?;
     }
-    println!("{}", done(settings, &target, &film));
+    println!("{}", done(settings, &target, film.is_some()));
     Ok(())
 }
 
 /// What was made, and where it is.
-fn done(settings: ReportSettings, target: &VideoTarget, film: &VideoTarget) -> String {
+fn done(settings: ReportSettings, target: &VideoTarget, has_animation: bool) -> String {
     let ReportSettings {
         width,
         height,
@@ -162,28 +141,19 @@ fn done(settings: ReportSettings, target: &VideoTarget, film: &VideoTarget) -> S
     let s = if frames == 1 { "" } else { "s" };
     let frames = format!("{frames} frame{s} of {width}x{height}");
     match target {
-        VideoTarget::Folder(_) if target != film => {
+        VideoTarget::Folder(_) if has_animation => {
             format!("{path} holds {frames}, break.png and stats.json")
         }
         VideoTarget::Folder(_) => format!("{path} holds {frames} and stats.json"),
-        _ => format!("{path} holds {frames}"),
+        VideoTarget::File(_) => format!("{path} holds {frames}"),
     }
 }
 
-fn going_on(reel: &FrameCache) -> String {
+fn going_on(kept: u32, frames: u32, folder: &Path) -> String {
     format!(
-        "{} of {} frames are saved in {}; run the same command again to continue",
-        reel.kept(),
-        reel.frames(),
-        reel.folder().display()
+        "{kept} of {frames} frames are saved in {}; run the same command again to continue",
+        folder.display()
     )
-}
-
-fn proceed(interrupted: &AtomicBool) -> anyhow::Result<()> {
-    if interrupted.load(Ordering::Relaxed) {
-        bail!("interrupted");
-    }
-    Ok(())
 }
 
 fn footage(args: &Args) -> anyhow::Result<ShotSequence> {
@@ -236,10 +206,6 @@ fn settings(args: &Args, footage: &ShotSequence) -> ReportSettings {
 }
 
 impl ReportSettings {
-    fn size(&self) -> ImageSize {
-        ImageSize::new(self.width, self.height)
-    }
-
     fn render(&self) -> RenderSettings {
         RenderSettings {
             samples: self.samples,
@@ -264,93 +230,86 @@ fn keep(recording: &Recording, folder: &Path) -> anyhow::Result<()> {
     Ok(recording.save(&folder.join("shot_0001.carom"))?)
 }
 
-/// Traces the frames that the cache lacks.
+/// Traces the frames that are not there yet.
 fn make(
     config: FarmConfig,
     footage: &ShotSequence,
     settings: ReportSettings,
-    reel: &mut FrameCache,
+    range: Option<FrameRange>,
+    target: &VideoTarget,
     interrupted: &AtomicBool,
-) -> anyhow::Result<HeadlessReport> {
-    // Files are kept: a link that is too slow for exact pixels makes them later, not worse.
-    let mut farm = Farm::new(FarmConfig {
-        precision: PrecisionRange::EXACT,
-        ..config
-    })?;
-    farm.set_scene(footage.stage().scene())?;
+) -> anyhow::Result<(FilmFrames, HeadlessReport)> {
+    let mut farm = Farm::new(config)?;
+    let updates = (0..footage.frames()).map(|frame| footage.update(frame));
+    let (sender, finished) = mpsc::channel();
+    let film = Film::new(settings.width, settings.height, updates)
+        .settings(settings.render())
+        .exposure(EXPOSURE)
+        .range(range.unwrap_or(FrameRange::ALL))
+        .on_progress(move |FilmProgress { frame, .. }| {
+            if let Some(frame) = frame.clone() {
+                // Nobody listens any more once the film has been given up.
+                let _ = sender.send(frame);
+            }
+        });
     let begun = Instant::now();
-    let frames = render(&mut farm, footage, settings, reel, interrupted)?;
-    Ok(HeadlessReport {
+    let folder = target.frames_folder();
+    let job = farm.film(footage.stage().scene(), film, &folder)?;
+    let resumed = job.resumed_frames();
+    if resumed > 0 {
+        let sentence = going_on(resumed, job.progress().frames, &folder);
+        eprintln!("Resuming: {sentence}");
+    }
+    let before = job.progress();
+    let (kept, reached) = wait(job, interrupted);
+    let is_worth_going_on = reached > before.frames_done || interrupted.load(Ordering::Relaxed);
+    let kept = kept.map_err(|error| match is_worth_going_on {
+        true => anyhow::Error::from(error).context(going_on(reached, before.frames, &folder)),
+        // The same command ends the same way where it had not begun to render.
+        false => error.into(),
+    })?;
+    let frames = frame_reports(footage, &finished);
+    let report = HeadlessReport {
         totals: totals(&frames, settings, begun.elapsed()),
         nodes: farm.nodes().into_iter().map(node).collect(),
         settings,
         frames,
-    })
+    };
+    Ok((kept, report))
 }
 
-/// Has the missing frames traced, as many at a time as the farm takes, keeping each as it is finished.
-fn render(
-    farm: &mut Farm,
-    footage: &ShotSequence,
-    settings: ReportSettings,
-    reel: &mut FrameCache,
-    interrupted: &AtomicBool,
-) -> anyhow::Result<Vec<FrameReport>> {
-    let mut waiting: VecDeque<u32> = reel.missing().collect();
-    let bar = progress_bar(reel.kept() + waiting.len() as u32);
-    if reel.kept() > 0 {
-        eprintln!("Resuming: {}", going_on(reel));
-        bar.set_position(reel.kept().into());
-        bar.reset_eta();
-    }
-    let mut in_flight = VecDeque::new();
-    let mut frames: Vec<FrameReport> = Vec::new();
-    while !(waiting.is_empty() && in_flight.is_empty()) {
-        while let Some(&index) = waiting.front() {
-            match farm.submit(spec(footage, index, settings)) {
-                Ok(_) => in_flight.extend(waiting.pop_front()),
-                Err(carom_farm::Error::FramesInFlight { .. }) => break,
-                Err(error) => return Err(error.into()),
-            }
+/// Waits for the film with a progress bar, and tells how many frames are kept.
+fn wait(job: FilmJob, interrupted: &AtomicBool) -> (carom_farm::Result<FilmFrames>, u32) {
+    let bar = progress_bar(job.progress().frames);
+    bar.set_position(job.resumed_frames().into());
+    bar.reset_eta();
+    while !job.is_finished() {
+        bar.set_position(job.progress().frames_done.into());
+        if interrupted.load(Ordering::Relaxed) {
+            job.cancel();
         }
-        let frame = loop {
-            proceed(interrupted)?;
-            match farm.wait_frame(POLL_INTERVAL) {
-                Some(frame) => break frame,
-                None => farm.check_nodes()?,
-            }
-        };
-        let Some(index) = in_flight.pop_front() else {
-            bail!("the farm delivered a frame that was not requested");
-        };
-        reel.keep(index, bytes(&frame)?)?;
-        bar.inc(1);
+        std::thread::sleep(REFRESH_INTERVAL);
+    }
+    let reached = job.progress().frames_done;
+    let kept = job.wait();
+    bar.finish_and_clear();
+    (kept, reached)
+}
+
+fn frame_reports(
+    footage: &ShotSequence,
+    finished: &Receiver<(u32, FrameStats)>,
+) -> Vec<FrameReport> {
+    let report = |(index, stats)| {
         let (shot, moment_secs) = footage.moment(index);
-        frames.push(FrameReport {
+        FrameReport {
             index,
             shot,
             moment_secs,
-            stats: frame.stats,
-        });
-    }
-    bar.finish_and_clear();
-    Ok(frames)
-}
-
-fn spec(footage: &ShotSequence, index: u32, settings: ReportSettings) -> FrameSpec {
-    FrameSpec {
-        update: footage.update(index),
-        size: settings.size(),
-        settings: settings.render(),
-        format: PixelFormat::Srgb8 { exposure: EXPOSURE },
-    }
-}
-
-fn bytes(frame: &Frame) -> anyhow::Result<&[u8]> {
-    match &frame.pixels {
-        Pixels::Srgb8(rgb) => Ok(bytemuck::cast_slice(rgb)),
-        Pixels::Linear(_) => bail!("the farm sent radiance where colours were asked for"),
-    }
+            stats,
+        }
+    };
+    finished.try_iter().map(report).collect()
 }
 
 fn totals(frames: &[FrameReport], settings: ReportSettings, wall: Duration) -> ReportTotals {
@@ -407,5 +366,5 @@ fn progress_bar(frames: u32) -> ProgressBar {
 
 /// Of a break, where no number is given.
 const FRAMES: u32 = 48;
-/// How long to wait for a frame before looking at nodes and interruptions.
-const POLL_INTERVAL: Duration = Duration::from_millis(200);
+/// How often the progress bar and Ctrl-C are looked after.
+const REFRESH_INTERVAL: Duration = Duration::from_millis(50);

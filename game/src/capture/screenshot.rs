@@ -8,9 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
 
-use carom_farm::{
-    Farm, FileFormat, FrameSpec, Picture, PixelFormat, Still, StillCanceller, StillJob,
-};
+use carom_farm::{Canceller, Farm, FileFormat, FrameSpec, Picture, PixelFormat, Still, StillJob};
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use crate::capture::next_path;
@@ -25,7 +23,7 @@ pub struct ScreenshotSlot {
 /// A picture in the making. Dropped, it leaves no file.
 #[derive(Debug)]
 struct Screenshot {
-    canceller: StillCanceller,
+    canceller: Canceller,
     percent: Arc<AtomicU32>,
     outcome: Receiver<anyhow::Result<PathBuf>>,
 }

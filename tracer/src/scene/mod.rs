@@ -441,6 +441,24 @@ pub struct SceneUpdate {
     pub poses: Vec<ObjectPose>,
 }
 
+impl SceneUpdate {
+    /// Seen by this camera.
+    #[must_use]
+    pub fn camera(self, camera: Camera) -> Self {
+        Self {
+            camera: Some(camera),
+            ..self
+        }
+    }
+
+    /// With an object here, see [`Scene::pose`].
+    #[must_use]
+    pub fn pose(mut self, pose: ObjectPose) -> Self {
+        self.poses.push(pose);
+        self
+    }
+}
+
 /// Where a movable object is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObjectPose {

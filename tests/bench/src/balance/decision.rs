@@ -62,7 +62,7 @@ fn divide(coordinator: &mut Coordinator, scene: &Arc<Scene>, frame: u64) -> f64 
     };
     let scene = (HASH, Arc::clone(scene));
     let begun = ThreadTime::now();
-    coordinator.submit(now, FrameId(frame), spec, scene, 1);
+    coordinator.submit(now, FrameId(frame), spec, scene, 1, false);
     let micros = begun.elapsed().as_secs_f64() * 1e6;
     answer_all(coordinator, now);
     micros

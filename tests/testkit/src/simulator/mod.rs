@@ -248,7 +248,8 @@ impl<'a> FarmSimulation<'a> {
             }
             let spec = frame_spec(self.plan);
             let (scene, edge) = (self.scene.clone(), self.plan.tile_edge);
-            self.coordinator.submit(self.now, id, spec, scene, edge);
+            let coordinator = &mut self.coordinator;
+            coordinator.submit(self.now, id, spec, scene, edge, false);
             if let Some(at) = self.deadlines.last() {
                 self.coordinator
                     .set_deadline(id, Duration::from_secs_f64(*at));

@@ -1,0 +1,413 @@
+//! Films: a frame for each state of a scene, traced by a whole farm into a folder.
+
+mod apng;
+mod frame_range;
+mod frames;
+mod y4m;
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use carom_protocol::PixelFormat;
+use carom_protocol::limits::FRAMES_IN_FLIGHT_MAX;
+use carom_tracer::tonemap::srgb8;
+use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, film};
+
+use crate::accumulated_render::{AccumulatedRender, SampleBatch};
+use crate::error::Error;
+use crate::farm::Farm;
+use crate::frame::{FrameSpec, Pixels};
+use crate::job::{Canceller, Job};
+use crate::stats::FrameStats;
+use crate::submission::{Priority, SceneHandle};
+use crate::submitter::Submitter;
+
+pub use frame_range::FrameRange;
+pub use frames::{FilmFormat, FilmFrames};
+
+use frames::{FRAMES_MAX, FilmIdentity};
+
+/// A film to trace: a frame for each update of a scene.
+///
+/// ```
+/// # use carom_farm::prelude::*;
+/// # fn main() -> carom_farm::Result<()> {
+/// # let folder = tempfile::tempdir().unwrap();
+/// # let mut scene = Scene::new();
+/// # scene.add(Sphere::new(1.0), Material::grey(0.5));
+/// # let mut farm = Farm::new(FarmConfig { local: LocalNode::Cpu, ..FarmConfig::default() })?;
+/// let orbit = (0..4).map(|frame| {
+///     let angle = 0.1 * frame as f32;
+///     let eye = [4.0 * angle.sin(), -4.0 * angle.cos(), 2.0];
+///     SceneUpdate::default().camera(Camera::looking_at(eye, [0.0; 3]))
+/// });
+/// let frames = folder.path().join("orbit.frames");
+/// let job = farm.film(&scene, Film::new(32, 18, orbit).samples(4), frames)?; // does not wait
+/// let film = job.wait()?;
+/// film.save(folder.path().join("orbit.png"), 24)?;
+/// film.remove()
+/// # }
+/// ```
+pub struct Film {
+    size: ImageSize,
+    settings: RenderSettings,
+    updates: Vec<SceneUpdate>,
+    exposure: f32,
+    priority: Priority,
+    range: FrameRange,
+    on_progress: Option<ProgressCallback>,
+}
+
+type ProgressCallback = Box<dyn FnMut(&FilmProgress) + Send>;
+
+impl Film {
+    /// A film of so many pixels, of 64 samples each, with a frame for each of `updates`.
+    pub fn new(width: u32, height: u32, updates: impl IntoIterator<Item = SceneUpdate>) -> Self {
+        Self {
+            size: ImageSize::new(width, height),
+            settings: RenderSettings {
+                samples: 64,
+                ..RenderSettings::default()
+            },
+            updates: updates.into_iter().collect(),
+            exposure: 1.0,
+            priority: Priority::Interactive,
+            range: FrameRange::ALL,
+            on_progress: None,
+        }
+    }
+
+    /// With these settings in place of samples, depth, seed and denoising of their own.
+    #[must_use]
+    pub fn settings(self, settings: RenderSettings) -> Self {
+        Self { settings, ..self }
+    }
+
+    /// With so many samples per pixel, see [`RenderSettings::samples`].
+    #[must_use]
+    pub fn samples(mut self, samples: u32) -> Self {
+        self.settings.samples = samples;
+        self
+    }
+
+    /// Denoised, guided by albedo, normal and depth.
+    #[must_use]
+    pub fn denoise(mut self) -> Self {
+        self.settings.denoise = true;
+        self
+    }
+
+    /// Shown with radiance times this. Default: 1.
+    #[must_use]
+    pub fn exposure(self, exposure: f32) -> Self {
+        Self { exposure, ..self }
+    }
+
+    /// Only these of its frames, while others are traced elsewhere into the same folder, or into
+    /// folders that are put together later.
+    #[must_use]
+    pub fn range(self, range: FrameRange) -> Self {
+        Self { range, ..self }
+    }
+
+    /// Traced where nothing interactive waits.
+    #[must_use]
+    pub fn background(mut self) -> Self {
+        self.priority = Priority::Background;
+        self
+    }
+
+    /// Calls this from the job's thread after each frame, and some ten times a second while tiles come.
+    #[must_use]
+    pub fn on_progress(mut self, callback: impl FnMut(&FilmProgress) + Send + 'static) -> Self {
+        self.on_progress = Some(Box::new(callback));
+        self
+    }
+
+    /// One frame's samples `batch` at a time; in sRGB where nothing is left to add up.
+    fn frame(&self, index: u32) -> FilmFrame {
+        let is_one_batch = self.settings.samples <= BATCH_SAMPLES;
+        let spec = FrameSpec {
+            update: self.updates[index as usize].clone(),
+            size: self.size,
+            settings: self.settings,
+            format: match is_one_batch {
+                true => PixelFormat::Srgb8 {
+                    exposure: self.exposure,
+                },
+                false => PixelFormat::LinearF32,
+            },
+        };
+        let mut render = AccumulatedRender::new(spec, self.priority);
+        render.set_frame_samples(BATCH_SAMPLES);
+        FilmFrame {
+            index,
+            render,
+            sums: (!is_one_batch).then(|| film::Film::new(self.size)),
+        }
+    }
+}
+
+/// How far a film is.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct FilmProgress {
+    /// Frames of its range that are kept.
+    pub frames_done: u32,
+    /// Frames of its range.
+    pub frames: u32,
+    /// Tiles that have come of the frames that are being traced.
+    pub tiles_done: u32,
+    /// Tiles of the frames that are being traced.
+    pub tiles: u32,
+    /// The frame that some or all samples have just come of, and their statistics; absent between.
+    pub frame: Option<(u32, FrameStats)>,
+}
+
+/// A film that is being traced. Dropped, it is cancelled.
+#[derive(Debug)]
+pub struct FilmJob {
+    job: Job<FilmFrames>,
+    progress: Arc<Mutex<FilmProgress>>,
+    resumed_frames: u32,
+}
+
+impl Farm {
+    /// Begins to trace a film on a thread of its own. Each frame lies in `folder` as soon as it is
+    /// finished, and the same call goes on with those that are missing.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] with the first rule that the scene or a frame breaks,
+    /// [`Error::NoFrameOfRange`], [`Error::FilmLength`], [`Error::UnfinishedFilm`] if the folder holds
+    /// frames of another, [`Error::Resume`], [`Error::File`], [`Error::Thread`].
+    pub fn film(
+        &mut self,
+        scene: &Scene,
+        film: Film,
+        folder: impl Into<PathBuf>,
+    ) -> Result<FilmJob, Error> {
+        let frames = match u32::try_from(film.updates.len()) {
+            Ok(frames) if frames <= FRAMES_MAX => frames,
+            _ => {
+                return Err(Error::FilmLength {
+                    frames: film.updates.len(),
+                    max: FRAMES_MAX,
+                });
+            }
+        };
+        film.range.of_film(frames)?;
+        let scene = self.announce(scene)?;
+        for index in 0..frames {
+            scene.check(film.frame(index).render.spec())?;
+        }
+        let Film { size, settings, .. } = film;
+        let identity = FilmIdentity::of(scene.hash, size, settings, film.exposure, &film.updates);
+        let kept = FilmFrames::open(&folder.into(), identity, size, film.range)?;
+        let resumed_frames = kept.kept();
+        let waiting: VecDeque<u32> = kept.missing().collect();
+        let progress = Arc::new(Mutex::new(FilmProgress {
+            frames_done: resumed_frames,
+            frames: resumed_frames + waiting.len() as u32,
+            ..FilmProgress::default()
+        }));
+        let run = FilmRun {
+            submitter: self.submitter(),
+            scene,
+            film,
+            kept,
+            waiting,
+            tracing: Vec::new(),
+            progress: Arc::clone(&progress),
+        };
+        Ok(FilmJob {
+            job: Job::start("carom-film", |cancelled| run.run(cancelled))?,
+            progress,
+            resumed_frames,
+        })
+    }
+}
+
+impl FilmJob {
+    /// How far it is.
+    pub fn progress(&self) -> FilmProgress {
+        let progress = self.progress.lock();
+        progress.unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Frames of its range that the folder held at the start.
+    pub const fn resumed_frames(&self) -> u32 {
+        self.resumed_frames
+    }
+
+    /// Whether [`FilmJob::wait`] would return at once.
+    pub fn is_finished(&self) -> bool {
+        self.job.is_finished()
+    }
+
+    /// Ends the work; finished frames stay.
+    pub fn cancel(&self) {
+        self.job.canceller().cancel();
+    }
+
+    /// To cancel the work while another thread waits for it.
+    pub fn canceller(&self) -> Canceller {
+        self.job.canceller().clone()
+    }
+
+    /// Waits for all frames of the range.
+    ///
+    /// # Errors
+    /// [`Error::NoNodes`] if no node has answered for [`crate::FarmConfig::timeout_secs`],
+    /// [`Error::FilmCancelled`], [`Error::FarmClosed`] if the farm has been dropped, [`Error::File`].
+    pub fn wait(self) -> Result<FilmFrames, Error> {
+        self.job.wait()
+    }
+}
+
+/// What the thread of a job works on.
+struct FilmRun {
+    submitter: Submitter,
+    scene: SceneHandle,
+    film: Film,
+    kept: FilmFrames,
+    /// Frames of which nothing has been asked for.
+    waiting: VecDeque<u32>,
+    tracing: Vec<FilmFrame>,
+    progress: Arc<Mutex<FilmProgress>>,
+}
+
+/// A frame that is being traced.
+struct FilmFrame {
+    index: u32,
+    render: AccumulatedRender,
+    /// Sums of the batches, if there are several.
+    sums: Option<film::Film>,
+}
+
+impl FilmRun {
+    fn run(mut self, cancelled: &Canceller) -> Result<FilmFrames, Error> {
+        match self.trace(cancelled) {
+            Ok(()) => Ok(self.kept),
+            Err(why) => {
+                if self.kept.kept() == 0 && self.film.range == FrameRange::ALL {
+                    // Nothing has begun; what cannot be removed does no harm.
+                    let _ = self.kept.remove();
+                }
+                Err(why)
+            }
+        }
+    }
+
+    fn trace(&mut self, cancelled: &Canceller) -> Result<(), Error> {
+        while !(self.waiting.is_empty() && self.tracing.is_empty()) {
+            if cancelled.is_cancelled() {
+                return Err(Error::FilmCancelled {
+                    frames_done: self.kept.kept(),
+                    frames: self.kept.kept() + self.kept.missing().count() as u32,
+                });
+            }
+            self.submit()?;
+            let stats = match self.submitter.wait_frame(POLL_INTERVAL) {
+                Some(frame) => {
+                    let mut tracing = self.tracing.iter();
+                    match tracing.position(|of| of.render.owns(frame.id)) {
+                        Some(place) => self.accept(place, frame)?,
+                        None => None,
+                    }
+                }
+                None => {
+                    self.submitter.check_nodes()?;
+                    None
+                }
+            };
+            self.report(stats);
+        }
+        Ok(())
+    }
+
+    /// Asks for as much as the farm takes now, in the order of the frames.
+    fn submit(&mut self) -> Result<(), Error> {
+        for frame in &mut self.tracing {
+            frame
+                .render
+                .submit_through(&mut self.submitter, &self.scene)?;
+        }
+        loop {
+            let is_refused = |frame: &FilmFrame| frame.render.next_frame().is_some();
+            if self.tracing.iter().any(is_refused) || self.tracing.len() >= FRAMES_IN_FLIGHT_MAX {
+                return Ok(());
+            }
+            let Some(index) = self.waiting.pop_front() else {
+                return Ok(());
+            };
+            let mut frame = self.film.frame(index);
+            frame
+                .render
+                .submit_through(&mut self.submitter, &self.scene)?;
+            self.tracing.push(frame);
+        }
+    }
+
+    /// Takes in samples of the frame at `place`, and keeps it once they are all there.
+    fn accept(
+        &mut self,
+        place: usize,
+        frame: crate::Frame,
+    ) -> Result<Option<(u32, FrameStats)>, Error> {
+        let FilmFrame {
+            index,
+            render,
+            sums,
+        } = &mut self.tracing[place];
+        let Some(batch) = render.accept(frame) else {
+            return Ok(None);
+        };
+        let index = *index;
+        if let Some(sums) = sums {
+            batch.add_to(sums)?;
+        }
+        let SampleBatch { frame, .. } = batch;
+        if render.is_done() {
+            let rgb = match (sums, frame.pixels) {
+                (None, Pixels::Srgb8(rgb)) => rgb,
+                (None, Pixels::Linear(pixels)) => self.film.tone_map(&pixels),
+                (Some(sums), _) => self.film.tone_map(&sums.image().pixels),
+            };
+            self.kept.keep(index, rgb.as_flattened())?;
+            self.tracing.remove(place);
+        }
+        Ok(Some((index, frame.stats)))
+    }
+
+    fn report(&mut self, frame: Option<(u32, FrameStats)>) {
+        let (tiles_done, tiles) = self.submitter.tiles_in_flight();
+        let mut known = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        let progress = FilmProgress {
+            frames_done: self.kept.kept(),
+            frames: known.frames,
+            tiles_done,
+            tiles,
+            frame,
+        };
+        known.clone_from(&progress);
+        drop(known);
+        if let Some(callback) = &mut self.film.on_progress {
+            callback(&progress);
+        }
+    }
+}
+
+impl Film {
+    fn tone_map(&self, radiance: &[[f32; 3]]) -> Vec<[u8; 3]> {
+        let pixels = radiance.iter();
+        pixels.map(|&pixel| srgb8(pixel, self.exposure)).collect()
+    }
+}
+
+/// Samples of a pixel that are asked for at a time: more are long to repeat when a node is lost. It
+/// does not depend on the farm, so that all machines make the same bits.
+const BATCH_SAMPLES: u32 = 1024;
+/// How long to wait for a frame before looking at what else there is.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
