@@ -1,65 +1,66 @@
-//! A service that renders on request: `cargo run --release -p carom-farm --example service -- [ADDRESS] [REQUESTS]`,
-//! then `curl 'http://127.0.0.1:8080/?x=0.3&samples=64' -o ball.png`. With REQUESTS it ends after so many.
+//! A service that renders on request: `cargo run --release -p carom-farm --example service -- [ADDRESS]`, then
+//! `curl 'http://127.0.0.1:8080/?x=0.3&samples=64' -o ball.png`
 
-use std::io::{BufRead as _, BufReader, Write as _};
-use std::net::{TcpListener, TcpStream};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
 
+use axum::extract::{Query, State};
+use axum::http::{StatusCode, header};
+use axum::response::IntoResponse;
+use axum::{Router, routing};
 use carom_farm::prelude::*;
+use serde::Deserialize;
 
-/// The value of a parameter of the request's first line, `GET /?x=0.3&samples=64 HTTP/1.1`.
-fn parameter<T: std::str::FromStr>(line: &str, name: &str) -> Option<T> {
-    let query = line.split_whitespace().nth(1)?.split_once('?')?.1;
-    let value = |pair: &str| Some(pair.strip_prefix(name)?.strip_prefix('=')?.to_owned());
-    query.split('&').find_map(value)?.parse().ok()
+#[derive(Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Request {
+    x: f32,
+    samples: u32,
 }
 
-fn render(farm: &mut Farm, line: &str) -> carom_farm::Result<Vec<u8>> {
-    let (x, samples) = (parameter(line, "x"), parameter(line, "samples"));
-    let mut scene = Scene::new();
-    let ball = Sphere::new(0.5).at([x.unwrap_or(0.0), 0.0, 0.5]);
-    scene.add_named("ball", ball, Material::diffuse([0.8, 0.1, 0.1]));
-    scene.add(Plane::z(0.0), Material::grey(0.5));
-    let picture = farm.render(&scene, Still::new(320, 180).samples(samples.unwrap_or(16)))?;
-    picture.png()
-}
-
-/// Answers a request: a picture, or a sentence.
-fn answer(farm: &mut Farm, mut stream: TcpStream) -> std::io::Result<()> {
-    stream.set_read_timeout(Some(Duration::from_secs(5)))?;
-    let mut line = String::new();
-    BufReader::new(&stream).read_line(&mut line)?;
-    let (status, kind, body) = match render(farm, &line) {
-        Ok(png) => ("200 OK", "image/png", png),
-        Err(why) => (
-            "400 Bad Request",
-            "text/plain",
-            format!("{why}\n").into_bytes(),
-        ),
-    };
-    let length = body.len();
-    write!(
-        stream,
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n"
-    )?;
-    stream.write_all(&body)
-}
-
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut arguments = std::env::args().skip(1);
-    let address = arguments
-        .next()
-        .unwrap_or_else(|| "127.0.0.1:8080".to_owned());
-    let requests = arguments
-        .next()
-        .map_or(Ok(usize::MAX), |count| count.parse())?;
-    let mut farm = Farm::auto()?;
-    let listener = TcpListener::bind(address)?;
-    println!("http://{}/?x=0.3&samples=64", listener.local_addr()?);
-    for stream in listener.incoming().take(requests) {
-        if let Err(why) = answer(&mut farm, stream?) {
-            eprintln!("a request failed: {why}");
+impl Default for Request {
+    fn default() -> Self {
+        Self {
+            x: 0.0,
+            samples: 16,
         }
     }
-    Ok(())
+}
+
+/// Renders at the same time as other requests: the farm is held only while it is asked.
+fn render(farm: &Mutex<Farm>, request: &Request) -> carom_farm::Result<Vec<u8>> {
+    let mut scene = Scene::new();
+    let ball = Sphere::new(0.5).at([request.x, 0.0, 0.5]);
+    scene.add_named("ball", ball, Material::diffuse([0.8, 0.1, 0.1]));
+    scene.add(Plane::z(0.0), Material::grey(0.5));
+    let still = Still::new(320, 180).samples(request.samples);
+    let job = farm
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .still(&scene, still)?;
+    job.wait()?.png()
+}
+
+async fn answer(
+    State(farm): State<Arc<Mutex<Farm>>>,
+    Query(request): Query<Request>,
+) -> impl IntoResponse {
+    match tokio::task::spawn_blocking(move || render(&farm, &request)).await {
+        Ok(Ok(png)) => Ok(([(header::CONTENT_TYPE, "image/png")], png)),
+        Ok(Err(why)) if why.is_invalid_input() => Err((StatusCode::BAD_REQUEST, why.to_string())),
+        Ok(Err(why)) => Err((StatusCode::SERVICE_UNAVAILABLE, why.to_string())),
+        Err(panic) => Err((StatusCode::INTERNAL_SERVER_ERROR, panic.to_string())),
+    }
+}
+
+#[tokio::main]
+async fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let address = std::env::args().nth(1);
+    let address = address.unwrap_or_else(|| "127.0.0.1:8080".to_owned());
+    let farm = Arc::new(Mutex::new(Farm::auto()?));
+    let listener = tokio::net::TcpListener::bind(address).await?;
+    println!("http://{}/?x=0.3&samples=64", listener.local_addr()?);
+    let service = Router::new()
+        .route("/", routing::get(answer))
+        .with_state(farm);
+    Ok(axum::serve(listener, service).await?)
 }

@@ -75,7 +75,7 @@ pub struct LinkSession<F> {
 
 impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
     /// The session of a connection that has just been made, over which sRGB tiles come as exactly
-    /// as `precision` has it; its greeting waits to be sent. `hand_on` gets events, one or more.
+    /// as `precision` has it, unless a request wants exact ones; its greeting waits to be sent. `hand_on` gets events, one or more.
     pub fn new(precision: PrecisionRange, hand_on: F) -> Self {
         Self {
             session: ClientSession::new(),

@@ -163,8 +163,8 @@ impl Coordinator {
         self.scene = Some((hash, scene));
     }
 
-    /// Accepts a frame of `scene`, of a tile grid with `tile_edge`. Its id must be above all before it,
-    /// of those in the background or of the others.
+    /// Accepts a frame of `scene`, of a tile grid with `tile_edge`, `exact` as [`crate::Submission::exact`].
+    /// Its id must be above all before it, of those in the background or of the others.
     pub fn submit(
         &mut self,
         now: Duration,

@@ -58,7 +58,7 @@ impl FrameRequest {
         Submission {
             priority,
             deadline: self.deadline,
-            scene: None,
+            ..Submission::default()
         }
     }
 }

@@ -391,7 +391,7 @@ fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
             ..RenderSettings::default()
         },
         format: PixelFormat::Srgb8 { exposure: 1.0 },
-        precision: PrecisionRange::EXACT,
+        precision: PrecisionRange::ANY,
         references: Vec::new(),
     })
 }
