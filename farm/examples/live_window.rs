@@ -1,18 +1,16 @@
-//! A window on a live picture; drag to look around: `cargo run --release -p carom-farm --example live_window`
+//! A window on a live picture; the camera follows the pointer: `cargo run --release -p carom-farm --example live_window`
 
 use std::num::NonZeroU32;
 use std::rc::Rc;
 
 use carom_farm::prelude::*;
 use winit::application::ApplicationHandler;
-use winit::event::{DeviceEvent, DeviceId, ElementState, WindowEvent};
+use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::window::{Window, WindowId};
 
 struct Viewer {
     view: LiveView,
-    angle_rad: f32,
-    is_dragged: bool,
     surface: Option<softbuffer::Surface<Rc<Window>, Rc<Window>>>,
 }
 
@@ -48,21 +46,14 @@ impl ApplicationHandler for Viewer {
         match event {
             WindowEvent::CloseRequested => events.exit(),
             WindowEvent::Resized(size) => drop(self.view.resize(size.width, size.height)),
-            WindowEvent::MouseInput { state, .. } => {
-                self.is_dragged = state == ElementState::Pressed;
+            WindowEvent::CursorMoved { position, .. } => {
+                let (sin, cos) = (0.005 * position.x as f32).sin_cos();
+                let camera = Camera::looking_at([4.0 * sin, -4.0 * cos, 1.5], [0.0, 0.0, 0.4]);
+                self.view
+                    .set_camera(camera)
+                    .expect("an eye above the floor");
             }
             _ => {}
-        }
-    }
-
-    fn device_event(&mut self, _: &ActiveEventLoop, _: DeviceId, event: DeviceEvent) {
-        if let (DeviceEvent::MouseMotion { delta }, true) = (event, self.is_dragged) {
-            self.angle_rad -= 0.005 * delta.0 as f32;
-            let (sin, cos) = self.angle_rad.sin_cos();
-            let camera = Camera::looking_at([4.0 * sin, -4.0 * cos, 1.5], [0.0, 0.0, 0.4]);
-            self.view
-                .set_camera(camera)
-                .expect("a camera above the floor");
         }
     }
 }
@@ -78,8 +69,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let view = farm.live(&scene, live)?;
     Ok(events.run_app(&mut Viewer {
         view,
-        angle_rad: 0.0,
-        is_dragged: false,
         surface: None,
     })?)
 }

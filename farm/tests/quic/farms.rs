@@ -8,7 +8,9 @@ use std::time::Duration;
 use carom_farm::net::{
     Authority, Client, Credentials, LinkCommand, LinkEvent, NodeLink, Role, create_farm,
 };
-use carom_farm::{Farm, FarmConfig, Frame, FrameSpec, LocalNode, NodeState, PrecisionRange};
+use carom_farm::{
+    Farm, FarmConfig, Film, Frame, FrameSpec, LocalNode, NodeState, PixelPrecision, PrecisionRange,
+};
 use carom_protocol::{ClientEvent, PixelFormat, SceneHash};
 use carom_testkit::pattern_tracer::{DeviceFault, PatternTracer};
 use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
@@ -56,6 +58,39 @@ fn frame(farm: &mut Farm, format: PixelFormat) -> Frame {
     .unwrap();
     let waited = farm.wait_frame(TIMEOUT);
     waited.unwrap_or_else(|| panic!("no frame, with nodes {:?}", farm.nodes()))
+}
+
+#[test]
+fn films_are_exact_over_links_that_may_send_less() {
+    let folder = tempfile::tempdir().unwrap();
+    let authority = create_farm(folder.path()).unwrap();
+    let node = RunningNode::start(&authority, any_port());
+    let film = || {
+        let film = Film::new(48, 27, vec![SceneUpdate::default()]);
+        film.samples(2)
+    };
+    let coarse = PixelPrecision::Lossy50;
+    let mut remote = Farm::new(FarmConfig {
+        local: LocalNode::None,
+        nodes: vec![node.address.to_string()],
+        credentials: folder.path().to_owned(),
+        precision: PrecisionRange {
+            finest: coarse,
+            coarsest: coarse,
+        },
+        ..FarmConfig::default()
+    })
+    .unwrap();
+    let mut local = Farm::new(FarmConfig {
+        local: LocalNode::Cpu,
+        ..FarmConfig::default()
+    })
+    .unwrap();
+    let mut frame = |farm: &mut Farm, name: &str| {
+        let job = farm.film(&pool(), film(), folder.path().join(name));
+        job.unwrap().wait().unwrap().read(0).unwrap()
+    };
+    assert!(frame(&mut remote, "remote") == frame(&mut local, "local"));
 }
 
 /// Waits until the only node is so, and returns how it is.
