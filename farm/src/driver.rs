@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 use carom_protocol::limits::NODES_MAX;
 use carom_protocol::{FrameId, PrecisionRange, SceneHash};
 use carom_tracer::{Scene, Tracer};
-use ring::rand::{SecureRandom, SystemRandom};
 
 use crate::balancer::Balancer;
 use crate::coordinator::{Coordinator, CoordinatorAction, FrameRefusal, SPOT_CHECK_TILES};
@@ -481,8 +480,13 @@ impl DriverLink {
 /// What no node can guess. Without the system's random numbers spot checks would fall on tiles that
 /// nodes can foretell, which is no reason not to render.
 fn secret_key() -> [u8; 32] {
+    #[cfg_attr(
+        not(feature = "net"),
+        expect(unused_mut, reason = "nobody need be checked")
+    )]
     let mut key = [0; 32];
-    if SystemRandom::new().fill(&mut key).is_err() {
+    #[cfg(feature = "net")]
+    if ring::rand::SecureRandom::fill(&ring::rand::SystemRandom::new(), &mut key).is_err() {
         tracing::warn!("the system gives no random numbers: nodes can foretell spot checks");
     }
     key

@@ -40,6 +40,11 @@ pub enum Error {
         /// The end of the names of those that hedge.
         hedged: &'static str,
     },
+    /// Nodes elsewhere were named in a build that cannot call them.
+    #[error(
+        "nodes elsewhere cannot be called: this program was built without carom-farm's feature `net`"
+    )]
+    NoNetwork,
     /// A socket could not be opened.
     #[error("{address}: {}", socket_reason(source))]
     Socket {
@@ -348,7 +353,7 @@ pub enum Error {
         samples_done: u32,
     },
     /// The name of a picture's file ends in none that is written.
-    #[error("{}: the name must end in .png, .exr or .jpg", path.display())]
+    #[error("{}: the name must end in {ENDINGS}", path.display())]
     PictureFormat {
         /// The file.
         path: PathBuf,
@@ -456,6 +461,7 @@ impl Error {
             Self::Tracer(error) => !matches!(error, carom_tracer::Error::Device { .. }),
             Self::Config(_)
             | Self::Choice(_)
+            | Self::NoNetwork
             | Self::UnknownBalancer { .. }
             | Self::CredentialsMissing { .. }
             | Self::CredentialsFile { .. }
@@ -483,6 +489,12 @@ impl Error {
         }
     }
 }
+
+/// Endings of pictures' names.
+#[cfg(feature = "image-io")]
+const ENDINGS: &str = ".png, .exr or .jpg";
+#[cfg(not(feature = "image-io"))]
+const ENDINGS: &str = ".png: this program was built without carom-farm's feature `image-io`";
 
 fn states(nodes: &[NodeStatus]) -> String {
     let nodes = nodes.iter();

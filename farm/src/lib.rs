@@ -27,6 +27,7 @@
 
 mod accumulated_render;
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod backend;
 pub mod balancer;
 mod balancing;
@@ -34,6 +35,7 @@ mod channel;
 mod checkpoint;
 mod config;
 mod config_fault;
+#[doc(hidden)]
 pub mod coordinator;
 pub mod directory;
 mod driver;
@@ -43,15 +45,22 @@ mod farm;
 mod film;
 mod frame;
 pub mod guide;
+#[cfg(feature = "cli")]
 pub mod health;
 mod job;
+#[doc(hidden)]
 pub mod link;
 mod live;
 mod local_devices;
 #[cfg(feature = "cli")]
+#[doc(hidden)]
 pub mod logging;
 mod memory_link;
 pub mod multi_device;
+#[cfg(feature = "net")]
+pub mod net;
+#[cfg(not(feature = "net"))]
+#[path = "net/absent.rs"]
 pub mod net;
 pub mod node;
 mod node_status;

@@ -13,6 +13,7 @@ pub struct NodeIndex(pub usize);
 
 /// A node as the coordinator sees it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct NodeStatus {
     /// Its address, or `local`.
     pub address: String,

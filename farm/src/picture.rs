@@ -148,14 +148,22 @@ impl Picture {
     /// Writes the picture in a format, whatever the file is called.
     ///
     /// # Errors
-    /// [`Error::Tracer`] if the file cannot be written.
+    /// [`Error::Tracer`] or [`Error::File`] if the file cannot be written.
     pub fn write(&self, path: &Path, format: FileFormat) -> Result<(), Error> {
-        let image = self.image();
         match format {
-            FileFormat::Png => image.write_png(path, self.exposure)?,
-            FileFormat::Jpeg => image.write_jpeg(path, self.exposure, JPEG_QUALITY)?,
-            FileFormat::Exr if self.layers.is_empty() => image.write_exr(path)?,
-            FileFormat::Exr => image.write_exr_with_aovs(path, &self.layers)?,
+            FileFormat::Png => {
+                let written = std::fs::write(path, self.png()?);
+                written.map_err(|source| Error::File {
+                    path: path.to_owned(),
+                    source,
+                })?;
+            }
+            #[cfg(feature = "image-io")]
+            FileFormat::Jpeg => self.image().write_jpeg(path, self.exposure, JPEG_QUALITY)?,
+            #[cfg(feature = "image-io")]
+            FileFormat::Exr if self.layers.is_empty() => self.image().write_exr(path)?,
+            #[cfg(feature = "image-io")]
+            FileFormat::Exr => self.image().write_exr_with_aovs(path, &self.layers)?,
         }
         Ok(())
     }
@@ -168,8 +176,10 @@ pub enum FileFormat {
     /// 8-bit sRGB without loss.
     Png,
     /// 8-bit sRGB with little loss.
+    #[cfg(feature = "image-io")]
     Jpeg,
     /// 32-bit linear floats.
+    #[cfg(feature = "image-io")]
     Exr,
 }
 
@@ -177,12 +187,15 @@ impl FileFormat {
     /// What a file's name says.
     ///
     /// # Errors
-    /// [`Error::PictureFormat`] unless it ends in `.png`, `.exr`, `.jpg` or `.jpeg`.
+    /// [`Error::PictureFormat`] unless it ends in `.png` or, with the feature `image-io`, in `.exr`,
+    /// `.jpg` or `.jpeg`.
     pub fn of(path: &Path) -> Result<Self, Error> {
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
         match extension.to_str() {
             Some("png") => Ok(Self::Png),
+            #[cfg(feature = "image-io")]
             Some("exr") => Ok(Self::Exr),
+            #[cfg(feature = "image-io")]
             Some("jpg" | "jpeg") => Ok(Self::Jpeg),
             _ => Err(Error::PictureFormat {
                 path: path.to_owned(),
@@ -229,6 +242,7 @@ pub(crate) fn partial(path: &Path) -> PathBuf {
 }
 
 /// Loss that is not seen, at some 2 bits a pixel.
+#[cfg(feature = "image-io")]
 const JPEG_QUALITY: u8 = 92;
 
 #[cfg(test)]

@@ -649,3 +649,9 @@ fn status_distinguishes_nodes_that_answer() {
     let missing = refused(dir, &["status", "--farm", "nowhere.toml"]);
     assert!(missing.contains("nowhere.toml"), "{missing}");
 }
+
+#[test]
+fn the_packaged_scene_is_the_asset() {
+    let asset = include_str!("../../assets/scenes/pool.json");
+    assert_eq!(include_str!("../src/commands/pool.json"), asset);
+}

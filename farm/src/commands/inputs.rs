@@ -12,8 +12,8 @@ use carom_tracer::Scene;
 
 use crate::commands::Failure;
 
-/// The default scene: the table of `assets/scenes/pool.json`.
-const POOL: &str = include_str!("../../../assets/scenes/pool.json");
+/// The default scene: a copy of `assets/scenes/pool.json`, so that the package holds it.
+const POOL: &str = include_str!("pool.json");
 
 /// A scene with its name in results.
 pub(crate) struct NamedScene {

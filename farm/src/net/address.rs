@@ -24,6 +24,7 @@ impl NodeAddress {
     }
 
     /// The host's addresses, by the system's resolver.
+    #[cfg(feature = "net")]
     pub(crate) async fn resolve(&self) -> Result<Vec<SocketAddr>, Error> {
         let found = tokio::net::lookup_host((self.host.as_str(), self.port)).await;
         let addresses: Vec<SocketAddr> = found

@@ -24,6 +24,7 @@ use carom_protocol::NodeInfo;
 use carom_tracer::{DeviceKind, Tracer};
 
 pub use bitrate_control::LinkEstimate;
+#[cfg(feature = "net")]
 pub(crate) use client_connection::STALL_TIMEOUT;
 use client_connection::TileSharing;
 pub use connection::{ConnectionDrain, NodeConnection};

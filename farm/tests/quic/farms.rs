@@ -63,7 +63,8 @@ fn frame(farm: &mut Farm, format: PixelFormat) -> Frame {
 #[test]
 fn films_are_exact_over_links_that_may_send_less() {
     let folder = tempfile::tempdir().unwrap();
-    let authority = create_farm(folder.path()).unwrap();
+    create_farm(folder.path()).unwrap();
+    let authority = Authority::load(folder.path()).unwrap();
     let node = RunningNode::start(&authority, any_port());
     let film = || {
         let film = Film::new(48, 27, vec![SceneUpdate::default()]);
@@ -86,7 +87,7 @@ fn films_are_exact_over_links_that_may_send_less() {
         ..FarmConfig::default()
     })
     .unwrap();
-    let mut frame = |farm: &mut Farm, name: &str| {
+    let frame = |farm: &mut Farm, name: &str| {
         let job = farm.film(&pool(), film(), folder.path().join(name));
         job.unwrap().wait().unwrap().read(0).unwrap()
     };

@@ -1,0 +1,51 @@
+//! Network of a build without the feature `net`: nobody can be called.
+
+mod address;
+#[allow(dead_code, reason = "words of errors that only a network has")]
+pub(crate) mod peer;
+
+use std::path::Path;
+
+use carom_protocol::PrecisionRange;
+
+use crate::Error;
+use crate::link::{LinkCommand, LinkEvent};
+
+pub use address::NodeAddress;
+pub use peer::{CertificateFault, DisconnectReason, NoPlace, Role};
+
+/// Credentials, which nobody has.
+pub(crate) struct Credentials;
+
+/// A network side, which nobody has.
+pub(crate) struct Client;
+
+/// A link, which nobody has.
+pub(crate) struct NodeLink;
+
+impl Credentials {
+    pub(crate) fn load(_: &Path, _: Role) -> Result<Self, Error> {
+        Err(Error::NoNetwork)
+    }
+}
+
+impl Client {
+    pub(crate) fn new(_: &Credentials) -> Result<Self, Error> {
+        Err(Error::NoNetwork)
+    }
+
+    pub(crate) fn link(
+        &self,
+        _: NodeAddress,
+        _: PrecisionRange,
+        _: impl FnMut(Vec<LinkEvent>) + Send + 'static,
+    ) -> NodeLink {
+        NodeLink
+    }
+}
+
+impl NodeLink {
+    pub(crate) fn send(&self, _: LinkCommand) -> bool {
+        false
+    }
+}
