@@ -45,6 +45,27 @@ pub struct NodeStatus {
     pub split: LatencySplit,
 }
 
+impl NodeStatus {
+    /// A node of which nothing is known but its address.
+    pub fn new(address: impl Into<String>) -> Self {
+        Self {
+            address: address.into(),
+            info: None,
+            state: NodeState::Starting,
+            fixed_secs: 0.0,
+            fixed_error_secs: 0.0,
+            msamples_per_sec: 0.0,
+            speed_error: 0.0,
+            tiles: 0,
+            lost_tiles: 0,
+            checked_tiles: 0,
+            doubt: None,
+            round_trip: None,
+            split: LatencySplit::default(),
+        }
+    }
+}
+
 /// Where a node stands, in the words that players, `carom-farm status` and the node itself use.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NodeState {

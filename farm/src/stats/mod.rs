@@ -13,7 +13,6 @@ use crate::node_status::NodeIndex;
 
 /// Statistics of a frame, by the client's clock.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct FrameStats {
     /// From [`crate::Farm::submit`] to the last tile, in seconds; with tiles missing, to its deadline.
     pub makespan_secs: f64,
@@ -59,7 +58,6 @@ pub struct FrameStats {
 
 /// Tiles that came together from one node. Times are seconds from [`crate::Farm::submit`].
 #[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct Delivery {
     /// Who traced them.
     pub node: NodeIndex,

@@ -228,21 +228,9 @@ mod tests {
     use super::*;
 
     fn node(address: &str, state: NodeState) -> NodeStatus {
-        NodeStatus {
-            address: address.to_owned(),
-            info: None,
-            state,
-            fixed_secs: 0.0,
-            fixed_error_secs: 0.0,
-            msamples_per_sec: 10.0,
-            speed_error: 0.0,
-            tiles: 0,
-            lost_tiles: 0,
-            checked_tiles: 0,
-            doubt: None,
-            round_trip: None,
-            split: Default::default(),
-        }
+        let mut node = NodeStatus::new(address);
+        (node.state, node.msamples_per_sec) = (state, 10.0);
+        node
     }
 
     fn lost(why: &str) -> NodeState {

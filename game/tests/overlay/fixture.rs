@@ -27,30 +27,23 @@ const NODES: [(&str, &str, f64, f64); 5] = [
 
 /// Its nodes as they are at the end.
 pub(crate) fn nodes() -> Vec<NodeStatus> {
-    let node =
-        |&(name, device, fixed_secs, msamples_per_sec): &(&str, &str, f64, f64)| NodeStatus {
-            address: format!("{name}.example:4433"),
-            info: Some(NodeInfo {
-                name: name.to_owned(),
-                device: DeviceInfo {
-                    kind: DeviceKind::Gpu,
-                    name: device.to_owned(),
-                    width: 1,
-                    threads: 1,
-                },
-            }),
-            state: NodeState::Ready,
-            fixed_secs,
-            fixed_error_secs: 0.07 * fixed_secs,
-            msamples_per_sec,
-            speed_error: 0.03,
-            tiles: 40_000,
-            lost_tiles: 0,
-            checked_tiles: 0,
-            doubt: None,
-            round_trip: None,
-            split: LatencySplit::default(),
-        };
+    let node = |&(name, device, fixed_secs, msamples_per_sec): &(&str, &str, f64, f64)| {
+        let mut node = NodeStatus::new(format!("{name}.example:4433"));
+        node.info = Some(NodeInfo {
+            name: name.to_owned(),
+            device: DeviceInfo {
+                kind: DeviceKind::Gpu,
+                name: device.to_owned(),
+                width: 1,
+                threads: 1,
+            },
+        });
+        node.state = NodeState::Ready;
+        (node.fixed_secs, node.fixed_error_secs) = (fixed_secs, 0.07 * fixed_secs);
+        (node.msamples_per_sec, node.speed_error) = (msamples_per_sec, 0.03);
+        node.tiles = 40_000;
+        node
+    };
     let mut nodes: Vec<NodeStatus> = NODES.iter().map(node).collect();
     nodes[1].state = NodeState::Rendering;
     nodes[4].state = NodeState::Lost {

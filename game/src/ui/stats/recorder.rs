@@ -277,6 +277,10 @@ mod tests {
     }
 
     fn record(frame: u64) -> Arc<FrameRecord> {
+        let mut node = carom_farm::NodeStatus::new("a, \"b\"");
+        node.state = carom_farm::NodeState::Ready;
+        (node.fixed_secs, node.fixed_error_secs) = (0.003, 0.001);
+        (node.msamples_per_sec, node.speed_error, node.tiles) = (12.0, 0.1, 5);
         let seen = super::super::frame_record::FrameSample {
             frame,
             at_secs: 1.5,
@@ -286,21 +290,7 @@ mod tests {
                 makespan_secs: 0.02,
                 ..Default::default()
             },
-            nodes: &[carom_farm::NodeStatus {
-                address: "a, \"b\"".to_owned(),
-                info: None,
-                state: carom_farm::NodeState::Ready,
-                fixed_secs: 0.003,
-                fixed_error_secs: 0.001,
-                msamples_per_sec: 12.0,
-                speed_error: 0.1,
-                tiles: 5,
-                lost_tiles: 0,
-                checked_tiles: 0,
-                doubt: None,
-                round_trip: None,
-                split: carom_farm::LatencySplit::default(),
-            }],
+            nodes: &[node],
         };
         Arc::new(FrameRecord::new(seen, &["a, \"b\"".into()]))
     }
