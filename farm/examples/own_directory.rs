@@ -24,7 +24,7 @@ impl Directory for MyDirectory {
 }
 
 fn main() -> carom_farm::Result<()> {
-    let mut scene = Scene::new();
+    let mut scene = Scene::new().camera(Camera::looking_at([0.0, -4.0, 2.0], [0.0, 0.0, 0.5]));
     scene.add(Sphere::new(0.5).at([0.0, 0.0, 0.5]), Material::glass());
     scene.add(Plane::z(0.0), Material::diffuse([0.2, 0.4, 0.6]));
     let mut farm = Farm::auto()?;

@@ -33,7 +33,7 @@ impl Tracer for MyTracer {
 }
 
 fn main() -> carom_farm::Result<()> {
-    let mut scene = Scene::new();
+    let mut scene = Scene::new().camera(Camera::looking_at([0.0, -4.0, 2.0], [0.0, 0.0, 0.5]));
     scene.add(Sphere::new(0.5).at([0.0, 0.0, 0.5]), Material::gold(0.2));
     scene.add(Plane::z(0.0), Material::wood(Axis::X));
     let device = CpuTracer::new()?;

@@ -28,7 +28,7 @@ impl Default for Request {
 
 /// Renders at the same time as other requests: the farm is held only while it is asked.
 fn render(farm: &Mutex<Farm>, request: &Request) -> carom_farm::Result<Vec<u8>> {
-    let mut scene = Scene::new();
+    let mut scene = Scene::new().camera(Camera::looking_at([0.0, -4.0, 2.0], [0.0, 0.0, 0.5]));
     let ball = Sphere::new(0.5).at([request.x, 0.0, 0.5]);
     scene.add_named("ball", ball, Material::diffuse([0.8, 0.1, 0.1]));
     scene.add(Plane::z(0.0), Material::grey(0.5));

@@ -40,7 +40,7 @@ fn main() -> carom_farm::Result<()> {
         AreaLight::new(2.0, 2.0)
             .at([2.0, -2.0, 4.0])
             .facing([0.0; 3])
-            .power(500.0),
+            .power(150.0),
     );
     let mut updates = Vec::new();
     for frame in 0..frames {
