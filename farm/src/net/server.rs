@@ -9,7 +9,7 @@ use std::time::Duration;
 use carom_protocol::RequestId;
 use carom_protocol::session::{Packet, ReceivedScene};
 use tokio::runtime::Runtime;
-use tokio::sync::{Notify, watch};
+use tokio::sync::watch;
 use tokio::time::timeout;
 
 use crate::Error;
@@ -70,14 +70,14 @@ struct Renewal {
     folder: PathBuf,
 }
 
-/// A handle that stops a [`NodeServer`] from another thread.
+/// A handle that stops each [`NodeServer`] that serves with it, from another thread.
 #[derive(Clone, Debug, Default)]
-pub struct StopHandle(Arc<Notify>);
+pub struct StopHandle(Arc<watch::Sender<bool>>);
 
 impl StopHandle {
     /// Ends [`NodeServer::serve`], now or as soon as it starts.
     pub fn stop(&self) {
-        self.0.notify_one();
+        self.0.send_replace(true);
     }
 }
 
@@ -171,6 +171,7 @@ impl NodeServer {
             runtime.spawn(renewal.run(listener.clone(), options, events.clone()));
         }
         let draining = events.clone();
+        let mut stopped = stop.0.subscribe();
         let stopping = watch::Sender::new(false);
         let stops = stopping.clone();
         let serve = move |id, streams: ConnectionStreams| {
@@ -195,7 +196,7 @@ impl NodeServer {
         runtime.block_on(async {
             tokio::select! {
                 () = listener.run(serve) => {}
-                () = stop.0.notified() => {}
+                _ = stopped.wait_for(|is_stopped| *is_stopped) => {}
                 () = signals.recv() => {}
             }
             draining(ServerEvent::Draining);

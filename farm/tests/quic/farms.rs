@@ -6,8 +6,10 @@ use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use carom_farm::net::{
-    Authority, Client, Credentials, LinkCommand, LinkEvent, NodeLink, Role, create_farm,
+    Authority, Client, Credentials, LinkCommand, LinkEvent, NodeLink, NodeServer, Role, StopHandle,
+    create_farm,
 };
+use carom_farm::node::Node;
 use carom_farm::{
     Farm, FarmConfig, Film, Frame, FrameSpec, LocalNode, NodeState, PixelPrecision, PrecisionRange,
 };
@@ -19,7 +21,7 @@ use carom_tracer::{
     SceneUpdate, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 
-use crate::greeter::any_port;
+use crate::greeter::{any_port, today};
 use crate::running_node::RunningNode;
 
 /// Far longer than anything here takes; a test that needs it has failed.
@@ -130,6 +132,30 @@ fn pixels_cross_the_network_unchanged_in_each_format() {
         let (here, there) = (frame(&mut local, format), frame(&mut remote, format));
         assert!(here.pixels == there.pixels, "{format:?}");
         assert_eq!(there.stats.tiles_by_node.len(), 2);
+    }
+}
+
+#[test]
+fn one_handle_stops_all_servers_that_have_it() {
+    let folder = tempfile::tempdir().unwrap();
+    create_farm(folder.path()).unwrap();
+    let authority = Authority::load(folder.path()).unwrap();
+    let stop = StopHandle::default();
+    let serve = |name: &str| {
+        let server = NodeServer::bind(
+            any_port(),
+            &authority.credentials(Role::Node, name, today()).unwrap(),
+        );
+        let (server, stopped) = (server.unwrap(), stop.clone());
+        let node = Node::new(name, Arc::new(CpuTracer::with_threads(1).unwrap()));
+        std::thread::spawn(move || {
+            server.serve(&stopped, move |player, _| node.connect(player), |_| {});
+        })
+    };
+    let nodes = ["oak", "elm", "ash"].map(serve);
+    stop.stop();
+    for node in nodes {
+        node.join().unwrap();
     }
 }
 
