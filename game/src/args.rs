@@ -32,8 +32,9 @@ pub struct Args {
     /// Render a break shot to files instead of opening a window
     #[arg(long)]
     pub headless: bool,
-    /// Render a video of the shot of --replay, or of a break, instead of opening a window: FILE.y4m (for
-    /// video encoders), FILE.png (animated) or a folder for PNG files. Run the same command again to
+    /// Render a video of the shot of --replay, or of a break, instead of opening a window: FILE.mp4, .webm,
+    /// .mkv or .gif (with ffmpeg installed; all but .gif have sound), FILE.y4m (for video encoders), FILE.png
+    /// (animated) or a folder for PNG files. Run the same command again to
     /// resume an interrupted video
     #[arg(long, value_name = "VIDEO", value_parser = VideoTarget::parse, conflicts_with = "out")]
     pub video: Option<VideoTarget>,

@@ -66,10 +66,19 @@ pub enum Error {
     ScreenshotThread(io::Error),
     /// No kind of video has a name like this.
     #[error(
-        "`{name}` is no film: give a name that ends in .y4m (then `ffmpeg -i film.y4m film.mp4` \
-         makes other kinds of it), in .png for an animation, or a folder"
+        "`{name}` is no film: give a name that ends in .mp4, .webm, .mkv or .gif (with ffmpeg \
+         installed), in .y4m, in .png for an animation, or a folder"
     )]
     VideoKind {
+        /// As it was given.
+        name: String,
+    },
+    /// A kind of video that ffmpeg makes.
+    #[error(
+        "`{name}` needs ffmpeg, which is not installed (on Debian or Ubuntu: `apt install ffmpeg`): \
+         install it, or give a name that ends in .y4m, in .png for an animation, or a folder"
+    )]
+    FfmpegMissing {
         /// As it was given.
         name: String,
     },

@@ -162,6 +162,59 @@ fn a_film_is_the_same_frames_in_one_file() {
     assert_eq!(left.len(), 3, "no frames are left beside the films");
 }
 
+/// The streams of a video, as ffprobe tells them.
+fn streams(video: &Path) -> String {
+    let probe = Command::new("ffprobe")
+        .args(["-v", "error", "-show_entries"])
+        .arg("stream=codec_type,width,height,channels,nb_read_frames")
+        .args(["-count_frames", "-of", "csv=p=0"])
+        .arg(video)
+        .output()
+        .unwrap();
+    text(&probe.stdout)
+}
+
+#[test]
+fn a_compressed_video_has_the_frames_and_the_sound() {
+    if Command::new("ffprobe").arg("-version").output().is_err() {
+        assert!(std::env::var_os("CAROM_REQUIRE_FFMPEG").is_none());
+        eprintln!("skipped: ffmpeg is not installed");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (out, video, has_sound) in [
+        ("film.mp4", "video,96,54,3", true),
+        ("film.mkv", "video,96,54", true),
+        ("film.webm", "video,96,54", true),
+        ("film.gif", "video,96,54,3", false),
+    ] {
+        let made = film(
+            folder.path(),
+            &["--spp", "1", "--video", out, "--view", "orbit"],
+        );
+        assert!(made.status.success(), "{}", text(&made.stderr));
+        let streams = streams(&folder.path().join(out));
+        assert!(streams.contains(video), "{out}: {streams}");
+        assert_eq!(streams.contains("audio,2"), has_sound, "{out}: {streams}");
+    }
+    let left = fs::read_dir(folder.path()).unwrap();
+    assert_eq!(left.count(), 4, "frames and partial files are gone");
+}
+
+#[test]
+fn a_video_that_needs_ffmpeg_says_so_before_anything_is_rendered() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = Command::new(env!("CARGO_BIN_EXE_carom"))
+        .args(["--video", "film.mp4"])
+        .current_dir(folder.path())
+        .env("PATH", folder.path())
+        .output()
+        .unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("apt install ffmpeg"));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
 #[test]
 fn interrupted_videos_resume() {
     let folder = tempfile::tempdir().unwrap();
@@ -338,7 +391,7 @@ fn wrong_arguments_are_refused_in_words() {
     let cases: [(&[&str], &str); 10] = [
         (&["--video", "film", "--frame-range", "9-3"], "0-9"),
         (&["--headless", "--frame-range", "0-3"], "--video"),
-        (&["--video", "film.mp4"], "ffmpeg"),
+        (&["--video", "film.avi"], "ffmpeg"),
         (&["--video", "film.y4m", "--out", "frames"], "--out"),
         (&["--headless", "--size", "640"], "640"),
         (&["--headless", "--size", "0x9"], "0x9"),

@@ -197,7 +197,8 @@ impl FilmFrames {
             let mut next = |index| self.next_to_save(index, proceed, &mut failure);
             match format {
                 FilmFormat::Y4m => {
-                    let mut film = Y4m::create(partial, size, rate)?;
+                    let file = BufWriter::new(File::create(partial)?);
+                    let mut film = Y4m::begin(file, size, rate)?;
                     (0..frames).try_for_each(|index| film.push(&next(index)?))?;
                     film.finish()
                 }
@@ -208,6 +209,29 @@ impl FilmFrames {
                 }
             }
         });
+        failure.map_or(written, Err)
+    }
+
+    /// Writes all frames as YUV4MPEG2, for an encoder that reads them while they come, as long as
+    /// `proceed` says so before each.
+    ///
+    /// # Errors
+    /// The reader's, and those of [`FilmFrames::save_while`].
+    pub fn write_y4m(
+        &self,
+        out: impl io::Write,
+        frames_per_sec: u16,
+        proceed: &mut dyn FnMut() -> bool,
+    ) -> Result<(), Error> {
+        let mut failure = None;
+        let write = || {
+            let mut film = Y4m::begin(out, self.size, frames_per_sec)?;
+            for index in 0..self.frames() {
+                film.push(&self.next_to_save(index, proceed, &mut failure)?)?;
+            }
+            film.finish()
+        };
+        let written = write().map_err(|source| file_error(Path::new("the encoder"), source));
         failure.map_or(written, Err)
     }
 

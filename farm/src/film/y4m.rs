@@ -5,31 +5,28 @@
 //! matrix made its Y'CbCr, and players guess it from the size: BT.709 for high definition, BT.601
 //! below; so that is what is written.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Write as _};
-use std::path::Path;
+use std::io::{self, Write};
 
 use carom_tracer::ImageSize;
 
-/// A Y4M file that is written frame by frame.
+/// A Y4M stream that is written frame by frame.
 #[derive(Debug)]
-pub(super) struct Y4m {
-    file: BufWriter<File>,
+pub(super) struct Y4m<W> {
+    out: W,
     size: ImageSize,
     matrix: YuvMatrix,
 }
 
-impl Y4m {
+impl<W: Write> Y4m<W> {
     /// Begins a film.
-    pub(super) fn create(path: &Path, size: ImageSize, frames_per_sec: u16) -> io::Result<Self> {
-        let mut file = BufWriter::new(File::create(path)?);
+    pub(super) fn begin(mut out: W, size: ImageSize, frames_per_sec: u16) -> io::Result<Self> {
         let ImageSize { width, height } = size;
         writeln!(
-            file,
+            out,
             "YUV4MPEG2 W{width} H{height} F{frames_per_sec}:1 Ip A1:1 C444 XCOLORRANGE=LIMITED"
         )?;
         Ok(Self {
-            file,
+            out,
             size,
             matrix: YuvMatrix::of(size),
         })
@@ -45,13 +42,13 @@ impl Y4m {
                 planes[plane * pixels + i] = value;
             }
         }
-        self.file.write_all(b"FRAME\n")?;
-        self.file.write_all(&planes)
+        self.out.write_all(b"FRAME\n")?;
+        self.out.write_all(&planes)
     }
 
-    /// Ends the file.
+    /// Ends the stream.
     pub(super) fn finish(mut self) -> io::Result<()> {
-        self.file.flush()
+        self.out.flush()
     }
 }
 
@@ -121,13 +118,11 @@ mod tests {
 
     #[test]
     fn a_film_is_a_line_and_planes() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.y4m");
-        let mut film = Y4m::create(&path, ImageSize::new(3, 1), 25).unwrap();
+        let mut bytes = Vec::new();
+        let mut film = Y4m::begin(&mut bytes, ImageSize::new(3, 1), 25).unwrap();
         film.push(&[255, 255, 255, 0, 0, 0, 255, 0, 0]).unwrap();
         film.push(&[0; 9]).unwrap();
         film.finish().unwrap();
-        let bytes = std::fs::read(&path).unwrap();
         let line = b"YUV4MPEG2 W3 H1 F25:1 Ip A1:1 C444 XCOLORRANGE=LIMITED\n";
         let frames = bytes.strip_prefix(line).unwrap();
         let first = [235, 16, 81, 128, 128, 90, 128, 128, 240];

@@ -1,44 +1,61 @@
 //! Sound events of a shot: its contacts with their times and forces.
 
-use carom_billiards::physics::{EventKind, Shot, Surface};
+use carom_billiards::physics::{Event, EventKind, Shot, Surface};
+use glam::DVec3;
 
+use super::listener::Ear;
 use super::modal_synthesis::Voice;
+use super::rolling::{BallPaths, room_tone};
 use super::{RATE_HZ, Sound, reverb};
 
 /// The sound of a whole shot; its first sample is the blow.
 pub fn of_shot(shot: &Shot) -> Sound {
-    let notes = shot.events().iter().filter_map(|event| {
-        let (after_secs, voice, speed_m_s) = note(&event.kind)?;
-        Some((event.time_secs + after_secs, voice, speed_m_s))
+    let strikes = shot.events().iter().filter_map(|event| strike(shot, event));
+    let strikes: Vec<Strike> = strikes.filter(is_heard).collect();
+    let paths = BallPaths::of(shot);
+    let [left, right] = Ear::BOTH.map(|ear| {
+        let mut samples = play(&strikes, ear);
+        paths.add_to(&mut samples, ear);
+        reverb::reverberate(&mut samples, ear);
+        room_tone(&mut samples, ear);
+        samples
     });
-    let mut samples = play(&notes.filter(is_heard).collect::<Vec<_>>());
-    reverb::reverberate(&mut samples);
-    samples
-        .iter_mut()
-        .for_each(|sample| *sample = sample.tanh());
-    Sound { samples }
+    let length = left.len().max(right.len());
+    let sample = |channel: &[f32], i: usize| channel.get(i).copied().unwrap_or(0.0).tanh();
+    let samples = (0..length).map(|i| [sample(&left, i), sample(&right, i)]);
+    Sound {
+        samples: samples.collect(),
+    }
 }
 
-/// When, what, and how fast.
-type ScheduledStrike = (f64, Voice, f64);
-
-fn is_heard((at_secs, _, speed_m_s): &ScheduledStrike) -> bool {
-    (AUDIBLE_M_S..SPEED_M_S_MAX).contains(speed_m_s) && (0.0..SECS_MAX).contains(at_secs)
+/// A contact that sounds.
+struct Strike {
+    /// Seconds since the blow of the cue.
+    at_secs: f64,
+    voice: Voice,
+    speed_m_s: f64,
+    place: DVec3,
 }
 
-fn play(notes: &[ScheduledStrike]) -> Vec<f32> {
+fn is_heard(strike: &Strike) -> bool {
+    (AUDIBLE_M_S..SPEED_M_S_MAX).contains(&strike.speed_m_s)
+        && (0.0..SECS_MAX).contains(&strike.at_secs)
+}
+
+fn play(strikes: &[Strike], ear: Ear) -> Vec<f32> {
     let mut samples = Vec::new();
-    for &(at_secs, voice, speed_m_s) in notes {
-        let at = at_secs * f64::from(RATE_HZ);
+    for strike in strikes {
+        let (later_secs, gain) = ear.hears(strike.place);
+        let at = (strike.at_secs + later_secs).max(0.0) * f64::from(RATE_HZ);
         let first = at.floor() as usize;
-        let struck = voice.strike(speed_m_s, at.fract());
+        let struck = strike.voice.strike(strike.speed_m_s, at.fract());
         if samples.len() < first + struck.len() {
             samples.resize(first + struck.len(), 0.0);
         }
         // Clicks of the same moment are out of step at the ear, so that their energies add up and not
         // their amplitudes: a rack bursts in a hundred contacts within a few milliseconds.
-        let together = |note: &&ScheduledStrike| (note.0 - at_secs).abs() < TOGETHER_SECS;
-        let share = 1.0 / (notes.iter().filter(together).count() as f32).sqrt();
+        let together = |other: &&Strike| (other.at_secs - strike.at_secs).abs() < TOGETHER_SECS;
+        let share = gain / (strikes.iter().filter(together).count() as f32).sqrt();
         for (out, sample) in samples[first..].iter_mut().zip(&struck) {
             *out += share * sample;
         }
@@ -46,33 +63,57 @@ fn play(notes: &[ScheduledStrike]) -> Vec<f32> {
     samples
 }
 
-/// How long after the event something sounds, what, and at which speed.
-fn note(kind: &EventKind) -> Option<(f64, Voice, f64)> {
-    Some(match *kind {
-        EventKind::Strike { speed_m_s } => (0.0, Voice::Tip, speed_m_s),
-        EventKind::Miscue { .. } => (0.0, Voice::Slip, 1.5),
-        EventKind::BallBall { speed_m_s, .. } => (0.0, Voice::Ball, speed_m_s),
-        EventKind::Cushion { speed_m_s, .. } => (0.0, Voice::Cushion, speed_m_s),
-        EventKind::Pocketed { speed_m_s, .. } => {
-            (0.0, Voice::Pocket, speed_m_s.max(POCKET_FALL_M_S))
-        }
+/// What sounds of an event.
+fn strike(shot: &Shot, event: &Event) -> Option<Strike> {
+    let place_of = |number: u8| {
+        let poses = shot.poses_at(event.time_secs);
+        let ball = poses.iter().find(|ball| ball.number == number);
+        ball.map_or(DVec3::ZERO, |ball| ball.position)
+    };
+    let mut after_secs = 0.0;
+    let (voice, speed_m_s, place) = match event.kind {
+        EventKind::Strike { speed_m_s } => (Voice::Tip, speed_m_s, place_of(0)),
+        EventKind::Miscue { .. } => (Voice::Slip, MISCUE_M_S, place_of(0)),
+        EventKind::BallBall {
+            speed_m_s, point, ..
+        } => (Voice::Ball, speed_m_s, point),
+        EventKind::Cushion {
+            speed_m_s, point, ..
+        } => (Voice::Cushion, speed_m_s, point),
+        EventKind::Pocketed {
+            ball, speed_m_s, ..
+        } => (
+            Voice::Pocket,
+            speed_m_s.max(POCKET_FALL_M_S),
+            place_of(ball),
+        ),
         EventKind::Bounces {
-            surface, speed_m_s, ..
+            surface,
+            point,
+            speed_m_s,
+            ..
         } => {
             let voice = match surface {
                 Surface::Cloth => Voice::Slate,
                 Surface::Rail => Voice::Rail,
                 Surface::Pocket => Voice::Pocket,
             };
-            (0.0, voice, speed_m_s)
+            (voice, speed_m_s, point)
         }
         EventKind::LeftTable { point, .. } => {
             // From the table's height and its own, to the floor.
             let height_m = TABLE_HEIGHT_M + point.z.max(0.0);
             let fall_m_s = (2.0 * GRAVITY_M_S2 * height_m).sqrt();
-            (fall_m_s / GRAVITY_M_S2, Voice::Floor, fall_m_s)
+            after_secs = fall_m_s / GRAVITY_M_S2;
+            (Voice::Floor, fall_m_s, point.with_z(-TABLE_HEIGHT_M))
         }
         EventKind::Rolls { .. } | EventKind::Rests { .. } => return None,
+    };
+    Some(Strike {
+        at_secs: event.time_secs + after_secs,
+        voice,
+        speed_m_s,
+        place,
     })
 }
 
@@ -81,6 +122,8 @@ const AUDIBLE_M_S: f64 = 0.02;
 /// Within the ring of a click.
 const TOGETHER_SECS: f64 = 2e-3;
 const SPEED_M_S_MAX: f64 = 60.0;
+/// As loud as a tip at this speed.
+const MISCUE_M_S: f64 = 1.5;
 /// Longer than any shot.
 const SECS_MAX: f64 = 120.0;
 /// Down a pocket of 60 mm.
@@ -107,7 +150,7 @@ mod tests {
         let last = (((moment_secs + secs) * rate) as usize).min(sound.samples.len());
         let found = sound.samples[first..last]
             .iter()
-            .position(|sample| sample.abs() > 0.01)?;
+            .position(|[left, _]| left.abs() > 0.01)?;
         Some((first + found) as f64 / rate)
     }
 
@@ -128,25 +171,37 @@ mod tests {
     #[test]
     fn a_break_is_loud_does_not_clip_and_ends_in_silence() {
         let sound = of_shot(&break_shot(9.0));
-        let peak = sound
-            .samples
-            .iter()
-            .fold(0.0_f32, |peak, s| peak.max(s.abs()));
+        let channels = sound.samples.iter().flatten();
+        let peak = channels.fold(0.0_f32, |peak, s| peak.max(s.abs()));
         assert!((0.6..1.0).contains(&peak), "{peak}");
         let end = &sound.samples[sound.samples.len() - 100..];
-        assert!(end.iter().all(|sample| sample.abs() < 2e-3));
+        assert!(end.iter().flatten().all(|sample| sample.abs() < 2e-3));
     }
 
     #[test]
     fn a_soft_shot_is_softer() {
         let loudness = |speed: f64| {
             let sound = of_shot(&break_shot(speed));
-            sound
-                .samples
-                .iter()
-                .fold(0.0_f32, |peak, s| peak.max(s.abs()))
+            let channels = sound.samples.iter().flatten();
+            channels.fold(0.0_f32, |peak, s| peak.max(s.abs()))
         };
         let (soft, loud) = (loudness(1.0), loudness(8.0));
         assert!(soft < 0.4 * loud, "{soft} against {loud}");
+    }
+
+    #[test]
+    fn what_happens_on_the_left_is_louder_there() {
+        let strike = |y: f64| Strike {
+            at_secs: 0.1,
+            voice: Voice::Ball,
+            speed_m_s: 2.0,
+            place: DVec3::new(0.0, y, 0.0),
+        };
+        let energy = |y: f64, ear: Ear| {
+            let samples = play(&[strike(y)], ear);
+            samples.iter().map(|sample| sample * sample).sum::<f32>()
+        };
+        assert!(energy(0.6, Ear::Left) > 1.3 * energy(0.6, Ear::Right));
+        assert!(energy(-0.6, Ear::Right) > 1.3 * energy(-0.6, Ear::Left));
     }
 }

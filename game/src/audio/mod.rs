@@ -1,19 +1,24 @@
 //! The sound of a shot: each contact of the simulation struck as a small instrument, in a room.
 //!
 //! ```text
-//! Shot ─▶ events ─▶ modal_synthesis (modes rung by a contact's force) ─▶ reverb ─▶ playback or WAV
+//! Shot ─┬▶ events ─▶ modal_synthesis (modes rung by a contact's force) ─┬▶ reverb ─▶ playback, WAV, video
+//!       └▶ rolling (noise of balls on cloth)                          ─┘
 //! ```
+//! Each is made once for each ear: later, softer and duller on the far side ([`listener`]).
+//!
 //!
 //! A shot is simulated whole before it is watched, so its whole sound is made at once and every click
 //! falls on its sample. Nothing here needs a library of the system: see [`playback`].
 
 mod events;
+mod listener;
 mod modal_synthesis;
 pub mod playback;
 mod reverb;
+mod rolling;
 
 pub use events::of_shot;
-pub use playback::Playback;
+pub use playback::{Playback, installed_program};
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -27,11 +32,11 @@ use crate::scene::table_scene::TableScene;
 /// Samples of one second.
 pub const RATE_HZ: u32 = 48_000;
 
-/// One channel at [`RATE_HZ`], from −1 to 1.
+/// Two channels at [`RATE_HZ`], from −1 to 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sound {
-    /// The samples.
-    pub samples: Vec<f32>,
+    /// Left and right of each moment.
+    pub samples: Vec<[f32; 2]>,
 }
 
 impl Sound {
@@ -42,10 +47,20 @@ impl Sound {
         let samples = if secs < 0.0 {
             self.samples.get(samples..).unwrap_or_default().to_vec()
         } else {
-            let silence = std::iter::repeat_n(0.0, samples.min(SILENCE_MAX));
+            let silence = std::iter::repeat_n([0.0; 2], samples.min(SILENCE_MAX));
             silence.chain(self.samples.iter().copied()).collect()
         };
         Self { samples }
+    }
+
+    /// Adds another sound that begins after `secs`.
+    pub fn mix(&mut self, other: &Self, secs: f64) {
+        let first = (secs.max(0.0) * f64::from(RATE_HZ)).round() as usize;
+        let end = first + other.samples.len();
+        self.samples.resize(self.samples.len().max(end), [0.0; 2]);
+        for (out, sample) in self.samples[first..].iter_mut().zip(&other.samples) {
+            *out = [out[0] + sample[0], out[1] + sample[1]];
+        }
     }
 
     /// Writes a WAV file of 16 bits, `volume` from 0 to 1 times as loud.
@@ -53,22 +68,23 @@ impl Sound {
     /// # Errors
     /// The writer's.
     pub fn write_wav(&self, volume: f64, out: &mut impl Write) -> io::Result<()> {
-        let bytes = u32::try_from(2 * self.samples.len()).map_err(io::Error::other)?;
+        let bytes = u32::try_from(4 * self.samples.len()).map_err(io::Error::other)?;
         out.write_all(b"RIFF")?;
         out.write_all(&(36 + bytes).to_le_bytes())?;
         out.write_all(b"WAVEfmt ")?;
         out.write_all(&16u32.to_le_bytes())?;
-        let [pcm, channels, bits] = [1u16, 1, 16];
+        let [pcm, channels, bits] = [1u16, 2, 16];
         out.write_all(&pcm.to_le_bytes())?;
         out.write_all(&channels.to_le_bytes())?;
         out.write_all(&RATE_HZ.to_le_bytes())?;
-        out.write_all(&(RATE_HZ * 2).to_le_bytes())?;
-        out.write_all(&2u16.to_le_bytes())?;
+        out.write_all(&(RATE_HZ * 4).to_le_bytes())?;
+        out.write_all(&4u16.to_le_bytes())?;
         out.write_all(&bits.to_le_bytes())?;
         out.write_all(b"data")?;
         out.write_all(&bytes.to_le_bytes())?;
         let scale = volume.clamp(0.0, 1.0) as f32 * f32::from(i16::MAX);
-        let words = self.samples.iter().map(|sample| (sample * scale) as i16);
+        let channels = self.samples.iter().flatten();
+        let words = channels.map(|sample| (sample * scale) as i16);
         let body: Vec<u8> = words.flat_map(i16::to_le_bytes).collect();
         out.write_all(&body)
     }
@@ -118,13 +134,13 @@ mod tests {
     #[test]
     fn a_wav_file_has_its_header_and_its_samples() {
         let sound = Sound {
-            samples: vec![0.0, 1.0, -1.0],
+            samples: vec![[0.0, 1.0], [-1.0, 0.5]],
         };
         let mut bytes = Vec::new();
         sound.write_wav(0.5, &mut bytes).unwrap();
-        assert_eq!(bytes.len(), 44 + 6);
+        assert_eq!(bytes.len(), 44 + 8);
         assert_eq!(&bytes[..4], b"RIFF");
-        assert_eq!(u32::from_le_bytes(bytes[4..8].try_into().unwrap()), 42);
+        assert_eq!(u32::from_le_bytes(bytes[4..8].try_into().unwrap()), 44);
         assert_eq!(
             u32::from_le_bytes(bytes[24..28].try_into().unwrap()),
             RATE_HZ
@@ -132,20 +148,31 @@ mod tests {
         let words = bytes[44..]
             .chunks_exact(2)
             .map(|word| i16::from_le_bytes([word[0], word[1]]));
-        assert_eq!(words.collect::<Vec<_>>(), [0, 16_383, -16_383]);
+        assert_eq!(words.collect::<Vec<_>>(), [0, 16_383, -16_383, 8191]);
     }
 
     #[test]
     fn a_sound_begins_later_or_in_its_middle() {
         let sound = Sound {
-            samples: vec![0.1, 0.2, 0.3],
+            samples: vec![[0.1; 2], [0.2; 2], [0.3; 2]],
         };
         let sample_secs = 1.0 / f64::from(RATE_HZ);
         assert_eq!(
             sound.shifted(2.0 * sample_secs).samples,
-            [0.0, 0.0, 0.1, 0.2, 0.3]
+            [0.0, 0.0, 0.1, 0.2, 0.3].map(|sample| [sample; 2])
         );
-        assert_eq!(sound.shifted(-2.0 * sample_secs).samples, [0.3]);
-        assert_eq!(sound.shifted(-9.0).samples, [0f32; 0]);
+        assert_eq!(sound.shifted(-2.0 * sample_secs).samples, [[0.3; 2]]);
+        assert_eq!(sound.shifted(-9.0).samples, [[0f32; 2]; 0]);
+    }
+
+    #[test]
+    fn sounds_add_up_where_they_meet() {
+        let click = Sound {
+            samples: vec![[0.1, 0.2]],
+        };
+        let mut sound = click.clone();
+        sound.mix(&click, 2.0 / f64::from(RATE_HZ));
+        sound.mix(&click, 0.0);
+        assert_eq!(sound.samples, [[0.2, 0.4], [0.0; 2], [0.1, 0.2]]);
     }
 }

@@ -46,13 +46,9 @@ enum PlaybackRequest {
 impl PlayerProgram {
     /// The first of the known players that is installed.
     pub fn installed() -> Option<Self> {
-        let path = std::env::var_os("PATH")?;
-        let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
         KNOWN.iter().find_map(|(name, arguments)| {
-            let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
-            let mut programs = folders.iter().map(|folder| folder.join(&file));
             Some(Self {
-                program: programs.find(|program| program.is_file())?,
+                program: installed_program(name)?,
                 arguments: arguments.iter().map(OsString::from).collect(),
             })
         })
@@ -67,6 +63,14 @@ impl PlayerProgram {
             .stderr(Stdio::null())
             .spawn()
     }
+}
+
+/// A program of this name in the folders of the environment's `PATH`.
+pub fn installed_program(name: &str) -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+    let mut programs = std::env::split_paths(&path).map(|folder| folder.join(&file));
+    programs.find(|program| program.is_file())
 }
 
 impl Playback {
@@ -229,7 +233,7 @@ mod tests {
 
     fn sound() -> Sound {
         Sound {
-            samples: vec![0.5; RATE_HZ as usize],
+            samples: vec![[0.5; 2]; RATE_HZ as usize],
         }
     }
 
@@ -265,7 +269,7 @@ mod tests {
         speaker.play(Instant::now() + Duration::from_secs(3600), 1.0, sound);
         let early = wait_for(&kept, &speaker);
         assert!(
-            early[44..44 + 96_000].iter().all(|byte| *byte == 0),
+            early[44..44 + 192_000].iter().all(|byte| *byte == 0),
             "it begins with silence"
         );
         fs::remove_file(&kept).unwrap();
@@ -273,7 +277,7 @@ mod tests {
         speaker.play(Instant::now() - Duration::from_millis(500), 1.0, sound);
         let late = wait_for(&kept, &speaker);
         assert!(
-            late.len() < 44 + RATE_HZ as usize,
+            late.len() < 44 + 2 * RATE_HZ as usize,
             "what is over is left out"
         );
         drop(speaker);

@@ -1,10 +1,11 @@
 //! The walls give the sound back: image sources (Allen and Berkley, 1979).
 
 use super::RATE_HZ;
+use super::listener::{Ear, SOUND_M_S};
 
-/// Adds what the walls reflect, twice at the most.
-pub(super) fn reverberate(samples: &mut Vec<f32>) {
-    let echoes = echoes();
+/// Adds what the walls reflect to an ear, twice at the most.
+pub(super) fn reverberate(samples: &mut Vec<f32>, ear: Ear) {
+    let echoes = echoes(ear);
     let longest = echoes.iter().map(|echo| echo.0).max().unwrap_or(0);
     let dry = std::mem::take(samples);
     samples.extend_from_slice(&dry);
@@ -17,7 +18,9 @@ pub(super) fn reverberate(samples: &mut Vec<f32>) {
 }
 
 /// Delay in samples after the direct sound, and gain against it, of each image of the table.
-fn echoes() -> Vec<(usize, f32)> {
+fn echoes(ear: Ear) -> Vec<(usize, f32)> {
+    let ear = ear.place().to_array();
+    let ear_m: [f64; 3] = std::array::from_fn(|axis| TABLE_M[axis] + ear[axis]);
     let image = |cell: i32, size: f64, from: f64, to: f64| {
         let mirrored = if cell.rem_euclid(2) == 0 {
             from
@@ -27,7 +30,7 @@ fn echoes() -> Vec<(usize, f32)> {
         f64::from(cell) * size + mirrored - to
     };
     let direct = (0..3)
-        .map(|axis| (TABLE_M[axis] - EAR_M[axis]).powi(2))
+        .map(|axis| (TABLE_M[axis] - ear_m[axis]).powi(2))
         .sum::<f64>()
         .sqrt();
     let mut echoes = Vec::new();
@@ -35,7 +38,7 @@ fn echoes() -> Vec<(usize, f32)> {
         let order = x.abs() + y.abs() + z.abs();
         let offset = [x, y, z].into_iter().enumerate();
         let squared = offset
-            .map(|(axis, cell)| image(cell, ROOM_M[axis], TABLE_M[axis], EAR_M[axis]).powi(2));
+            .map(|(axis, cell)| image(cell, ROOM_M[axis], TABLE_M[axis], ear_m[axis]).powi(2));
         let distance = squared.sum::<f64>().sqrt();
         let delay = (distance - direct) / SOUND_M_S * f64::from(RATE_HZ);
         let gain = REFLECTED.powi(order) * direct / distance;
@@ -50,14 +53,12 @@ fn cells() -> impl Iterator<Item = (i32, i32, i32)> {
     all.filter(|(x, y, z)| (1..=REFLECTIONS_MAX).contains(&(x.abs() + y.abs() + z.abs())))
 }
 
-/// The room, the middle of the table and the player's ears, in metres.
+/// The room and the middle of the table, in metres.
 const ROOM_M: [f64; 3] = [7.0, 5.4, 2.8];
 const TABLE_M: [f64; 3] = [3.3, 2.6, 0.8];
-const EAR_M: [f64; 3] = [1.3, 2.4, 1.5];
 /// Of the pressure, by walls with carpet and curtains.
 const REFLECTED: f64 = 0.5;
 const REFLECTIONS_MAX: i32 = 2;
-const SOUND_M_S: f64 = 343.0;
 
 #[cfg(test)]
 mod tests {
@@ -65,7 +66,7 @@ mod tests {
 
     #[test]
     fn echoes_come_later_and_softer() {
-        let echoes = echoes();
+        let echoes = echoes(Ear::Left);
         assert_eq!(echoes.len(), 24, "6 walls, and 18 pairs of them");
         assert!(
             echoes
@@ -77,7 +78,7 @@ mod tests {
     #[test]
     fn the_direct_sound_comes_first_and_as_it_was() {
         let mut samples = vec![1.0, 0.0, 0.0];
-        reverberate(&mut samples);
+        reverberate(&mut samples, Ear::Left);
         assert_eq!(samples[..3], [1.0, 0.0, 0.0]);
         assert!(samples[3..].iter().any(|sample| *sample > 0.1));
     }

@@ -25,7 +25,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::Args;
-use crate::capture::video::{ShotSequence, VideoTarget};
+use crate::capture::video::{self, ShotSequence, VideoTarget};
 use crate::play::CUE_SPEED_M_S_MAX;
 use crate::scene::scene_builder::EXPOSURE;
 use crate::scene::table_scene::TableScene;
@@ -94,7 +94,7 @@ struct ReportTotals {
 /// A sentence: a folder that cannot be written or holds an unfinished film of another kind, a farm
 /// that cannot be built or does not answer, an interruption and how to go on.
 pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
-    let footage = footage(args)?;
+    let footage = footage(args)?.sized(size(args));
     let settings = settings(args, &footage);
     let target = match &args.video {
         Some(target) => target.clone(),
@@ -108,24 +108,21 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
         println!("{folder} holds frames {} of {count}", range.of_film(count)?);
         return Ok(());
     }
-    let film = match &target {
-        VideoTarget::Folder(_) if args.video.is_none() => Some(args.out.join("break.png")),
-        VideoTarget::Folder(_) => None,
-        VideoTarget::File(path) => Some(path.clone()),
+    let film = match &args.video {
+        Some(target) => target.clone(),
+        None => VideoTarget::File(args.out.join("break.png")),
     };
-    if let Some(film) = &film {
-        let proceed = &mut || !interrupted.load(Ordering::Relaxed);
-        let saved = frames.save_while(film, settings.frames_per_sec, proceed);
-        let count = frames.frames();
-        saved.with_context(|| going_on(count, count, frames.folder()))?;
-    }
+    let proceed = &mut || !interrupted.load(Ordering::Relaxed);
+    let count = frames.frames();
+    video::save(&frames, &footage, &film, proceed)
+        .with_context(|| going_on(count, count, frames.folder()))?;
     frames.finish()?;
     if let VideoTarget::Folder(folder) = &target {
         write_report(&report, &folder.join("stats.json"))?;
     } else {
         frames.remove()?;
     }
-    println!("{}", done(settings, &target, film.is_some()));
+    println!("{}", done(settings, &target, target != film));
     Ok(())
 }
 
@@ -145,7 +142,7 @@ fn done(settings: ReportSettings, target: &VideoTarget, has_animation: bool) -> 
             format!("{path} holds {frames}, break.png and stats.json")
         }
         VideoTarget::Folder(_) => format!("{path} holds {frames} and stats.json"),
-        VideoTarget::File(_) => format!("{path} holds {frames}"),
+        _ => format!("{path} holds {frames}"),
     }
 }
 
@@ -186,13 +183,16 @@ fn footage(args: &Args) -> anyhow::Result<ShotSequence> {
     Ok(film.cut(args.frames.unwrap_or(u32::MAX)))
 }
 
-fn settings(args: &Args, footage: &ShotSequence) -> ReportSettings {
-    let (size, samples) = if args.video.is_some() {
-        (ImageSize::new(1280, 720), 64)
-    } else {
-        (ImageSize::new(640, 360), 16)
+fn size(args: &Args) -> ImageSize {
+    let default = match args.video {
+        Some(_) => ImageSize::new(1280, 720),
+        None => ImageSize::new(640, 360),
     };
-    let size = args.size.unwrap_or(size);
+    args.size.unwrap_or(default)
+}
+
+fn settings(args: &Args, footage: &ShotSequence) -> ReportSettings {
+    let (size, samples) = (size(args), if args.video.is_some() { 64 } else { 16 });
     ReportSettings {
         width: size.width,
         height: size.height,

@@ -1,20 +1,24 @@
-//! Videos of shots: what is seen when, and the file that the farm's film goes to.
+//! Videos of shots: what is seen and heard when, and the file that the farm's film goes to.
 
+mod ffmpeg;
 mod shot_sequence;
 
 use std::path::{Path, PathBuf};
 
-use carom_farm::FilmFormat;
+use carom_farm::{FilmFormat, FilmFrames};
 
 use crate::Error;
 
+pub use ffmpeg::VideoContainer;
 pub use shot_sequence::{ShotSequence, VideoView};
 
 /// Where a film goes; its kind is told by the name's ending.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum VideoTarget {
-    /// One file, see [`FilmFormat`].
+    /// One file without loss and without sound, see [`FilmFormat`].
     File(PathBuf),
+    /// One compressed file with sound.
+    Encoded(PathBuf, VideoContainer),
     /// A PNG for each frame, in this folder.
     Folder(PathBuf),
 }
@@ -23,9 +27,17 @@ impl VideoTarget {
     /// Reads a path.
     ///
     /// # Errors
-    /// [`Error::VideoKind`] for an ending that is not written.
+    /// [`Error::VideoKind`] for an ending that is not written, [`Error::FfmpegMissing`] for one that
+    /// needs ffmpeg where it is not installed.
     pub fn parse(path: &str) -> Result<Self, Error> {
         let at = PathBuf::from(path);
+        if let Some(container) = VideoContainer::of(&at) {
+            let name = path.to_owned();
+            let is_possible = ffmpeg::installed().is_some();
+            return is_possible
+                .then_some(Self::Encoded(at, container))
+                .ok_or(Error::FfmpegMissing { name });
+        }
         match FilmFormat::of(&at) {
             Ok(_) => Ok(Self::File(at)),
             Err(_) if !path.is_empty() && at.extension().is_none() => Ok(Self::Folder(at)),
@@ -38,7 +50,7 @@ impl VideoTarget {
     /// The path itself.
     pub fn path(&self) -> &Path {
         match self {
-            Self::File(path) | Self::Folder(path) => path,
+            Self::File(path) | Self::Encoded(path, _) | Self::Folder(path) => path,
         }
     }
 
@@ -46,11 +58,32 @@ impl VideoTarget {
     pub fn frames_folder(&self) -> PathBuf {
         match self {
             Self::Folder(folder) => folder.clone(),
-            Self::File(path) => {
+            Self::File(path) | Self::Encoded(path, _) => {
                 let mut name = path.as_os_str().to_owned();
                 name.push(".frames");
                 name.into()
             }
+        }
+    }
+}
+
+/// Puts all frames of a film together in the file that is wanted, as long as `proceed` says so.
+///
+/// # Errors
+/// A sentence with the path.
+pub fn save(
+    frames: &FilmFrames,
+    footage: &ShotSequence,
+    target: &VideoTarget,
+    proceed: &mut dyn FnMut() -> bool,
+) -> anyhow::Result<()> {
+    let rate = footage.frames_per_sec();
+    match target {
+        VideoTarget::Folder(_) => Ok(()),
+        VideoTarget::File(path) => Ok(frames.save_while(path, rate, proceed)?),
+        VideoTarget::Encoded(path, container) => {
+            let sound = footage.soundtrack();
+            ffmpeg::encode(frames, &sound, path, *container, rate, proceed)
         }
     }
 }
@@ -68,7 +101,7 @@ mod tests {
         assert_eq!(apng, VideoTarget::File("b.png".into()));
         let folder = VideoTarget::parse("frames").unwrap();
         assert_eq!(folder.frames_folder(), folder.path());
-        for wrong in ["shot.mp4", "shot.PNG.gz", ""] {
+        for wrong in ["shot.avi", "shot.PNG.gz", ""] {
             let error = VideoTarget::parse(wrong).unwrap_err().to_string();
             assert!(error.contains(".y4m"), "{wrong}: {error}");
         }

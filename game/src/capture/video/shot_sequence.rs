@@ -1,10 +1,12 @@
 //! The sequence of a video, frame by frame: shots one after the other, at their own times.
 
 use carom_billiards::physics::{EventKind, Shot, Table};
-use carom_tracer::SceneUpdate;
+use carom_tracer::{Camera, ImageSize, SceneUpdate};
 use clap::ValueEnum;
+use glam::DVec2;
 
-use crate::camera::{APERTURE_RADIUS_M, Viewpoint, smoothstep};
+use crate::audio::{self, Sound};
+use crate::camera::{APERTURE_RADIUS_M, FollowCamera, Framing, Viewpoint, smoothstep};
 use crate::play::{CueView, cue_of_shot};
 use crate::scene::table_scene::TableScene;
 
@@ -16,6 +18,14 @@ pub enum VideoView {
     Table,
     /// From behind the cue ball, rising to the whole table, as in the game
     Player,
+    /// From straight above
+    Plan,
+    /// After the cue ball, and then after the ball that still moves
+    Follow,
+    /// From behind the pocket that a ball falls into
+    Pocket,
+    /// Round the table, slowly
+    Orbit,
 }
 
 /// A film that is not yet traced.
@@ -26,6 +36,10 @@ pub struct ShotSequence {
     /// What each shot is struck with.
     cues: Vec<Option<CueView>>,
     view: VideoView,
+    /// Where each shot is followed to, if it is.
+    followed: Vec<FollowCamera>,
+    /// Width over height.
+    aspect: f64,
     frames_per_sec: u16,
     /// Where each shot begins, seconds since its stroke.
     first_secs: f64,
@@ -51,7 +65,12 @@ impl ShotSequence {
             starts.push(before + frames(shot));
         }
         let cue = |shot| cue_of_shot(stage.table_inside(), shot);
+        let followed = shots.iter().filter(|_| view == VideoView::Follow);
         Self {
+            followed: followed
+                .map(|shot| FollowCamera::new(shot, false))
+                .collect(),
+            aspect: 16.0 / 9.0,
             cues: shots.iter().map(cue).collect(),
             stage,
             shots,
@@ -87,6 +106,23 @@ impl ShotSequence {
         self
     }
 
+    /// The same for frames of this size.
+    #[must_use]
+    pub fn sized(self, size: ImageSize) -> Self {
+        let aspect = f64::from(size.width) / f64::from(size.height);
+        Self { aspect, ..self }
+    }
+
+    /// The sound of all shots.
+    pub fn soundtrack(&self) -> Sound {
+        let mut track = Sound::default();
+        for (shot, start) in self.shots.iter().zip(&self.starts) {
+            let start_secs = f64::from(*start) / f64::from(self.frames_per_sec);
+            track.mix(&audio::of_shot(shot).shifted(-self.first_secs), start_secs);
+        }
+        track
+    }
+
     /// The room.
     pub fn stage(&self) -> &TableScene {
         &self.stage
@@ -117,30 +153,59 @@ impl ShotSequence {
         let cue = self.cues[shot].clone();
         let cue = cue.and_then(|cue| cue.swung(moment_secs));
         let cue = cue.map(|cue| cue.pose(self.stage.table_inside().cue_ball().radius_m));
+        let sharp = self.camera(frame, shot, moment_secs);
         let shot = &self.shots[shot];
-        let sharp = match self.view {
-            VideoView::Table => self.stage.scene().camera,
-            VideoView::Player => {
-                let table = self.stage.table_inside();
-                behind(table, shot, moment_secs).camera_in(table)
-            }
-        };
         let camera = sharp.aperture_radius_m(APERTURE_RADIUS_M);
         self.stage
             .update(camera, &shot.poses_at(moment_secs), cue.as_ref())
     }
 }
 
+impl ShotSequence {
+    fn camera(&self, frame: u32, index: usize, moment_secs: f64) -> Camera {
+        let (table, shot) = (self.stage.table_inside(), &self.shots[index]);
+        let viewpoint = match self.view {
+            VideoView::Table => return self.stage.scene().camera,
+            VideoView::Player => behind(table, shot, moment_secs),
+            VideoView::Plan => {
+                let film = DVec2::new(self.aspect, 1.0) * PLAN_POINTS;
+                return Viewpoint::overhead(table, &Framing::whole(film)).camera();
+            }
+            VideoView::Follow => {
+                let ball = self.followed[index].at(moment_secs);
+                Viewpoint::beside(ball, bearing_rad(shot).unwrap_or(0.0))
+            }
+            VideoView::Pocket => {
+                let pocket = shot.potted().next().map_or(0, |(_, pocket)| pocket);
+                match table.pockets().get(pocket) {
+                    Some(pocket) => Viewpoint::from_pocket(pocket),
+                    None => Viewpoint::overview(table, 0.0),
+                }
+            }
+            VideoView::Orbit => {
+                let secs = f64::from(frame) / f64::from(self.frames_per_sec);
+                Viewpoint::overview(table, ORBIT_RAD_PER_SEC * secs)
+            }
+        };
+        viewpoint.camera_in(table)
+    }
+}
+
+/// Which way the cue ball is struck; none if it is not.
+fn bearing_rad(shot: &Shot) -> Option<f64> {
+    let states = shot.states_at(0.0);
+    let cue_ball = states.iter().find(|ball| ball.number == 0)?;
+    let velocity = cue_ball.velocity.truncate();
+    (velocity.length() > 0.0).then(|| velocity.to_angle())
+}
+
 /// From behind the cue ball up to the whole table.
 fn behind(table: &Table, shot: &Shot, moment_secs: f64) -> Viewpoint {
-    let cue_ball = shot
-        .states_at(0.0)
-        .into_iter()
-        .find(|ball| ball.number == 0);
-    let Some(cue_ball) = cue_ball.filter(|ball| ball.velocity.truncate().length() > 0.0) else {
+    let states = shot.states_at(0.0);
+    let cue_ball = states.iter().find(|ball| ball.number == 0);
+    let (Some(cue_ball), Some(bearing_rad)) = (cue_ball, bearing_rad(shot)) else {
         return Viewpoint::overview(table, 0.0);
     };
-    let bearing_rad = cue_ball.velocity.truncate().to_angle();
     let risen = smoothstep((moment_secs - RISE_SECS.start) / (RISE_SECS.end - RISE_SECS.start));
     let overview = Viewpoint::overview(table, bearing_rad);
     Viewpoint::behind(cue_ball.position, bearing_rad).lerp(overview, risen)
@@ -153,6 +218,10 @@ fn first_contact_secs(shot: &Shot) -> f64 {
     contact.map_or(0.0, |event| event.time_secs)
 }
 
+/// Of the height of a plan's frame, whose shape alone matters.
+const PLAN_POINTS: f64 = 720.0;
+/// Once round the table in a minute.
+const ORBIT_RAD_PER_SEC: f64 = std::f64::consts::TAU / 60.0;
 /// Balls lie still for so long before the next shot.
 const REST_SECS: f64 = 0.5;
 /// The cue ball is seen rolling for this long before it meets the rack.
@@ -194,6 +263,42 @@ mod tests {
         assert_ne!(film.update(1), film.update(2));
         assert_eq!(film.clone().cut(second + 1).frames(), second + 1);
         assert_eq!(film.clone().cut(1).moment(0), (0, 0.0));
+    }
+
+    #[test]
+    fn the_soundtrack_has_each_shot_at_its_time() {
+        let stage = TableScene::room(BallSet::Classic);
+        let film = ShotSequence::whole(stage, vec![shot(2.0), shot(2.0)], VideoView::Table, 24);
+        let second = (0..film.frames()).find(|&i| film.moment(i).0 == 1).unwrap();
+        let track = film.soundtrack().samples;
+        let at = (f64::from(second) / 24.0 * f64::from(audio::RATE_HZ)) as usize;
+        let peak = |samples: &[[f32; 2]]| {
+            samples
+                .iter()
+                .flatten()
+                .fold(0.0_f32, |peak, sample| peak.max(sample.abs()))
+        };
+        let (before, after) = (&track[at - 2400..at], &track[at..at + 2400]);
+        assert!(
+            peak(after) > 10.0 * peak(before),
+            "{} {}",
+            peak(after),
+            peak(before)
+        );
+        assert_eq!(track[..480], audio::of_shot(&shot(2.0)).samples[..480]);
+    }
+
+    #[test]
+    fn each_view_looks_from_elsewhere() {
+        use clap::ValueEnum as _;
+        let eyes = VideoView::value_variants().iter().map(|&view| {
+            let stage = TableScene::room(BallSet::Classic);
+            let film = ShotSequence::whole(stage, vec![shot(6.0)], view, 24);
+            let camera = film.sized(ImageSize::new(320, 180)).update(30).camera;
+            camera.unwrap().eye.to_array().map(f32::to_bits)
+        });
+        let eyes: std::collections::BTreeSet<[u32; 3]> = eyes.collect();
+        assert_eq!(eyes.len(), VideoView::value_variants().len());
     }
 
     #[test]
