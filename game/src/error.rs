@@ -62,8 +62,8 @@ pub enum Error {
     #[error("The farm: {0}")]
     Farm(#[from] carom_farm::Error),
     /// The system gives no thread.
-    #[error("The screenshot cannot start: {0}")]
-    ScreenshotThread(io::Error),
+    #[error("The render cannot start: {0}")]
+    CaptureThread(io::Error),
     /// No kind of video has a name like this.
     #[error(
         "`{name}` is no film: give a name that ends in .mp4, .webm, .mkv or .gif (with ffmpeg \

@@ -271,7 +271,7 @@ fn ranges_of_a_film_are_the_film() {
     }
     let beyond = make(&["--video", "parts.y4m", "--frame-range", "3-5"]);
     assert_eq!(beyond.status.code(), Some(1));
-    assert!(text(&beyond.stderr).contains("has 3 frames"));
+    assert!(text(&beyond.stderr).contains("of 3 frames"));
     let put_together = make(&["--video", "parts.y4m"]);
     assert!(text(&put_together.stderr).contains("Resuming: 3 of 3"));
     let [whole, parts] = ["whole.y4m", "parts.y4m"];

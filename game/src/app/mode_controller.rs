@@ -195,6 +195,8 @@ impl ModeController {
             ReplayCommand::Open(path) => Recording::load(&path)
                 .map(|recording| self.view(recording, game, now_secs))
                 .map_err(Error::from),
+            // The session's, which has the farm.
+            ReplayCommand::Film => Ok(()),
             ReplayCommand::Play => {
                 let balls = player.start();
                 self.mode = Mode::Game;

@@ -143,14 +143,14 @@ mod tests {
         world.strike(Stroke::straight(0.0, speed_m_s)).unwrap()
     }
 
-    /// The first sample over a hundredth within `secs` of a moment.
+    /// The first sample over a twentieth within `secs` of a moment.
     fn onset(sound: &Sound, moment_secs: f64, secs: f64) -> Option<f64> {
         let rate = f64::from(RATE_HZ);
         let first = ((moment_secs - secs).max(0.0) * rate) as usize;
         let last = (((moment_secs + secs) * rate) as usize).min(sound.samples.len());
         let found = sound.samples[first..last]
             .iter()
-            .position(|[left, _]| left.abs() > 0.01)?;
+            .position(|[left, _]| left.abs() > 0.05)?;
         Some((first + found) as f64 / rate)
     }
 

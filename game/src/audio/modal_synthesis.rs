@@ -3,8 +3,9 @@
 //! The force is a Hertz contact's, near sin^1.5 of time, over a time that falls with the fifth root
 //! of the speed (Johnson, "Contact Mechanics", 11.4), so that harder blows are louder by more than
 //! their speed and brighter. Two balls: what is heard is mostly the air that the ball pushes as it is
-//! jerked, a dipole that rings at c/a with decay a/c (Koss and Alfredson, "Transient sound radiated
-//! by spheres undergoing an elastic collision", 1973); the ball's own lowest mode is at 17 kHz
+//! jerked, a dipole that rings at c/a with decay a/c, and that of the other ball against it (Koss and
+//! Alfredson, "Transient sound radiated by spheres undergoing an elastic collision", 1973): lows cancel,
+//! which leaves the click between 2 and 6 kHz; the ball's own lowest mode is at 17 kHz
 //! (Lamb, 1882: k a = 2.64 for a Poisson ratio of 1/3). The other modes are fitted by ear to the
 //! kind of body: a shaft of maple, a rail of wood behind rubber, slate, a pocket's leather, a floor.
 
@@ -88,11 +89,24 @@ impl Voice {
     /// The sound of a contact at `speed_m_s` that begins `begin` samples, 0 to 1, after the first.
     pub(super) fn strike(self, speed_m_s: f64, begin: f64) -> Vec<f32> {
         let body = self.body();
-        let scale = body.loudness / peak(&ring(&body, 1.0, 0.0));
-        let rung = ring(&body, speed_m_s, begin);
+        let scale = body.loudness / peak(&self.radiated(ring(&body, 1.0, 0.0)));
+        let rung = self.radiated(ring(&body, speed_m_s, begin));
         rung.into_iter()
             .map(|sample| (sample * scale) as f32)
             .collect()
+    }
+}
+
+impl Voice {
+    /// What reaches the ear of what rings: of two balls the one against the other.
+    fn radiated(self, mut rung: Vec<f64>) -> Vec<f64> {
+        if self == Self::Ball {
+            rung.resize(rung.len() + BALLS_APART, 0.0);
+            for i in (BALLS_APART..rung.len()).rev() {
+                rung[i] -= rung[i - BALLS_APART];
+            }
+        }
+        rung
     }
 }
 
@@ -147,6 +161,8 @@ fn hertz_secs() -> f64 {
 /// Speed of sound over the radius: 343 m/s and 28.575 mm.
 const DIPOLE_HZ: f64 = 1910.0;
 const DIPOLE_SECS: f64 = 83.3e-6;
+/// Samples that sound takes from ball to ball, in the mean over all directions: half of a diameter.
+const BALLS_APART: usize = 4;
 /// 2.64 times the speed of shear waves over the circumference.
 const BALL_MODE_HZ: f64 = 16_600.0;
 /// After so many decays a mode is 60 dB down.

@@ -99,7 +99,7 @@ impl Noise {
 /// How often places are looked at.
 const STEP_SECS: f64 = 0.005;
 /// Of a ball at 1 m/s from the middle of the table.
-const LOUDNESS: f32 = 0.012;
+const LOUDNESS: f32 = 0.004;
 const CORNER_HZ: f64 = 110.0;
 const CORNER_HZ_PER_M_S: f64 = 160.0;
 /// A level is reached within some five milliseconds, so that nothing clicks.

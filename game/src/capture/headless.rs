@@ -114,7 +114,8 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     };
     let proceed = &mut || !interrupted.load(Ordering::Relaxed);
     let count = frames.frames();
-    video::save(&frames, &footage, &film, proceed)
+    let sound = || footage.soundtrack();
+    video::save(&frames, sound, settings.frames_per_sec, &film, proceed)
         .with_context(|| going_on(count, count, frames.folder()))?;
     frames.finish()?;
     if let VideoTarget::Folder(folder) = &target {

@@ -1,5 +1,6 @@
 //! Files and looks back: recordings, replays, screenshots, videos, rendering without a window.
 
+pub mod background;
 pub mod headless;
 mod recordings;
 pub mod replay;

@@ -3,98 +3,41 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
-use std::thread;
 
-use carom_farm::{Canceller, Farm, FileFormat, FrameSpec, Picture, PixelFormat, Still, StillJob};
+use carom_farm::{Farm, FileFormat, FrameSpec, Picture, PixelFormat, Still};
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
+use crate::capture::background::{CaptureProgress, CaptureSlot};
 use crate::capture::next_path;
 use crate::scene::scene_builder::EXPOSURE;
 
-/// The screenshot that is being taken; one at a time.
-#[derive(Debug, Default)]
-pub struct ScreenshotSlot {
-    current: Option<Screenshot>,
-}
-
-/// A picture in the making. Dropped, it leaves no file.
-#[derive(Debug)]
-struct Screenshot {
-    canceller: Canceller,
-    percent: Arc<AtomicU32>,
-    outcome: Receiver<anyhow::Result<PathBuf>>,
-}
-
-impl ScreenshotSlot {
-    /// Begins a screenshot of `scene` after `update` that will lie in `folder`, as `still_0001.png` and,
-    /// with layers of albedo, normal and depth, `still_0001.exr`. One that is being taken is dropped.
-    ///
-    /// # Errors
-    /// [`crate::Error::Farm`] if the farm does not take it, [`crate::Error::ScreenshotThread`].
-    pub fn begin(
-        &mut self,
-        farm: &mut Farm,
-        scene: &Scene,
-        spec: FrameSpec,
-        folder: PathBuf,
-    ) -> crate::Result<()> {
-        let percent = Arc::new(AtomicU32::new(0));
-        let seen = Arc::clone(&percent);
-        let still = Still::of(spec)
-            .background()
-            .layers()
-            .exposure(EXPOSURE)
-            .on_progress(move |progress| {
-                seen.store((100.0 * progress.fraction()) as u32, Ordering::Relaxed);
-            });
-        let job = farm.still(scene, still)?;
-        let canceller = job.canceller();
-        let outcome = finish(job, folder).map_err(crate::Error::ScreenshotThread)?;
-        self.current = Some(Screenshot {
-            canceller,
-            percent,
-            outcome,
-        });
-        Ok(())
-    }
-
-    /// Once the screenshot is finished or has failed, a sentence for the player.
-    pub fn poll(&mut self) -> Option<String> {
-        let screenshot = self.current.as_mut()?;
-        let outcome = match screenshot.outcome.try_recv() {
-            Ok(outcome) => outcome,
-            Err(TryRecvError::Empty) => return None,
-            Err(TryRecvError::Disconnected) => Err(anyhow::anyhow!("its thread ended")),
-        };
-        self.current = None;
-        Some(match outcome {
-            Ok(path) => format!(
-                "Saved the screenshot as {} and, with albedo, normal and depth, as .exr",
-                path.display()
-            ),
-            Err(why) => format!("Screenshot failed: {why:#}"),
-        })
-    }
-
-    /// Drops the screenshot.
-    pub fn cancel(&mut self) {
-        self.current = None;
-    }
-
-    /// How much of the screenshot is traced, if one is being taken.
-    pub fn percent(&self) -> Option<u32> {
-        let percent = &self.current.as_ref()?.percent;
-        Some(percent.load(Ordering::Relaxed))
-    }
-}
-
-impl Drop for Screenshot {
-    fn drop(&mut self) {
-        self.canceller.cancel();
-    }
+/// Begins a screenshot of `scene` after `update` that will lie in `folder`, as `still_0001.png` and,
+/// with layers of albedo, normal and depth, `still_0001.exr`.
+///
+/// # Errors
+/// [`crate::Error::Farm`] if the farm does not take it, [`crate::Error::CaptureThread`].
+pub fn begin(
+    slot: &mut CaptureSlot,
+    farm: &mut Farm,
+    scene: &Scene,
+    spec: FrameSpec,
+    folder: PathBuf,
+) -> crate::Result<()> {
+    let progress = CaptureProgress::default();
+    let seen = progress.clone();
+    let still = Still::of(spec)
+        .background()
+        .layers()
+        .exposure(EXPOSURE)
+        .on_progress(move |progress| seen.set(progress.fraction()));
+    let job = farm.still(scene, still)?;
+    slot.begin(job.canceller(), progress, move || {
+        let path = write(&job.wait()?, &folder)?;
+        Ok(format!(
+            "Saved the screenshot as {} and, with albedo, normal and depth, as .exr",
+            path.display()
+        ))
+    })
 }
 
 /// The picture of a screenshot of `size` after `update`.
@@ -109,20 +52,6 @@ pub fn frame_spec(update: SceneUpdate, size: ImageSize, max_depth: u32) -> Frame
         },
         format: PixelFormat::LinearF32,
     }
-}
-
-/// Waits for the picture on a thread, and writes it.
-fn finish(job: StillJob, folder: PathBuf) -> std::io::Result<Receiver<anyhow::Result<PathBuf>>> {
-    let (sender, outcome) = channel();
-    let run = move || {
-        let picture = job.wait().map_err(anyhow::Error::from);
-        // Nobody waits any more once the receiver is gone.
-        let _ = sender.send(picture.and_then(|picture| write(&picture, &folder)));
-    };
-    thread::Builder::new()
-        .name("screenshot".to_owned())
-        .spawn(run)?;
-    Ok(outcome)
 }
 
 fn write(picture: &Picture, folder: &Path) -> anyhow::Result<PathBuf> {
@@ -155,7 +84,7 @@ mod tests {
 
     const SIZE: ImageSize = ImageSize::new(16, 9);
 
-    fn begin(slot: &mut ScreenshotSlot, folder: &Path) -> Farm {
+    fn begin(slot: &mut CaptureSlot, folder: &Path) -> Farm {
         let table_scene = TableScene::room(BallSet::Classic);
         let scene = table_scene.scene().clone();
         let config = FarmConfig {
@@ -166,29 +95,28 @@ mod tests {
         farm.set_scene(&scene).unwrap();
         let update = table_scene.update(scene.camera, &[], None);
         let spec = frame_spec(update, SIZE, 5);
-        slot.begin(&mut farm, &scene, spec, folder.to_owned())
-            .unwrap();
+        super::begin(slot, &mut farm, &scene, spec, folder.to_owned()).unwrap();
         farm
     }
 
     /// Polls until there is a sentence.
-    fn finish(slot: &mut ScreenshotSlot) -> String {
+    fn finish(slot: &mut CaptureSlot) -> anyhow::Result<String> {
         loop {
-            if let Some(sentence) = slot.poll() {
-                return sentence;
+            if let Some(outcome) = slot.poll() {
+                return outcome;
             }
-            thread::sleep(Duration::from_millis(10));
+            std::thread::sleep(Duration::from_millis(10));
         }
     }
 
     #[test]
     fn a_screenshot_is_a_png_and_an_exr_of_one_picture() {
         let folder = tempfile::tempdir().unwrap();
-        let mut slot = ScreenshotSlot::default();
+        let mut slot = CaptureSlot::default();
         for number in 1..=2 {
             let _farm = begin(&mut slot, folder.path());
             assert!(slot.percent().is_some());
-            let sentence = finish(&mut slot);
+            let sentence = finish(&mut slot).unwrap();
             let path = folder.path().join(format!("still_000{number}.png"));
             assert!(
                 sentence.contains(path.to_str().unwrap()),
@@ -207,12 +135,12 @@ mod tests {
     #[test]
     fn a_cancelled_screenshot_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
-        let mut slot = ScreenshotSlot::default();
+        let mut slot = CaptureSlot::default();
         let farm = begin(&mut slot, folder.path());
-        assert_eq!(slot.poll(), None);
+        assert!(slot.poll().is_none());
         slot.cancel();
         drop(farm);
-        assert_eq!(slot.poll(), None);
+        assert!(slot.poll().is_none());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
@@ -221,9 +149,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
-        let mut slot = ScreenshotSlot::default();
+        let mut slot = CaptureSlot::default();
         let _farm = begin(&mut slot, &file);
-        let sentence = finish(&mut slot);
-        assert!(sentence.starts_with("Screenshot failed: "), "{sentence}");
+        let why = finish(&mut slot).unwrap_err();
+        assert!(!why.to_string().is_empty());
     }
 }

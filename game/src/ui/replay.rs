@@ -16,6 +16,7 @@ pub fn panel(
     layout: &mut Layout,
     player: &ReplayPlayer,
     kept: &[SavedRecording],
+    film_percent: Option<u32>,
     bindings: &Bindings,
     now_secs: f64,
 ) -> Option<ReplayCommand> {
@@ -24,7 +25,7 @@ pub fn panel(
             ui.set_width(ui.available_width().min(WIDTH));
             let picked = clips(ui, player);
             let turned = time(ui, player, now_secs);
-            let done = deeds(ui, player, kept);
+            let done = deeds(ui, player, kept, film_percent);
             ui.label(RichText::new(keys(bindings)).color(theme::FAINT).small());
             picked.or(turned).or(done)
         });
@@ -106,7 +107,12 @@ fn happening(player: &ReplayPlayer, moment_secs: f64) -> String {
     )
 }
 
-fn deeds(ui: &mut Ui, player: &ReplayPlayer, kept: &[SavedRecording]) -> Option<ReplayCommand> {
+fn deeds(
+    ui: &mut Ui,
+    player: &ReplayPlayer,
+    kept: &[SavedRecording],
+    film_percent: Option<u32>,
+) -> Option<ReplayCommand> {
     let mut command = None;
     ui.horizontal_wrapped(|ui| {
         if ui.button("Save this shot").clicked() {
@@ -115,6 +121,14 @@ fn deeds(ui: &mut Ui, player: &ReplayPlayer, kept: &[SavedRecording]) -> Option<
         let count = player.recording().clips.len();
         if count > 1 && ui.button(format!("Save all {count}")).clicked() {
             command = Some(ReplayCommand::Save(RecordingKind::Match));
+        }
+        let film = match film_percent {
+            Some(percent) => format!("Cancel the film ({percent} %)"),
+            None => "Film it".to_owned(),
+        };
+        let hint = "Renders this shot, as it is seen, to a video file while the game goes on";
+        if ui.button(film).on_hover_text(hint).clicked() {
+            command = Some(ReplayCommand::Film);
         }
         if let Some(path) = files(ui, kept) {
             command = Some(ReplayCommand::Open(path));

@@ -7,6 +7,7 @@ use super::GameSession;
 use crate::app::farm_notifications;
 use crate::app::mode::Mode;
 use crate::camera::Projection;
+use crate::capture::replay::ReplayCommand;
 use crate::frame::farm_startup::FarmState;
 use crate::frame::quality::QUALITY_LEVELS;
 use crate::input::Bindings;
@@ -53,9 +54,13 @@ impl GameSession {
         let balls = match modes.mode() {
             Mode::Game => return,
             Mode::Replay(player) => {
+                let film = self.film.percent();
                 let command =
-                    ui::replay::panel(ctx, layout, player, modes.files(), bindings, now_secs);
+                    ui::replay::panel(ctx, layout, player, modes.files(), film, bindings, now_secs);
                 let Some(command) = command else { return };
+                if command == ReplayCommand::Film {
+                    return self.film_replay();
+                }
                 modes.command_replay(command, game, now_secs)
             }
             Mode::Practice(practice) => {

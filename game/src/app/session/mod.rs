@@ -18,7 +18,9 @@ use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::app::mode_controller::ModeController;
 use crate::camera::{CameraIntent, Viewpoint};
 use crate::capture::ShotRecorder;
-use crate::capture::screenshot::{self, ScreenshotSlot};
+use crate::capture::background::CaptureSlot;
+use crate::capture::screenshot;
+use crate::capture::video::replay_film::{self, ReplayFilm};
 use crate::frame::farm_startup::FarmState;
 use crate::frame::pipeline::FramePipeline;
 use crate::frame::quality::QualityPreference;
@@ -36,9 +38,11 @@ pub struct GameSession {
     table_scene: TableScene,
     style: TableStyle,
     pipeline: FramePipeline,
-    screenshot: ScreenshotSlot,
+    screenshot: CaptureSlot,
+    film: CaptureSlot,
     /// As it was drawn last.
-    screenshot_percent: Option<u32>,
+    /// How far screenshot and film were when the window was drawn.
+    capture_percents: [Option<u32>; 2],
     autosave: Autosave,
     recorder: Option<ShotRecorder>,
     stats: Stats,
@@ -69,8 +73,9 @@ impl GameSession {
             game: Game::of(contest),
             modes: ModeController::of_player(),
             style,
-            screenshot: ScreenshotSlot::default(),
-            screenshot_percent: None,
+            screenshot: CaptureSlot::default(),
+            film: CaptureSlot::default(),
+            capture_percents: [None; 2],
             autosave: Autosave::default(),
             recorder: None,
             stats: Stats::new(PathBuf::from(STATS_FOLDER)),
@@ -217,11 +222,50 @@ impl GameSession {
         let spec = screenshot::frame_spec(update, self.pixels, self.style.balls.max_depth());
         let folder = self.modes.folder().map(|folder| folder.join("pictures"));
         let scene = self.table_scene.scene();
-        let begun = folder.and_then(|folder| self.screenshot.begin(farm, scene, spec, folder));
+        let slot = &mut self.screenshot;
+        let begun = folder.and_then(|folder| screenshot::begin(slot, farm, scene, spec, folder));
         if let Err(why) = begun {
             self.modes.notify(why.to_string());
         }
         self.is_dirty = true;
+    }
+
+    /// Films the shot of a replay as it is seen, or gives up the film that is being made.
+    pub fn film_replay(&mut self) {
+        self.is_dirty = true;
+        if self.film.percent().is_some() {
+            self.film.cancel();
+            return self.modes.notify("The film was cancelled".to_owned());
+        }
+        let Mode::Replay(player) = self.modes.mode() else {
+            return;
+        };
+        let shot = player.shot().clone();
+        let replay = Mode::Replay(Box::new(player.restarted()));
+        let updates = replay_film::moments(&shot).map(|moment_secs| {
+            let view = replay.view(&self.game, ViewTime::Moment(moment_secs));
+            let camera = view.camera(self.game.table());
+            self.table_scene
+                .update(camera, &view.poses, view.cue.as_ref())
+        });
+        let film = ReplayFilm {
+            updates: updates.collect(),
+            shot: shot.clone(),
+            size: ReplayFilm::SIZE,
+            max_depth: self.style.balls.max_depth(),
+        };
+        let Some(farm) = self.pipeline.farm_mut() else {
+            return self.modes.notify(NOTHING_RENDERS.to_owned());
+        };
+        let scene = self.table_scene.scene();
+        let slot = &mut self.film;
+        let begun = self
+            .modes
+            .folder()
+            .and_then(|folder| film.begin(slot, farm, scene, &folder.join("films")));
+        if let Err(why) = begun {
+            self.modes.notify(why.to_string());
+        }
     }
 
     /// Shows more or less of the shot to come.
@@ -414,10 +458,11 @@ impl GameSession {
     pub fn is_at_rest(&self) -> bool {
         let is_moving = self.is_moving() || (self.paused_secs.is_none() && self.game.is_thinking());
         let is_still = self.pipeline.is_at_rest() && !self.is_dirty && !is_moving;
-        self.screenshot.percent().is_none() && (self.is_hidden || is_still)
+        let is_capturing = self.screenshot.percent().or(self.film.percent()).is_some();
+        !is_capturing && (self.is_hidden || is_still)
     }
 }
 
 /// Where recordings of the statistics go, in the folder that the game was begun in.
 const STATS_FOLDER: &str = "carom-stats";
-const NOTHING_RENDERS: &str = "There is nothing yet that could render a screenshot";
+const NOTHING_RENDERS: &str = "There is nothing yet that could render a picture";

@@ -81,11 +81,17 @@ impl GameSession {
 
     /// Requests the next frames.
     pub fn request_frames(&mut self, now_secs: f64) {
-        let percent = self.screenshot.percent();
-        self.is_dirty |= percent != self.screenshot_percent;
-        self.screenshot_percent = percent;
-        if let Some(sentence) = self.screenshot.poll() {
-            self.modes.notify(sentence);
+        let percents = [self.screenshot.percent(), self.film.percent()];
+        self.is_dirty |= percents != self.capture_percents;
+        self.capture_percents = percents;
+        for (slot, name) in [
+            (&mut self.screenshot, "Screenshot"),
+            (&mut self.film, "Film"),
+        ] {
+            if let Some(outcome) = slot.poll() {
+                let sentence = outcome.unwrap_or_else(|why| format!("{name} failed: {why:#}"));
+                self.modes.notify(sentence);
+            }
         }
         if self.is_hidden {
             return self.pipeline.cancel_all();

@@ -34,6 +34,8 @@ pub enum ReplayCommand {
     Save(RecordingKind),
     /// Open a file.
     Open(PathBuf),
+    /// Film the shot as it is seen, or give up the film that is being made.
+    Film,
     /// Play on from the balls before the shot.
     Play,
     /// Go back to the game.
@@ -202,6 +204,14 @@ impl ReplayPlayer {
             // Standing, the clock shows the same at any time.
             self.clock.moment_secs(0.0).max(0.0)
         }
+    }
+
+    /// The same shot and view from the stroke on, at its own speed.
+    #[must_use]
+    pub fn restarted(&self) -> Self {
+        let mut player = self.clone();
+        player.clock = ReplayClock::new(self.shot().duration_secs(), 0.0);
+        player
     }
 
     /// The balls before the stroke, at rest: to be played on from.

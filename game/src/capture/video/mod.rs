@@ -1,6 +1,7 @@
 //! Videos of shots: what is seen and heard when, and the file that the farm's film goes to.
 
 mod ffmpeg;
+pub mod replay_film;
 mod shot_sequence;
 
 use std::path::{Path, PathBuf};
@@ -8,6 +9,8 @@ use std::path::{Path, PathBuf};
 use carom_farm::{FilmFormat, FilmFrames};
 
 use crate::Error;
+use crate::audio::Sound;
+use crate::capture::next_path;
 
 pub use ffmpeg::VideoContainer;
 pub use shot_sequence::{ShotSequence, VideoView};
@@ -47,6 +50,18 @@ impl VideoTarget {
         }
     }
 
+    /// The best kind of file that can be made here, at a path without an ending: with sound where
+    /// ffmpeg is installed, an animated PNG otherwise.
+    ///
+    /// # Errors
+    /// As [`next_path`].
+    pub fn next_in(folder: &Path) -> Result<Self, Error> {
+        Ok(match ffmpeg::installed() {
+            Some(_) => Self::Encoded(next_path(folder, "film", "mp4")?, VideoContainer::Mp4),
+            None => Self::File(next_path(folder, "film", "png")?),
+        })
+    }
+
     /// The path itself.
     pub fn path(&self) -> &Path {
         match self {
@@ -73,17 +88,17 @@ impl VideoTarget {
 /// A sentence with the path.
 pub fn save(
     frames: &FilmFrames,
-    footage: &ShotSequence,
+    soundtrack: impl FnOnce() -> Sound,
+    frames_per_sec: u16,
     target: &VideoTarget,
     proceed: &mut dyn FnMut() -> bool,
 ) -> anyhow::Result<()> {
-    let rate = footage.frames_per_sec();
     match target {
         VideoTarget::Folder(_) => Ok(()),
-        VideoTarget::File(path) => Ok(frames.save_while(path, rate, proceed)?),
+        VideoTarget::File(path) => Ok(frames.save_while(path, frames_per_sec, proceed)?),
         VideoTarget::Encoded(path, container) => {
-            let sound = footage.soundtrack();
-            ffmpeg::encode(frames, &sound, path, *container, rate, proceed)
+            let sound = soundtrack();
+            ffmpeg::encode(frames, &sound, path, *container, frames_per_sec, proceed)
         }
     }
 }
