@@ -152,8 +152,6 @@ impl Assigner {
                 continue;
             }
             frame.is_assigned = true;
-            let is_unknown = |node: &NodeIndex| nodes[*node].workload.delivered().is_none();
-            frame.is_guessed = eligible.iter().any(is_unknown);
             frame.stats.balancing = self.balancing;
             let shares = self.shares(now, nodes, frame, &eligible, period_secs);
             match shares {

@@ -389,8 +389,6 @@ impl Coordinator {
             node.observe_first(id);
             self.recovery
                 .schedule_waiting(now, &self.nodes, &mut self.frames);
-            // It was taken for as fast as the others are, and may be far faster.
-            Recovery::advance_guessed(now, &mut self.frames);
         }
         self.assigner.pull(
             now,

@@ -89,7 +89,13 @@ const LAYERS: &[(&[&str], &[&str])] = &[
     ),
     (
         &["winit", "egui", "egui_winit", "egui_wgpu", "softbuffer"],
-        &["game/src/", "game/tests/", "game/examples/", "tests/bench/"],
+        &[
+            "game/src/",
+            "game/tests/",
+            "game/examples/",
+            "farm/examples/",
+            "tests/bench/",
+        ],
     ),
     (&["rapier3d"], &["game/billiards/"]),
     (&["ratatui"], &["farm/src/commands/top/"]),
