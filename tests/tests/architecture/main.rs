@@ -85,6 +85,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
             "farm/src/health/",
             "farm/src/directory/nats.rs",
             "farm/tests/quic/",
+            "farm/examples/service.rs",
         ],
     ),
     (
