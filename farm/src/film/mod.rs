@@ -126,26 +126,32 @@ impl Film {
         self
     }
 
-    /// One frame's samples `batch` at a time; in sRGB where nothing is left to add up.
-    fn frame(&self, index: u32) -> FilmFrame {
-        let is_one_batch = self.settings.samples <= BATCH_SAMPLES;
-        let spec = FrameSpec {
+    /// A frame of all samples; in sRGB where they come at once and nothing is left to add up.
+    fn spec(&self, index: u32) -> FrameSpec {
+        FrameSpec {
             update: self.updates[index as usize].clone(),
             size: self.size,
             settings: self.settings,
-            format: match is_one_batch {
+            format: match self.is_one_batch() {
                 true => PixelFormat::Srgb8 {
                     exposure: self.exposure,
                 },
                 false => PixelFormat::LinearF32,
             },
-        };
-        let mut render = AccumulatedRender::new(spec, self.priority);
+        }
+    }
+
+    const fn is_one_batch(&self) -> bool {
+        self.settings.samples <= BATCH_SAMPLES
+    }
+
+    fn frame(&self, index: u32) -> FilmFrame {
+        let mut render = AccumulatedRender::new(self.spec(index), self.priority);
         render.set_frame_samples(BATCH_SAMPLES);
         FilmFrame {
             index,
             render,
-            sums: (!is_one_batch).then(|| film::Film::new(self.size)),
+            sums: (!self.is_one_batch()).then(|| film::Film::new(self.size)),
         }
     }
 }
@@ -200,7 +206,7 @@ impl Farm {
         film.range.of_film(frames)?;
         let scene = self.announce(scene)?;
         for index in 0..frames {
-            scene.check(film.frame(index).render.spec())?;
+            scene.check(&film.spec(index))?;
         }
         let Film { size, settings, .. } = film;
         let identity = FilmIdentity::of(scene.hash, size, settings, film.exposure, &film.updates);
@@ -260,7 +266,7 @@ impl FilmJob {
     ///
     /// # Errors
     /// [`Error::NoNodes`] if no node has answered for [`crate::FarmConfig::timeout_secs`],
-    /// [`Error::FilmCancelled`], [`Error::FarmClosed`] if the farm has been dropped, [`Error::File`].
+    /// [`Error::FrameRefused`] if every node refuses a frame, [`Error::FilmCancelled`], [`Error::FarmClosed`] if the farm has been dropped, [`Error::File`].
     pub fn wait(self) -> Result<FilmFrames, Error> {
         self.job.wait()
     }
@@ -335,8 +341,8 @@ impl FilmRun {
                 .submit_through(&mut self.submitter, &self.scene)?;
         }
         loop {
-            let is_refused = |frame: &FilmFrame| frame.render.next_frame().is_some();
-            if self.tracing.iter().any(is_refused) || self.tracing.len() >= FRAMES_IN_FLIGHT_MAX {
+            let has_to_wait = |frame: &FilmFrame| frame.render.next_frame().is_some();
+            if self.tracing.iter().any(has_to_wait) || self.tracing.len() >= FRAMES_IN_FLIGHT_MAX {
                 return Ok(());
             }
             let Some(index) = self.waiting.pop_front() else {

@@ -40,7 +40,6 @@ pub struct GameSession {
     pipeline: FramePipeline,
     screenshot: CaptureSlot,
     film: CaptureSlot,
-    /// As it was drawn last.
     /// How far screenshot and film were when the window was drawn.
     capture_percents: [Option<u32>; 2],
     autosave: Autosave,
