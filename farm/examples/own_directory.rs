@@ -1,25 +1,33 @@
 //! A directory of one's own, which a farm asks who is there: `cargo run --release -p carom-farm --example
-//! own_directory`. This one reads the variable RENDER_NODES anew every five seconds, in place of some
-//! service that knows the machines.
+//! own_directory -- FOLDER`. In the folder, on a disk that all share, each machine keeps a file with its
+//! address.
+//!
+//! `cargo test -p carom-farm --test sim own_` runs it in the simulator.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use carom_farm::directory::{Directory, ListedNode};
 use carom_farm::prelude::*;
 
-struct MyDirectory;
+pub struct MyDirectory {
+    pub folder: PathBuf,
+}
 
 impl Directory for MyDirectory {
     fn nodes(&mut self) -> carom_farm::Result<Vec<ListedNode>> {
-        let nodes = std::env::var("RENDER_NODES").unwrap_or_default();
-        let nodes = nodes.split(',').filter(|node| !node.is_empty());
-        nodes
-            .map(|node| Ok(ListedNode::at(node.parse()?)))
+        let path = self.folder.clone();
+        let files =
+            std::fs::read_dir(&self.folder).map_err(|source| Error::File { path, source })?;
+        // A file that is gone again by now was that of a machine that has left.
+        let addresses = files.filter_map(|file| std::fs::read_to_string(file.ok()?.path()).ok());
+        addresses
+            .map(|address| Ok(ListedNode::at(address.trim().parse()?)))
             .collect()
     }
 
     fn period(&self) -> Duration {
-        Duration::from_secs(5)
+        Duration::from_secs(1)
     }
 }
 
@@ -28,8 +36,9 @@ fn main() -> carom_farm::Result<()> {
     scene.add(Sphere::new(0.5).at([0.0, 0.0, 0.5]), Material::glass());
     scene.add(Plane::z(0.0), Material::diffuse([0.2, 0.4, 0.6]));
     let mut farm = Farm::auto()?;
-    if std::env::var_os("RENDER_NODES").is_some() {
-        farm.add_directory(Box::new(MyDirectory))?; // needs the farm's credentials
+    if let Some(folder) = std::env::args_os().nth(1) {
+        let folder = PathBuf::from(folder);
+        farm.add_directory(Box::new(MyDirectory { folder }))?; // needs the farm's credentials
     }
     farm.render(&scene, Still::new(640, 360))?
         .save("own_directory.png")

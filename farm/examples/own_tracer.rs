@@ -1,5 +1,7 @@
 //! A back end of one's own beside the farm's others: `cargo run --release -p carom-farm --example own_tracer`.
 //! What a real one traces on a device of its own, this one has from the CPU.
+//!
+//! `cargo test -p carom-farm --test sim own_` runs it in the simulator.
 
 use std::sync::Arc;
 
@@ -9,8 +11,8 @@ use carom_farm::carom_tracer::{
 use carom_farm::prelude::*;
 
 /// The CPU under another name.
-struct MyTracer {
-    device: CpuTracer,
+pub struct MyTracer {
+    pub device: CpuTracer,
 }
 
 impl Tracer for MyTracer {

@@ -11,7 +11,7 @@ use carom_tracer::{Scene, Tracer};
 
 use crate::balancer::Balancer;
 use crate::coordinator::{Coordinator, CoordinatorAction, FrameRefusal, SPOT_CHECK_TILES};
-use crate::directory::roster::Roster;
+use crate::directory::Roster;
 use crate::directory::watch::DirectoryWatch;
 use crate::directory::{Directory, ListedNode};
 use crate::events::EventSender;

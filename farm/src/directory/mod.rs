@@ -14,7 +14,7 @@ mod file;
 mod mdns;
 #[cfg(feature = "nats")]
 mod nats;
-pub(crate) mod roster;
+mod roster;
 mod source;
 pub(crate) mod watch;
 
@@ -26,6 +26,8 @@ pub use file::FileDirectory;
 pub use mdns::{MdnsDirectory, MdnsRegistry};
 #[cfg(feature = "nats")]
 pub use nats::{NatsBucket, NatsDirectory, NatsRegistry};
+#[doc(hidden)]
+pub use roster::Roster;
 use serde::{Deserialize, Serialize};
 pub use source::NodeSource;
 

@@ -8,7 +8,7 @@ use crate::node_status::NodeIndex;
 
 /// The remote nodes of a farm that directories have listed. No input or output.
 #[derive(Debug, Default)]
-pub(crate) struct Roster {
+pub struct Roster {
     /// The last answer of each directory.
     lists: Vec<Vec<ListedNode>>,
     called: BTreeMap<NodeIndex, NodeAddress>,
@@ -16,13 +16,13 @@ pub(crate) struct Roster {
 
 impl Roster {
     /// Adds a directory and returns its index.
-    pub(crate) fn add_directory(&mut self) -> usize {
+    pub fn add_directory(&mut self) -> usize {
         self.lists.push(Vec::new());
         self.lists.len() - 1
     }
 
     /// Takes the answer of a directory; returns the nodes that are to be called because of it.
-    pub(crate) fn update(&mut self, directory: usize, nodes: Vec<ListedNode>) -> Vec<NodeAddress> {
+    pub fn update(&mut self, directory: usize, nodes: Vec<ListedNode>) -> Vec<NodeAddress> {
         self.lists[directory] = nodes;
         let mut new = Vec::new();
         for node in &self.lists[directory] {
@@ -36,12 +36,12 @@ impl Roster {
     }
 
     /// Notes by which index a node is called.
-    pub(crate) fn call(&mut self, node: NodeIndex, address: NodeAddress) {
+    pub fn call(&mut self, node: NodeIndex, address: NodeAddress) {
         self.called.insert(node, address);
     }
 
     /// The nodes that are called and that no directory lists, or lists as draining.
-    pub(crate) fn left(&self) -> Vec<NodeIndex> {
+    pub fn left(&self) -> Vec<NodeIndex> {
         let is_listed = |address: &NodeAddress| {
             let mut nodes = self.lists.iter().flatten();
             nodes.any(|node| node.address == *address && !node.is_draining())
@@ -52,7 +52,7 @@ impl Roster {
     }
 
     /// Forgets a node that is no longer called.
-    pub(crate) fn forget(&mut self, node: NodeIndex) {
+    pub fn forget(&mut self, node: NodeIndex) {
         self.called.remove(&node);
     }
 }

@@ -1,6 +1,8 @@
 //! Laws of the coordinator and its balancers on virtual time. Every run follows from its seed.
 
 mod acceptance;
+mod drain;
+mod extensions;
 mod fairness;
 mod faults;
 mod samples;

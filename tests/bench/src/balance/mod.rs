@@ -10,7 +10,9 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use carom_farm::{Algorithm, Balancing};
-use carom_testkit::simulator::{self, Network, Scenario, Score, SimulationReport, SubmissionMode};
+use carom_testkit::simulator::{
+    self, Extensions, Network, Scenario, Score, SimulationReport, SubmissionMode,
+};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -194,7 +196,14 @@ fn scenarios(args: &Args) -> Vec<Scenario> {
 fn simulate(scenario: Scenario, balancing: Balancing) -> BalanceRun {
     let plan = scenario.plan(balancing);
     let report = match balancing.algorithm {
-        Algorithm::Own => simulator::run_with(&plan, SECS_MAX, own::balancer()),
+        Algorithm::Own => {
+            let balancer = Some(own::balancer());
+            let extensions = Extensions {
+                balancer,
+                ..Extensions::default()
+            };
+            simulator::run_with(&plan, SECS_MAX, extensions)
+        }
         _ => simulator::run(&plan, SECS_MAX),
     };
     let (frames, events) = (scenario.frames, scenario.events());

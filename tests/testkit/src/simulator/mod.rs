@@ -16,7 +16,7 @@ mod random_environment;
 mod report;
 mod scenario;
 mod score;
-mod test_pattern;
+mod tile_source;
 
 use std::cmp::Ordering;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -25,7 +25,7 @@ use std::time::Duration;
 
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{FrameId, NodeInfo, SceneHash};
-use carom_tracer::{DeviceInfo, DeviceKind, Scene};
+use carom_tracer::{DeviceInfo, DeviceKind, Scene, Tracer};
 
 pub use self::faults::{FaultRun, fault_plan, run_faults};
 use self::node::{NodeOutput, SimNode};
@@ -36,12 +36,13 @@ use self::random_environment::RandomEnvironment;
 pub use self::report::SimulationReport;
 pub use self::scenario::{Network, PERIOD_SECS, Scenario, SubmissionMode};
 pub use self::score::Score;
-pub use self::test_pattern::empty_scene;
-use self::test_pattern::{frame_spec, is_right};
+pub use self::tile_source::empty_scene;
+use self::tile_source::{TileSource, ball_on_plane, frame_spec};
 use crate::random::SplitMix64;
 use carom_farm::NodeIndex;
 use carom_farm::balancer::Balancer;
 use carom_farm::coordinator::{Coordinator, CoordinatorAction};
+use carom_farm::directory::{Directory, Roster};
 use carom_farm::link::{LinkCommand, LinkEvent};
 use carom_farm::pacing::{FrameSchedule, LeadTime};
 use carom_farm::{Frame, Pixels};
@@ -52,25 +53,35 @@ use carom_farm::{Frame, Pixels};
 /// If the coordinator breaks a rule towards a node: asks for tiles outside the picture or for more
 /// runs than a session lets in, or gives a run a number that is not above the last.
 pub fn run(plan: &FarmPlan, secs_max: f64) -> SimulationReport {
-    let mut simulation = FarmSimulation::new(plan);
+    run_with(plan, secs_max, Extensions::default())
+}
+
+/// The same with parts of an application's own.
+///
+/// # Panics
+/// As [`run`], and if a tracer or a directory of its own fails.
+pub fn run_with(plan: &FarmPlan, secs_max: f64, extensions: Extensions) -> SimulationReport {
+    let mut simulation = FarmSimulation::new(plan, extensions);
     simulation.run(secs_max);
     simulation.into_report()
 }
 
-/// The same with a balancer from outside in the place of [`carom_farm::Algorithm::Own`].
-///
-/// # Panics
-/// As [`run`].
-pub fn run_with(
-    plan: &FarmPlan,
-    secs_max: f64,
-    balancer: Box<dyn Balancer + Send>,
-) -> SimulationReport {
-    let mut simulation = FarmSimulation::new(plan);
-    simulation.coordinator.set_balancer(balancer);
-    simulation.coordinator.set_balancing(plan.balancing);
-    simulation.run(secs_max);
-    simulation.into_report()
+/// Parts of an application's own, in the place of the simulation's.
+#[derive(Default)]
+pub struct Extensions {
+    /// In the place of [`carom_farm::Algorithm::Own`].
+    pub balancer: Option<Box<dyn Balancer + Send>>,
+    /// Says who is there, in the place of joining at the start: it is asked at 0 s of virtual time and after
+    /// each of its periods. Node `i` of the plan has the address [`node_address`]`(i)`.
+    pub directory: Option<Box<dyn Directory>>,
+    /// Traces the tiles of all nodes, of a ball on a plane, in the place of a test pattern. How long a node
+    /// takes is the plan's all the same.
+    pub tracer: Option<Arc<dyn Tracer + Send + Sync>>,
+}
+
+/// The address at which directories list a node of the plan.
+pub fn node_address(index: usize) -> String {
+    format!("node-{index}:{NODE_PORT}")
 }
 
 /// Seconds as they are ordered: nanoseconds, and the order of scheduling where these are equal.
@@ -109,6 +120,7 @@ enum SimulationEvent {
     Step(NodeIndex, u64),
     Event(NodeIndex, u32, LinkEvent),
     NodeChange(NodeIndex, NodeChange),
+    AskDirectory,
 }
 
 struct FarmSimulation<'a> {
@@ -130,15 +142,31 @@ struct FarmSimulation<'a> {
     /// When frames must be shown, by their numbers.
     deadlines: Vec<f64>,
     report: SimulationReport,
+    tile_source: Arc<TileSource>,
+    directory: Option<(Box<dyn Directory>, Roster)>,
 }
 
 impl<'a> FarmSimulation<'a> {
-    fn new(plan: &'a FarmPlan) -> Self {
+    fn new(plan: &'a FarmPlan, extensions: Extensions) -> Self {
         let mut coordinator = Coordinator::new(plan.balancing);
+        if let Some(balancer) = extensions.balancer {
+            coordinator.set_balancer(balancer);
+            coordinator.set_balancing(plan.balancing);
+        }
         coordinator.set_distribution(plan.distribution);
         coordinator.set_spot_checks(plan.spot_check_tiles, [plan.seed as u8; 32]);
-        let scene = (SceneHash([7; 32]), Arc::new(empty_scene()));
+        let scene = match extensions.tracer {
+            Some(_) => ball_on_plane(),
+            None => empty_scene(),
+        };
+        let tile_source = Arc::new(TileSource::new(plan, &scene, extensions.tracer));
+        let scene = (SceneHash([7; 32]), Arc::new(scene));
         coordinator.set_scene(scene.0, Arc::clone(&scene.1));
+        let directory = extensions.directory.map(|directory| {
+            let mut roster = Roster::default();
+            roster.add_directory();
+            (directory, roster)
+        });
         let mut simulation = Self {
             plan,
             coordinator,
@@ -155,27 +183,36 @@ impl<'a> FarmSimulation<'a> {
             schedule: FrameSchedule::default(),
             deadlines: Vec::new(),
             report: SimulationReport::default(),
+            tile_source,
+            directory,
         };
-        for (index, node) in plan.nodes.iter().enumerate() {
-            let name = format!("node {index}");
-            let index_of = match node.is_local {
-                true => simulation.coordinator.add_local_node(name),
-                false => simulation.coordinator.add_node(name),
-            };
-            simulation.nodes.push(SimNode::new(index_of, node));
-            for (at_secs, change) in &node.changes {
-                let at = Duration::from_secs_f64(*at_secs);
-                simulation.schedule(at, SimulationEvent::NodeChange(index_of, *change));
-            }
-            if !plan.joins_later(index_of) {
-                simulation.schedule(
-                    Duration::ZERO,
-                    SimulationEvent::NodeChange(index_of, NodeChange::Join),
-                );
-            }
-        }
+        simulation.add_nodes();
         simulation.schedule(START, SimulationEvent::Submit);
         simulation
+    }
+
+    fn add_nodes(&mut self) {
+        let plan = self.plan;
+        for (index, node) in plan.nodes.iter().enumerate() {
+            let name = format!("node {index}");
+            let index = match node.is_local {
+                true => self.coordinator.add_local_node(name),
+                false => self.coordinator.add_node(name),
+            };
+            let tile_source = Arc::clone(&self.tile_source);
+            self.nodes.push(SimNode::new(index, node, tile_source));
+            for (at_secs, change) in &node.changes {
+                let at = Duration::from_secs_f64(*at_secs);
+                self.schedule(at, SimulationEvent::NodeChange(index, *change));
+            }
+            if self.directory.is_none() && !plan.joins_later(index) {
+                let joins = SimulationEvent::NodeChange(index, NodeChange::Join);
+                self.schedule(Duration::ZERO, joins);
+            }
+        }
+        if self.directory.is_some() {
+            self.schedule(Duration::ZERO, SimulationEvent::AskDirectory);
+        }
     }
 
     fn run(&mut self, secs_max: f64) {
@@ -217,6 +254,7 @@ impl<'a> FarmSimulation<'a> {
         match event {
             SimulationEvent::Submit => self.submit(),
             SimulationEvent::NodeChange(node, change) => self.change(node, change),
+            SimulationEvent::AskDirectory => self.ask_directory(),
             SimulationEvent::Event(node, connection, event)
                 if self.is_current_connection(node, connection) =>
             {
@@ -234,6 +272,29 @@ impl<'a> FarmSimulation<'a> {
             }
             // Something of a connection that has ended.
             SimulationEvent::Event(..) | SimulationEvent::Command(..) => {}
+        }
+    }
+
+    /// Calls the nodes that the directory lists anew; those that it no longer lists stay.
+    fn ask_directory(&mut self) {
+        let Some((directory, roster)) = &mut self.directory else {
+            return;
+        };
+        let listed = directory.nodes().expect("the directory answers");
+        let mut called = Vec::new();
+        for address in roster.update(0, listed) {
+            let mut addresses = (0..self.plan.nodes.len()).map(node_address);
+            if let Some(index) = addresses.position(|other| other == address.to_string()) {
+                roster.call(NodeIndex(index), address);
+                called.push(NodeIndex(index));
+            }
+        }
+        let period = directory.period();
+        for index in called {
+            self.change(index, NodeChange::Join);
+        }
+        if let Some(next) = self.now.checked_add(period) {
+            self.schedule(next, SimulationEvent::AskDirectory);
         }
     }
 
@@ -296,6 +357,9 @@ impl<'a> FarmSimulation<'a> {
                 self.coordinator
                     .handle(self.now, index, LinkEvent::Lost { why, retry: None });
             }
+            NodeChange::Drain => {
+                self.answer(index, vec![NodeOutput::Event(ClientEvent::Leaving)]);
+            }
             NodeChange::Join => {
                 node.connection += 1;
                 node.silent = false;
@@ -330,7 +394,8 @@ impl<'a> FarmSimulation<'a> {
 
     fn deliver(&mut self, mut frame: Frame) {
         let grid = self.plan.grid();
-        self.report.wrong_frames += u64::from(!is_right(&frame, grid, self.plan.samples));
+        self.report.wrong_frames +=
+            u64::from(!self.tile_source.is_right(&frame, grid, self.plan.samples));
         self.report.tiles_per_frame = grid.len();
         frame.pixels = Pixels::Linear(Vec::new());
         if frame.id.0 >= self.handed
@@ -361,6 +426,10 @@ impl<'a> FarmSimulation<'a> {
                     let arrival = self.arrival(node, false, delay);
                     let event = LinkEvent::Session(event);
                     self.schedule(arrival, SimulationEvent::Event(node, connection, event));
+                }
+                NodeOutput::End => {
+                    let arrival = self.arrival(node, false, 0.0);
+                    self.schedule(arrival, SimulationEvent::NodeChange(node, NodeChange::Die));
                 }
                 NodeOutput::StepAt(at, step) => {
                     self.schedule(at, SimulationEvent::Step(node, step))
@@ -410,6 +479,9 @@ fn info(index: NodeIndex) -> NodeInfo {
         },
     }
 }
+
+/// The port in [`node_address`].
+const NODE_PORT: u16 = 4433;
 
 /// Runs that a node's session would have open.
 type OpenRuns = BTreeSet<carom_protocol::RequestId>;

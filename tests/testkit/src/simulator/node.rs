@@ -1,6 +1,7 @@
 //! A simulated node: one device that works on one request after the other.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::time::Duration;
 
 use carom_protocol::limits::{REQUESTS_QUEUED_MAX, TILES_PER_MESSAGE_MAX};
@@ -12,7 +13,7 @@ use carom_protocol::{
 use carom_tracer::TileRange;
 
 use super::random_environment::RandomEnvironment;
-use super::test_pattern::{forgery, poison, tile_pixels};
+use super::tile_source::{TileSource, brighter, poison};
 use super::{NodePlan, OpenRuns};
 use carom_farm::NodeIndex;
 use carom_farm::link::LinkCommand;
@@ -21,6 +22,8 @@ use carom_farm::link::LinkCommand;
 pub(super) enum NodeOutput {
     /// Sends something.
     Event(ClientEvent),
+    /// Closes the connection.
+    End,
     /// Wants [`SimNode::step`] to be called.
     StepAt(Duration, u64),
 }
@@ -52,6 +55,7 @@ pub(super) struct SimNode {
     /// The frame for which it has paused, if the weather made it.
     begun_frame: Option<FrameId>,
     index: NodeIndex,
+    tile_source: Arc<TileSource>,
     /// Tiles that its device has worked on.
     pub(super) tiles_traced: u64,
 }
@@ -68,7 +72,7 @@ struct QueuedRequest {
 }
 
 impl SimNode {
-    pub(super) fn new(index: NodeIndex, plan: &NodePlan) -> Self {
+    pub(super) fn new(index: NodeIndex, plan: &NodePlan, tile_source: Arc<TileSource>) -> Self {
         Self {
             pace: 1e-6 / plan.msamples_per_sec,
             silent: false,
@@ -87,6 +91,7 @@ impl SimNode {
             open: OpenRuns::new(),
             begun_frame: None,
             index,
+            tile_source,
             tiles_traced: 0,
         }
     }
@@ -127,7 +132,7 @@ impl SimNode {
                 vec![NodeOutput::Event(ClientEvent::SceneReady(hash))]
             }
             LinkCommand::Ping(number) => vec![NodeOutput::Event(ClientEvent::Pong(number))],
-            LinkCommand::Leave => Vec::new(),
+            LinkCommand::Leave => vec![NodeOutput::End],
             LinkCommand::Trace(request) => self.queue(now, environment, *request),
             LinkCommand::CancelRequest(run) => self.cancel(|job| job.request.id == run),
             LinkCommand::CancelBefore(frame) => self.cancel(|job| job.request.frame < frame),
@@ -241,9 +246,9 @@ impl SimNode {
                 pixels: match self.forges {
                     _ if self.poisoned => poison(&job.request, tiles),
                     Some(one_in) if tiles.first.is_multiple_of(one_in) => {
-                        forgery(&job.request, tiles)
+                        brighter(self.tile_source.pixels(&job.request, tiles))
                     }
-                    _ => tile_pixels(&job.request, tiles),
+                    _ => self.tile_source.pixels(&job.request, tiles),
                 },
                 busy_micros: std::mem::take(&mut busy_micros),
                 times: NodeTimes {

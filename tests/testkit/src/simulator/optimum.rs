@@ -102,7 +102,9 @@ impl NodeForecast {
     fn change(&mut self, change: NodeChange) {
         match change {
             NodeChange::Slow(factor) => self.slowness *= factor,
-            NodeChange::Silent | NodeChange::Die | NodeChange::Fail => self.there = false,
+            NodeChange::Silent | NodeChange::Die | NodeChange::Fail | NodeChange::Drain => {
+                self.there = false;
+            }
             NodeChange::Join => self.there = true,
             NodeChange::Lie(_)
             | NodeChange::Poison

@@ -69,6 +69,9 @@ pub enum NodeChange {
     Silent,
     /// Its connection breaks, which the client learns of at once.
     Die,
+    /// It finishes what it has been asked for and ends: it says so, and closes the connection once the client
+    /// has everything.
+    Drain,
     /// It connects. A node with this among its changes is not there from the start.
     Join,
     /// Its device fails at each run from now on.
