@@ -14,8 +14,8 @@ pub(super) struct MachineType {
     name: &'static str,
     architecture: Architecture,
     is_gpu: bool,
-    /// On demand, us-east-1, Linux, of 2026: `farm/deploy/README.md` says which are from a list and which
-    /// from memory. Other regions cost up to 1.6 times as much.
+    /// On demand, us-east-1, Linux, of January 2026: `farm/deploy/README.md` names the list. Other regions cost
+    /// up to 1.6 times as much.
     dollars_per_hour: f64,
 }
 
