@@ -10,7 +10,9 @@ use std::time::Duration;
 use carom_farm::directory::{Directory, ListedNode};
 use carom_farm::prelude::*;
 
+/// Machines that are there as long as their files are.
 pub struct MyDirectory {
+    /// Where the files are.
     pub folder: PathBuf,
 }
 

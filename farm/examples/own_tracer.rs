@@ -12,6 +12,7 @@ use carom_farm::prelude::*;
 
 /// The CPU under another name.
 pub struct MyTracer {
+    /// The device that traces.
     pub device: CpuTracer,
 }
 
