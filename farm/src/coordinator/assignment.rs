@@ -152,6 +152,8 @@ impl Assigner {
                 continue;
             }
             frame.is_assigned = true;
+            let is_unknown = |node: &NodeIndex| nodes[*node].workload.delivered().is_none();
+            frame.is_guessed = eligible.iter().any(is_unknown);
             frame.stats.balancing = self.balancing;
             let shares = self.shares(now, nodes, frame, &eligible, period_secs);
             match shares {
@@ -175,7 +177,9 @@ impl Assigner {
             let requests = node.workload.requests.values();
             for request in requests.filter(|request| request.frame == frame.id) {
                 if request.counts() {
-                    held[request.tiles.first as usize..request.tiles.end() as usize].fill(true);
+                    request
+                        .awaited()
+                        .for_each(|unit| held[unit as usize] = true);
                 }
             }
         }

@@ -101,6 +101,12 @@ impl FrameForecast {
         })
     }
 
+    /// When the last of the tiles that somebody holds should come.
+    pub(super) fn finish(&self) -> f64 {
+        let arrivals = self.arrivals.iter().filter(|at| at.is_finite());
+        arrivals.copied().fold(0.0, f64::max)
+    }
+
     /// The missing tiles that come too late, the latest first to be chosen, no more than the budget
     /// allows.
     pub(super) fn late(

@@ -31,6 +31,8 @@ pub(super) struct FrameInFlight {
     pub(super) buffer: Option<FrameBuffer>,
     /// Whether its tiles have been assigned once.
     pub(super) is_assigned: bool,
+    /// Whether nothing was known of some node that it was assigned to.
+    pub(super) is_guessed: bool,
     /// What more than one node has been asked for.
     pub(super) reissued: Vec<TileRange>,
     /// Tiles that nodes have not taken yet, where they take them as they can.
@@ -90,6 +92,7 @@ impl FrameInFlight {
             submitted: now,
             is_exact: false,
             is_assigned: false,
+            is_guessed: false,
             reissued: Vec::new(),
             pool: Vec::new(),
             target: f64::INFINITY,

@@ -389,6 +389,8 @@ impl Coordinator {
             node.observe_first(id);
             self.recovery
                 .schedule_waiting(now, &self.nodes, &mut self.frames);
+            // It was taken for as fast as the others are, and may be far faster.
+            Recovery::advance_guessed(now, &mut self.frames);
         }
         self.assigner.pull(
             now,

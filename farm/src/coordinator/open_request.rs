@@ -175,6 +175,18 @@ impl OpenRequest {
         self.is_wanted() && !self.is_lost
     }
 
+    /// The units of its frame that have not come of it. Those that have may not be in the frame any more: they are
+    /// taken out with what a node has sent that is dropped.
+    pub(super) fn awaited(&self) -> impl Iterator<Item = u32> {
+        let mut is_awaited = vec![true; self.tiles.count as usize];
+        for (tiles, ..) in &self.pieces {
+            let first = (tiles.first - self.tiles.first) as usize;
+            is_awaited[first..first + tiles.count as usize].fill(false);
+        }
+        let units = self.tiles.indices().zip(is_awaited);
+        units.filter_map(|(unit, is_awaited)| is_awaited.then_some(unit))
+    }
+
     /// Whether it is cancelled when the frame needs it no more.
     pub(super) fn is_wanted(&self) -> bool {
         !self.is_cancelled && !self.is_probe

@@ -167,6 +167,17 @@ impl Recovery {
         }
     }
 
+    /// Lets frames that were divided by guesses, and will take very long by them, profit from a node that
+    /// has just shown how fast it is.
+    pub(super) fn advance_guessed(now: f64, frames: &mut FrameQueue) {
+        for frame in frames.unfinished_mut().filter(|frame| frame.is_guessed) {
+            let is_long = frame.target.is_finite() && frame.target > now + VERY_LONG_SECS;
+            if frame.evaluate_at.is_some() && is_long {
+                frame.evaluate_at = Some(now);
+            }
+        }
+    }
+
     /// Evaluates the frames for which it is time.
     pub(super) fn evaluate_due(
         &mut self,
@@ -201,10 +212,15 @@ impl Recovery {
         let price = 1.0 + (self.price() - 1.0) * left.min(1.0);
         frame.target = forecast.level;
         let (margin, dear) = (frame.margin_secs(1.0), frame.margin_secs(price));
+        let mut grave_secs = GRAVE_SHARE * frame.planned_secs;
+        if frame.is_guessed && forecast.finish() > frame.submitted + VERY_LONG_SECS {
+            let possible_secs = forecast.level - frame.submitted;
+            grave_secs = grave_secs.min(GRAVE_FACTOR * possible_secs);
+        }
         let mut bounds = LatenessBounds {
             recallable: forecast.level + margin,
             duplicate: forecast.level + dear,
-            grave: frame.submitted + GRAVE_SHARE * frame.planned_secs + dear,
+            grave: frame.submitted + grave_secs + dear,
         };
         // The level is that of work in real numbers. If whole tiles cannot be brought by then, those are
         // late that come after what can be: each round the bound rises to the last finish, fewer tiles are
@@ -336,6 +352,9 @@ const PRICE: f64 = 8.0;
 /// A tile is gravely late if its frame takes this many times as long as planned for it. What there is
 /// in reserve for these makes three of four late frames after a fault punctual.
 const GRAVE_SHARE: f64 = 1.25;
+/// The same of a frame that was divided by guesses, as when a slow node was alone at first: if it takes
+/// this many times as long as it could if all that is missing were assigned anew.
+const GRAVE_FACTOR: f64 = 1.5;
 /// Seconds between two evaluations of a frame.
 const EVALUATION_PAUSE_SECS: f64 = 0.5e-3;
 /// The next evaluation after one at which a message was late: when it is late by this share more.
@@ -344,3 +363,5 @@ const LATE_PAUSE: f64 = 0.25;
 const ROUNDS_MAX: u32 = 4;
 /// Frames that take longer than this are evaluated when a node joins.
 const LONG_SECS: f64 = 0.05;
+/// Frames that by a guess take longer than this are evaluated when more is known.
+const VERY_LONG_SECS: f64 = 0.1;

@@ -21,6 +21,8 @@ use carom_tracer::ImageSize;
 /// More virtual time than any run here needs.
 const SECS_MAX: f64 = 600.0;
 const FOREVER: f64 = 1e6;
+/// When the simulator submits the first frame.
+const SUBMITTED_SECS: f64 = 0.5;
 
 fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> FarmPlan {
     FarmPlan {
@@ -296,12 +298,13 @@ fn a_node_that_joins_is_used_fully_within_ten_frames() {
     assert!(after < 1.25 * ideal, "{after} against {ideal}");
 }
 
-/// A slow node is there at once, as the local one is, and one that is 100 times as fast joins.
+/// A slow node is there at once, as the local one is, and one that is 100 times as fast joins when the
+/// first frame has been asked for.
 #[test]
 fn a_slow_node_that_is_ready_first_keeps_no_frame() {
     for joins_secs in [0.0, 0.02, 0.1, 0.5] {
         let slow = NodePlan::new(1e-4, 0.02);
-        let fast = NodePlan::new(1e-3, 2.0).with(joins_secs, NodeChange::Join);
+        let fast = NodePlan::new(1e-3, 2.0).with(SUBMITTED_SECS + joins_secs, NodeChange::Join);
         let plan = plan(vec![slow.clone(), fast.clone()], WaterFilling, 3);
         let report = checked(&plan);
         // Nobody could do better than the fast node alone, once it is there, and the slow one.
