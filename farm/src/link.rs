@@ -155,8 +155,8 @@ const DECODING_MAX: Duration = Duration::from_micros(200);
 
 #[cfg(test)]
 mod tests {
-    use carom_protocol::NodeInfo;
-    use carom_protocol::session::NodeSession;
+    use carom_protocol::session::{NodeEvent, NodeSession};
+    use carom_protocol::{NodeInfo, NodeLoad};
     use carom_tracer::{DeviceInfo, DeviceKind};
 
     use super::*;
@@ -177,7 +177,9 @@ mod tests {
         let mut link = LinkSession::new(PrecisionRange::EXACT, |events| handed.push(events));
         for ping in 0..3 {
             while let Some(packet) = link.poll_transmit() {
-                node.handle(packet).unwrap();
+                if let Some(NodeEvent::Ping(number)) = node.handle(packet).unwrap() {
+                    node.pong(number, NodeLoad::default());
+                }
             }
             while let Some(packet) = node.poll_transmit() {
                 link.handle(packet).unwrap();
@@ -189,7 +191,8 @@ mod tests {
         let [events] = &handed[..] else {
             panic!("{handed:?}");
         };
-        let pong = |number| LinkEvent::Session(ClientEvent::Pong(number));
+        let load = NodeLoad::default();
+        let pong = |number| LinkEvent::Session(ClientEvent::Pong { number, load });
         assert!(matches!(
             events[0],
             LinkEvent::Session(ClientEvent::Welcome(_))

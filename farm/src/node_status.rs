@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use carom_protocol::NodeInfo;
+use carom_protocol::{NodeInfo, NodeLoad};
 
 use crate::stats::LatencySplit;
 
@@ -43,6 +43,8 @@ pub struct NodeStatus {
     pub round_trip: Option<Duration>,
     /// Where the time of its last tile went.
     pub split: LatencySplit,
+    /// What its other players had of its device when it last answered a ping.
+    pub load: NodeLoad,
 }
 
 impl NodeStatus {
@@ -62,6 +64,7 @@ impl NodeStatus {
             doubt: None,
             round_trip: None,
             split: LatencySplit::default(),
+            load: NodeLoad::default(),
         }
     }
 }

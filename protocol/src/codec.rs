@@ -152,7 +152,7 @@ pub(crate) fn to_client_kind(message: &ToClient) -> &'static str {
         ToClient::Tiles(_) => "tile message",
         ToClient::RequestDone(_) => "report",
         ToClient::RequestRefused(_) => "refusal",
-        ToClient::Pong(_) => "pong",
+        ToClient::Pong { .. } => "pong",
         ToClient::SceneComing { .. } => "progress of a scene",
         ToClient::Leaving => "farewell",
     }

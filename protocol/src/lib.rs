@@ -68,8 +68,8 @@ mod validate;
 
 pub use error::{Error, Reason};
 pub use message::{
-    FrameId, NodeInfo, NodeTimes, PixelFormat, ReferenceRange, Refusal, RefusalReason, RequestId,
-    RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, ReferenceRange, Refusal, RefusalReason,
+    RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
 pub use precision::{PixelPrecision, PrecisionRange};
 pub use session::{

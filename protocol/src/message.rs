@@ -10,7 +10,7 @@ use crate::precision::PrecisionRange;
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
 /// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
 /// ends of different versions can say so.
-pub const VERSION: u16 = 8;
+pub const VERSION: u16 = 9;
 
 /// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -92,7 +92,12 @@ pub enum ToClient {
     /// A request was not begun or not finished.
     RequestRefused(Refusal),
     /// The answer to [`ToNode::Ping`].
-    Pong(u64),
+    Pong {
+        /// The ping's number.
+        number: u64,
+        /// What others have of the node.
+        load: NodeLoad,
+    },
     /// So many bytes of the message with the oldest scene that has no answer are there: said now
     /// and then while a long one comes.
     SceneComing {
@@ -101,6 +106,15 @@ pub enum ToClient {
     },
     /// The node is about to end: it answers what it has been asked, and should be asked for nothing more.
     Leaving,
+}
+
+/// What a node's other players have of its device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NodeLoad {
+    /// Players it has traced for within the last second, or that wait.
+    pub players: u16,
+    /// The share of the last second in which the device was busy for them, in percent: 0 to 100.
+    pub busy_percent: u8,
 }
 
 /// Description of a node.

@@ -10,7 +10,8 @@ use crate::limits::{
     SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
 };
 use crate::message::{
-    NodeInfo, PixelFormat, ReferenceRange, RefusalReason, TilesDone, ToClient, ToNode, TraceRequest,
+    NodeInfo, NodeLoad, PixelFormat, ReferenceRange, RefusalReason, TilesDone, ToClient, ToNode,
+    TraceRequest,
 };
 
 type Check = Result<(), Reason>;
@@ -51,9 +52,9 @@ impl ToClient {
                     Ok(())
                 }
             },
+            Self::Pong { load, .. } => load.validate(),
             Self::SceneReady(_)
             | Self::RequestDone(_)
-            | Self::Pong(_)
             | Self::SceneComing { .. }
             | Self::Leaving => Ok(()),
         }
@@ -130,6 +131,12 @@ impl NodeInfo {
     fn validate(&self) -> Check {
         text("node's name", &self.name, NODE_NAME_BYTES_MAX)?;
         text("device's name", &self.device.name, NODE_NAME_BYTES_MAX)
+    }
+}
+
+impl NodeLoad {
+    fn validate(self) -> Check {
+        at_most("percent of a second", usize::from(self.busy_percent), 100)
     }
 }
 

@@ -9,6 +9,7 @@ use anyhow::{Context, anyhow};
 use carom_farm::logging::timestamp;
 use carom_farm::net;
 use carom_farm::{Farm, FarmConfig, LocalNode, NodeState, NodeStatus};
+use carom_protocol::NodeLoad;
 use serde::Serialize;
 
 use crate::commands::{Failure, inputs};
@@ -48,6 +49,10 @@ struct NodeRow {
     name: Option<String>,
     device: Option<String>,
     round_trip_ms: Option<f64>,
+    /// Others that the node has traced for within a second, or that wait.
+    other_players: Option<u16>,
+    /// What they had of that second.
+    busy_percent: Option<u8>,
     protocol: Option<u16>,
 }
 
@@ -151,6 +156,16 @@ pub(crate) fn sentence(node: &NodeStatus, timeout: Duration) -> String {
              UDP port through",
             timeout.as_secs()
         ),
+        NodeState::Paired if node.load.players > 0 => {
+            let NodeLoad {
+                players,
+                busy_percent,
+            } = node.load;
+            let others = if players == 1 { "player" } else { "players" };
+            format!(
+                "is connected; {players} other {others} had {busy_percent} % of its last second"
+            )
+        }
         _ => node.state.sentence(),
     }
 }
@@ -164,6 +179,8 @@ fn row(node: &NodeStatus, timeout: Duration) -> NodeRow {
         name: info.map(|info| info.name.clone()),
         device: info.map(|info| info.device.name.clone()),
         round_trip_ms: node.round_trip.map(|trip| 1e3 * trip.as_secs_f64()),
+        other_players: info.map(|_| node.load.players),
+        busy_percent: info.map(|_| node.load.busy_percent),
         // A node of another version sends no greeting.
         protocol: info.map(|_| carom_protocol::message::VERSION),
     }
@@ -178,6 +195,7 @@ fn print(row: &NodeRow) {
         device,
         round_trip_ms,
         protocol,
+        ..
     } = row;
     print!("{address} ({state}) {sentence}");
     if let (Some(name), Some(device), Some(protocol)) = (name, device, protocol) {

@@ -293,7 +293,7 @@ impl Coordinator {
                 }
                 self.close(now, index, refusal.request);
             }
-            ClientEvent::Pong(number) => node.pong(now, number),
+            ClientEvent::Pong { number, load } => node.pong(now, number, load),
             ClientEvent::Leaving => node.leaving = true,
         }
     }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use carom_protocol::limits::REQUESTS_QUEUED_MAX;
-use carom_protocol::{FrameId, NodeInfo, RequestId, SceneHash};
+use carom_protocol::{FrameId, NodeInfo, NodeLoad, RequestId, SceneHash};
 
 use super::workload::Workload;
 use crate::node_status::{NodeState, NodeStatus};
@@ -38,6 +38,8 @@ pub(super) struct NodeEntry {
     /// With whom it last disagreed about pixels, while nobody knows who is right.
     doubt: Option<String>,
     split: LatencySplit,
+    /// What others had of it when it last answered.
+    load: NodeLoad,
     ping: PingState,
     pub(super) last_probe: Option<FrameId>,
     /// When [`super::node_table::NodeTable::next_due`] will name it, at the latest.
@@ -87,6 +89,7 @@ impl NodeEntry {
             checked_tiles: 0,
             doubt: None,
             split: LatencySplit::default(),
+            load: NodeLoad::default(),
             ping: PingState::default(),
             last_probe: None,
             armed: None,
@@ -187,7 +190,8 @@ impl NodeEntry {
         Some(self.ping.number)
     }
 
-    pub(super) fn pong(&mut self, now: f64, number: u64) {
+    pub(super) fn pong(&mut self, now: f64, number: u64, load: NodeLoad) {
+        self.load = load;
         if number == self.ping.number
             && let Some(sent) = self.ping.sent.take()
         {
@@ -330,6 +334,7 @@ impl NodeEntry {
             doubt: self.doubt.clone(),
             round_trip: round_trip.map(Duration::from_secs_f64),
             split: self.split,
+            load: self.load,
         }
     }
 

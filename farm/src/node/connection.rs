@@ -96,6 +96,10 @@ impl NodeConnection {
                 self.queue
                     .push(NodeJob::new(client, request, scene, cancelled));
             }
+            Some(NodeEvent::Ping(number)) => {
+                let load = self.queue.load(self.client.player);
+                self.client.lock().session.pong(number, load);
+            }
             Some(NodeEvent::Left) => self.client.lock().has_left = true,
             Some(NodeEvent::Cancelled(requests)) => {
                 let mut state = self.client.lock();

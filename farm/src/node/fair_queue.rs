@@ -99,10 +99,15 @@ impl<J> FairQueue<J> {
         }
     }
 
+    /// The players whose jobs wait.
+    pub fn waiting(&self) -> impl Iterator<Item = PlayerId> {
+        let waiting = self.shares.iter().filter(|share| !share.jobs.is_empty());
+        waiting.map(|share| share.player)
+    }
+
     /// Whether jobs of other players wait.
     pub fn others_wait(&self, player: PlayerId) -> bool {
-        let mut shares = self.shares.iter();
-        shares.any(|share| share.player != player && !share.jobs.is_empty())
+        self.waiting().any(|waiting| waiting != player)
     }
 
     fn position(&self, player: PlayerId) -> Option<usize> {

@@ -13,6 +13,7 @@ mod bitrate_control;
 mod client_connection;
 mod connection;
 mod fair_queue;
+mod load_meter;
 mod queue;
 mod rate_model;
 mod worker;

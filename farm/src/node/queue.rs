@@ -14,11 +14,12 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
-use carom_protocol::{SceneHash, TraceRequest};
+use carom_protocol::{NodeLoad, SceneHash, TraceRequest};
 use carom_tracer::{CompiledScene, Error, Scene, TileRange};
 
 use super::client_connection::ClientConnection;
 use super::fair_queue::{FairQueue, PlayerId};
+use super::load_meter::LoadMeter;
 
 /// A request to trace.
 pub(super) struct NodeJob {
@@ -105,6 +106,7 @@ struct QueueState {
     costs: VecDeque<Cost>,
     /// The turns that workers are at.
     running: Vec<RunningTurn>,
+    load: LoadMeter,
     workers: usize,
     closed: bool,
 }
@@ -238,9 +240,18 @@ impl JobQueue {
         let mut state = lock(&self.state);
         let player = turn.job.client.player;
         state.jobs.charge(player, took.as_secs_f64());
+        state.load.note(Instant::now(), player, took);
         state
             .running
             .retain(|running| !Arc::ptr_eq(&running.stop, &turn.stop));
+    }
+
+    /// What players other than `player` have of the device.
+    pub(super) fn load(&self, player: PlayerId) -> NodeLoad {
+        let state = lock(&self.state);
+        let running = state.running.iter().map(|turn| turn.job.client.player);
+        let waiting = running.chain(state.jobs.waiting());
+        state.load.load(Instant::now(), player, waiting)
     }
 
     /// Notes what `samples` of a job's scene took: in a slice, or in a probe.

@@ -94,7 +94,7 @@ fn a_node_that_fails_costs_samples_that_others_take_over() {
     let frame = trace(&mut farm, 0);
     assert_right(&frame, 0);
     assert_eq!(frame.stats.passes, 2);
-    assert!(frame.stats.lost_tiles > 0);
+    assert!(frame.stats.reissued_tiles > 0);
     gate.open();
 }
 

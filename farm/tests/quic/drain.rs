@@ -13,12 +13,13 @@ use crate::greeter::any_port;
 use crate::running_node::RunningNode;
 
 /// A node that takes `pace` for a tile.
-fn paced_node(authority: &Authority, pace: Duration) -> RunningNode {
+pub(crate) fn paced_node(authority: &Authority, pace: Duration) -> RunningNode {
     let tracer = PatternTracer::new().with_pace(pace.as_micros() as u64);
     RunningNode::start_with(authority, any_port(), Arc::new(tracer))
 }
 
-fn farm(credentials: &Path, nodes: &[&RunningNode]) -> Farm {
+/// Connected nodes that hold a scene.
+pub(crate) fn farm(credentials: &Path, nodes: &[&RunningNode]) -> Farm {
     let mut farm = Farm::new(FarmConfig {
         local: LocalNode::None,
         nodes: nodes.iter().map(|node| node.address.to_string()).collect(),
@@ -35,7 +36,7 @@ fn farm(credentials: &Path, nodes: &[&RunningNode]) -> Farm {
 }
 
 /// Asks for a picture of 60 tiles.
-fn submit(farm: &mut Farm) {
+pub(crate) fn submit(farm: &mut Farm) {
     let spec = FrameSpec {
         update: SceneUpdate::default(),
         size: ImageSize::new(160, 96),

@@ -6,6 +6,7 @@ mod directories;
 mod drain;
 mod farms;
 mod greeter;
+mod load;
 #[cfg(feature = "nats")]
 mod nats;
 mod running_node;

@@ -12,8 +12,8 @@ use crate::codec;
 use crate::error::{Error, Reason};
 use crate::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX};
 use crate::message::{
-    FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId, RequestReport,
-    SceneHash, TilesDone, ToClient, ToNode, TraceRequest, VERSION,
+    FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId,
+    RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest, VERSION,
 };
 use crate::precision::PixelPrecision;
 use crate::tile_codec::{Decoder, TilePixels};
@@ -89,7 +89,12 @@ pub enum ClientEvent {
         refusal: Refusal,
     },
     /// The answer to [`ClientSession::ping`].
-    Pong(u64),
+    Pong {
+        /// The ping's number.
+        number: u64,
+        /// What others have of the node.
+        load: NodeLoad,
+    },
     /// The node is about to end: it is to be asked for nothing more, and told by
     /// [`ClientSession::leave`] when everything has come.
     Leaving,
@@ -316,7 +321,7 @@ impl ClientSession {
             ToClient::Tiles(tiles) => self.receive_tiles(&tiles, packet.pixels),
             ToClient::RequestDone(report) => self.request_done(report),
             ToClient::RequestRefused(refusal) => self.run_refused(refusal),
-            ToClient::Pong(number) => self.pong(number),
+            ToClient::Pong { number, load } => self.pong(number, load),
             ToClient::SceneComing { bytes } => self.scene_coming(bytes as usize),
             ToClient::Leaving => Ok(vec![ClientEvent::Leaving]),
         }
@@ -492,12 +497,12 @@ impl ClientSession {
         Ok(vec![ClientEvent::RequestRefused { frame, refusal }])
     }
 
-    fn pong(&mut self, number: u64) -> Result<Vec<ClientEvent>, Error> {
+    fn pong(&mut self, number: u64, load: NodeLoad) -> Result<Vec<ClientEvent>, Error> {
         if self.pings.front() != Some(&number) {
             return Err(Error::out_of_order("pong", Reason::NoPing));
         }
         self.pings.pop_front();
-        Ok(vec![ClientEvent::Pong(number)])
+        Ok(vec![ClientEvent::Pong { number, load }])
     }
 
     /// Sends `message` if it cancels anything.

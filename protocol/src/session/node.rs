@@ -15,8 +15,8 @@ use crate::limits::{
     SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
 };
 use crate::message::{
-    FrameId, NodeInfo, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone,
-    ToClient, ToNode, TraceRequest, VERSION,
+    FrameId, NodeInfo, NodeLoad, Refusal, RefusalReason, RequestId, RequestReport, SceneHash,
+    TilesDone, ToClient, ToNode, TraceRequest, VERSION,
 };
 use crate::tile_codec::TilePixels;
 
@@ -41,6 +41,8 @@ pub enum NodeEvent {
     /// Requests to stop and to take from the queue. The client has been told; what else is said of
     /// them is dropped.
     Cancelled(Vec<RequestId>),
+    /// To be answered by [`NodeSession::pong`].
+    Ping(u64),
     /// The client has all that it asked for, and asks for nothing more.
     Left,
 }
@@ -221,6 +223,13 @@ impl NodeSession {
         }
     }
 
+    /// Answers a ping: with what others have of the node.
+    pub fn pong(&mut self, number: u64, load: NodeLoad) {
+        if self.state == SessionState::Open {
+            self.send(&ToClient::Pong { number, load });
+        }
+    }
+
     /// Sends finished tiles of a request, in any order. `false` if the request is no longer wanted: stop
     /// it.
     ///
@@ -389,10 +398,7 @@ impl NodeSession {
             ToNode::Trace(request) => self.queue(request, &packet.bytes),
             ToNode::CancelBefore(frame) => Ok(self.cancel(|_, request| request.frame < frame)),
             ToNode::CancelRequest(cancelled) => Ok(self.cancel(|request, _| request == cancelled)),
-            ToNode::Ping(number) => {
-                self.send(&ToClient::Pong(number));
-                Ok(None)
-            }
+            ToNode::Ping(number) => Ok(Some(NodeEvent::Ping(number))),
             ToNode::Leave => Ok(Some(NodeEvent::Left)),
         }
     }

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use carom_protocol::limits::{POSES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::{
-    FrameId, NodeInfo, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId, RequestReport,
-    SceneHash, TilesDone, ToClient, ToNode, TraceRequest, message::VERSION,
+    FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId,
+    RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest, message::VERSION,
 };
 use carom_tracer::{
     Camera, DeviceInfo, DeviceKind, Environment, ImageSize, Lens, Material, Object, ObjectPose,
@@ -50,7 +50,13 @@ pub(crate) fn to_client() -> impl Strategy<Value = ToClient> {
         tiles_done().prop_map(ToClient::Tiles),
         report().prop_map(ToClient::RequestDone),
         refusal().prop_map(ToClient::RequestRefused),
-        any::<u64>().prop_map(ToClient::Pong),
+        (any::<u64>(), any::<u16>(), 0..=100_u8).prop_map(|(number, players, busy_percent)| {
+            let load = NodeLoad {
+                players,
+                busy_percent,
+            };
+            ToClient::Pong { number, load }
+        }),
         any::<u32>().prop_map(|bytes| ToClient::SceneComing { bytes }),
         Just(ToClient::Leaving),
     ]

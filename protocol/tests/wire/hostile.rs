@@ -5,7 +5,7 @@ use carom_protocol::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX, REQUESTS_R
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::Encoder;
 use carom_protocol::{
-    Channel, ClientEvent, ClientSession, Error, FrameId, NodeEvent, NodeSession, Packet,
+    Channel, ClientEvent, ClientSession, Error, FrameId, NodeEvent, NodeLoad, NodeSession, Packet,
     PixelFormat, ReceivedScene, Refusal, RefusalReason, RequestId, RequestReport, SceneHash,
     TilesDone, ToClient, ToNode, TraceRequest,
 };
@@ -17,6 +17,11 @@ use glam::{Quat, Vec3};
 use crate::any;
 
 const GRID: TileGrid = TileGrid::new(ImageSize::new(64, 64), 16);
+
+fn pong(number: u64) -> ToClient {
+    let load = NodeLoad::default();
+    ToClient::Pong { number, load }
+}
 
 fn control(message: &ToClient) -> Packet {
     let (channel, bytes) = (Channel::Control, encode_to_client(message).unwrap());
@@ -109,7 +114,7 @@ fn assert_closes(mut client: ClientSession, packets: impl IntoIterator<Item = Pa
         let heard = client.handle(packet);
         assert_eq!(heard.is_err(), packets.peek().is_none(), "{heard:?}");
     }
-    assert!(client.handle(control(&ToClient::Pong(1))).is_err());
+    assert!(client.handle(control(&pong(1))).is_err());
 }
 
 /// The packet of a message whose text holds `a` with `by` in its place: no sender lets it pass.
@@ -210,7 +215,7 @@ fn answers_without_requests_are_faults() {
     let ready = ToClient::SceneReady(SceneHash::of(&any::balls(2)));
     assert_closes(waiting_client(), [control(&ToClient::SceneReady(hash))]);
     assert_closes(waiting_client(), [control(&ready), control(&ready)]);
-    assert_closes(waiting_client(), [control(&ToClient::Pong(1))]);
+    assert_closes(waiting_client(), [control(&pong(1))]);
     assert_closes(waiting_client(), [control(&welcome())]);
     assert_closes(ClientSession::new(), [control(&ready)]);
     assert_closes(ClientSession::new(), [tiles(5, 4, 1)]);
@@ -521,8 +526,9 @@ fn a_scene_decoded_elsewhere_counts_like_its_packet() {
 fn a_client_that_reads_no_answers_is_cut_off() {
     let (mut node, _) = open_node();
     let ping = to_node(&ToNode::Ping(1));
-    for _ in 0..CONTROL_QUEUED_MAX {
+    for number in 0..CONTROL_QUEUED_MAX as u64 {
         node.handle(ping.clone()).unwrap();
+        node.pong(number, NodeLoad::default());
     }
     assert!(node.handle(ping).is_err());
 }

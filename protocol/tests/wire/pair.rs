@@ -6,8 +6,8 @@ use std::sync::Arc;
 use carom_protocol::limits::{REQUESTS_QUEUED_MAX, SCENES_KEPT_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::tile_codec::{Encoder, TilePixels};
 use carom_protocol::{
-    Channel, ClientEvent, ClientSession, FrameId, NodeEvent, NodeSession, Packet, PixelFormat,
-    RefusalReason, RequestId, RequestReport, SceneHash, TilesDone, TraceRequest,
+    Channel, ClientEvent, ClientSession, FrameId, NodeEvent, NodeLoad, NodeSession, Packet,
+    PixelFormat, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone, TraceRequest,
 };
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
 use proptest::prelude::*;
@@ -184,6 +184,7 @@ impl Pair {
                 }
             }
             Some(NodeEvent::Scene { hash, scene }) => assert_eq!(SceneHash::of(&scene), hash),
+            Some(NodeEvent::Ping(number)) => self.node.pong(number, NodeLoad::default()),
             None | Some(NodeEvent::Left) => {}
         }
     }
@@ -291,7 +292,7 @@ impl Pair {
                 }
                 ClientEvent::Welcome(_)
                 | ClientEvent::SceneReady(_)
-                | ClientEvent::Pong(_)
+                | ClientEvent::Pong { .. }
                 | ClientEvent::Leaving => {}
                 ClientEvent::SceneComing { percent, .. } => assert!(percent <= 100),
                 ClientEvent::SceneRefused { why, .. } => panic!("{why}"),

@@ -9,7 +9,7 @@ use carom_farm::link::{LinkCommand, LinkEvent};
 use carom_farm::{Balancing, FrameId, FrameSpec, NodeIndex, NodeInfo, PixelFormat};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{PixelPrecision, RequestId, RequestReport, SceneHash, TraceRequest};
+use carom_protocol::{NodeLoad, PixelPrecision, RequestId, RequestReport, SceneHash, TraceRequest};
 use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate};
 use cpu_time::ThreadTime;
 use serde::Serialize;
@@ -34,7 +34,10 @@ pub(super) fn measure(balancing: Balancing) -> DivisionCost {
         for event in [
             ClientEvent::Welcome(info()),
             ClientEvent::SceneReady(HASH),
-            ClientEvent::Pong(1),
+            ClientEvent::Pong {
+                number: 1,
+                load: NodeLoad::default(),
+            },
         ] {
             coordinator.handle(Duration::ZERO, node, LinkEvent::Session(event));
         }

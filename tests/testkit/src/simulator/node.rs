@@ -7,7 +7,7 @@ use std::time::Duration;
 use carom_protocol::limits::{REQUESTS_QUEUED_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{
-    FrameId, NodeTimes, PixelPrecision, Refusal, RefusalReason, RequestId, RequestReport,
+    FrameId, NodeLoad, NodeTimes, PixelPrecision, Refusal, RefusalReason, RequestId, RequestReport,
     SceneHash, TraceRequest,
 };
 use carom_tracer::TileRange;
@@ -131,7 +131,10 @@ impl SimNode {
                 self.scene = Some(hash);
                 vec![NodeOutput::Event(ClientEvent::SceneReady(hash))]
             }
-            LinkCommand::Ping(number) => vec![NodeOutput::Event(ClientEvent::Pong(number))],
+            LinkCommand::Ping(number) => {
+                let load = NodeLoad::default();
+                vec![NodeOutput::Event(ClientEvent::Pong { number, load })]
+            }
             LinkCommand::Leave => vec![NodeOutput::End],
             LinkCommand::Trace(request) => self.queue(now, environment, *request),
             LinkCommand::CancelRequest(run) => self.cancel(|job| job.request.id == run),

@@ -1,5 +1,4 @@
-//! Bodies of the fuzz targets. Plain functions, so that a test of the main
-//! workspace runs them too; each panics if a law is broken.
+//! Messages, sessions and tile payloads from the network.
 
 use std::sync::Arc;
 
@@ -9,7 +8,7 @@ use carom_protocol::limits::REQUESTS_QUEUED_MAX;
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, TileInput};
 use carom_protocol::{
-    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeSession, NodeTimes, Packet,
+    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeLoad, NodeSession, NodeTimes, Packet,
     PixelFormat, PixelPrecision, PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone,
     ToClient, ToNode, TraceRequest,
 };
@@ -17,19 +16,6 @@ use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TileGrid,
     TileRange,
 };
-
-/// A target: its name, its body and inputs to begin from.
-pub type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
-
-/// All targets.
-pub const TARGETS: [Target; 6] = [
-    ("to_node", to_node, to_node_seeds),
-    ("to_client", to_client, to_client_seeds),
-    ("tile_codec", tile_codec, tile_codec_seeds),
-    ("srgb_tiles", srgb_tiles, srgb_tiles_seeds),
-    ("framing", framing, framing_seeds),
-    ("session", session, session_seeds),
-];
 
 /// What decodes can be sent, and then decodes to the same.
 pub fn to_node(bytes: &[u8]) {
@@ -148,7 +134,10 @@ pub fn to_client_seeds() -> Vec<Vec<u8>> {
         ToClient::SceneReady(hash),
         ToClient::Tiles(tiles(1, GRID.all())),
         ToClient::RequestDone(report(1)),
-        ToClient::Pong(7),
+        ToClient::Pong {
+            number: 7,
+            load: NodeLoad::default(),
+        },
         ToClient::SceneComing { bytes: 70_000 },
     ];
     let bytes = messages.iter().map(encode_to_client);
@@ -333,9 +322,13 @@ impl Pair {
         match self.node.handle(packet) {
             Ok(event) => {
                 assert!(!self.node_closed);
-                if let Some(NodeEvent::Trace { request, scene }) = event {
-                    assert_eq!(SceneHash::of(&scene), request.scene);
-                    self.work.push(*request);
+                match event {
+                    Some(NodeEvent::Trace { request, scene }) => {
+                        assert_eq!(SceneHash::of(&scene), request.scene);
+                        self.work.push(*request);
+                    }
+                    Some(NodeEvent::Ping(number)) => self.node.pong(number, NodeLoad::default()),
+                    _ => {}
                 }
             }
             Err(_) => self.node_closed = true,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 fn main() -> io::Result<()> {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
-    for (name, _, seeds) in carom_protocol_fuzz::TARGETS {
+    for (name, _, seeds) in carom_fuzz::TARGETS {
         let folder = corpus.join(name);
         std::fs::create_dir_all(&folder)?;
         for (index, seed) in seeds().iter().enumerate() {

@@ -1,0 +1,27 @@
+//! Bodies of the fuzz targets. Plain functions, so that a test of the main
+//! workspace runs them too; each panics if a law is broken.
+
+mod files;
+mod scenes;
+mod wire;
+
+pub use files::*;
+pub use scenes::*;
+pub use wire::*;
+
+/// A target: its name, its body and inputs to begin from.
+pub type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
+
+/// All targets that crates have in public; `datagrams` is in `fuzz_targets/` alone.
+pub const TARGETS: [Target; 10] = [
+    ("to_node", to_node, to_node_seeds),
+    ("to_client", to_client, to_client_seeds),
+    ("tile_codec", tile_codec, tile_codec_seeds),
+    ("srgb_tiles", srgb_tiles, srgb_tiles_seeds),
+    ("framing", framing, framing_seeds),
+    ("session", session, session_seeds),
+    ("scene_json", scene_json, scene_json_seeds),
+    ("traced_scene", traced_scene, traced_scene_seeds),
+    ("recording", recording, recording_seeds),
+    ("match_save", match_save, match_save_seeds),
+];
