@@ -45,6 +45,10 @@ pub(crate) struct NodeArgs {
     /// Use this many CPU threads; 0 means one per core
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=1024))]
     threads: u16,
+    /// Give each player at most this many seconds of the devices an hour [default: as many as nobody else
+    /// asks for]
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..))]
+    player_seconds: Option<u32>,
     /// Answer GET /healthz, /readyz and /metrics and POST /drain by HTTP at this address, e.g.
     /// 127.0.0.1:8433; without a key, so keep it from strangers
     #[arg(long, value_name = "HOST:PORT", value_parser = inputs::listen_address)]
@@ -74,7 +78,7 @@ pub(crate) fn run(args: &NodeArgs, log: LogFormat) -> Result<(), Failure> {
     let device = tracer.info().name;
     let counters = Arc::<NodeCounters>::default();
     let tracer = MeteredTracer::new(tracer, Arc::clone(&counters));
-    let node = Node::new(credentials.name(), Arc::new(tracer));
+    let node = args.node(credentials.name(), tracer);
     let name = credentials.name().to_owned();
     let listening = NodeState::Listening.word();
     let address = server.local_addr()?;
@@ -152,6 +156,14 @@ fn forbid_core_dumps() {
 fn forbid_core_dumps() {}
 
 impl NodeArgs {
+    fn node(&self, name: &str, tracer: MeteredTracer) -> Arc<Node> {
+        let node = Node::new(name, Arc::new(tracer));
+        if let Some(secs_per_hour) = self.player_seconds {
+            node.set_player_quota(f64::from(secs_per_hour));
+        }
+        node
+    }
+
     fn registry(&self) -> Result<Option<Box<dyn Registry>>, Failure> {
         let Some(directory) = &self.register else {
             return Ok(None);

@@ -12,6 +12,7 @@
 mod bitrate_control;
 mod client_connection;
 mod connection;
+mod device_quota;
 mod fair_queue;
 mod load_meter;
 mod queue;
@@ -58,6 +59,12 @@ impl Node {
             tracer,
             queue,
         })
+    }
+
+    /// Gives each player at most `secs_per_hour` of the device, above 0, even where nobody else asks for it; without
+    /// this players that ask share all of it. Requests above are refused with a sentence.
+    pub fn set_player_quota(&self, secs_per_hour: f64) {
+        self.queue.set_quota(secs_per_hour);
     }
 
     /// The node's name and device; the device's name includes the reason of a failure.

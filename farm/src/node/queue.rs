@@ -18,6 +18,7 @@ use carom_protocol::{NodeLoad, SceneHash, TraceRequest};
 use carom_tracer::{CompiledScene, Error, Scene, TileRange};
 
 use super::client_connection::ClientConnection;
+use super::device_quota::DeviceQuota;
 use super::fair_queue::{FairQueue, PlayerId};
 use super::load_meter::LoadMeter;
 
@@ -107,6 +108,7 @@ struct QueueState {
     /// The turns that workers are at.
     running: Vec<RunningTurn>,
     load: LoadMeter,
+    quota: Option<DeviceQuota>,
     workers: usize,
     closed: bool,
 }
@@ -147,6 +149,11 @@ impl JobQueue {
             scenes: Mutex::default(),
             last_done: Mutex::default(),
         }
+    }
+
+    /// Gives each player but that of this process at most so many seconds of the device an hour.
+    pub(super) fn set_quota(&self, secs_per_hour: f64) {
+        lock(&self.state).quota = Some(DeviceQuota::new(secs_per_hour));
     }
 
     pub(super) fn push(&self, job: NodeJob) {
@@ -240,7 +247,11 @@ impl JobQueue {
         let mut state = lock(&self.state);
         let player = turn.job.client.player;
         state.jobs.charge(player, took.as_secs_f64());
-        state.load.note(Instant::now(), player, took);
+        let now = Instant::now();
+        state.load.note(now, player, took);
+        if let Some(quota) = &mut state.quota {
+            quota.charge(now, player, took.as_secs_f64());
+        }
         state
             .running
             .retain(|running| !Arc::ptr_eq(&running.stop, &turn.stop));
@@ -343,6 +354,12 @@ impl QueueState {
     fn work(&mut self, job: &NodeJob, next: TileRange) -> Option<TurnWork> {
         if job.client.player == PlayerId::LOCAL {
             return self.take(next.count);
+        }
+        let quota = self.quota.as_mut();
+        if let Some(why) = quota.and_then(|quota| quota.refusal(Instant::now(), job.client.player))
+        {
+            self.jobs.next_mut()?.pop_front();
+            return Some(TurnWork::Refuse(why));
         }
         let Some(cost) = self.cost(job) else {
             return Some(TurnWork::Probe);
@@ -666,6 +683,27 @@ mod tests {
             };
             assert_eq!(traced(&queue), (PlayerId::LOCAL, frame, whole));
         }
+    }
+
+    #[test]
+    fn a_player_that_has_had_its_hour_is_refused_and_others_are_not() {
+        let queue = Arc::new(JobQueue::new());
+        queue.set_quota(2.5 * SLICE_SECS);
+        let [near_id, far_id] = [b"near", b"far!"].map(|key| PlayerId::of_key(key));
+        let (mut near, mut far) = (
+            Requester::new(&queue, near_id),
+            Requester::new(&queue, far_id),
+        );
+        near.request(1, 1);
+        price(&queue, 1e-6, 1);
+        for _ in 0..3 {
+            assert_eq!(traced(&queue).0, near_id);
+            near.request(1, 1);
+        }
+        let why = refused(&queue);
+        assert!(why.contains("ask again in"), "{why}");
+        far.request(1, 1);
+        assert_eq!(traced(&queue).0, far_id);
     }
 
     #[test]

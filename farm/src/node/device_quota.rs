@@ -1,0 +1,124 @@
+//! Quota of device time: what a player may have of a node in an hour, even where nobody else asks for it.
+
+use std::time::Instant;
+
+use super::fair_queue::PlayerId;
+
+/// A token bucket of device seconds for each player: it holds those of an hour, and fills in an hour.
+#[derive(Debug)]
+pub(super) struct DeviceQuota {
+    secs_per_hour: f64,
+    /// Players whose buckets were not full when they were last looked at.
+    buckets: Vec<Bucket>,
+}
+
+#[derive(Debug)]
+struct Bucket {
+    player: PlayerId,
+    left_secs: f64,
+    filled: Instant,
+}
+
+impl DeviceQuota {
+    /// Full buckets for everybody.
+    pub(super) const fn new(secs_per_hour: f64) -> Self {
+        Self {
+            secs_per_hour,
+            buckets: Vec::new(),
+        }
+    }
+
+    /// Takes what a player has had of the device.
+    pub(super) fn charge(&mut self, now: Instant, player: PlayerId, secs: f64) {
+        let (all_secs, per_sec) = (self.secs_per_hour, self.per_sec());
+        for bucket in &mut self.buckets {
+            bucket.fill(now, all_secs, per_sec);
+        }
+        self.buckets.retain(|bucket| bucket.left_secs < all_secs);
+        let of_player = self
+            .buckets
+            .iter_mut()
+            .find(|bucket| bucket.player == player);
+        match of_player {
+            Some(bucket) => bucket.left_secs -= secs,
+            None => self.buckets.push(Bucket {
+                player,
+                left_secs: all_secs - secs,
+                filled: now,
+            }),
+        }
+    }
+
+    /// The sentence for a player that has had all.
+    pub(super) fn refusal(&mut self, now: Instant, player: PlayerId) -> Option<String> {
+        let (all_secs, per_sec) = (self.secs_per_hour, self.per_sec());
+        let bucket = self
+            .buckets
+            .iter_mut()
+            .find(|bucket| bucket.player == player)?;
+        bucket.fill(now, all_secs, per_sec);
+        (bucket.left_secs < 0.0).then(|| {
+            // With something to spare, so that who comes back then is not refused at once.
+            let pause_secs = (1.0 - bucket.left_secs) / per_sec;
+            format!(
+                "this node gives each player {all_secs} s of its device an hour, and you have had yours: ask \
+                 again in {pause_secs:.0} s, or ask its operator for more (`carom-farm node --player-seconds`)"
+            )
+        })
+    }
+
+    fn per_sec(&self) -> f64 {
+        self.secs_per_hour / HOUR_SECS
+    }
+}
+
+impl Bucket {
+    fn fill(&mut self, now: Instant, all_secs: f64, per_sec: f64) {
+        let since = now.saturating_duration_since(self.filled);
+        self.left_secs = (self.left_secs + since.as_secs_f64() * per_sec).min(all_secs);
+        self.filled = now;
+    }
+}
+
+const HOUR_SECS: f64 = 3600.0;
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_player_has_its_seconds_each_hour_and_no_more() {
+        let [near, far] = [1, 2].map(|number: u8| PlayerId::of_key(&[number]));
+        let mut now = Instant::now();
+        let mut quota = DeviceQuota::new(60.0);
+        let mut had_secs = 0.0;
+        // A hungry player, for three hours.
+        for _ in 0..3 * 3600 {
+            now += Duration::from_secs(1);
+            if quota.refusal(now, near).is_none() {
+                quota.charge(now, near, 0.05);
+                had_secs += 0.05;
+            }
+        }
+        assert!((239.0..241.0).contains(&had_secs), "{had_secs}");
+        quota.charge(now, near, 2.0);
+        let why = quota.refusal(now, near).expect("it has had all");
+        assert!(why.contains("60 s of its device"), "{why}");
+        assert_eq!(quota.refusal(now, far), None, "others are not concerned");
+        now += Duration::from_secs(240);
+        assert_eq!(quota.refusal(now, near), None);
+    }
+
+    #[test]
+    fn players_with_full_buckets_are_forgotten() {
+        let mut now = Instant::now();
+        let mut quota = DeviceQuota::new(60.0);
+        for number in 0..1000_u32 {
+            now += Duration::from_secs(3600);
+            quota.charge(now, PlayerId::of_key(&number.to_le_bytes()), 60.0);
+            assert_eq!(quota.buckets.len(), 1);
+        }
+    }
+}
