@@ -149,8 +149,8 @@ impl Still {
         self
     }
 
-    /// Kept in a file at most every `period`, and when the job is cancelled; goes on from the file if
-    /// there is one. Once the picture is saved the file is of no use: [`Picture::remove_checkpoint`].
+    /// Kept in a file at most every `period`, and when the job is cancelled or fails; goes on from the file
+    /// if there is one. Once the picture is saved the file is of no use: [`Picture::remove_checkpoint`].
     #[must_use]
     pub fn checkpoint(mut self, path: impl Into<PathBuf>, period: Duration) -> Self {
         self.checkpoint = Some((path.into(), period));
@@ -301,9 +301,23 @@ struct StillRun {
 
 impl StillRun {
     fn run(mut self, cancelled: &Canceller) -> Result<Picture, Error> {
+        if let Err(why) = self.trace(cancelled) {
+            return Err(self.interrupt(why)?);
+        }
+        let layers = if self.still.has_layers {
+            trace_aovs(&self.scene.scene, &self.still.spec)?
+        } else {
+            Vec::new()
+        };
+        let picture = Picture::new(self.film, layers, self.still.exposure);
+        Ok(picture.with_checkpoint(self.checkpoint))
+    }
+
+    fn trace(&mut self, cancelled: &Canceller) -> Result<(), Error> {
         while !self.render.is_done() {
             if cancelled.is_cancelled() {
-                return Err(self.interrupt()?);
+                let samples_done = self.render.samples_done();
+                return Err(Error::Cancelled { samples_done });
             }
             self.render
                 .submit_through(&mut self.submitter, &self.scene)?;
@@ -321,13 +335,7 @@ impl StillRun {
             };
             self.report(stats);
         }
-        let layers = if self.still.has_layers {
-            trace_aovs(&self.scene.scene, &self.still.spec)?
-        } else {
-            Vec::new()
-        };
-        let picture = Picture::new(self.film, layers, self.still.exposure);
-        Ok(picture.with_checkpoint(self.checkpoint))
+        Ok(())
     }
 
     fn report(&mut self, frame: Option<FrameStats>) {
@@ -350,12 +358,13 @@ impl StillRun {
         *self.progress.lock().unwrap_or_else(PoisonError::into_inner) = progress;
     }
 
-    fn interrupt(&mut self) -> Result<Error, Error> {
-        let samples_done = self.render.samples_done();
-        if let (Some(checkpoint), true) = (&mut self.checkpoint, samples_done > 0) {
+    /// Keeps what was traced until `why`, which it returns.
+    fn interrupt(&mut self, why: Error) -> Result<Error, Error> {
+        let has_samples = self.render.samples_done() > 0;
+        if let (Some(checkpoint), true) = (&mut self.checkpoint, has_samples) {
             checkpoint.write(&self.film)?;
         }
-        Ok(Error::Cancelled { samples_done })
+        Ok(why)
     }
 }
 

@@ -156,7 +156,7 @@ fn trace(
     let traced = wait(job, args.spp, &interrupted);
     let summary = totals.summary(begun.elapsed(), &farm.nodes());
     drop(farm);
-    if matches!(&traced, Err(carom_farm::Error::Cancelled { samples_done }) if *samples_done > 0) {
+    if traced.is_err() && checkpoint.exists() {
         let path = checkpoint.display();
         eprintln!("carom-farm: run the same command again to resume from {path}");
     }

@@ -69,3 +69,25 @@ fn stills_and_live_views_end_with_the_sentence() {
     };
     assert!(matches!(error, Error::FrameRefused(_)), "{error}");
 }
+
+#[test]
+fn a_still_that_is_refused_halfway_keeps_what_was_traced() {
+    let folder = tempfile::tempdir().unwrap();
+    let kept = folder.path().join("kept");
+    let still = || {
+        let still = Still::new(64, 36).samples(8).frame_samples(1);
+        still.checkpoint(&kept, Duration::from_secs(3600))
+    };
+    let mut sound = farm(vec![PatternTracer::new()]);
+    let refuses_later = PatternTracer::new().with_fault(DeviceFault::Refusal, 40);
+    let mut refusing = farm(vec![refuses_later]);
+    let why = refusing.render(&scene(), still()).map(drop).unwrap_err();
+    assert!(matches!(why, Error::FrameRefused(_)), "{why}");
+    let job = sound.still(&scene(), still()).unwrap();
+    let resumed = job.resumed_samples();
+    assert!((1..8).contains(&resumed), "{resumed} samples");
+    let picture = job.wait().unwrap();
+    let alone = Still::new(64, 36).samples(8).frame_samples(1);
+    let alone = sound.render(&scene(), alone).unwrap();
+    assert_eq!(picture.image().pixels, alone.image().pixels);
+}
