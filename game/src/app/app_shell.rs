@@ -343,6 +343,7 @@ impl AppShell {
         if *self.input.bindings() != self.store.settings.bindings {
             self.input = Input::new(self.store.settings.bindings.clone());
         }
+        self.input.set_mouse(self.store.settings.mouse);
         session.set_paused(self.menu.page().is_some(), now_secs);
         let is_over = session.is_over();
         if is_over && !self.has_result {

@@ -54,6 +54,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     session.set_engine(chosen.physics);
     session.set_quality_preference(chosen.quality);
     session.set_aids(chosen.aim_aids);
+    session.set_ball_marks(chosen.ball_marks);
     session.set_instant_camera(chosen.reduced_motion);
     if let Some(folder) = &args.record {
         session.record(ShotRecorder::new(folder.clone())?);
@@ -270,6 +271,7 @@ impl App {
         self.session.set_engine(now.physics);
         self.session.set_quality_preference(now.quality);
         self.session.set_aids(now.aim_aids);
+        self.session.set_ball_marks(now.ball_marks);
         self.session.set_instant_camera(now.reduced_motion);
         if now.style() != before.style()
             && let Err(error) = self.session.set_style(now.style())

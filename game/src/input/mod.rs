@@ -92,10 +92,34 @@ impl Button {
     }
 }
 
+/// How the mouse turns the aim and the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MouseSettings {
+    /// How far, over what is usual, [`MouseSettings::SPEED`].
+    pub speed: f64,
+    /// Whether the camera looks up when the mouse is drawn towards the player.
+    pub inverts_pitch: bool,
+}
+
+impl MouseSettings {
+    /// The slowest and the fastest.
+    pub const SPEED: [f64; 2] = [0.2, 5.0];
+}
+
+impl Default for MouseSettings {
+    fn default() -> Self {
+        Self {
+            speed: 1.0,
+            inverts_pitch: false,
+        }
+    }
+}
+
 /// What is bound, what is held, and since where.
 #[derive(Clone, Debug, Default)]
 pub struct Input {
     bindings: Bindings,
+    mouse: MouseSettings,
     mode: BindingContext,
     pointer: Option<DVec2>,
     hold: Option<Hold>,
@@ -142,6 +166,11 @@ impl Input {
             bindings,
             ..Self::default()
         }
+    }
+
+    /// Sets how the mouse turns the aim and the camera; nothing that is held is let go.
+    pub fn set_mouse(&mut self, mouse: MouseSettings) {
+        self.mouse = mouse;
     }
 
     /// What is bound to what.
@@ -210,15 +239,20 @@ impl Input {
                 StrokeIntent::Swing(moved.y * SWING_M_PER_POINT * precision),
             )),
             Some(hold) if hold.action == Action::Orbit => {
+                let MouseSettings {
+                    speed,
+                    inverts_pitch,
+                } = self.mouse;
+                let upright = if inverts_pitch { -1.0 } else { 1.0 };
                 Some(Intent::Camera(CameraIntent::Orbit {
-                    yaw_rad: -moved.x * ORBIT_RAD_PER_POINT,
-                    pitch_rad: moved.y * ORBIT_RAD_PER_POINT,
+                    yaw_rad: -moved.x * ORBIT_RAD_PER_POINT * speed,
+                    pitch_rad: moved.y * ORBIT_RAD_PER_POINT * speed * upright,
                 }))
             }
             Some(_) => None,
             None if self.is_carrying => Some(Intent::Match(MatchIntent::Point(at))),
             None => {
-                let turn = -moved.x * AIM_RAD_PER_POINT * precision;
+                let turn = -moved.x * AIM_RAD_PER_POINT * self.mouse.speed * precision;
                 (turn != 0.0).then_some(Intent::Aim(AimIntent::Turn(turn)))
             }
         }

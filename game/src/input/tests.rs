@@ -281,3 +281,35 @@ fn the_wheel_zooms_by_its_notches() {
         Action::ZoomOut.intent(2.0)
     );
 }
+
+#[test]
+fn the_mouse_turns_as_far_and_as_the_settings_say() {
+    let moved = |mouse| {
+        let mut input = Input::default();
+        input.set_mouse(mouse);
+        let orbit = |pressed| Event::Button {
+            button: Button::Right,
+            pressed,
+        };
+        let from = DVec2::new(100.0, 100.0);
+        input.handle(Event::Pointer(from));
+        let aimed = input.handle(Event::Pointer(from + DVec2::new(10.0, 0.0)));
+        input.handle(orbit(true));
+        let orbited = input.handle(Event::Pointer(from + DVec2::new(10.0, 20.0)));
+        match (aimed, orbited) {
+            (
+                Some(Intent::Aim(AimIntent::Turn(turn))),
+                Some(Intent::Camera(CameraIntent::Orbit { pitch_rad, .. })),
+            ) => [turn, pitch_rad],
+            other => panic!("{other:?}"),
+        }
+    };
+    let [turn, pitch] = moved(MouseSettings::default());
+    let quick = MouseSettings {
+        speed: 2.5,
+        inverts_pitch: true,
+    };
+    let [quick_turn, quick_pitch] = moved(quick);
+    assert!((quick_turn - 2.5 * turn).abs() < 1e-12);
+    assert!((quick_pitch + 2.5 * pitch).abs() < 1e-12);
+}

@@ -49,7 +49,7 @@ use cue::SWING_SECS;
 use cue_clearance::CueClearance;
 pub use cue_clearance::cue_of_shot;
 pub use shot_clock::ShotClock;
-pub use shot_preview::{AimAids, BallPath, ShotPreview};
+pub use shot_preview::{AimAids, BallMarks, BallPath, ShotPreview};
 use stroke_input::{StrokeInput, SwingInput};
 
 /// A match, and how it is looked at.

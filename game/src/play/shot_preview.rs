@@ -18,6 +18,16 @@ pub enum AimAids {
     Full,
 }
 
+/// Which balls are marked on the cloth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum BallMarks {
+    /// Balls that may be hit first are ringed, where not all may
+    #[default]
+    Legal,
+    /// No ball is marked
+    Off,
+}
+
 impl AimAids {
     /// All, from least to most.
     pub const ALL: [Self; 4] = [Self::Off, Self::Line, Self::Ghost, Self::Full];

@@ -7,7 +7,7 @@ use toml_edit::{Array, InlineTable, Value};
 
 use super::Settings;
 use crate::camera::{Viewpoint, wrap_rad};
-use crate::input::{ACTIONS, Action, Bindings, Trigger};
+use crate::input::{ACTIONS, Action, Bindings, MouseSettings, Trigger};
 use crate::{KeysFault, SettingFault};
 
 /// A line of the settings file.
@@ -50,6 +50,9 @@ pub const FIELDS: &[SettingsField] = &[
     field("game", "cloth", |s| name(&s.cloth), |s, v| choice(v).map(|x| s.cloth = x)),
     field("game", "ball-set", |s| name(&s.ball_set), |s, v| choice(v).map(|x| s.ball_set = x)),
     field("game", "physics", |s| s.physics.to_string().into(), |s, v| engine(v).map(|x| s.physics = x)),
+    field("game", "ball-marks", |s| name(&s.ball_marks), |s, v| choice(v).map(|x| s.ball_marks = x)),
+    field("controls", "mouse-speed", |s| s.mouse.speed.into(), |s, v| number(v, MouseSettings::SPEED).map(|x| s.mouse.speed = x)),
+    field("controls", "invert-pitch", |s| s.mouse.inverts_pitch.into(), |s, v| switch(v).map(|on| s.mouse.inverts_pitch = on)),
     field("picture", "quality", |s| name(&s.quality), |s, v| choice(v).map(|x| s.quality = x)),
     field("views", "view-1", |s| view(s.views[0]), |s, v| seen(v).map(|at| s.views[0] = at)),
     field("views", "view-2", |s| view(s.views[1]), |s, v| seen(v).map(|at| s.views[1] = at)),

@@ -23,8 +23,8 @@ use carom_billiards::physics::Engine;
 
 use crate::camera::{SAVED_MAX, Viewpoint};
 use crate::frame::quality::QualityPreference;
-use crate::input::Bindings;
-use crate::play::AimAids;
+use crate::input::{Bindings, MouseSettings};
+use crate::play::{AimAids, BallMarks};
 use crate::scene::ball_materials::BallSet;
 use crate::scene::table_style::{ClothColour, TableStyle};
 use crate::ui::lessons::Lesson;
@@ -56,6 +56,10 @@ pub struct Settings {
     pub volume: f64,
     /// Views that the player has saved, by their places.
     pub views: [Option<Viewpoint>; SAVED_MAX],
+    /// Which balls are marked.
+    pub ball_marks: BallMarks,
+    /// How the mouse turns the aim and the camera.
+    pub mouse: MouseSettings,
     /// Which key does what.
     pub bindings: Bindings,
 }
@@ -92,6 +96,8 @@ impl Default for Settings {
             quality: QualityPreference::default(),
             volume: 0.7,
             views: [None; SAVED_MAX],
+            ball_marks: BallMarks::default(),
+            mouse: MouseSettings::default(),
             bindings: Bindings::default(),
         }
     }

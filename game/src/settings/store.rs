@@ -316,6 +316,11 @@ mod tests {
             quality: crate::frame::quality::QualityPreference::Fine,
             volume: 0.0,
             views: [Some(a_view()), None, None, Some(a_view())],
+            ball_marks: crate::play::BallMarks::Off,
+            mouse: crate::input::MouseSettings {
+                speed: 0.4,
+                inverts_pitch: true,
+            },
             bindings,
         };
         store.save().unwrap();

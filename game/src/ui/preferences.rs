@@ -6,6 +6,7 @@ use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
 use super::page::{MenuInput, Page};
 use super::theme;
+use crate::input::MouseSettings;
 use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table};
 
 /// Draws the settings and changes them; returns the page that was asked for.
@@ -25,11 +26,13 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
                     picture(ui, &mut store.settings, input);
                     interface(ui, &mut store.settings);
                     sound(ui, &mut store.settings, input);
+                    mouse(ui, &mut store.settings.mouse);
                     ui.label("Keys");
                     if ui.button("Change the controls").clicked() {
                         wanted = Some(Page::Keys);
                     }
                     ui.end_row();
+                    advanced(ui, &mut store.settings);
                 });
             for warning in store.warnings() {
                 ui.label(RichText::new(warning).color(theme::ALARM));
@@ -54,23 +57,9 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
 
 fn game(ui: &mut Ui, settings: &mut Settings) {
     choice(ui, "Aim aids", &mut settings.aim_aids);
+    choice(ui, "Marked balls", &mut settings.ball_marks);
     choice(ui, "Balls", &mut settings.ball_set);
     choice(ui, "Cloth", &mut settings.cloth);
-    ui.label("Physics");
-    ui.vertical(|ui| {
-        ui.horizontal_wrapped(|ui| {
-            for name in ENGINES {
-                let engine: Engine = name.parse().unwrap_or_default();
-                ui.selectable_value(&mut settings.physics, engine, name)
-                    .on_hover_ui(|ui| {
-                        let table = RichText::new(engine_cost_table()).monospace();
-                        ui.add(egui::Label::new(table).extend());
-                    });
-            }
-        });
-        explain(ui, &engine_cost(&settings.physics));
-    });
-    ui.end_row();
 }
 
 fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
@@ -120,6 +109,41 @@ fn sound(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
             settings.volume = f64::from(percent) / 100.0;
         }
         explain(ui, input.sound);
+    });
+    ui.end_row();
+}
+
+fn advanced(ui: &mut Ui, settings: &mut Settings) {
+    ui.label("Advanced: physics");
+    ui.vertical(|ui| {
+        ui.horizontal_wrapped(|ui| {
+            for name in ENGINES {
+                let engine: Engine = name.parse().unwrap_or_default();
+                ui.selectable_value(&mut settings.physics, engine, name)
+                    .on_hover_ui(|ui| {
+                        let table = RichText::new(engine_cost_table()).monospace();
+                        ui.add(egui::Label::new(table).extend());
+                    });
+            }
+        });
+        explain(ui, &engine_cost(&settings.physics));
+    });
+    ui.end_row();
+}
+
+fn mouse(ui: &mut Ui, mouse: &mut MouseSettings) {
+    ui.label("Mouse");
+    ui.vertical(|ui| {
+        let [min, max] = MouseSettings::SPEED.map(|speed| (100.0 * speed) as i32);
+        let mut percent = (100.0 * mouse.speed).round() as i32;
+        let slider = Slider::new(&mut percent, min..=max)
+            .logarithmic(true)
+            .suffix(" %")
+            .text("Speed");
+        if ui.add(slider).changed() {
+            mouse.speed = f64::from(percent) / 100.0;
+        }
+        ui.checkbox(&mut mouse.inverts_pitch, "Invert the camera's up and down");
     });
     ui.end_row();
 }

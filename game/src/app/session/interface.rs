@@ -11,6 +11,7 @@ use crate::capture::replay::ReplayCommand;
 use crate::frame::farm_startup::FarmState;
 use crate::frame::quality::QUALITY_LEVELS;
 use crate::input::Bindings;
+use crate::play::BallMarks;
 use crate::ui;
 use crate::ui::layout::{Layout, Panels};
 use crate::ui::stats::{StatsCommand, StatsInput};
@@ -119,7 +120,7 @@ impl GameSession {
             overlay.carried(ball_in_hand.at, ball_in_hand.verdict.is_ok());
             return;
         }
-        if self.game.may_play() {
+        if self.game.may_play() && self.ball_marks == BallMarks::Legal {
             let view = self.game.match_view();
             let positions = self.game.contest().ball_positions();
             let objects = positions.iter().filter(|p| p.ball != 0);

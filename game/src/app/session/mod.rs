@@ -25,7 +25,7 @@ use crate::frame::farm_startup::FarmState;
 use crate::frame::pipeline::FramePipeline;
 use crate::frame::quality::QualityPreference;
 use crate::input::{AimIntent, MatchIntent, PracticeIntent, ReplayIntent, StrokeIntent};
-use crate::play::{AimAids, CueView, Game, ShotClock};
+use crate::play::{AimAids, BallMarks, CueView, Game, ShotClock};
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::TableStyle;
 use crate::ui::match_hud::MatchHud;
@@ -59,6 +59,7 @@ pub struct GameSession {
     was_thinking: bool,
     is_dirty: bool,
     is_hidden: bool,
+    ball_marks: BallMarks,
 }
 
 impl GameSession {
@@ -91,6 +92,7 @@ impl GameSession {
             was_thinking: false,
             is_dirty: true,
             is_hidden: false,
+            ball_marks: BallMarks::default(),
         })
     }
 
@@ -270,6 +272,12 @@ impl GameSession {
     /// Shows more or less of the shot to come.
     pub fn set_aids(&mut self, aids: AimAids) {
         self.game.set_aids(aids);
+        self.is_dirty = true;
+    }
+
+    /// Sets which balls are marked.
+    pub fn set_ball_marks(&mut self, marks: BallMarks) {
+        self.ball_marks = marks;
         self.is_dirty = true;
     }
 
