@@ -116,6 +116,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
             "tracer/src/simd.rs",
             "tracer/src/denoise/",
             "protocol/src/tile_codec/",
+            "game/mpm/src/",
         ],
     ),
     (&["zstd"], &["protocol/"]),
@@ -133,6 +134,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         ],
     ),
     (&["carom_billiards"], &["game/", "tests/"]),
+    (&["carom_mpm"], &["game/", "tests/"]),
     (&["carom_protocol"], &["protocol/", "farm/", "tests/"]),
     (
         &["carom::"],
@@ -198,7 +200,14 @@ fn dependencies_point_one_way() {
 /// Dev-dependencies may name the test kit: cargo leaves them out of every build but that of tests.
 #[test]
 fn product_depends_on_no_bench_or_test_kit() {
-    for folder in ["tracer", "protocol", "farm", "game", "game/billiards"] {
+    for folder in [
+        "tracer",
+        "protocol",
+        "farm",
+        "game",
+        "game/billiards",
+        "game/mpm",
+    ] {
         let manifest = fs::read_to_string(root().join(folder).join("Cargo.toml")).expect(folder);
         let product = manifest.split("[dev-dependencies]").next().expect("a part");
         for package in ["carom-bench", "carom-testkit", "plotters"] {
@@ -207,6 +216,19 @@ fn product_depends_on_no_bench_or_test_kit() {
                 "{folder}/Cargo.toml depends on {package}"
             );
         }
+    }
+}
+
+#[test]
+fn particles_depend_on_no_other_package() {
+    let folder = root().join("game/mpm");
+    let manifest = fs::read_to_string(folder.join("Cargo.toml")).expect("a manifest");
+    for line in manifest.lines() {
+        let is_ours = line.starts_with("carom") && !line.starts_with("carom-mpm");
+        assert!(
+            !is_ours && !line.starts_with("rapier"),
+            "game/mpm/Cargo.toml: {line}"
+        );
     }
 }
 

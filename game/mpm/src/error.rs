@@ -1,0 +1,96 @@
+//! The crate's error: what was wrong, with its value, and what would be right.
+
+use glam::Vec3;
+
+/// The crate's result.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// A request that cannot be carried out. The simulation is as it was before it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A number of settings, material, body or step is out of range.
+    #[error("the {quantity} is {value}: it must be from {min:e} to {max:e}")]
+    OutOfRange {
+        /// Its name and unit.
+        quantity: &'static str,
+        /// What it is.
+        value: f64,
+        /// The least.
+        min: f64,
+        /// The most.
+        max: f64,
+    },
+    /// A place, a speed or a deformation is no number or infinite.
+    #[error("the {quantity} {value} is not finite: check what computed it")]
+    NotFinite {
+        /// Its name.
+        quantity: &'static str,
+        /// What it is.
+        value: Vec3,
+    },
+    /// A region holds not one particle.
+    #[error(
+        "the region holds no particle: it must be wider than {spacing_m} m, the distance of \
+         particles, or the cells must be smaller"
+    )]
+    EmptyRegion {
+        /// Between neighbouring particles, in m.
+        spacing_m: f32,
+    },
+    /// More particles than a simulation may have.
+    #[error("{particles} particles are more than {max}: use larger cells or a smaller region")]
+    TooManyParticles {
+        /// How many there would be.
+        particles: usize,
+        /// The most.
+        max: usize,
+    },
+    /// A particle is so far away that its cell has no number.
+    #[error("a particle at {position_m} m is out of reach: remove it with `retain`")]
+    OutOfReach {
+        /// In m.
+        position_m: Vec3,
+    },
+    /// A step would take more substeps than allowed.
+    #[error(
+        "a step of {duration_secs} s takes {substeps} substeps of {substep_secs:e} s, more than \
+         {max}: step less, or use larger cells or softer materials"
+    )]
+    TooManySubsteps {
+        /// Of the step, in s.
+        duration_secs: f64,
+        /// How many it would take.
+        substeps: f64,
+        /// The longest stable one, in s.
+        substep_secs: f64,
+        /// The most.
+        max: u32,
+    },
+    /// Velocities grew past all numbers.
+    #[error("the simulation diverged: lower `Settings::courant`, now {courant}, and start again")]
+    Diverged {
+        /// As it was set.
+        courant: f32,
+    },
+}
+
+/// Refuses a number that is not in a closed range.
+pub(crate) fn check_range(quantity: &'static str, value: f64, min: f64, max: f64) -> Result<()> {
+    if (min..=max).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::OutOfRange {
+        quantity,
+        value,
+        min,
+        max,
+    })
+}
+
+/// Refuses a vector with a component that is not finite.
+pub(crate) fn check_finite(quantity: &'static str, value: Vec3) -> Result<()> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    Err(Error::NotFinite { quantity, value })
+}

@@ -1,0 +1,148 @@
+//! Grid: momentum becomes velocity, free fall acts, and obstacles stop what moves into them.
+
+use glam::{DVec3, Vec3};
+
+use crate::body::{Bodies, Grip, Obstacle};
+use crate::coupling::Contact;
+use crate::storage::{ABSENT, BLOCK_EDGE, BLOCK_NODES, NodeBlock, ParticleBlock};
+use crate::tile::for_each_row;
+
+/// Mass of a node under which it counts as empty, in kg: its momentum is nothing but rounding.
+const NODE_MASS_MIN: f32 = 1e-30;
+
+/// Distance from a surface, in cells, up to which a node counts as inside: material then ends, by
+/// the mean over where the surface lies between nodes, at the surface.
+const SURFACE_CELLS: f64 = 0.499;
+
+/// The same for balls, whose surface water flows into between nodes: measured, so that a ball of
+/// five cells' radius floats within 5 % of the depth of Archimedes.
+const BALL_SURFACE_CELLS: f64 = 0.8;
+
+/// From the middle of a node block's nodes to what can touch one of them, in cells: half of the
+/// diagonal of the nodes and half a cell.
+pub(crate) const REACH_CELLS: f64 = 3.2;
+
+/// What the grid needs of a substep.
+#[derive(Clone, Copy)]
+pub(crate) struct GridStep<'a> {
+    pub(crate) blocks: &'a [ParticleBlock],
+    pub(crate) bodies: &'a Bodies,
+    pub(crate) cell_size_m: f64,
+    /// Gain of velocity by free fall over the substep, in m/s.
+    pub(crate) fall: Vec3,
+}
+
+/// Adds up the tiles around a node block and finds its nodes' velocities after the substep, but for
+/// those inside of balls, which become contacts.
+#[inline(always)]
+pub(crate) fn update(node: &mut NodeBlock, step: GridStep) {
+    let center = (node.coordinate.as_dvec3() + 0.375) * f64::from(BLOCK_EDGE) * step.cell_size_m;
+    let reach = REACH_CELLS * step.cell_size_m;
+    let is_near = |obstacle: &&Obstacle| obstacle.distance(center).0 < reach;
+    let obstacles: Vec<&Obstacle> = step.bodies.obstacles.iter().filter(is_near).collect();
+    let balls: Vec<usize> = (0..step.bodies.balls.len())
+        .filter(|ball| {
+            let ball = &step.bodies.balls[*ball];
+            center.distance(ball.position) < ball.radius_m + reach
+        })
+        .collect();
+    let friction = add_tiles(
+        node,
+        step.blocks,
+        !obstacles.is_empty() || !balls.is_empty(),
+    );
+    node.contacts.clear();
+    for index in 0..BLOCK_NODES {
+        let [x, y, z, mass] = node.values[index];
+        if mass < NODE_MASS_MIN {
+            node.values[index] = [0.0; 4];
+            continue;
+        }
+        let mut velocity = Vec3::new(x, y, z) / mass + step.fall;
+        if !obstacles.is_empty() || !balls.is_empty() {
+            let place = place(node, index, step.cell_size_m);
+            let friction = friction[index] / mass;
+            for obstacle in &obstacles {
+                velocity = stop(obstacle, place, velocity, friction, step.cell_size_m);
+            }
+            for ball in &balls {
+                let ball_state = &step.bodies.balls[*ball];
+                let arm = place - ball_state.position;
+                let reach = ball_state.radius_m + BALL_SURFACE_CELLS * step.cell_size_m;
+                if arm.length_squared() < reach * reach {
+                    node.contacts
+                        .push(Contact::new(index, *ball, arm, mass, friction));
+                }
+            }
+        }
+        node.values[index] = velocity.extend(0.0).into();
+    }
+}
+
+/// Where a node is, in m.
+pub(crate) fn place(node: &NodeBlock, index: usize, cell_size_m: f64) -> DVec3 {
+    let local = [index / 16, index / 4 % 4, index % 4].map(|i| i as f64);
+    (node.coordinate.as_dvec3() * f64::from(BLOCK_EDGE) + DVec3::from(local)) * cell_size_m
+}
+
+/// The velocity that an obstacle leaves to a node: Coulomb's law, as Stomakhin et al. 2013,
+/// section 8, with the impulse of the normal direction as its bound.
+pub(crate) fn stop(
+    obstacle: &Obstacle,
+    place: DVec3,
+    velocity: Vec3,
+    friction: f32,
+    cell_size_m: f64,
+) -> Vec3 {
+    let (distance, normal) = obstacle.distance(place);
+    if distance > SURFACE_CELLS * cell_size_m {
+        return velocity;
+    }
+    if obstacle.grip == Grip::Bonded {
+        return Vec3::ZERO;
+    }
+    let normal = normal.as_vec3();
+    let approach = velocity.dot(normal);
+    if approach >= 0.0 {
+        return velocity;
+    }
+    let along = velocity - normal * approach;
+    let speed = along.length();
+    let lost = -friction * approach;
+    if speed <= lost {
+        Vec3::ZERO
+    } else {
+        along * (1.0 - lost / speed)
+    }
+}
+
+/// Sums of momentum and mass over the tiles around and, if wanted, of friction times mass.
+#[inline(always)]
+fn add_tiles(
+    node: &mut NodeBlock,
+    blocks: &[ParticleBlock],
+    with_friction: bool,
+) -> [f32; BLOCK_NODES] {
+    let mut friction = [0.0; BLOCK_NODES];
+    node.values = [[0.0; 4]; BLOCK_NODES];
+    for (side, source) in node.sources.iter().enumerate() {
+        if *source == ABSENT {
+            continue;
+        }
+        let block = &blocks[*source as usize];
+        for_each_row(side, |row, start, len| {
+            let terms = &block.tile[start..start + len];
+            for (sum, term) in node.values[row..row + len].iter_mut().zip(terms) {
+                for axis in 0..4 {
+                    sum[axis] += term[axis];
+                }
+            }
+            if with_friction {
+                for (sum, term) in friction[row..row + len].iter_mut().zip(terms) {
+                    *sum += term[3] * block.friction;
+                }
+            }
+        });
+    }
+    friction
+}

@@ -1,0 +1,60 @@
+//! The material point method: jelly, water, sand, snow and dust that push balls and are pushed.
+//!
+//! ```text
+//!             ┌────────────────────── a substep ──────────────────────┐
+//! particles ──▶ p2g ─────────▶ grid ─────────▶ coupling ─────▶ g2p ───▶ particles
+//!             move, strain,   free fall,     impulses with   velocities
+//!             scatter         obstacles      balls           gathered
+//! ```
+//!
+//! Moving least squares MPM (Hu et al. 2018) with the affine transfers of APIC (Jiang et al. 2015),
+//! quadratic B-splines and explicit symplectic substeps, as long as the speed of sound lets them be.
+//! All is in SI units, z up. The crate knows no clock, no window and no randomness; on one
+//! instruction set the same steps give the same bits, whatever the number of rayon's threads.
+//!
+//! ```
+//! use carom_mpm::{Ball, Bodies, Material, Obstacle, Region, Sand, Settings, Simulation};
+//! use glam::{DVec3, Vec3};
+//!
+//! let mut simulation = Simulation::new(Settings::default())?;
+//! let strip = Region::Cuboid { min: Vec3::ZERO, max: Vec3::new(0.1, 0.2, 0.02) };
+//! simulation.fill(&strip, Material::Sand(Sand::default()), Vec3::ZERO)?;
+//!
+//! let mut ball = Ball::new(DVec3::new(-0.03, 0.1, 0.0286), 0.0286, 0.17);
+//! ball.velocity.x = 2.0;
+//! let slate = Obstacle::plane(DVec3::ZERO, DVec3::Z);
+//! let mut bodies = Bodies { balls: vec![ball], obstacles: vec![slate] };
+//! for _ in 0..6 {
+//!     simulation.step(1.0 / 60.0, &mut bodies)?;
+//! }
+//! assert!(bodies.balls[0].velocity.x < 1.9);
+//! # Ok::<(), carom_mpm::Error>(())
+//! ```
+//!
+//! Caller and crate share the work on balls: the caller's [`Ball::acceleration`] is all that is not
+//! of particles, and [`Ball::impulse`] all that is.
+
+mod body;
+mod coupling;
+mod dust;
+mod error;
+mod g2p;
+mod grid;
+mod lanes;
+mod material;
+mod p2g;
+mod region;
+mod settings;
+mod simulation;
+mod storage;
+mod svd;
+mod tile;
+
+pub use body::{Ball, Bodies, Grip, Obstacle, Solid};
+pub use dust::{Dust, Grain, Speck};
+pub use error::{Error, Result};
+pub use material::{Jelly, Material, Sand, Snow, Water};
+pub use region::Region;
+pub use settings::{PARTICLES_MAX, REST_SECS, Settings};
+pub use simulation::{Simulation, StepReport};
+pub use storage::{Particle, Totals};

@@ -1,0 +1,86 @@
+//! Snow: elasticity that hardens as it is packed and softens as it breaks.
+
+use fearless_simd::prelude::*;
+
+use super::{Lame, Strain, Stress, check_elasticity, fixed_corotated};
+use crate::error::{Result, check_range};
+use crate::lanes::{Lanes, each, exp};
+use crate::svd::svd;
+
+/// Snow of Stomakhin et al. 2013, "A material point method for snow simulation": stretches past
+/// critical ones become plastic, and stiffness grows with `exp(ξ (1 − Jp))`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Snow {
+    /// Before it is packed, in kg/m³; default 400.
+    pub density_kg_m3: f32,
+    /// Young's modulus before it is packed, in Pa; default 1.4e5.
+    pub young_pa: f32,
+    /// Poisson's ratio, 0 to 0.49; default 0.2.
+    pub poisson: f32,
+    /// Critical compression θc, 0 to 0.5; default 0.025: chunky below, powdery above.
+    pub compression_critical: f32,
+    /// Critical stretch θs, 0 to 0.5; default 0.0075.
+    pub stretch_critical: f32,
+    /// Hardening ξ, 0 to 20; default 10: brittle above, ductile below.
+    pub hardening: f32,
+    /// Of Coulomb, on balls and obstacles; default 0.3.
+    pub friction: f32,
+}
+
+impl Default for Snow {
+    fn default() -> Self {
+        Self {
+            density_kg_m3: 400.0,
+            young_pa: 1.4e5,
+            poisson: 0.2,
+            compression_critical: 0.025,
+            stretch_critical: 0.0075,
+            hardening: 10.0,
+            friction: 0.3,
+        }
+    }
+}
+
+/// Bounds of the plastic volume Jp: stiffness stays within a factor e⁴ up at ξ = 10.
+const PLASTIC_VOLUME: [f32; 2] = [0.6, 4.0];
+
+impl Snow {
+    pub(super) fn validate(&self) -> Result<()> {
+        check_elasticity(self.young_pa, self.poisson)?;
+        check_range(
+            "critical compression",
+            self.compression_critical.into(),
+            0.0,
+            0.5,
+        )?;
+        check_range("critical stretch", self.stretch_critical.into(), 0.0, 0.5)?;
+        check_range("hardening", self.hardening.into(), 0.0, 20.0)
+    }
+
+    pub(crate) fn lame(&self) -> Lame {
+        Lame::new(self.young_pa, self.poisson)
+    }
+
+    /// State: Jp, the determinant of the plastic part.
+    #[inline(always)]
+    pub(super) fn advance<S: Simd>(
+        &self,
+        simd: S,
+        strain: &mut Strain<S>,
+    ) -> (Stress<S>, Lanes<S>) {
+        let parts = svd(simd, &strain.trial());
+        let [low, high] = [1.0 - self.compression_critical, 1.0 + self.stretch_critical];
+        let sigma = each(
+            #[inline(always)]
+            |i| parts.sigma[i].max(low).min(high),
+        );
+        let product = |s: [Lanes<S>; 3]| s[0] * s[1] * s[2];
+        let plastic = strain.state * product(parts.sigma) / product(sigma);
+        strain.state = plastic.max(PLASTIC_VOLUME[0]).min(PLASTIC_VOLUME[1]);
+        strain.deformation = parts.u.scale_columns(sigma).mul_transposed(&parts.v);
+        let hardness = exp((Lanes::splat(simd, 1.0) - strain.state) * self.hardening);
+        let Lame { lambda, mu } = self.lame();
+        let stress = fixed_corotated(&parts.u, sigma, (hardness * lambda, hardness * mu));
+        (stress, hardness.sqrt().max(1.0))
+    }
+}

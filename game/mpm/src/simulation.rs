@@ -1,0 +1,351 @@
+//! Simulation: particles of several materials, advanced in stable substeps.
+
+use fearless_simd::{Level, dispatch};
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::body::Bodies;
+use crate::coupling::resolve_contacts;
+use crate::error::{Error, Result, check_finite, check_range};
+use crate::g2p::g2p;
+use crate::grid::{GridStep, REACH_CELLS, update};
+use crate::material::Material;
+use crate::p2g::{Substep, p2g};
+use crate::region::Region;
+use crate::settings::{PARTICLES_MAX, REST_SECS, Settings};
+use crate::storage::{DRIFT_MAX, Particle, Storage, Totals};
+
+/// Cells that a particle or ball may cross in a substep.
+const TRAVEL_CELLS_MAX: f64 = 0.5;
+
+/// Particles and the grid on which they meet.
+pub struct Simulation {
+    settings: Settings,
+    level: Level,
+    materials: Vec<Material>,
+    storage: Storage,
+    particles: usize,
+    next_id: u32,
+    /// Particles came or went since they were put in order.
+    is_disordered: bool,
+    /// Cells that the fastest particle may have moved since they were put in order.
+    drift: f32,
+    /// Largest component of a particle's velocity, in m/s.
+    speed_max: f32,
+    /// Fastest sound, in m/s.
+    sound_max: f32,
+    /// For how long all particles have been slower than the speed of rest.
+    rested_secs: f64,
+}
+
+/// What a step did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Substeps taken; 0 asleep.
+    pub substeps: u32,
+    /// How often particles were put in order.
+    pub orderings: u32,
+}
+
+impl Simulation {
+    /// An empty simulation.
+    ///
+    /// # Errors
+    ///
+    /// If a setting is out of its range.
+    pub fn new(settings: Settings) -> Result<Self> {
+        settings.validate()?;
+        Ok(Self {
+            settings,
+            level: Level::new(),
+            materials: Vec::new(),
+            storage: Storage::new(settings.cell_size_m),
+            particles: 0,
+            next_id: 0,
+            is_disordered: false,
+            drift: 0.0,
+            speed_max: 0.0,
+            sound_max: 0.0,
+            rested_secs: 0.0,
+        })
+    }
+
+    /// Fills a region with a material that moves at a velocity in m/s, and returns how many
+    /// particles it took. Their masses add up to the region's volume times the density.
+    ///
+    /// # Errors
+    ///
+    /// If a number is out of range or not finite, or the region holds no or too many particles.
+    pub fn fill(&mut self, region: &Region, material: Material, velocity: Vec3) -> Result<usize> {
+        region.validate()?;
+        let spacing_m = self.settings.spacing_m();
+        self.check_count(region.count(spacing_m) as usize)?;
+        let places = region.places(spacing_m);
+        if places.is_empty() {
+            return Err(Error::EmptyRegion { spacing_m });
+        }
+        let volume_m3 = (region.volume_m3() / places.len() as f64) as f32;
+        self.add(&places, material, volume_m3, velocity)?;
+        Ok(places.len())
+    }
+
+    /// Adds particles of a material at places in m, each of a volume in m³ at rest, that move at a
+    /// velocity in m/s.
+    ///
+    /// # Errors
+    ///
+    /// If a number is out of range or not finite, or particles become too many.
+    pub fn add(
+        &mut self,
+        places: &[Vec3],
+        material: Material,
+        volume_m3: f32,
+        velocity: Vec3,
+    ) -> Result<()> {
+        material.validate()?;
+        check_finite("velocity of particles", velocity)?;
+        check_range("volume of a particle in m³", volume_m3.into(), 1e-18, 1e3)?;
+        self.check_count(places.len())?;
+        for place in places {
+            check_finite("place of a particle", *place)?;
+            self.storage.locate(*place)?;
+        }
+        let index = self.material_index(material);
+        for place in places {
+            let particle = Particle {
+                id: self.next_id,
+                position: *place,
+                velocity,
+                mass_kg: volume_m3 * material.density_kg_m3(),
+                volume_m3,
+                material: index,
+            };
+            self.storage.add(&particle, material.state_at_rest())?;
+            self.next_id += 1;
+        }
+        self.particles += places.len();
+        self.is_disordered = true;
+        self.rested_secs = 0.0;
+        self.speed_max = self.speed_max.max(velocity.abs().max_element());
+        self.sound_max = self.sound_max.max(material.sound_speed_m_s());
+        Ok(())
+    }
+
+    /// Keeps the particles for which the function is true, and wakes them if any went.
+    pub fn retain(&mut self, keep: impl FnMut(&Particle) -> bool) {
+        self.storage.retain(keep);
+        let particles = self.storage.particles().count();
+        if particles != self.particles {
+            self.particles = particles;
+            self.is_disordered = true;
+            self.rested_secs = 0.0;
+        }
+    }
+
+    /// Advances particles and balls by a time in s.
+    ///
+    /// # Errors
+    ///
+    /// If the time or a body is out of range or not finite, nothing was done. If velocities grew
+    /// past all numbers, the simulation is of no more use.
+    pub fn step(&mut self, duration_secs: f64, bodies: &mut Bodies) -> Result<StepReport> {
+        check_range("duration of a step in s", duration_secs, 0.0, 3600.0)?;
+        bodies.validate()?;
+        for ball in &mut bodies.balls {
+            ball.impulse = glam::DVec3::ZERO;
+            ball.angular_impulse = glam::DVec3::ZERO;
+        }
+        let mut report = StepReport::default();
+        let mut left_secs = duration_secs;
+        while left_secs > 0.0 {
+            if self.is_asleep() && !self.is_disturbed(bodies) {
+                move_balls(bodies, left_secs);
+                break;
+            }
+            let longest_secs = self.substep_secs_max(bodies);
+            let count = (left_secs / longest_secs).ceil().max(1.0);
+            self.check_substeps(
+                duration_secs,
+                longest_secs,
+                count + f64::from(report.substeps),
+            )?;
+            let dt = left_secs / count;
+            self.substep(dt, bodies, &mut report)?;
+            left_secs = if count > 1.0 { left_secs - dt } else { 0.0 };
+        }
+        Ok(report)
+    }
+
+    fn substep(&mut self, dt: f64, bodies: &mut Bodies, report: &mut StepReport) -> Result<()> {
+        let cell_size_m = self.settings.cell_size_m;
+        let travel = self.speed_max * dt as f32 / cell_size_m;
+        if self.is_disordered || self.drift + travel > DRIFT_MAX {
+            self.storage.put_in_order(&self.materials)?;
+            self.is_disordered = false;
+            self.drift = 0.0;
+            report.orderings += 1;
+        }
+        self.drift += travel;
+        let (level, materials) = (self.level, &self.materials);
+        let substep = Substep {
+            dt: dt as f32,
+            cell_size_m,
+        };
+        let Storage { blocks, nodes, .. } = &mut self.storage;
+        blocks.par_iter_mut().for_each(|block| {
+            dispatch!(level, simd => p2g(simd, block, materials, substep));
+        });
+        let grid_step = GridStep {
+            blocks,
+            bodies,
+            cell_size_m: cell_size_m.into(),
+            fall: self.settings.gravity * dt as f32,
+        };
+        nodes
+            .par_iter_mut()
+            .for_each(|node| dispatch!(level, _simd => update(node, grid_step)));
+        for ball in &mut bodies.balls {
+            ball.velocity += ball.acceleration * dt;
+        }
+        resolve_contacts(nodes, bodies, cell_size_m.into());
+        for ball in &mut bodies.balls {
+            ball.position += ball.velocity * dt;
+        }
+        let nodes = &*nodes;
+        blocks.par_iter_mut().for_each(|block| {
+            dispatch!(level, simd => g2p(simd, block, nodes));
+        });
+        report.substeps += 1;
+        self.observe(dt)
+    }
+
+    /// Takes note of speeds after a substep.
+    fn observe(&mut self, dt: f64) -> Result<()> {
+        self.speed_max = 0.0;
+        self.sound_max = 0.0;
+        for block in &self.storage.blocks {
+            if !block.speed_max.is_finite() {
+                let courant = self.settings.courant;
+                return Err(Error::Diverged { courant });
+            }
+            self.speed_max = self.speed_max.max(block.speed_max);
+            self.sound_max = self.sound_max.max(block.sound_max);
+        }
+        if self.speed_max < self.settings.rest_speed_m_s {
+            self.rested_secs += dt;
+        } else {
+            self.rested_secs = 0.0;
+        }
+        Ok(())
+    }
+
+    /// The longest stable substep, in s: sound crosses no more cells than the Courant number, and
+    /// nothing crosses half a cell.
+    fn substep_secs_max(&self, bodies: &Bodies) -> f64 {
+        let cell_size_m = f64::from(self.settings.cell_size_m);
+        let by_sound = f64::from(self.settings.courant) * cell_size_m / f64::from(self.sound_max);
+        let balls = bodies.balls.iter().map(|ball| ball.velocity.length());
+        let fastest = balls.fold(f64::from(self.speed_max), f64::max);
+        by_sound.min(TRAVEL_CELLS_MAX * cell_size_m / fastest)
+    }
+
+    fn check_substeps(&self, duration_secs: f64, substep_secs: f64, substeps: f64) -> Result<()> {
+        let max = self.settings.substeps_max;
+        if substeps <= f64::from(max) {
+            return Ok(());
+        }
+        Err(Error::TooManySubsteps {
+            duration_secs,
+            substeps,
+            substep_secs,
+            max,
+        })
+    }
+
+    fn check_count(&self, added: usize) -> Result<()> {
+        let particles = added.saturating_add(self.next_id as usize);
+        if particles <= PARTICLES_MAX {
+            return Ok(());
+        }
+        let max = PARTICLES_MAX;
+        Err(Error::TooManyParticles { particles, max })
+    }
+
+    fn material_index(&mut self, material: Material) -> usize {
+        let known = self.materials.iter().position(|known| *known == material);
+        known.unwrap_or_else(|| {
+            self.materials.push(material);
+            self.materials.len() - 1
+        })
+    }
+
+    /// Whether all particles rest: steps change nothing until a ball comes or particles are added.
+    pub fn is_asleep(&self) -> bool {
+        self.particles == 0 || self.rested_secs >= REST_SECS
+    }
+
+    /// Whether a ball that moves touches the nodes of a particle.
+    fn is_disturbed(&self, bodies: &Bodies) -> bool {
+        let cell_size_m = f64::from(self.settings.cell_size_m);
+        let rest_speed = f64::from(self.settings.rest_speed_m_s);
+        let reach = REACH_CELLS * cell_size_m;
+        let moving = bodies
+            .balls
+            .iter()
+            .filter(|ball| ball.velocity.length() > rest_speed);
+        moving.into_iter().any(|ball| {
+            self.storage.nodes.iter().any(|node| {
+                let center = (node.coordinate.as_dvec3() + 0.375) * 4.0 * cell_size_m;
+                center.distance(ball.position) < ball.radius_m + reach
+            })
+        })
+    }
+
+    #[cfg(test)]
+    pub(crate) fn storage(&self) -> &Storage {
+        &self.storage
+    }
+
+    #[cfg(test)]
+    pub(crate) fn storage_mut(&mut self) -> &mut Storage {
+        &mut self.storage
+    }
+
+    /// How many particles there are.
+    pub fn len(&self) -> usize {
+        self.particles
+    }
+
+    /// Whether there are no particles.
+    pub fn is_empty(&self) -> bool {
+        self.particles == 0
+    }
+
+    /// The settings with which it was made.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The materials of all particles so far, each once.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// Mass, momenta and kinetic energy of all particles.
+    pub fn totals(&self) -> Totals {
+        self.storage.totals()
+    }
+
+    /// Every particle, in an order that changes as they move; ids stay.
+    pub fn particles(&self) -> impl Iterator<Item = Particle> + '_ {
+        self.storage.particles()
+    }
+}
+
+/// Moves balls that no particle touches.
+fn move_balls(bodies: &mut Bodies, duration_secs: f64) {
+    for ball in &mut bodies.balls {
+        ball.velocity += ball.acceleration * duration_secs;
+        ball.position += ball.velocity * duration_secs;
+    }
+}

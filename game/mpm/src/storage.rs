@@ -1,0 +1,495 @@
+//! Storage of particles and nodes in blocks of 4x4x4 cells.
+//!
+//! A particle's position is relative to its block and in cells, so that it is as exact a metre from
+//! the origin as at it. Particles are put in order by block, material and cell, and may then move by
+//! almost a cell before they must be put in order again: each block scatters into a tile of its own
+//! with a margin of one cell, and nodes add up the tiles around them in a fixed order. No thread
+//! writes what another one does, and no sum depends on the number of threads.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, IVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::lanes::LANES;
+use crate::material::Material;
+
+/// Edge of a block, in cells.
+pub(crate) const BLOCK_EDGE: i32 = 4;
+
+/// Nodes of a block.
+pub(crate) const BLOCK_NODES: usize = 64;
+
+/// Edge of a tile, in nodes: a block, the two more nodes that a quadratic kernel needs, and a
+/// margin of one cell on each side.
+pub(crate) const TILE_EDGE: usize = 8;
+
+/// Nodes of a tile, and one past the last, which rows of three that are handled as four may touch
+/// with a weight of zero.
+pub(crate) const TILE_NODES: usize = TILE_EDGE * TILE_EDGE * TILE_EDGE + 1;
+
+/// Cells that a particle may move before it must be put in order again: less than the margin.
+pub(crate) const DRIFT_MAX: f32 = 0.98;
+
+/// Farthest block from the origin.
+const BLOCK_COORDINATE_MAX: f64 = (1 << 24) as f64;
+
+/// Up to 16 particles of one block and material. Lanes from `len` on are no particles.
+#[derive(Clone)]
+pub(crate) struct Packet {
+    /// Index of the material.
+    pub(crate) material: u16,
+    pub(crate) len: usize,
+    /// In cells from the block's first node, less one half, x y z and 0.
+    pub(crate) position: [[f32; 4]; LANES],
+    /// In m/s, x y z and 0.
+    pub(crate) velocity: [[f32; 4]; LANES],
+    /// Columns of the affine velocity matrix of APIC: change of velocity over a cell along x, y and
+    /// z, in m/s.
+    pub(crate) affine: [[[f32; 4]; LANES]; 3],
+    /// Elastic deformation gradient by row and column.
+    pub(crate) deformation: [[f32; LANES]; 9],
+    /// The material's variable of state.
+    pub(crate) state: [f32; LANES],
+    /// In kg; 0 in lanes that are no particles.
+    pub(crate) mass: [f32; LANES],
+    /// At rest, in m³.
+    pub(crate) volume: [f32; LANES],
+    pub(crate) id: [u32; LANES],
+}
+
+impl Packet {
+    fn new(material: u16, state: f32) -> Self {
+        let one = [1.0; LANES];
+        let zero = [0.0; LANES];
+        Self {
+            material,
+            len: 0,
+            position: [[0.0; 4]; LANES],
+            velocity: [[0.0; 4]; LANES],
+            affine: [[[0.0; 4]; LANES]; 3],
+            deformation: [one, zero, zero, zero, one, zero, zero, zero, one],
+            state: [state; LANES],
+            mass: zero,
+            volume: zero,
+            id: [u32::MAX; LANES],
+        }
+    }
+
+    /// Appends a particle of another packet, which must have the same material.
+    fn push(&mut self, from: &Self, lane: usize) {
+        let to = self.len;
+        self.len += 1;
+        self.position[to] = from.position[lane];
+        self.velocity[to] = from.velocity[lane];
+        for (to_column, column) in self.affine.iter_mut().zip(&from.affine) {
+            to_column[to] = column[lane];
+        }
+        for (to_entry, entry) in self.deformation.iter_mut().zip(&from.deformation) {
+            to_entry[to] = entry[lane];
+        }
+        self.state[to] = from.state[lane];
+        self.mass[to] = from.mass[lane];
+        self.volume[to] = from.volume[lane];
+        self.id[to] = from.id[lane];
+    }
+}
+
+/// Particles of a block of cells.
+pub(crate) struct ParticleBlock {
+    /// In blocks from the origin.
+    pub(crate) coordinate: IVec3,
+    pub(crate) packets: Vec<Packet>,
+    /// Momentum and mass of the nodes around, then their velocities.
+    pub(crate) tile: Box<[[f32; 4]; TILE_NODES]>,
+    /// Node blocks around in the order of [`neighbours`], [`ABSENT`] where no particle reaches.
+    pub(crate) nodes: [u32; 27],
+    /// Mean coefficient of friction by mass.
+    pub(crate) friction: f32,
+    /// Largest component of a velocity, in m/s; NaN when one is not finite.
+    pub(crate) speed_max: f32,
+    /// Fastest sound, in m/s.
+    pub(crate) sound_max: f32,
+}
+
+impl ParticleBlock {
+    fn new(coordinate: IVec3) -> Self {
+        Self {
+            coordinate,
+            packets: Vec::new(),
+            tile: Box::new([[0.0; 4]; TILE_NODES]),
+            nodes: [ABSENT; 27],
+            friction: 0.0,
+            speed_max: 0.0,
+            sound_max: 0.0,
+        }
+    }
+}
+
+/// Grid nodes of a block.
+pub(crate) struct NodeBlock {
+    /// In blocks from the origin.
+    pub(crate) coordinate: IVec3,
+    /// Particle blocks around in the order of [`neighbours`], or [`ABSENT`].
+    pub(crate) sources: [u32; 27],
+    /// Momentum and mass, then velocity and 0.
+    pub(crate) values: [[f32; 4]; BLOCK_NODES],
+    /// Nodes that are inside of balls.
+    pub(crate) contacts: Vec<crate::coupling::Contact>,
+}
+
+/// The index of a block that is not there.
+pub(crate) const ABSENT: u32 = u32::MAX;
+
+/// Offsets of the 27 blocks around one, itself among them, in the order of their indices.
+pub(crate) fn neighbours() -> impl Iterator<Item = IVec3> {
+    (0..27).map(|index| IVec3::new(index / 9 - 1, index / 3 % 3 - 1, index % 3 - 1))
+}
+
+/// A particle as it is given and seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Particle {
+    /// Counted from 0 in the order in which particles were added.
+    pub id: u32,
+    /// In m.
+    pub position: Vec3,
+    /// In m/s.
+    pub velocity: Vec3,
+    /// In kg.
+    pub mass_kg: f32,
+    /// Of its material at rest, in m³.
+    pub volume_m3: f32,
+    /// What it is made of, an index into [`crate::Simulation::materials`].
+    pub material: usize,
+}
+
+/// Sums over all particles.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Totals {
+    /// In kg.
+    pub mass_kg: f64,
+    /// In kg·m/s.
+    pub momentum: DVec3,
+    /// About the origin, with the particles' affine motion, in kg·m²/s.
+    pub angular_momentum: DVec3,
+    /// With the particles' affine motion, in J.
+    pub kinetic_energy_j: f64,
+}
+
+impl Totals {
+    /// Adds a particle. Its affine motion counts as that of mass spread by the kernel, whose second
+    /// moment is a quarter of a cell's edge squared: Jiang et al. 2015, section 5.3.
+    fn add(
+        &mut self,
+        mass_kg: f32,
+        position: DVec3,
+        velocity: Vec3,
+        affine: [DVec3; 3],
+        cell_size_m: f64,
+    ) {
+        let mass_kg = f64::from(mass_kg);
+        let velocity = velocity.as_dvec3();
+        let [x, y, z] = affine;
+        let turn = DVec3::new(y.z - z.y, z.x - x.z, x.y - y.x);
+        let square = x.length_squared() + y.length_squared() + z.length_squared();
+        self.mass_kg += mass_kg;
+        self.momentum += mass_kg * velocity;
+        self.angular_momentum += mass_kg * (position.cross(velocity) + turn * (cell_size_m / 4.0));
+        self.kinetic_energy_j += 0.5 * mass_kg * (velocity.length_squared() + square / 4.0);
+    }
+}
+
+/// All particles and nodes.
+pub(crate) struct Storage {
+    pub(crate) cell_size_m: f32,
+    pub(crate) blocks: Vec<ParticleBlock>,
+    pub(crate) nodes: Vec<NodeBlock>,
+    index: HashMap<IVec3, u32>,
+}
+
+impl Storage {
+    pub(crate) fn new(cell_size_m: f32) -> Self {
+        Self {
+            cell_size_m,
+            blocks: Vec::new(),
+            nodes: Vec::new(),
+            index: HashMap::new(),
+        }
+    }
+
+    /// The block of a place and the place relative to it.
+    pub(crate) fn locate(&self, position: Vec3) -> Result<(IVec3, Vec3)> {
+        let cells = position.as_dvec3() / f64::from(self.cell_size_m) - 0.5;
+        let block = (cells / f64::from(BLOCK_EDGE)).floor();
+        if block.abs().max_element() > BLOCK_COORDINATE_MAX {
+            return Err(Error::OutOfReach {
+                position_m: position,
+            });
+        }
+        let local = cells - block * f64::from(BLOCK_EDGE);
+        Ok((block.as_ivec3(), local.as_vec3()))
+    }
+
+    /// A place relative to a block, in m.
+    pub(crate) fn position_m(&self, block: IVec3, local: [f32; 4]) -> DVec3 {
+        let local = Vec3::from_slice(&local).as_dvec3();
+        let cells = block.as_dvec3() * f64::from(BLOCK_EDGE) + local + 0.5;
+        cells * f64::from(self.cell_size_m)
+    }
+
+    /// Sums over all particles.
+    pub(crate) fn totals(&self) -> Totals {
+        let mut totals = Totals::default();
+        let cell_size_m = f64::from(self.cell_size_m);
+        for block in &self.blocks {
+            for packet in &block.packets {
+                for lane in 0..packet.len {
+                    let position = self.position_m(block.coordinate, packet.position[lane]);
+                    let velocity = Vec3::from_slice(&packet.velocity[lane]);
+                    let column = |axis: usize| Vec3::from_slice(&packet.affine[axis][lane]);
+                    let [x, y, z] = [0, 1, 2].map(|axis| column(axis).as_dvec3());
+                    totals.add(
+                        packet.mass[lane],
+                        position,
+                        velocity,
+                        [x, y, z],
+                        cell_size_m,
+                    );
+                }
+            }
+        }
+        totals
+    }
+
+    /// Adds a particle at rest; [`Self::put_in_order`] must follow.
+    pub(crate) fn add(&mut self, particle: &Particle, state: f32) -> Result<()> {
+        let (coordinate, local) = self.locate(particle.position)?;
+        let index = self.block_index(coordinate);
+        let packets = &mut self.blocks[index as usize].packets;
+        let material = particle.material as u16;
+        if packets
+            .last()
+            .is_none_or(|last| last.len == LANES || last.material != material)
+        {
+            packets.push(Packet::new(material, state));
+        }
+        if let Some(packet) = packets.last_mut() {
+            packet.push(&Packet::new(material, state), 0);
+            let lane = packet.len - 1;
+            packet.position[lane] = local.extend(0.0).into();
+            packet.velocity[lane] = particle.velocity.extend(0.0).into();
+            packet.mass[lane] = particle.mass_kg;
+            packet.volume[lane] = particle.volume_m3;
+            packet.id[lane] = particle.id;
+        }
+        Ok(())
+    }
+
+    fn block_index(&mut self, coordinate: IVec3) -> u32 {
+        let blocks = &mut self.blocks;
+        *self.index.entry(coordinate).or_insert_with(|| {
+            blocks.push(ParticleBlock::new(coordinate));
+            (blocks.len() - 1) as u32
+        })
+    }
+
+    /// Every particle, by block.
+    pub(crate) fn particles(&self) -> impl Iterator<Item = Particle> + '_ {
+        self.blocks.iter().flat_map(move |block| {
+            block.packets.iter().flat_map(move |packet| {
+                (0..packet.len).map(move |lane| Particle {
+                    id: packet.id[lane],
+                    position: self
+                        .position_m(block.coordinate, packet.position[lane])
+                        .as_vec3(),
+                    velocity: Vec3::from_slice(&packet.velocity[lane]),
+                    mass_kg: packet.mass[lane],
+                    volume_m3: packet.volume[lane],
+                    material: packet.material.into(),
+                })
+            })
+        })
+    }
+
+    /// Keeps the particles for which the function is true; [`Self::put_in_order`] must follow.
+    pub(crate) fn retain(&mut self, mut keep: impl FnMut(&Particle) -> bool) {
+        let kept: Vec<bool> = self.particles().map(|particle| keep(&particle)).collect();
+        let mut kept = kept.into_iter();
+        for block in &mut self.blocks {
+            let old = std::mem::take(&mut block.packets);
+            for packet in &old {
+                let mut rest = packet.clone();
+                rest.len = 0;
+                for lane in 0..packet.len {
+                    if kept.next() == Some(true) {
+                        rest.push(packet, lane);
+                    }
+                }
+                rest.mass[rest.len..].fill(0.0);
+                block.packets.push(rest);
+            }
+        }
+    }
+
+    /// Puts particles in order by block, material and cell, and finds the nodes around them.
+    pub(crate) fn put_in_order(&mut self, materials: &[Material]) -> Result<()> {
+        let (coordinates, mut slots) = self.slots()?;
+        slots.par_sort_unstable();
+        let mut starts = vec![0; coordinates.len() + 1];
+        for slot in &slots {
+            starts[slot.block() + 1] += 1;
+        }
+        for i in 0..coordinates.len() {
+            starts[i + 1] += starts[i];
+        }
+        let old = &self.blocks;
+        let blocks: Vec<ParticleBlock> = coordinates
+            .par_iter()
+            .enumerate()
+            .map(|(i, coordinate)| {
+                let mut block = ParticleBlock::new(*coordinate);
+                for slot in &slots[starts[i]..starts[i + 1]] {
+                    slot.move_into(&mut block, old, materials);
+                }
+                block.friction = mean_friction(&block.packets, materials);
+                block
+            })
+            .collect();
+        self.blocks = blocks;
+        self.find_nodes();
+        Ok(())
+    }
+
+    /// Where each particle goes, and the blocks there will be, in the order of first use.
+    fn slots(&mut self) -> Result<(Vec<IVec3>, Vec<Slot>)> {
+        self.index.clear();
+        let mut coordinates = Vec::new();
+        let mut slots = Vec::new();
+        let mut last = (IVec3::MIN, 0);
+        for (block_index, block) in self.blocks.iter().enumerate() {
+            for (packet_index, packet) in block.packets.iter().enumerate() {
+                for lane in 0..packet.len {
+                    let local = Vec3::from_slice(&packet.position[lane]);
+                    let shift = (local / BLOCK_EDGE as f32).floor();
+                    let coordinate = block.coordinate + shift.as_ivec3();
+                    if coordinate != last.0 {
+                        if coordinate.as_dvec3().abs().max_element() > BLOCK_COORDINATE_MAX {
+                            let place = self.position_m(block.coordinate, packet.position[lane]);
+                            let position_m = place.as_vec3();
+                            return Err(Error::OutOfReach { position_m });
+                        }
+                        let index = *self.index.entry(coordinate).or_insert_with(|| {
+                            coordinates.push(coordinate);
+                            (coordinates.len() - 1) as u32
+                        });
+                        last = (coordinate, index);
+                    }
+                    let cell = (local - shift * BLOCK_EDGE as f32).as_ivec3();
+                    let cell = (cell.x * 4 + cell.y) * 4 + cell.z;
+                    slots.push(Slot {
+                        key: u64::from(last.1) << 32
+                            | u64::from(packet.material) << 16
+                            | u64::from(cell.clamp(0, 63) as u16),
+                        source: (block_index as u32, packet_index as u32, lane as u32),
+                    });
+                }
+            }
+        }
+        Ok((coordinates, slots))
+    }
+
+    /// The nodes that the particles' tiles cover, and who is whose neighbour.
+    fn find_nodes(&mut self) {
+        self.nodes.clear();
+        let mut index: HashMap<IVec3, u32> = HashMap::new();
+        for (block_index, block) in self.blocks.iter_mut().enumerate() {
+            let reach = reach(&block.packets);
+            for (side, offset) in neighbours().enumerate() {
+                block.nodes[side] = ABSENT;
+                if offset.cmplt(reach[0]).any() || offset.cmpgt(reach[1]).any() {
+                    continue;
+                }
+                let coordinate = block.coordinate + offset;
+                let node = *index.entry(coordinate).or_insert_with(|| {
+                    self.nodes.push(NodeBlock {
+                        coordinate,
+                        sources: [ABSENT; 27],
+                        values: [[0.0; 4]; BLOCK_NODES],
+                        contacts: Vec::new(),
+                    });
+                    (self.nodes.len() - 1) as u32
+                });
+                block.nodes[side] = node;
+                // Seen from there this block is on the opposite side.
+                self.nodes[node as usize].sources[26 - side] = block_index as u32;
+            }
+        }
+    }
+}
+
+/// A particle's place in the new order, and where it was.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Slot {
+    /// Block, material and cell.
+    key: u64,
+    /// Old block, packet and lane.
+    source: (u32, u32, u32),
+}
+
+impl Slot {
+    fn block(&self) -> usize {
+        (self.key >> 32) as usize
+    }
+
+    fn move_into(&self, block: &mut ParticleBlock, old: &[ParticleBlock], materials: &[Material]) {
+        let from_block = &old[self.source.0 as usize];
+        let from = &from_block.packets[self.source.1 as usize];
+        let packets = &mut block.packets;
+        if packets
+            .last()
+            .is_none_or(|last| last.len == LANES || last.material != from.material)
+        {
+            let state = materials[usize::from(from.material)].state_at_rest();
+            packets.push(Packet::new(from.material, state));
+        }
+        if let Some(packet) = packets.last_mut() {
+            packet.push(from, self.source.2 as usize);
+            let shift = (block.coordinate - from_block.coordinate) * BLOCK_EDGE;
+            let local = &mut packet.position[packet.len - 1];
+            for (axis, shift) in shift.to_array().into_iter().enumerate() {
+                // Rounding up to the far side would be outside of the block.
+                let below_end = (BLOCK_EDGE as f32).next_down();
+                local[axis] = (local[axis] - shift as f32).clamp(0.0, below_end);
+            }
+        }
+    }
+}
+
+/// The least and the greatest offset of a block whose nodes particles may touch until they are put
+/// in order again. A lone particle reaches 8 of the 27 blocks around it, by the mean.
+fn reach(packets: &[Packet]) -> [IVec3; 2] {
+    let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for packet in packets {
+        for position in &packet.position[..packet.len] {
+            min = min.min(Vec3::from_slice(position));
+            max = max.max(Vec3::from_slice(position));
+        }
+    }
+    // The first of a particle's three nodes is that below it.
+    let low = min - DRIFT_MAX;
+    let high = max + DRIFT_MAX + 2.0;
+    let edge = BLOCK_EDGE as f32;
+    [low, high].map(|end| (end / edge).floor().as_ivec3())
+}
+
+/// Coefficient of friction of particles, by mass.
+fn mean_friction(packets: &[Packet], materials: &[Material]) -> f32 {
+    let (mut mass, mut friction) = (0.0, 0.0);
+    for packet in packets {
+        let sum: f32 = packet.mass.iter().sum();
+        mass += sum;
+        friction += sum * materials[usize::from(packet.material)].friction();
+    }
+    if mass > 0.0 { friction / mass } else { 0.0 }
+}
