@@ -53,8 +53,13 @@ def main():
     if args.variant not in mitsuba.variants():
         sys.exit(f"Mitsuba has no {args.variant}: one of {', '.join(mitsuba.variants())}")
     mitsuba.set_variant(args.variant)
-    given = moved(json.loads(args.scene.read_text()), args.about, args.scale)
-    scene = mitsuba.load_dict(scene_dict(mitsuba, given, args))
+    given = json.loads(args.scene.read_text())
+    for thing in given["objects"]:
+        if "mesh" in thing["shape"]:
+            thing["shape"]["mesh"].setdefault("center", [0, 0, 0])
+    given = moved(given, args.about, args.scale)
+    with tempfile.TemporaryDirectory() as folder:
+        scene = mitsuba.load_dict(scene_dict(mitsuba, given, args, pathlib.Path(folder)))
 
     theirs, ours = [], []
     render_mitsuba(mitsuba, scene, args, 0)  # compiles
@@ -143,6 +148,8 @@ def moved(given, about, scale):
     for name, value in given.items():
         if name in ("eye", "target", "center", "min", "max"):
             value = [scale * (x - origin) for x, origin in zip(value, about)]
+        elif name == "positions":
+            value = [[scale * x for x in position] for position in value]
         elif name in ("half_u", "half_v"):
             value = [scale * x for x in value]
         elif name == "radius":
@@ -155,7 +162,7 @@ def moved(given, about, scale):
     return result
 
 
-def scene_dict(mitsuba, scene, args):
+def scene_dict(mitsuba, scene, args, folder):
     camera = scene["camera"]
     lens = camera.get("lens", {"aperture_radius_m": 0.0, "focus_distance_m": 1.0})
     is_pinhole = lens["aperture_radius_m"] == 0.0
@@ -198,13 +205,15 @@ def scene_dict(mitsuba, scene, args):
         result[name] = {"id": name, **bsdf(mitsuba, material)}
     for index, thing in enumerate(scene["objects"]):
         material = {"type": "ref", "id": thing["material"]}
-        result[f"object{index}"] = {**shape(mitsuba, thing["shape"]), "bsdf": material}
+        ply = folder / f"object{index}.ply"
+        result[f"object{index}"] = {**shape(mitsuba, thing["shape"], ply), "bsdf": material}
         inside = scene["materials"][thing["material"]].get("dielectric", {}).get("medium")
         if inside:
             result[f"object{index}"]["interior"] = medium(inside)
     for index, light in enumerate(scene["area_lights"]):
         emitter = {"type": "area", "radiance": rgb(light["radiance"])}
-        result[f"light{index}"] = {**rectangle(mitsuba, light), "emitter": emitter}
+        black = {"type": "diffuse", "reflectance": 0.0}
+        result[f"light{index}"] = {**rectangle(mitsuba, light), "bsdf": black, "emitter": emitter}
     return result
 
 
@@ -254,19 +263,16 @@ def striped(mitsuba, albedo, stripe):
     return {"type": "bitmap", "bitmap": bitmap, "raw": True, "filter_type": "nearest"}
 
 
-def shape(mitsuba, given):
+def shape(mitsuba, given, ply):
     transform = mitsuba.ScalarTransform4f
     kind, given = next(iter(given.items()))
     if kind == "sphere":
-        x, y, z, w = given["rotation"]
-        turn = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), 0],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), 0],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), 0],
-            [0, 0, 0, 1],
-        ]
-        move = transform().translate(given["center"])
-        return {"type": "sphere", "to_world": move @ transform(turn).scale(given["radius"])}
+        move = transform().translate(given["center"]) @ transform(turn(given))
+        return {"type": "sphere", "to_world": move.scale(given["radius"])}
+    if kind == "mesh":
+        write_ply(given, ply)
+        move = transform().translate(given["center"]) @ transform(turn(given))
+        return {"type": "ply", "filename": str(ply), "to_world": move}
     if kind == "box":
         middle = [(a + b) / 2 for a, b in zip(given["min"], given["max"])]
         half = [(b - a) / 2 for a, b in zip(given["min"], given["max"])]
@@ -279,6 +285,38 @@ def shape(mitsuba, given):
     if kind == "rectangle":
         return rectangle(mitsuba, given)
     sys.exit(f"the shape {kind} has no counterpart in this script")
+
+
+def turn(given):
+    x, y, z, w = given.get("rotation", [0, 0, 0, 1])
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), 0],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), 0],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), 0],
+        [0, 0, 0, 1],
+    ]
+
+
+def write_ply(given, path):
+    """Facets have corners of their own: Mitsuba would give shared ones a normal."""
+    import numpy
+
+    vertices = numpy.array(given["positions"], dtype="<f4")
+    triangles = numpy.array(given["triangles"], dtype="<u4")
+    names = ["x", "y", "z"]
+    if given.get("normals"):
+        vertices = numpy.hstack([vertices, numpy.array(given["normals"], dtype="<f4")])
+        names += ["nx", "ny", "nz"]
+    else:
+        vertices = vertices[triangles.reshape(-1)]
+        triangles = numpy.arange(triangles.size, dtype="<u4").reshape(-1, 3)
+    faces = numpy.empty(len(triangles), dtype=[("length", "u1"), ("corners", "<u4", 3)])
+    faces["length"], faces["corners"] = 3, triangles
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    header += [f"property float {name}" for name in names]
+    header += [f"element face {len(faces)}", "property list uchar uint vertex_indices", "end_header"]
+    text = "\n".join(header) + "\n"
+    path.write_bytes(text.encode() + vertices.astype("<f4").tobytes() + faces.tobytes())
 
 
 def rectangle(mitsuba, given):

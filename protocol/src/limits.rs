@@ -2,7 +2,8 @@
 
 /// Bytes of a control message but a scene: a request with 64 poses has 2.3 kB.
 pub const CONTROL_BYTES_MAX: usize = 64 * 1024;
-/// Bytes of a scene message: 131,072 objects with the longest names have 22 MB.
+/// Bytes of a scene message: 131,072 objects with the longest names have 22 MB, a million triangles with half as many
+/// vertices and their normals 21 MB.
 pub const SCENE_BYTES_MAX: usize = 24 * 1024 * 1024;
 /// Poses in an update: fewer than 64 balls lie on any table.
 pub const POSES_MAX: usize = 64;

@@ -6,7 +6,7 @@
 
 use glam::Vec3;
 
-use crate::compiled::{BoxData, DiscData, RectangleData, SphereData};
+use crate::compiled::{BoxData, DiscData, RectangleData, SphereData, TriangleData};
 
 /// Primitives of a leaf; the last one may have fewer.
 ///
@@ -68,6 +68,16 @@ impl From<&RectangleData> for Bounds {
     fn from(rectangle: &RectangleData) -> Self {
         let half = Vec3::from(rectangle.half_u).abs() + Vec3::from(rectangle.half_v).abs();
         Self::around(rectangle.center, half)
+    }
+}
+
+impl From<&TriangleData> for Bounds {
+    fn from(triangle: &TriangleData) -> Self {
+        let [a, b, c] = triangle.corners();
+        Self {
+            min: a.min(b).min(c),
+            max: a.max(b).max(c),
+        }
     }
 }
 
@@ -383,6 +393,48 @@ mod tests {
                 assert!(depth <= DEPTH_MAX, "{depth}");
             }
         }
+    }
+
+    /// A terrain of a million triangles, most of them in one corner.
+    #[test]
+    fn the_bvh_of_a_million_triangles_is_no_deeper_than_stacks_are() {
+        let edge = 708;
+        let height = |x: f32, y: f32| 0.1 * (7.0 * x).sin() * (5.0 * y).cos();
+        let corner = |i: u32, j: u32| {
+            let [x, y] = [i, j].map(|at| (at as f32 / edge as f32).powi(4));
+            [x, y, height(x, y)]
+        };
+        let triangles = (0..edge * edge).flat_map(|at| {
+            let (i, j) = (at % edge, at / edge);
+            let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, y)| corner(i + x, j + y));
+            [[a, b, c], [a, c, d]]
+        });
+        let triangles: Vec<TriangleData> = triangles
+            .map(|[a, b, c]| TriangleData {
+                a,
+                b,
+                c,
+                ..bytemuck::Zeroable::zeroed()
+            })
+            .collect();
+        let bvh = Bvh::new(triangles.iter().map(Bounds::from)).unwrap();
+        assert_eq!(bvh.nodes.len(), leaves(triangles.len()) - 1);
+        let mut stack = vec![(bvh.root, 0)];
+        let mut met = 0;
+        while let Some((part, depth)) = stack.pop() {
+            assert!(depth <= DEPTH_MAX);
+            if !part.is_leaf() {
+                let halves = bvh.nodes[part.node as usize];
+                stack.extend(halves.map(|half| (half, depth + 1)));
+                continue;
+            }
+            for &index in &bvh.order[part.first as usize..][..part.count as usize] {
+                let bounds = Bounds::from(&triangles[index as usize]);
+                assert!(bounds.min.cmpge(part.min).all() && bounds.max.cmple(part.max).all());
+                met += 1;
+            }
+        }
+        assert_eq!(met, triangles.len());
     }
 
     #[test]

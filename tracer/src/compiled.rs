@@ -3,6 +3,7 @@
 mod cone;
 mod data;
 mod material;
+mod mesh;
 #[cfg(test)]
 mod tests;
 
@@ -17,9 +18,10 @@ pub use self::data::{
     CSG_FACE_INNER_BOX, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame, CsgBoxData, CsgFaceData,
     DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_CLOTH,
     PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData,
-    SphereData,
+    SphereData, TriangleData, TriangleNormals,
 };
 use self::material::material_data;
+pub use self::mesh::CompiledMeshes;
 use crate::bvh::{Bounds, Bvh};
 use crate::scene::{
     AreaLight, Camera, CsgSolid, ObjectPose, Scene, SceneUpdate, Shape, Subtraction,
@@ -46,6 +48,8 @@ pub struct CompiledScene {
     pub csg_boxes: Vec<CsgBoxData>,
     /// Surfaces of CSG boxes: each one's box, then its subtractions.
     pub csg_faces: Vec<CsgFaceData>,
+    /// Triangle meshes.
+    pub meshes: CompiledMeshes,
     /// Emitting rectangles; rays end on them.
     pub area_lights: Vec<AreaLightData>,
     /// Materials; primitives hold indices.
@@ -89,16 +93,19 @@ pub enum ShapeKind {
     Rectangle,
     /// [`CompiledScene::csg_faces`].
     CsgFace,
+    /// [`CompiledMeshes::triangles`].
+    Triangle,
 }
 
 impl ShapeKind {
     /// All of them.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Sphere,
         Self::Box,
         Self::Disc,
         Self::Rectangle,
         Self::CsgFace,
+        Self::Triangle,
     ];
 }
 
@@ -115,6 +122,8 @@ pub enum Primitive {
     Rectangle(u32),
     /// Index into [`CompiledScene::csg_faces`]; for an object its first face.
     CsgFace(u32),
+    /// Index into [`CompiledMeshes::triangles`]; for an object its first triangle.
+    Triangle(u32),
     /// Index into [`CompiledScene::area_lights`].
     AreaLight(u32),
 }
@@ -135,6 +144,7 @@ impl CompiledScene {
             rectangles: Vec::new(),
             csg_boxes: Vec::new(),
             csg_faces: Vec::new(),
+            meshes: CompiledMeshes::default(),
             area_lights: area_lights(&scene.area_lights),
             materials: scene.materials.values().map(material_data).collect(),
             primitives: Vec::with_capacity(scene.objects.len()),
@@ -238,6 +248,10 @@ impl CompiledScene {
                 });
                 Primitive::Rectangle(self.rectangles.len() as u32 - 1)
             }
+            Shape::Mesh(ref mesh) => {
+                let object = self.primitives.len() as u32;
+                Primitive::Triangle(self.meshes.push(object, mesh, material))
+            }
         }
     }
 
@@ -294,13 +308,14 @@ impl CompiledScene {
     /// where the scene has it, so that updates may come in any order.
     ///
     /// # Errors
-    /// [`Error::InvalidUpdate`] if a pose names no sphere or truncated cone of the scene, one that another pose has
-    /// named, or holds a number that is not finite, or the camera is degenerate; the scene then is as if nothing had been applied.
+    /// [`Error::InvalidUpdate`] if a pose names no sphere, truncated cone or mesh of the scene, one that another pose
+    /// has named, or holds a number that is not finite, or the camera is degenerate; the scene then is as if nothing had been applied.
     pub fn apply(&mut self, update: &SceneUpdate) -> Result<(), Error> {
         self.reset();
         let applied = self.try_apply(update);
         if applied.is_err() {
             self.reset();
+            self.place_meshes(&[]);
         }
         applied
     }
@@ -320,14 +335,25 @@ impl CompiledScene {
             self.camera = camera;
         }
         let mut posed_before = vec![false; self.primitives.len()];
+        let mut of_meshes = Vec::new();
         for pose in &update.poses {
             pose.validate().map_err(Error::InvalidUpdate)?;
-            self.apply_pose(pose)?;
+            match self.meshes.has(pose.object) {
+                true => of_meshes.push(*pose),
+                false => self.apply_pose(pose)?,
+            }
             if std::mem::replace(&mut posed_before[pose.object as usize], true) {
                 return Err(Error::InvalidUpdate(SceneError::PosedTwice(pose.object)));
             }
         }
+        self.place_meshes(&of_meshes);
         Ok(())
+    }
+
+    fn place_meshes(&mut self, poses: &[ObjectPose]) {
+        if self.meshes.place(poses) {
+            self.bvhs[ShapeKind::Triangle as usize] = OnceLock::new();
+        }
     }
 
     fn apply_pose(&mut self, pose: &ObjectPose) -> Result<(), Error> {
@@ -401,11 +427,13 @@ impl CompiledScene {
             ShapeKind::Disc => self.discs.len(),
             ShapeKind::Rectangle => self.rectangles.len(),
             ShapeKind::CsgFace => self.csg_faces.len(),
+            ShapeKind::Triangle => self.meshes.triangles.len(),
         }
     }
 
     /// The BVH by which a back end finds the primitives of a shape that is faster so from `least` of them
-    /// on; made when first asked for, that of balls again after [`CompiledScene::apply`]. None where rays
+    /// on; made when first asked for, that of balls again after [`CompiledScene::apply`], that of
+    /// triangles after one that moves some. None where rays
     /// are to meet each of them, and for the faces of CSG boxes, which are few
     /// ([`crate::scene::validate::SUBTRACTIONS_TOTAL_MAX`]).
     pub fn bvh(&self, shape: ShapeKind, least: usize) -> Option<&Bvh> {
@@ -426,6 +454,7 @@ impl CompiledScene {
             ShapeKind::Disc => Bvh::new(self.discs.iter().map(Bounds::from)),
             ShapeKind::Rectangle => Bvh::new(self.rectangles.iter().map(Bounds::from)),
             ShapeKind::CsgFace => None,
+            ShapeKind::Triangle => Bvh::new(self.meshes.triangles.iter().map(Bounds::from)),
         }
     }
 
@@ -437,6 +466,7 @@ impl CompiledScene {
             Primitive::Disc(i) => self.discs[i as usize].material,
             Primitive::Rectangle(i) => self.rectangles[i as usize].material,
             Primitive::CsgFace(i) => self.csg_faces[i as usize].material,
+            Primitive::Triangle(i) => self.meshes.triangles[i as usize].material,
             Primitive::AreaLight(_) => return None,
         };
         Some(&self.materials[material as usize])

@@ -228,6 +228,49 @@ pub enum SceneError {
         /// Corner of the largest.
         max: Vec3,
     },
+    /// A mesh has nothing to see.
+    #[error("its mesh has {0} vertices and no triangle: give it one")]
+    NoTriangles(usize),
+    /// A vertex of a mesh is too far away or no number.
+    #[error(
+        "vertex {index} of its mesh is {value}: every coordinate in the world must be within ±{max:e} m"
+    )]
+    Vertex {
+        /// Index into the mesh's positions.
+        index: usize,
+        /// Its value.
+        value: Vec3,
+        /// The largest coordinate that is allowed.
+        max: f32,
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error(
+        "triangle {triangle} of its mesh has vertex {vertex}, but there are {vertices} vertices"
+    )]
+    VertexIndex {
+        /// Index into the mesh's triangles.
+        triangle: usize,
+        /// Index of the vertex.
+        vertex: u32,
+        /// Vertices of the mesh.
+        vertices: usize,
+    },
+    /// A mesh has another number of normals than of vertices.
+    #[error("its mesh has {normals} normals for {vertices} vertices: give it one each, or none")]
+    VertexNormals {
+        /// Normals of the mesh.
+        normals: usize,
+        /// Vertices of the mesh.
+        vertices: usize,
+    },
+    /// A vertex normal is no direction.
+    #[error("normal {index} of its mesh is {value}: it must be finite and not 0")]
+    VertexNormal {
+        /// Index into the mesh's normals.
+        index: usize,
+        /// Its value.
+        value: Vec3,
+    },
     /// A rectangle's edges are not at right angles.
     #[error("its half_u {half_u} and half_v {half_v} must be at right angles")]
     Skew {
@@ -261,6 +304,11 @@ pub enum SceneError {
         "its material `{0}` is a dielectric, which needs an inside: give it to a sphere or a box"
     )]
     DielectricFlat(String),
+    /// A mesh is of a dielectric.
+    #[error(
+        "its material `{0}` is a dielectric, which no mesh can be of: give it to a sphere or a box"
+    )]
+    DielectricMesh(String),
     /// A compiled surface names a material that does not exist.
     #[error("a surface has material {material}, but there are {count}")]
     MaterialIndex {
@@ -273,7 +321,7 @@ pub enum SceneError {
     #[error("object {0} is posed twice")]
     PosedTwice(u32),
     /// A pose is of an object that cannot move.
-    #[error("object {0} is posed, but only spheres and truncated cones move")]
+    #[error("object {0} is posed, but only spheres, truncated cones and meshes move")]
     Immovable(u32),
     /// A pose is of an object that does not exist.
     #[error("object {object} is posed, but the scene has {count} objects")]

@@ -11,6 +11,7 @@ use glam::DVec3;
 use crate::CompiledScene;
 use crate::compiled::{AreaLightData, MaterialData, Primitive};
 use crate::scalar::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
+use crate::scalar::triangle::visible_shading_normal;
 use crate::scalar::{medium::uniform_direction, scatter::Scatter};
 
 /// Radiance that one path finds along `ray`, scattering at most `max_depth` times. `random` gives
@@ -54,6 +55,9 @@ pub fn radiance(
         let vertex = SurfaceVertex::new(scene, &ray, hit);
         radiance += beta * direct_light(scene, &vertex, random);
         let sample = (vertex.bsdf).sample(vertex.wo, vertex.n, [(); 4].map(|()| random()));
+        if vertex.is_below(sample.wi) {
+            break;
+        }
         beta *= sample.weight;
         let left = vertex.ray_origin(sample.wi);
         // A mirror has no density, and into bodies no light is sampled.
@@ -82,7 +86,7 @@ fn direct_light(
     let nearest = intersect_from(scene, &shadow_ray, Some(ray_origin));
     let is_visible = nearest.is_some_and(|hit| hit.primitive == Primitive::AreaLight(index as u32));
     match light_pdf(scene, light, &shadow_ray, to_light.length()) {
-        Some(light_pdf) if is_visible && !ray_origin.is_inside => {
+        Some(light_pdf) if is_visible && !ray_origin.is_inside && !vertex.is_below(direction) => {
             let (f, bsdf_pdf) = vertex.bsdf.eval(vertex.wo, direction, vertex.n);
             let weight = power_heuristic(light_pdf, bsdf_pdf);
             f * vector(light.radiance) * (direction.dot(vertex.n).abs() * weight / light_pdf)
@@ -122,7 +126,7 @@ fn sample_distance(
     (None, transmittance / (transmittance.element_sum() / 3.0))
 }
 
-/// A point of a surface where a path scatters; `n` is on the side of `wo`.
+/// A point of a surface where a path scatters; `n`, which it is shaded with, is on the side of `wo`.
 struct SurfaceVertex {
     hit: Hit,
     wo: DVec3,
@@ -134,13 +138,26 @@ struct SurfaceVertex {
 impl SurfaceVertex {
     fn new(scene: &CompiledScene, ray: &Ray, hit: Hit) -> Self {
         let is_inside = ray.direction.dot(hit.n) > 0.0;
+        let side = if is_inside { -1.0 } else { 1.0 };
+        let (wo, n) = (-ray.direction, side * hit.n);
+        let is_flat = hit.shading_n == hit.n;
         Self {
-            wo: -ray.direction,
-            n: if is_inside { -hit.n } else { hit.n },
+            wo,
+            n: if is_flat {
+                n
+            } else {
+                visible_shading_normal(side * hit.shading_n, n, wo)
+            },
             is_inside,
             bsdf: Scatter::new(scene, &hit, is_inside),
             hit,
         }
+    }
+
+    /// Whether `wi` is on the far side of a triangle that is shaded with another normal than its own.
+    fn is_below(&self, wi: DVec3) -> bool {
+        let is_far = wi.dot(self.hit.n) * self.wo.dot(self.hit.n) <= 0.0;
+        is_far && self.hit.shading_n != self.hit.n
     }
 
     /// The side of the surface on which a ray along `wi` goes on.

@@ -2,18 +2,18 @@
 //! picture that was asked for is still being traced.
 //!
 //! The scene is known exactly, so nothing is guessed from neighbouring pixels: a ray through each
-//! pixel of the new view finds the point that it sees, the point is moved back to where its ball or cue
-//! was, and the old picture is looked up there (reverse re-projection: Nehab et al., "Accelerating
+//! pixel of the new view finds the point that it sees, the point is moved back to where its ball, cue or
+//! mesh was, and the old picture is looked up there (reverse re-projection: Nehab et al., "Accelerating
 //! Real-Time Shading with Reverse Reprojection Caching", 2007). A primitive is convex, so the point
-//! was visible if the old picture shows the same primitive there, from the same side. Where it was
-//! not, the nearest pixel of the same primitive stands in, and is counted. Mirror images, shadows
+//! was visible if the old picture shows the same primitive there, from the same side; a mesh is taken for
+//! one. Where it was not, the nearest pixel of the same primitive stands in, and is counted. Mirror images, shadows
 //! and turning numbers stay as they were: the price of no tracing, gone with the next picture.
 
 use std::ops::Range;
 
 use crate::compiled::{CSG_FACE_APEX_CONE, CameraFrame, SphereData};
-use crate::cpu::FirstHits;
-use crate::{CompiledScene, ImageSize};
+use crate::cpu::{FirstHits, first_triangle};
+use crate::{CompiledScene, ImageSize, ObjectPose};
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
@@ -23,6 +23,8 @@ pub struct View {
     camera: CameraFrame,
     spheres: Vec<SphereData>,
     cones: Vec<PlacedCone>,
+    /// Each with the number that its pixels have.
+    meshes: Vec<(u32, ObjectPose)>,
     hits: FirstHits,
 }
 
@@ -42,6 +44,7 @@ impl View {
             camera: scene.camera_frame(size),
             spheres: scene.spheres.clone(),
             cones: cones(scene),
+            meshes: meshes(scene),
             hits: FirstHits::new(scene, size),
         }
     }
@@ -120,6 +123,14 @@ impl View {
             let mut cones = self.cones.iter().zip(&before.cones);
             let moved = cones.find(|(cone, _)| cone.ids.contains(&id));
             let point = moved.map_or(point, |(to, from)| to.point_before(from, point));
+            let mesh = self.meshes.binary_search_by_key(&id, |(id, _)| *id);
+            let moved = mesh
+                .ok()
+                .map(|at| (&self.meshes[at].1, &before.meshes[at].1));
+            let point = moved.map_or(point, |(to, from)| {
+                let turn = from.rotation * to.rotation.inverse();
+                from.position + turn * (point - to.position)
+            });
             return film.project(point - eye_before);
         };
         let from_center = point - Vec3::from(ball.center);
@@ -176,6 +187,14 @@ impl PlacedCone {
         let turn = Quat::from_rotation_arc(self.axis, before.axis);
         before.apex + turn * (point - self.apex)
     }
+}
+
+fn meshes(scene: &CompiledScene) -> Vec<(u32, ObjectPose)> {
+    let first = first_triangle(scene);
+    let poses = scene.meshes.poses();
+    poses
+        .map(|(triangle, pose)| (first + triangle, pose))
+        .collect()
 }
 
 fn cones(scene: &CompiledScene) -> Vec<PlacedCone> {

@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::Context;
 use carom_tracer::compiled::{BvhUse, ShapeKind};
 use carom_tracer::{
-    AreaLight, Camera, CompiledScene, Environment, ImageSize, Lens, Material, Object, Scene,
+    AreaLight, Camera, CompiledScene, Environment, ImageSize, Lens, Material, Mesh, Object, Scene,
     SceneUpdate, Shape, Tracer, sampling,
 };
 use cpu_time::ProcessTime;
@@ -56,6 +56,7 @@ enum SweptShape {
     Boxes,
     Discs,
     Rectangles,
+    Triangles,
 }
 
 impl SweptShape {
@@ -65,6 +66,7 @@ impl SweptShape {
             Self::Boxes => ShapeKind::Box,
             Self::Discs => ShapeKind::Disc,
             Self::Rectangles => ShapeKind::Rectangle,
+            Self::Triangles => ShapeKind::Triangle,
         }
     }
 
@@ -74,6 +76,7 @@ impl SweptShape {
             Self::Boxes => "boxes",
             Self::Discs => "discs",
             Self::Rectangles => "rectangles",
+            Self::Triangles => "triangles",
         }
     }
 }
@@ -319,6 +322,12 @@ fn shape(many: SweptShape, count: u32, i: u32) -> Shape {
             half_u: flat * u,
             half_v: 0.8 * flat * v,
         },
+        SweptShape::Triangles => {
+            let corners = [u, v, -u - v].map(|corner| flat * corner);
+            Mesh::new(corners.into(), vec![[0, 1, 2]])
+                .at(place(flat))
+                .into()
+        }
     }
 }
 

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use carom_tracer::{
-    Axis, CompiledScene, CsgSolid, ImageSize, Material, Object, ProceduralTexture, Scene, Shape,
-    Stripe, Subtraction,
+    Axis, CompiledScene, CsgSolid, ImageSize, Material, Mesh, Object, ProceduralTexture, Scene,
+    Shape, Stripe, Subtraction,
 };
 use glam::{Quat, Vec3};
 use serde::Serialize;
@@ -321,6 +321,15 @@ const PARTS: [FeatureChange; 13] = [
                 half_v,
             };
             add_object(scene, rectangle);
+        },
+    },
+    FeatureChange {
+        name: "a mesh",
+        is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::Mesh(_))),
+        add: |scene| {
+            let corners = [Vec3::X, Vec3::Z, Vec3::ZERO].map(|corner| SMALL_M * corner);
+            let mesh = Mesh::new(corners.into(), vec![[0, 1, 2]]).at(hidden(scene));
+            add_object(scene, mesh.into());
         },
     },
 ];

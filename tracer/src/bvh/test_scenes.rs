@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 
 use crate::compiled::ShapeKind;
 use crate::sampling::uniforms;
-use crate::{Camera, CompiledScene, Environment, Lens, Material, Object, Scene, Shape};
+use crate::{Camera, CompiledScene, Environment, Lens, Material, Mesh, Object, Scene, Shape};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Arrangement {
@@ -37,11 +37,12 @@ pub(crate) const ARRANGEMENTS: [Arrangement; 7] = [
     Arrangement::Far,
 ];
 
-pub(crate) const SHAPES: [ShapeKind; 4] = [
+pub(crate) const SHAPES: [ShapeKind; 5] = [
     ShapeKind::Sphere,
     ShapeKind::Box,
     ShapeKind::Disc,
     ShapeKind::Rectangle,
+    ShapeKind::Triangle,
 ];
 
 /// Place and radius of primitive `i` of `count`.
@@ -102,6 +103,10 @@ fn shape(of: ShapeKind, kind: Arrangement, (center, radius): (Vec3, f32), i: u32
             half_v: radius * (0.5 + 0.5 * d) * v,
         },
         ShapeKind::CsgFace => panic!("faces have no BVH"),
+        ShapeKind::Triangle => {
+            let corners = [u, v, -0.5 * u - d * v].map(|corner| radius * corner);
+            Mesh::new(corners.into(), vec![[0, 1, 2]]).at(center).into()
+        }
     }
 }
 
@@ -159,6 +164,10 @@ fn extent(scene: &CompiledScene, i: usize) -> (Vec3, Vec3) {
         ((0.5 * (min + max)).to_array(), 0.5 * (max - min))
     } else if let Some(disc) = scene.discs.get(i) {
         (disc.center, Vec3::splat(disc.radius))
+    } else if let Some(data) = scene.meshes.triangles.get(i) {
+        let [a, b, c] = data.corners();
+        let (min, max) = (a.min(b).min(c), a.max(b).max(c));
+        (((a + b + c) / 3.0).to_array(), 0.5 * (max - min))
     } else {
         let data = &scene.rectangles[i];
         let half = Vec3::from(data.half_u).abs() + Vec3::from(data.half_v).abs();
@@ -222,4 +231,60 @@ pub(crate) fn ray(scene: &CompiledScene, seed: u32, i: u32) -> CrowdRay {
         left: is_left.then_some(from as u32),
         is_inside,
     }
+}
+
+/// A closed mesh round the origin, with rays from within it at its corners and at points of its edges.
+pub(crate) fn globe_with_rays() -> (CompiledScene, Vec<(Vec3, Vec3)>) {
+    const ROWS: u32 = 12;
+    const COLUMNS: u32 = 17;
+    let ring = |row: u32| {
+        (0..COLUMNS).map(move |column| {
+            let (sin, cos) = (std::f32::consts::PI * row as f32 / ROWS as f32).sin_cos();
+            let turn = Quat::from_rotation_z(0.37 * column as f32);
+            turn * Vec3::new(1.3 * sin, 0.0, cos)
+        })
+    };
+    let mut positions: Vec<Vec3> = (1..ROWS).flat_map(ring).collect();
+    let [north, south] = [0, 1].map(|pole| positions.len() as u32 + pole);
+    positions.extend([Vec3::Z, Vec3::NEG_Z]);
+    let at = |row: u32, column: u32| row * COLUMNS + column % COLUMNS;
+    let mut triangles: Vec<[u32; 3]> = (0..COLUMNS)
+        .flat_map(|c| {
+            [
+                [north, at(0, c), at(0, c + 1)],
+                [south, at(ROWS - 2, c + 1), at(ROWS - 2, c)],
+            ]
+        })
+        .collect();
+    triangles.extend((0..ROWS - 2).flat_map(|row| {
+        (0..COLUMNS).flat_map(move |c| {
+            let [a, b, c, d] = [
+                at(row, c),
+                at(row + 1, c),
+                at(row + 1, c + 1),
+                at(row, c + 1),
+            ];
+            [[a, b, c], [a, c, d]]
+        })
+    }));
+    let rays = |seed: u32| {
+        let (positions, triangles) = (positions.clone(), triangles.clone());
+        (0..).zip(triangles).flat_map(move |(i, [a, b, c])| {
+            let [x, y, z, along] = uniforms(i, seed, 11, 0);
+            let origin = 0.4 * Vec3::new(x, y, z) - 0.2;
+            let corner = |index: u32| positions[index as usize];
+            let on_edge = corner(a).lerp(corner(b), along);
+            [corner(a), on_edge, 0.5 * (corner(b) + corner(c))].map(|aim| (origin, aim - origin))
+        })
+    };
+    let rays: Vec<_> = (0..8)
+        .flat_map(rays)
+        .map(|(o, d)| (o, d.normalize()))
+        .collect();
+    let mut scene = Scene::new();
+    scene.add(
+        Mesh::new(positions.clone(), triangles.clone()),
+        Material::grey(0.5),
+    );
+    (CompiledScene::new(&scene).unwrap(), rays)
 }

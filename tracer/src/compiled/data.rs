@@ -2,6 +2,7 @@
 //! WGSL has its structs.
 
 use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
 
 /// A ball. A radius of 0 hides it.
 #[repr(C)]
@@ -123,6 +124,52 @@ pub struct RectangleData {
     pub normal: [f32; 3],
     /// 0.
     pub padding: u32,
+}
+
+/// A triangle of a mesh. One without area is hidden.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct TriangleData {
+    /// A corner, metres.
+    pub a: [f32; 3],
+    /// Index of its material.
+    pub material: u32,
+    /// The next corner, metres.
+    pub b: [f32; 3],
+    /// Index of its vertex normals in [`super::CompiledMeshes::normals`]; [`TriangleData::FLAT`] for none.
+    pub normals: u32,
+    /// The last corner, metres.
+    pub c: [f32; 3],
+    /// 0.
+    pub padding: u32,
+}
+
+impl TriangleData {
+    /// [`TriangleData::normals`] of a facet.
+    pub const FLAT: u32 = u32::MAX;
+
+    /// Its corners, metres.
+    pub fn corners(&self) -> [Vec3; 3] {
+        [self.a, self.b, self.c].map(Vec3::from)
+    }
+}
+
+/// Unit normals at the corners of a triangle.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct TriangleNormals {
+    /// At [`TriangleData::a`].
+    pub a: [f32; 3],
+    /// 0.
+    pub padding0: u32,
+    /// At [`TriangleData::b`].
+    pub b: [f32; 3],
+    /// 0.
+    pub padding1: u32,
+    /// At [`TriangleData::c`].
+    pub c: [f32; 3],
+    /// 0.
+    pub padding2: u32,
 }
 
 /// An area light, as a rectangle that emits along its normal.

@@ -16,6 +16,7 @@ use crate::regularisation::{CONE_COSINE, CONE_DENSITY};
 /// base. Without a coat `fresnel` is 0.
 pub(super) struct Bsdf<S: Simd> {
     normal: Vec3x<S>,
+    geometric: Option<Vec3x<S>>,
     wo: Vec3x<S>,
     ior: Float<S>,
     cos_o: Float<S>,
@@ -38,6 +39,7 @@ impl<S: Simd> Bsdf<S> {
         let coated = hit.ior.simd_gt(0.0);
         let mut bsdf = Self {
             normal: hit.normal,
+            geometric: hit.geometric,
             wo,
             ior: hit.ior,
             cos_o,
@@ -93,7 +95,8 @@ impl<S: Simd> Bsdf<S> {
     }
 
     /// Draws a direction by `u[1]` and `u[2]`, which choose between coat and base too; `u[0]` chooses
-    /// the lobe of a dielectric. Sets the lanes whose ray goes on inside one in `inside`.
+    /// the lobe of a dielectric. Sets the lanes whose ray goes on inside one in `inside`. A direction below the surface
+    /// of a triangle that is shaded with another normal has no weight.
     #[inline(always)]
     pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> BsdfSample<S> {
         let mut u1 = u[1];
@@ -124,6 +127,11 @@ impl<S: Simd> Bsdf<S> {
             scattered.wi = Vec3x::select(lanes, glossy.wi, scattered.wi);
             scattered.weight = Vec3x::select(lanes, glossy.weight, scattered.weight);
             scattered.pdf = lanes.select(glossy.pdf, scattered.pdf);
+        }
+        if let Some(geometric) = self.geometric {
+            let below = geometric.dot(scattered.wi).simd_lt(0.0);
+            let black = Vec3x::splat(simd, [0.0; 3]);
+            scattered.weight = Vec3x::select(below, black, scattered.weight);
         }
         scattered
     }

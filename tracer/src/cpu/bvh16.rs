@@ -94,6 +94,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
         for lane in 0..LANES {
             let ray = columns.ray(simd, lane);
+            let frame = F::frame(simd, &ray);
             stack.push(0.0, self.root);
             while let Some((entry, part)) = stack.pop() {
                 if entry > distance[lane] {
@@ -107,7 +108,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
                 // With the distance itself: of primitives as far away the smallest id counts, in
                 // whatever order leaves are visited.
-                let Some((hit, t)) = leaf.intersect(simd, &ray, distance[lane].next_up()) else {
+                let Some((hit, t)) = leaf.intersect(simd, &ray, &frame, distance[lane].next_up())
+                else {
                     continue;
                 };
                 let (t, mut hits) = (t.to_array(), hit.to_bitmask());
@@ -156,6 +158,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 continue;
             }
             let ray = columns.ray(simd, lane);
+            let frame = F::frame(simd, &ray);
             stack.push(0.0, self.root);
             while let Some((_, part)) = stack.pop() {
                 if part & LEAF_TAG == 0 {
@@ -163,7 +166,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     node.enter(simd, &ray, limit, &mut stack);
                     continue;
                 }
-                let met = self.leaves[(part & !LEAF_TAG) as usize].intersect(simd, &ray, limit);
+                let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
+                let met = leaf.intersect(simd, &ray, &frame, limit);
                 if met.is_some_and(|(hit, _)| hit.any_true()) {
                     dark |= 1 << lane;
                     // Any hit will do.
@@ -202,7 +206,13 @@ impl Bvh16Node {
 impl<F: Shape<N>, const N: usize> Bvh16Leaf<F, N> {
     /// Where the ray meets primitives before `limit`.
     #[inline(always)]
-    fn intersect<S: Simd>(&self, simd: S, ray: &Rays<S>, limit: f32) -> HitMask<S> {
+    fn intersect<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Rays<S>,
+        frame: &F::Frame<S>,
+        limit: f32,
+    ) -> HitMask<S> {
         let mut numbers = [Float::splat(simd, 0.0); N];
         for (lanes, number) in numbers.iter_mut().zip(&self.numbers) {
             *lanes = Float::load_array(simd, *number);
@@ -212,7 +222,7 @@ impl<F: Shape<N>, const N: usize> Bvh16Leaf<F, N> {
             id: Word::load_array(simd, self.id),
             has_dielectric: self.has_dielectric,
         };
-        let (hit, t) = F::intersect(ray, &primitives, Float::splat(simd, limit))?;
+        let (hit, t) = F::intersect(ray, frame, &primitives, Float::splat(simd, limit))?;
         Some((hit & primitives.id.simd_ne(NONE), t))
     }
 }

@@ -18,7 +18,7 @@ pub struct FirstHits {
     /// From the eye along the ray, metres; ∞ where the ray leaves the scene.
     pub distance: Vec<f32>,
     /// A number for each primitive: a ball's is its place in [`CompiledScene::spheres`], the others
-    /// follow; [`FirstHits::ESCAPED`] where the ray leaves the scene.
+    /// follow, and a mesh has that of its first triangle; [`FirstHits::ESCAPED`] where the ray leaves the scene.
     pub primitive: Vec<u32>,
 }
 
@@ -43,8 +43,30 @@ impl FirstHits {
         rows.enumerate().for_each(|(y, (distance, primitive))| {
             dispatch!(level, simd => row(simd, &geometry, &camera, y, distance, primitive));
         });
+        hits.name_meshes(scene);
         hits
     }
+
+    /// Gives all triangles of a mesh one number.
+    fn name_meshes(&mut self, scene: &CompiledScene) {
+        let (first, count) = (first_triangle(scene), scene.meshes.triangles.len() as u32);
+        if count == 0 {
+            return;
+        }
+        self.primitive.par_iter_mut().for_each(|primitive| {
+            let triangle = primitive.wrapping_sub(first);
+            if triangle < count {
+                *primitive = first + scene.meshes.first_of_mesh(triangle);
+            }
+        });
+    }
+}
+
+/// The number of the first triangle of a scene.
+pub(crate) fn first_triangle(scene: &CompiledScene) -> u32 {
+    let plates = scene.discs.len() + scene.rectangles.len();
+    let solids = scene.spheres.len() + scene.boxes.len() + scene.csg_faces.len();
+    (plates + solids) as u32
 }
 
 #[inline(always)]

@@ -10,16 +10,18 @@ use super::csg::CsgBox;
 use super::lanes::{Float, Mask, Word};
 use super::rays::{INSIDE, Nearest, Rays};
 use super::shapes::{AlignedBox, Disc, PackedPrimitive, Rectangle, Shape, Sphere};
+use super::triangle::Triangles;
 use crate::compiled::{CompiledScene, KIND_DIELECTRIC, ShapeKind};
 
-/// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of CSG boxes and
-/// area lights in this order, as [`super::surface::Surfaces`] lists them.
+/// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of CSG boxes, triangles
+/// and area lights in this order, as [`super::surface::Surfaces`] lists them.
 pub(super) struct Geometry {
     spheres: PrimitiveSet<Sphere, 6>,
     boxes: PrimitiveSet<AlignedBox, 6>,
     discs: PrimitiveSet<Disc, 7>,
     rectangles: PrimitiveSet<Rectangle, 12>,
     csg_boxes: Vec<CsgBox>,
+    triangles: Triangles,
     area_lights: PrimitiveSet<Rectangle, 12>,
     /// The id of the first area light; a hit of this id or above ends its path.
     pub(super) area_lights_first: u32,
@@ -72,7 +74,8 @@ impl Geometry {
             PrimitiveSet::new(scene, ShapeKind::Rectangle, rectangles.collect(), reach);
         // As many ids as there are faces.
         let csg_faces_first = first + scene.rectangles.len() as u32;
-        let area_lights_first = csg_faces_first + scene.csg_faces.len() as u32;
+        let triangles_first = csg_faces_first + scene.csg_faces.len() as u32;
+        let area_lights_first = triangles_first + scene.meshes.triangles.len() as u32;
         let csg_boxes = scene.csg_boxes.iter();
         let csg_boxes = csg_boxes
             .map(|c| CsgBox::new(c, &scene.csg_faces, csg_faces_first))
@@ -92,6 +95,7 @@ impl Geometry {
             discs,
             rectangles,
             csg_boxes,
+            triangles: Triangles::new(scene, triangles_first, reach),
             area_lights,
             area_lights_first,
             has_dielectric,
@@ -112,6 +116,9 @@ impl Geometry {
                 nearest.distance = hit.select(t, nearest.distance);
                 nearest.id = hit.select(face, nearest.id);
             }
+        }
+        if !self.triangles.is_empty() {
+            self.triangles.nearest(simd, rays, &mut nearest);
         }
         self.area_lights.nearest(simd, rays, &mut nearest);
         if self.has_dielectric {
@@ -148,8 +155,12 @@ impl Geometry {
                 dark |= hit;
             }
         }
+        if !self.triangles.is_empty() {
+            self.triangles.occlude(simd, rays, distance, &mut dark);
+        }
         for light in &self.area_lights.each {
-            if let Some((hit, _)) = Rectangle::intersect(rays, &light.splat(simd), distance) {
+            let met = Rectangle::intersect(rays, &(), &light.splat(simd), distance);
+            if let Some((hit, _)) = met {
                 dark |= hit & target.simd_ne(light.id);
             }
         }
@@ -182,11 +193,10 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
         if let Some(bvh) = &self.bvh {
             bvh.nearest(simd, rays, nearest);
         }
+        let frame = F::frame(simd, rays);
         for one in &self.each {
-            nearest.update(
-                F::intersect(rays, &one.splat(simd), nearest.distance),
-                one.id,
-            );
+            let met = F::intersect(rays, &frame, &one.splat(simd), nearest.distance);
+            nearest.update(met, one.id);
         }
     }
 
@@ -196,8 +206,9 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
         if let Some(bvh) = &self.bvh {
             bvh.occlude(simd, rays, distance, dark);
         }
+        let frame = F::frame(simd, rays);
         for one in &self.each {
-            if let Some((hit, _)) = F::intersect(rays, &one.splat(simd), distance) {
+            if let Some((hit, _)) = F::intersect(rays, &frame, &one.splat(simd), distance) {
                 *dark |= hit;
             }
         }
@@ -228,7 +239,7 @@ fn reach(scene: &CompiledScene) -> f32 {
         .chain(discs)
         .chain(rectangles)
         .chain(csg_boxes);
-    2.0 * from_world_origin.fold(far(eye, 0.0), f32::max)
+    2.0 * from_world_origin.fold(far(eye, 0.0).max(scene.meshes.reach), f32::max)
 }
 
 #[cfg(test)]
@@ -244,7 +255,7 @@ mod tests {
     use crate::sampling::uniforms;
     use crate::scalar::{Ray, intersect};
     use crate::simd::{Level, dispatch};
-    use crate::{Camera, CpuTracer, Environment, Lens, Material, Object, Scene, Shape};
+    use crate::{Camera, CpuTracer, Environment, Lens, Material, Mesh, Object, Scene, Shape};
 
     type Six = [[f32; LANES]; 6];
 
@@ -347,6 +358,7 @@ mod tests {
                         geometry.area_lights_first - 1
                     }
                     Primitive::CsgFace(_) => panic!("no CSG boxes here"),
+                    Primitive::Triangle(i) => i,
                 };
                 if id[lane] == number {
                     let t = f64::from(t[lane]) * length;
@@ -377,6 +389,14 @@ mod tests {
                 half_u: Vec3::new(0.3, 0.3, 0.0),
                 half_v: Vec3::new(-0.2, 0.2, 0.5),
             },
+            Shape::Mesh(Mesh::new(
+                vec![
+                    Vec3::new(-0.4, 0.2, 0.3),
+                    Vec3::new(0.5, 0.1, -0.2),
+                    Vec3::new(0.0, -0.5, 0.4),
+                ],
+                vec![[0, 1, 2]],
+            )),
         ];
         for (which, shape) in shapes.iter().enumerate() {
             let scene = scene(std::slice::from_ref(shape), Vec3::ONE);

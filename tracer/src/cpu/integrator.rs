@@ -595,7 +595,10 @@ impl Prepared {
             let coat = bsdf.regularised_coat(simd, regularised, light.wi);
             reflected = reflected + Vec3x::new(coat, coat, coat);
         }
-        let lit = alive & bsdf.sees(cos_i) & light.distance.simd_gt(0.0);
+        let mut lit = alive & bsdf.sees(cos_i) & light.distance.simd_gt(0.0);
+        if let Some(geometric) = hit.geometric {
+            lit &= geometric.dot(light.wi).simd_ge(0.0);
+        }
         let shadow = &mut stream.shadows[OTHER];
         shadow.direction.store(at, light.wi);
         let radiance = light.radiance * light.inverse_pdf;

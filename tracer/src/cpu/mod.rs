@@ -41,6 +41,7 @@ mod sheen;
 mod stream;
 mod surface;
 mod texture;
+mod triangle;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -49,6 +50,7 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 
 pub use first_hit::FirstHits;
+pub(crate) use first_hit::first_triangle;
 
 use crate::denoise::{DenoiseInputTile, DenoiseSource, FilterMemory, trace_denoised};
 use crate::simd::{Level, dispatch};

@@ -15,9 +15,16 @@ pub(super) trait Shape<const N: usize> {
     /// From so many on, rays find them faster by a BVH: `carom-bench bvh --backend cpu`.
     const BVH_MIN: usize;
 
+    /// What all tests of the same rays share.
+    type Frame<S: Simd>: Copy;
+
+    /// That of `rays`.
+    fn frame<S: Simd>(simd: S, rays: &Rays<S>) -> Self::Frame<S>;
+
     /// Where rays meet `primitives` before `limit`, and how far away; none if no lane may.
     fn intersect<S: Simd>(
         rays: &Rays<S>,
+        frame: &Self::Frame<S>,
         primitives: &Primitives<S, N>,
         limit: Float<S>,
     ) -> HitMask<S>;
@@ -34,7 +41,7 @@ pub(super) struct Primitives<S: Simd, const N: usize> {
 impl<S: Simd, const N: usize> Primitives<S, N> {
     /// Three of the numbers.
     #[inline(always)]
-    fn vector(&self, first: usize) -> Vec3x<S> {
+    pub(super) fn vector(&self, first: usize) -> Vec3x<S> {
         Vec3x::new(
             self.numbers[first],
             self.numbers[first + 1],
@@ -98,9 +105,15 @@ impl Shape<6> for Sphere {
     /// With AVX-512 faster by 1.4 for 512 and 2.2 for 1024; slower by 2 % for 256.
     const BVH_MIN: usize = 320;
 
+    type Frame<S: Simd> = ();
+
+    #[inline(always)]
+    fn frame<S: Simd>(_: S, _: &Rays<S>) {}
+
     #[inline(always)]
     fn intersect<S: Simd>(
         rays: &Rays<S>,
+        (): &(),
         primitives: &Primitives<S, 6>,
         limit: Float<S>,
     ) -> HitMask<S> {
@@ -221,9 +234,15 @@ impl Shape<6> for AlignedBox {
     /// Equal there; faster by 1.4 for 512 and 2.3 for 1024.
     const BVH_MIN: usize = 256;
 
+    type Frame<S: Simd> = ();
+
+    #[inline(always)]
+    fn frame<S: Simd>(_: S, _: &Rays<S>) {}
+
     #[inline(always)]
     fn intersect<S: Simd>(
         rays: &Rays<S>,
+        (): &(),
         primitives: &Primitives<S, 6>,
         limit: Float<S>,
     ) -> HitMask<S> {
@@ -264,9 +283,15 @@ impl Shape<7> for Disc {
     /// Equal there; faster by 1.4 for 192 and 3.4 for 1024.
     const BVH_MIN: usize = 96;
 
+    type Frame<S: Simd> = ();
+
+    #[inline(always)]
+    fn frame<S: Simd>(_: S, _: &Rays<S>) {}
+
     #[inline(always)]
     fn intersect<S: Simd>(
         rays: &Rays<S>,
+        (): &(),
         primitives: &Primitives<S, 7>,
         limit: Float<S>,
     ) -> HitMask<S> {
@@ -299,9 +324,15 @@ impl Shape<12> for Rectangle {
     /// Faster by 1.1 there, 1.6 for 192 and 4.0 for 1024.
     const BVH_MIN: usize = 96;
 
+    type Frame<S: Simd> = ();
+
+    #[inline(always)]
+    fn frame<S: Simd>(_: S, _: &Rays<S>) {}
+
     #[inline(always)]
     fn intersect<S: Simd>(
         rays: &Rays<S>,
+        (): &(),
         primitives: &Primitives<S, 12>,
         limit: Float<S>,
     ) -> HitMask<S> {
@@ -314,7 +345,7 @@ impl Shape<12> for Rectangle {
     }
 }
 
-fn join<const VECTORS: usize, const N: usize>(vectors: [[f32; 3]; VECTORS]) -> [f32; N] {
+pub(super) fn join<const VECTORS: usize, const N: usize>(vectors: [[f32; 3]; VECTORS]) -> [f32; N] {
     let mut numbers = [0.0; N];
     numbers.copy_from_slice(vectors.as_flattened());
     numbers

@@ -4,21 +4,24 @@ use fearless_simd::prelude::*;
 
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::medium::FreeFlight;
-use super::microfacet::{MicrofacetBsdf, MicrofacetRow, microfacet_row, untagged};
+use super::microfacet::{MicrofacetBsdf, MicrofacetRow, SCATTERED, microfacet_row, untagged};
 use super::rays::{INSIDE, inverse};
 use super::refracted_nee::{NeeBoundaryRow, nee_boundary_row};
 use super::rows::Rows;
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
+use super::triangle::TriangleSurfaces;
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
     CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE,
 };
 
-/// One row of numbers per primitive that scatters, in the order of ids.
+/// One row of numbers per primitive that scatters, in the order of ids; after them one per material, for
+/// triangles.
 pub(super) struct Surfaces {
     rows: Vec<SurfaceRow>,
+    triangles: TriangleSurfaces,
     /// Empty if all are diffuse, bare or coated.
     microfacet: Vec<MicrofacetRow>,
     /// Empty without procedural textures.
@@ -57,12 +60,16 @@ const KIND_INNER_BOX: f32 = 4.0;
 const KIND_CONE: f32 = 5.0;
 /// A cone with any axis.
 const KIND_APEX_CONE: f32 = 6.0;
+/// A triangle, whose row has its material alone.
+const KIND_TRIANGLE: f32 = 7.0;
 
 /// Where and what a packet of rays hit.
 pub(super) struct Hit<S: Simd> {
     pub(super) position: Vec3x<S>,
     /// Of unit length, on the side the ray came from.
     pub(super) normal: Vec3x<S>,
+    /// Where that is interpolated, the surface's own, on the same side, and 0 elsewhere; if any lane's is.
+    pub(super) geometric: Option<Vec3x<S>>,
     pub(super) albedo: Vec3x<S>,
     /// 0 for a diffuse surface.
     pub(super) ior: Float<S>,
@@ -112,8 +119,17 @@ impl Surfaces {
             };
             row(face.a, face.b, kind, face.material, [0.0; 3])
         }));
+        let triangles_first = rows.len() as u32;
+        if !scene.meshes.triangles.is_empty() {
+            let materials = 0..scene.materials.len() as u32;
+            rows.extend(
+                materials
+                    .map(|material| row([0.0; 3], [0.0; 3], KIND_TRIANGLE, material, [0.0; 3])),
+            );
+        }
         Self {
             rows,
+            triangles: TriangleSurfaces::new(scene, triangles_first, triangles_first),
             microfacet: microfacet_rows(scene),
             texture: texture_rows(scene),
             sheen: sheen_rows(scene),
@@ -160,7 +176,14 @@ impl Surfaces {
         if !self.microfacet.is_empty() {
             id = untagged(tag);
             within = (tag & INSIDE).simd_ne(0);
-            microfacet = MicrofacetBsdf::new(simd, &self.microfacet, tag);
+        }
+        let triangles = self.triangles.hit(simd, origin, direction, id);
+        if let Some(triangles) = &triangles {
+            id = triangles.row;
+        }
+        if !self.microfacet.is_empty() {
+            let tags = tag & (INSIDE | SCATTERED);
+            microfacet = MicrofacetBsdf::new(simd, &self.microfacet, tags | id);
         }
         let rows = Rows::new(&self.rows, id);
         let kind = rows.number(simd, KIND);
@@ -185,6 +208,12 @@ impl Surfaces {
             normal = Vec3x::select(boxed, face.normal, normal);
         }
         normal = round_normal(kind, position, first, second, normal);
+        let mut geometric = None;
+        if let Some(triangles) = &triangles {
+            position = Vec3x::select(triangles.lanes, triangles.position, position);
+            normal = Vec3x::select(triangles.lanes, triangles.normal, normal);
+            geometric = self.triangles.has_normals().then_some(triangles.geometric);
+        }
         if let Some(microfacet) = &microfacet {
             let inside = direction.mul_add(distance, origin);
             position = Vec3x::select(microfacet.is_scattered(), inside, position);
@@ -204,6 +233,7 @@ impl Surfaces {
         Hit {
             position,
             normal: Vec3x::select(behind, -normal, normal),
+            geometric,
             albedo,
             ior,
             diffuse_scale: rows.number(simd, DIFFUSE_SCALE),
@@ -213,7 +243,7 @@ impl Surfaces {
     }
 }
 
-/// The materials of all primitives that scatter, in the order of ids.
+/// The materials of all rows.
 fn materials(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
     let spheres = scene.spheres.iter().map(|s| s.material);
     let boxes = scene.boxes.iter().map(|b| b.material);
@@ -222,7 +252,12 @@ fn materials(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
     let faces = scene.csg_faces.iter().map(|f| f.material);
     let indices = spheres.chain(boxes).chain(discs).chain(rectangles);
     let indices = indices.chain(faces);
-    indices.map(|material| &scene.materials[material as usize])
+    let materials = indices.map(|material| &scene.materials[material as usize]);
+    let of_triangles = match scene.meshes.triangles.is_empty() {
+        true => &[],
+        false => &scene.materials[..],
+    };
+    materials.chain(of_triangles)
 }
 
 fn microfacet_rows(scene: &CompiledScene) -> Vec<MicrofacetRow> {
@@ -257,6 +292,7 @@ fn texture_rows(scene: &CompiledScene) -> Vec<TextureRow> {
         Some((axis.as_vec3().to_array(), [end as f32; 3]))
     });
     let axes = balls.chain(std::iter::repeat_n(None, others)).chain(faces);
+    let axes = axes.chain(std::iter::repeat(None));
     materials(scene)
         .zip(axes)
         .map(|(material, axes)| texture_row(material, axes))

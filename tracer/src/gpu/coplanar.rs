@@ -98,7 +98,8 @@ pub(crate) fn farthest(scene: &CompiledScene) -> f32 {
         .chain(discs)
         .chain(rectangles)
         .chain(area_lights);
-    surfaces.fold(reach(scene.camera.eye.to_array(), 0.0), f32::max)
+    let eye = reach(scene.camera.eye.to_array(), 0.0);
+    surfaces.fold(eye.max(scene.meshes.reach), f32::max)
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ impl ShapeKind {
             Self::Disc => "disc",
             Self::Rectangle => "rectangle",
             Self::CsgFace => "csg_face",
+            Self::Triangle => "triangle",
         }
     }
 
@@ -27,6 +28,7 @@ impl ShapeKind {
             Self::Disc => "DISC",
             Self::Rectangle => "RECTANGLE",
             Self::CsgFace => "CSG_FACE",
+            Self::Triangle => "TRIANGLE",
         }
     }
 
@@ -35,7 +37,7 @@ impl ShapeKind {
         match self {
             Self::Sphere => Some("SphereBound"),
             Self::Box => Some("BoxBound"),
-            Self::Disc | Self::Rectangle | Self::CsgFace => None,
+            Self::Disc | Self::Rectangle | Self::CsgFace | Self::Triangle => None,
         }
     }
 
@@ -47,6 +49,15 @@ impl ShapeKind {
         }
     }
 
+    /// The buffer that holds its primitives, and what rays find them by: triangles, which are many and seldom
+    /// change, have one of their own.
+    pub(crate) const fn buffer(self) -> &'static str {
+        match self {
+            Self::Triangle => "mesh",
+            _ => "scene",
+        }
+    }
+
     /// Its array in the scene.
     pub(crate) const fn array(self) -> &'static str {
         match self {
@@ -55,6 +66,7 @@ impl ShapeKind {
             Self::Disc => "discs",
             Self::Rectangle => "rectangles",
             Self::CsgFace => "csg_faces",
+            Self::Triangle => "triangles",
         }
     }
 
@@ -66,6 +78,7 @@ impl ShapeKind {
             Self::Disc => "DiscData",
             Self::Rectangle => "RectangleData",
             Self::CsgFace => "CsgFaceData",
+            Self::Triangle => "TriangleData",
         }
     }
 }
@@ -126,6 +139,9 @@ pub(crate) struct Features {
     pub(crate) csg_faces: u32,
     /// CSG boxes, which the faces belong to.
     pub(crate) csg_boxes: u32,
+    pub(crate) triangles: u32,
+    /// Those with vertex normals.
+    pub(crate) smooth_triangles: u32,
     pub(crate) area_lights: u32,
     /// At least 1: an array has no length of 0.
     pub(crate) materials: u32,
@@ -175,6 +191,8 @@ impl Features {
             rectangles: scene.rectangles.len() as u32,
             csg_faces: scene.csg_faces.len() as u32,
             csg_boxes: scene.csg_boxes.len() as u32,
+            triangles: scene.meshes.triangles.len() as u32,
+            smooth_triangles: scene.meshes.normals.len() as u32,
             area_lights: scene.area_lights.len() as u32,
             materials: scene.materials.len().max(1) as u32,
             bvhs: ShapeKind::ALL.map(|shape| bvh(scene, shape).is_some()),
@@ -208,7 +226,20 @@ impl Features {
             ShapeKind::Disc => self.discs,
             ShapeKind::Rectangle => self.rectangles,
             ShapeKind::CsgFace => self.csg_faces,
+            ShapeKind::Triangle => self.triangles,
         }
+    }
+
+    /// The shapes whose primitives have numbers in kernels: triangles only where there are some.
+    pub(crate) fn numbered_shapes(&self) -> impl Iterator<Item = ShapeKind> + use<> {
+        let has_triangles = self.triangles > 0;
+        let shapes = ShapeKind::ALL.into_iter();
+        shapes.filter(move |shape| *shape != ShapeKind::Triangle || has_triangles)
+    }
+
+    /// The shapes that occur in the scene's own buffer.
+    pub(crate) fn shapes_of_scene(&self) -> impl Iterator<Item = ShapeKind> + use<> {
+        self.shapes().filter(|shape| *shape != ShapeKind::Triangle)
     }
 
     /// The shapes that occur.
@@ -258,6 +289,8 @@ const fn bvh_min(shape: ShapeKind) -> usize {
         ShapeKind::Box => 96,
         ShapeKind::Disc => 48,
         ShapeKind::Rectangle => 32,
+        // Not measured there.
+        ShapeKind::Triangle => 32,
         ShapeKind::CsgFace => usize::MAX,
     }
 }

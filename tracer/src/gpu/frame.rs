@@ -1,6 +1,6 @@
 //! The buffers of one frame in flight.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use bytemuck::{Pod, cast_slice, pod_read_unaligned};
 
@@ -8,7 +8,8 @@ use crate::Error;
 use crate::gpu::denoise::FilterBuffers;
 use crate::gpu::device::Device;
 use crate::gpu::features::KernelOutput;
-use crate::gpu::layout::{DispatchData, SceneHeader, TileEntry};
+use crate::gpu::layout::{DispatchData, MESH_BINDING, SceneHeader, TileEntry};
+use crate::gpu::mesh_buffer::SceneUpload;
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
 
@@ -34,6 +35,8 @@ pub(crate) struct FrameBuffers {
     scene: wgpu::Buffer,
     /// Of the present scene.
     scene_bytes: u64,
+    /// The present scene's triangles.
+    mesh: Option<Arc<wgpu::Buffer>>,
     /// A slot for each pass of a submission.
     uniforms: wgpu::Buffer,
     pub(super) tiles: wgpu::Buffer,
@@ -117,6 +120,7 @@ impl FrameBuffers {
         Self {
             scene: buffer(wgpu, size_of::<SceneHeader>() as u64, SCENE_USAGE),
             scene_bytes: 0,
+            mesh: None,
             uniforms: buffer(
                 wgpu,
                 SLOT_BYTES * PASSES_MAX as u64,
@@ -140,13 +144,15 @@ impl FrameBuffers {
     pub(crate) fn prepare(
         &mut self,
         device: &Device,
-        scene: &[u8],
+        scene: &SceneUpload,
         chunk: &Chunk,
         layout: &ReadbackLayout,
     ) -> Result<(), Error> {
         use wgpu::BufferUsages as Usage;
         let entries: &[u8] = cast_slice(&chunk.entries);
         let sums_bytes = SUM_BYTES * chunk.pixels;
+        let SceneUpload { bytes: scene, mesh } = scene;
+        self.mesh.clone_from(mesh);
         self.scene_bytes = scene.len() as u64;
         device.guarded(|wgpu| {
             reserve(wgpu, &mut self.scene, scene.len() as u64, SCENE_USAGE);
@@ -174,18 +180,22 @@ impl FrameBuffers {
         slot: usize,
         film: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
+        let mut entries = vec![
+            part(0, &self.scene, 0, self.scene_bytes),
+            self.slot(1, slot, size_of::<DispatchData>()),
+            whole(2, &self.tiles),
+            whole(3, film),
+            whole(4, &self.counters),
+            whole(5, &self.film_sums),
+            part(6, &self.scene, 0, self.scene_bytes),
+        ];
+        if kernel.has_mesh {
+            entries.extend(self.mesh.as_ref().map(|mesh| whole(MESH_BINDING, mesh)));
+        }
         wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("trace"),
             layout: &kernel.layout,
-            entries: &[
-                part(0, &self.scene, 0, self.scene_bytes),
-                self.slot(1, slot, size_of::<DispatchData>()),
-                whole(2, &self.tiles),
-                whole(3, film),
-                whole(4, &self.counters),
-                whole(5, &self.film_sums),
-                part(6, &self.scene, 0, self.scene_bytes),
-            ],
+            entries: &entries,
         })
     }
 

@@ -6,7 +6,7 @@ use glam::Vec3;
 use crate::bvh::{BvhNode, LEAF, SLACK, leaves};
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
-    MaterialData, RectangleData, ShapeKind, SphereData,
+    MaterialData, RectangleData, ShapeKind, SphereData, TriangleData, TriangleNormals,
 };
 use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features, SceneMemory};
@@ -92,6 +92,8 @@ pub(crate) struct SphereLeaf {
     pub(crate) indices: [u32; LEAF],
 }
 
+/// The binding of [`mesh_bytes`].
+pub(crate) const MESH_BINDING: u32 = 9;
 /// Set in the number of a leaf.
 pub(crate) const BVH_LEAF: u32 = 1 << 31;
 
@@ -166,7 +168,10 @@ pub(crate) fn features(scene: &CompiledScene, uniform_bytes_max: u64) -> Feature
     let mut features = Features::new(scene);
     // Rays of a group take different paths down a BVH, and a device reads constants for them in turn:
     // twice the time for 256 balls.
-    let has_bvh = features.bvhs.contains(&true);
+    // That of triangles lies in a buffer of its own.
+    let has_bvh = features
+        .shapes_of_scene()
+        .any(|shape| features.has_bvh(shape));
     if has_bvh || scene_bytes_len(&features) > uniform_bytes_max {
         features.memory = SceneMemory::Storage;
     }
@@ -176,11 +181,11 @@ pub(crate) fn features(scene: &CompiledScene, uniform_bytes_max: u64) -> Feature
 /// Length of [`scene_bytes`].
 pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
     let shapes = features
-        .shapes()
+        .shapes_of_scene()
         .map(|shape| features.count(shape) as usize * element_bytes(shape));
     let arrays = shapes.sum::<usize>()
         + features
-            .shapes()
+            .shapes_of_scene()
             .map(|shape| finders_bytes(features, shape))
             .sum::<usize>()
         + features.csg_boxes as usize * size_of::<CsgBoxData>()
@@ -204,7 +209,7 @@ fn finders_bytes(features: &Features, shape: ShapeKind) -> usize {
         * match shape {
             ShapeKind::Sphere => size_of::<SphereBound>(),
             ShapeKind::Box => size_of::<BoxBound>(),
-            ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::CsgFace => 0,
+            ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::CsgFace | ShapeKind::Triangle => 0,
         }
 }
 
@@ -215,6 +220,7 @@ fn element_bytes(shape: ShapeKind) -> usize {
         ShapeKind::Disc => size_of::<DiscData>(),
         ShapeKind::Rectangle => size_of::<RectangleData>(),
         ShapeKind::CsgFace => size_of::<CsgFaceData>(),
+        ShapeKind::Triangle => size_of::<TriangleData>(),
     }
 }
 
@@ -242,10 +248,26 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
         bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));
     }
     let farthest = coplanar::farthest(scene);
-    for shape in ShapeKind::ALL {
+    let shapes = ShapeKind::ALL.into_iter();
+    for shape in shapes.filter(|shape| *shape != ShapeKind::Triangle) {
         bytes.extend(finders(scene, shape, farthest));
     }
     Ok(bytes)
+}
+
+/// Length of [`mesh_bytes`].
+pub(crate) fn mesh_bytes_len(features: &Features) -> u64 {
+    let triangles = features.triangles as usize * size_of::<TriangleData>();
+    let normals = features.smooth_triangles as usize * size_of::<TriangleNormals>();
+    (triangles + normals + finders_bytes(features, ShapeKind::Triangle)) as u64
+}
+
+/// The scene's triangles as the kernel's `MeshData`, where coordinates are up to `farthest`.
+pub(crate) fn mesh_bytes(scene: &CompiledScene, farthest: f32) -> Vec<u8> {
+    let meshes = &scene.meshes;
+    let triangles: &[u8] = cast_slice(&meshes.triangles);
+    let finders = finders(scene, ShapeKind::Triangle, farthest);
+    [triangles, cast_slice(&meshes.normals), &finders].concat()
 }
 
 /// What rays find the primitives of a shape by.
@@ -279,7 +301,9 @@ fn finders(scene: &CompiledScene, shape: ShapeKind, farthest: f32) -> Vec<u8> {
             let bounds: Vec<_> = boxes.map(|data| BoxBound::new(data, farthest)).collect();
             cast_slice(&bounds).to_vec()
         }
-        ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::CsgFace => Vec::new(),
+        ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::CsgFace | ShapeKind::Triangle => {
+            Vec::new()
+        }
     }
 }
 
@@ -290,7 +314,12 @@ fn check_materials(scene: &CompiledScene) -> Result<(), Error> {
     let rectangles = scene.rectangles.iter().map(|rectangle| rectangle.material);
     let faces = scene.csg_faces.iter().map(|face| face.material);
     let materials = spheres.chain(boxes).chain(discs).chain(rectangles);
-    let highest = materials.chain(faces).max();
+    let triangles = scene
+        .meshes
+        .triangles
+        .iter()
+        .map(|triangle| triangle.material);
+    let highest = materials.chain(faces).chain(triangles).max();
     match highest {
         Some(material) if material as usize >= scene.materials.len() => {
             Err(Error::InvalidScene(SceneError::MaterialIndex {

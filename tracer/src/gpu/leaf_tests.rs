@@ -7,7 +7,7 @@ use super::adapter::{self, AdapterChoice};
 use super::device::Device;
 use super::layout;
 use super::layout::scene_bytes;
-use super::{probe, shader};
+use super::{coplanar, probe, shader};
 use crate::compiled::{Primitive, SphereData};
 use crate::fresnel::fresnel_dielectric;
 use crate::sampling::{pcg4d, uniforms};
@@ -41,6 +41,8 @@ fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option
     let features = layout::features(scene, 65_536);
     let memory = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE;
     let text = shader::source(&features) + ENTRY + body + "}";
+    let mesh =
+        (features.triangles > 0).then(|| layout::mesh_bytes(scene, coplanar::farthest(scene)));
     let scene = scene_bytes(scene, ImageSize::new(1, 1)).unwrap();
     let bytes = 16 * count as u64;
     let (commands, readback) = device
@@ -59,6 +61,10 @@ fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option
             let output = buffer(bytes as usize, results);
             let readback = buffer(bytes as usize, wgpu::BufferUsages::MAP_READ);
             device.queue.write_buffer(&scene_buffer, 0, &scene);
+            let mesh_buffer = mesh.as_ref().map(|mesh| buffer(mesh.len(), memory));
+            for (buffer, mesh) in mesh_buffer.iter().zip(&mesh) {
+                device.queue.write_buffer(buffer, 0, mesh);
+            }
             device.queue.write_buffer(&source, 0, cast_slice(input));
             let mut encoder = wgpu.create_command_encoder(&Default::default());
             let pipeline = pipeline(wgpu, text);
@@ -67,6 +73,7 @@ fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option
                 &mut encoder,
                 &pipeline,
                 [&scene_buffer, &source, &output],
+                mesh_buffer.as_ref(),
                 count,
             );
             encoder.copy_buffer_to_buffer(&output, 0, &readback, 0, bytes);
@@ -115,13 +122,17 @@ fn encode(
     encoder: &mut wgpu::CommandEncoder,
     pipeline: &wgpu::ComputePipeline,
     [scene, source, output]: [&wgpu::Buffer; 3],
+    mesh: Option<&wgpu::Buffer>,
     count: usize,
 ) {
+    let mesh = mesh.map(|mesh| (layout::MESH_BINDING, mesh));
     let buffers = [(0, scene), (6, scene), (7, source), (8, output)];
+    let buffers = buffers.into_iter().chain(mesh);
     let entries = buffers.map(|(binding, buffer)| wgpu::BindGroupEntry {
         binding,
         resource: buffer.as_entire_binding(),
     });
+    let entries: Vec<_> = entries.collect();
     let bindings = wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
         layout: &pipeline.get_bind_group_layout(0),
@@ -369,6 +380,7 @@ fn compare_rays(scene: &CompiledScene, area_lights_occlude: bool) {
             Primitive::Disc(_) => 2,
             Primitive::Rectangle(_) => 3,
             Primitive::CsgFace(_) => panic!("the scene has no CSG box"),
+            Primitive::Triangle(_) => panic!("the scene has no mesh"),
             Primitive::AreaLight(i) => 4 + i,
         });
         let t_expected = hit.map_or(f64::INFINITY, |hit| hit.t);
@@ -573,5 +585,29 @@ fn bvh_hits_equal_those_of_a_linear_scan() {
         for (i, (found, expected)) in bvh.iter().zip(&each).enumerate() {
             assert_eq!(found, expected, "{of:?} {kind:?}, ray {i}");
         }
+    }
+}
+
+#[test]
+fn no_ray_passes_an_edge_or_a_corner_of_a_closed_mesh() {
+    use crate::bvh::test_scenes::globe_with_rays;
+    use crate::compiled::BvhUse;
+    let (mut scene, rays) = globe_with_rays();
+    let count = rays.len() / 64 * 64;
+    let words = rays[..count].iter().flat_map(|(origin, direction)| {
+        let [o, d] = [origin, direction].map(|v| v.to_array().map(f32::to_bits));
+        [o[0], o[1], o[2], d[0], d[1], d[2]]
+    });
+    let input: Vec<u32> = words.collect();
+    let body = "
+        let ray = Ray(triple(6u * i), triple(6u * i + 3u));
+        result(i, vec4u(nearest(ray, NO_PRIMITIVE).primitive, 0u, 0u, 0u));";
+    for bvh_use in [BvhUse::Never, BvhUse::Always] {
+        scene.bvh_use = bvh_use;
+        let Some(hits) = run(&scene, body, &input, count) else {
+            return;
+        };
+        let missed = hits.iter().filter(|hit| hit[0] == u32::MAX).count();
+        assert_eq!(missed, 0, "{bvh_use:?}: of {count}");
     }
 }

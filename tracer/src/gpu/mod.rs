@@ -22,6 +22,7 @@ mod device;
 mod features;
 mod frame;
 mod layout;
+mod mesh_buffer;
 mod pipeline;
 mod probe;
 mod schedule;
@@ -47,6 +48,7 @@ use device::Device;
 use features::{Features, KernelOutput};
 use frame::{BufferPool, FrameBuffers, Pass, ReadbackLayout, SUM_BYTES, groups};
 use layout::{DispatchData, TileEntry};
+use mesh_buffer::{MeshBuffers, SceneUpload};
 use pipeline::{Kernel, KernelCache};
 use schedule::{Chunk, ChunkLimits, Pacer};
 
@@ -57,6 +59,7 @@ pub struct GpuTracer {
     /// Compiled for the first picture that is denoised.
     filter: OnceLock<FilterKernels>,
     pool: BufferPool,
+    meshes: MeshBuffers,
     pacer: Pacer,
     pixels_max: u64,
 }
@@ -69,7 +72,7 @@ struct Work<'a> {
     job: &'a TraceJob<'a>,
     output: KernelOutput,
     kernel: &'a Kernel,
-    scene: &'a [u8],
+    scene: &'a SceneUpload,
     /// See [`schedule::work_per_sample`].
     work_per_sample: f64,
     /// See [`ChunkLimits`].
@@ -104,6 +107,7 @@ impl GpuTracer {
             kernels: KernelCache::default(),
             filter: OnceLock::new(),
             pool: BufferPool::default(),
+            meshes: MeshBuffers::default(),
             pacer: Pacer::new(),
             pixels_max: film_bytes_max / SUM_BYTES,
         };
@@ -269,7 +273,7 @@ impl GpuTracer {
             job,
             output,
             kernel: &*self.kernels.kernel(&self.device, features)?,
-            scene: &layout::scene_bytes(scene, job.size)?,
+            scene: &self.meshes.upload(&self.device, scene, job.size)?,
             work_per_sample: schedule::work_per_sample(&job.settings, features.primitives()),
             pixel_samples: self.pixel_samples(job, &features)?,
         };
@@ -331,7 +335,6 @@ mod tests {
     use std::sync::atomic::AtomicBool;
 
     use super::*;
-    use crate::gpu::features::SceneMemory;
     use crate::{ImageSize, RenderSettings, TileGrid};
 
     const GRID: TileGrid = TileGrid::new(ImageSize::new(40, 24), 16);
@@ -399,8 +402,10 @@ mod tests {
     #[test]
     fn a_kernel_that_does_not_compile_is_an_error() {
         let Some(tracer) = tracer() else { return };
+        let scene = CompiledScene::new(&probe::scene()).unwrap();
+        let features = layout::features(&scene, 65_536);
         for text in ["nonsense", "@compute @workgroup_size(1) fn other() {}"] {
-            let broken = pipeline::compile(&tracer.device, SceneMemory::Uniform, text.to_owned());
+            let broken = pipeline::compile(&tracer.device, &features, text.to_owned());
             assert!(matches!(broken, Err(Error::Device { .. })), "{text}");
         }
         trace(&tracer).unwrap();

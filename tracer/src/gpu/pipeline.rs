@@ -6,12 +6,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::Error;
 use crate::gpu::device::Device;
 use crate::gpu::features::{Features, SceneMemory};
+use crate::gpu::layout::MESH_BINDING;
 use crate::gpu::shader;
 
 /// A compiled kernel and the layout of what it reads and writes.
 pub(crate) struct Kernel {
     pub(crate) pipeline: wgpu::ComputePipeline,
     pub(crate) layout: wgpu::BindGroupLayout,
+    /// Whether it reads triangles.
+    pub(crate) has_mesh: bool,
 }
 
 /// Kernels by the features of their scenes.
@@ -34,7 +37,7 @@ impl KernelCache {
         if let Some(kernel) = lock().get(&features) {
             return Ok(Arc::clone(kernel));
         }
-        let kernel = Arc::new(compile(device, features.memory, shader::source(&features))?);
+        let kernel = Arc::new(compile(device, &features, shader::source(&features))?);
         let mut kernels = lock();
         if kernels.len() >= Self::KERNELS_MAX {
             kernels.clear();
@@ -48,22 +51,28 @@ impl KernelCache {
 /// [`Error::Device`] if the driver does not compile it.
 pub(crate) fn compile(
     device: &Device,
-    memory: SceneMemory,
+    features: &Features,
     source: String,
 ) -> Result<Kernel, Error> {
     device.guarded(|device| {
         let module = shader_module(device, source);
+        let mut entries = vec![
+            entry(0, scene_binding(features.memory)),
+            entry(1, wgpu::BufferBindingType::Uniform),
+            entry(2, wgpu::BufferBindingType::Storage { read_only: true }),
+            entry(3, wgpu::BufferBindingType::Storage { read_only: false }),
+            entry(4, wgpu::BufferBindingType::Storage { read_only: false }),
+            entry(5, wgpu::BufferBindingType::Storage { read_only: false }),
+            entry(6, wgpu::BufferBindingType::Storage { read_only: true }),
+        ];
+        let has_mesh = features.triangles > 0;
+        if has_mesh {
+            let mesh = wgpu::BufferBindingType::Storage { read_only: true };
+            entries.push(entry(MESH_BINDING, mesh));
+        }
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("trace"),
-            entries: &[
-                entry(0, scene_binding(memory)),
-                entry(1, wgpu::BufferBindingType::Uniform),
-                entry(2, wgpu::BufferBindingType::Storage { read_only: true }),
-                entry(3, wgpu::BufferBindingType::Storage { read_only: false }),
-                entry(4, wgpu::BufferBindingType::Storage { read_only: false }),
-                entry(5, wgpu::BufferBindingType::Storage { read_only: false }),
-                entry(6, wgpu::BufferBindingType::Storage { read_only: true }),
-            ],
+            entries: &entries,
         });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("trace"),
@@ -82,7 +91,11 @@ pub(crate) fn compile(
             },
             cache: None,
         });
-        Kernel { pipeline, layout }
+        Kernel {
+            pipeline,
+            layout,
+            has_mesh,
+        }
     })
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Drivers compile, fuse and round as they like, and now and then wrongly. Of two scenes the first is
 //! of plain balls and boxes under area lights; the second has what most pictures lack: a wooden CSG box, a
-//! number, napped cloth, rough metal, and rough glass with a medium that scatters.
+//! number, napped cloth, rough metal, a mesh, and rough glass with a medium that scatters.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -12,8 +12,8 @@ use glam::{Quat, Vec3};
 
 use crate::{
     AreaLight, Axis, Camera, ClothMarks, CompiledScene, CsgSolid, Environment, Error, ImageSize,
-    Lens, Material, Medium, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene, Shape,
-    Stripe, Subtraction, Tile, TraceJob, Tracer,
+    Lens, Material, Medium, Mesh, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene,
+    Shape, Stripe, Subtraction, Tile, TraceJob, Tracer,
 };
 
 /// 32 × 24 pixels of 4 samples: 10 ms of the scalar tracer.
@@ -187,6 +187,7 @@ pub(crate) fn dressed_scene() -> Scene {
     };
     scene.objects.push(object((wax, "wax")));
     scene.objects.push(object((rod, "cue")));
+    scene.objects.push(object((pyramid().into(), "gold")));
     scene
 }
 
@@ -268,6 +269,20 @@ fn dressed_materials() -> [(&'static str, Material); 6] {
     ]
 }
 
+/// A pyramid, shaded as if it were round.
+fn pyramid() -> Mesh {
+    let corners = [
+        Vec3::new(0.2, 0.0, 0.0),
+        Vec3::new(-0.1, 0.2, 0.0),
+        Vec3::new(-0.1, -0.2, 0.0),
+        Vec3::new(0.0, 0.0, 0.5),
+    ];
+    let normals = corners.map(|corner| corner - Vec3::new(0.0, 0.0, 0.1));
+    let faces = [[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]];
+    let mesh = Mesh::new(corners.into(), faces.into()).normals(normals.into());
+    mesh.at([0.9, -0.9, 0.05])
+}
+
 fn object((shape, material): (Shape, &str)) -> Object {
     Object {
         name: material.to_owned(),
@@ -301,6 +316,7 @@ mod tests {
         for shape in ShapeKind::ALL {
             assert!(plain.count(shape) + dressed.count(shape) > 0, "{shape:?}");
         }
+        assert!(dressed.smooth_triangles > 0);
         assert!(plain.area_lights > 0 && plain.has_coat && plain.has_stripe && dressed.has_stripe);
         assert!(dressed.has_number && dressed.has_wood && dressed.has_sheen);
         assert!(dressed.has_microfacet && dressed.has_dielectric);

@@ -6,14 +6,15 @@ use crate::bvh::{self, DEPTH_MAX, LEAF};
 use crate::compiled::{
     AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX,
     CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_CLOTH, PATTERN_CUE,
-    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData,
+    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData, TriangleData,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
-use crate::gpu::layout::{BVH_LEAF, SPHERE_SLACK};
+use crate::gpu::layout::{BVH_LEAF, MESH_BINDING, SPHERE_SLACK};
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{
     BELOW_1, BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SCRAMBLE, SURVIVAL_PER_THROUGHPUT,
 };
+use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
 
@@ -24,8 +25,9 @@ pub(crate) const BLOCK_EDGE: u32 = 8;
 pub(crate) fn source(features: &Features) -> String {
     let mut text = constants(features);
     text += &scene_declaration(features);
+    text += &mesh_declaration(features);
     for part in parts(features) {
-        text += part;
+        text += &with_shading_normals(features, part);
     }
     for shape in features.shapes() {
         text += &find_part(shape, features.has_bvh(shape));
@@ -80,6 +82,12 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/refracted_nee.wgsl"),
         false => include_str!("shaders/refracted_nee_stub.wgsl"),
     });
+    if features.triangles > 0 {
+        parts.push(match features.smooth_triangles {
+            0 => include_str!("shaders/triangle_flat.wgsl"),
+            _ => include_str!("shaders/triangle_smooth.wgsl"),
+        });
+    }
     parts.push(include_str!("shaders/aov.wgsl"));
     parts.push(include_str!("shaders/path.wgsl"));
     parts.push(include_str!("shaders/block.wgsl"));
@@ -94,6 +102,7 @@ fn shape_part(shape: ShapeKind) -> &'static str {
         ShapeKind::Disc => include_str!("shaders/disc.wgsl"),
         ShapeKind::Rectangle => include_str!("shaders/rectangle.wgsl"),
         ShapeKind::CsgFace => include_str!("shaders/csg.wgsl"),
+        ShapeKind::Triangle => include_str!("shaders/triangle.wgsl"),
     }
 }
 
@@ -106,6 +115,7 @@ fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
         };
         return [leaf, include_str!("shaders/shape_bvh.wgsl")]
             .concat()
+            .replace("scene.SHAPE", &format!("{}.SHAPE", shape.buffer()))
             .replace("SHAPE_FIRST", &format!("{}_FIRST", shape.constant()))
             .replace("SHAPE", shape.function());
     }
@@ -116,6 +126,7 @@ fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
         ShapeKind::Rectangle => include_str!("shaders/rectangle_linear.wgsl"),
         // Its part has that too.
         ShapeKind::CsgFace => "",
+        ShapeKind::Triangle => include_str!("shaders/triangle_linear.wgsl"),
     };
     each.to_owned()
 }
@@ -175,7 +186,7 @@ fn constants(features: &Features) -> String {
     _ = writeln!(text, "const AOV_FLOATS: u32 = {floats}u;");
     text += &texture::wgsl();
     let mut first = 0;
-    for shape in ShapeKind::ALL {
+    for shape in features.numbered_shapes() {
         let (name, count) = (shape.constant(), features.count(shape));
         _ = writeln!(
             text,
@@ -227,7 +238,7 @@ fn kinds() -> String {
 /// The scene's arrays as one buffer, in the order of [`crate::gpu::layout::scene_bytes`].
 fn scene_declaration(features: &Features) -> String {
     let mut text = String::from("struct SceneData {\n    header: SceneHeader,\n");
-    for shape in features.shapes() {
+    for shape in features.shapes_of_scene() {
         let (field, ty, count) = (shape.array(), shape.type_name(), features.count(shape));
         _ = writeln!(text, "    {field}: array<{ty}, {count}>,");
     }
@@ -247,20 +258,8 @@ fn scene_declaration(features: &Features) -> String {
         "    materials: array<MaterialData, {}>,",
         features.materials
     );
-    for shape in features.shapes() {
-        let (name, count) = (shape.function(), features.count(shape));
-        if features.has_bvh(shape) {
-            let leaves = bvh::leaves(count as usize);
-            let nodes = leaves - 1;
-            let leaf = shape.leaf();
-            _ = writeln!(
-                text,
-                "    {name}_nodes: array<BvhNodeData, {nodes}>,\n    \
-                 {name}_leaves: array<{leaf}, {leaves}>,"
-            );
-        } else if let Some(bound) = shape.bound() {
-            _ = writeln!(text, "    {name}_bounds: array<{bound}, {count}>,");
-        }
+    for shape in features.shapes_of_scene() {
+        text += &finders_declaration(features, shape);
     }
     let space = match features.memory {
         SceneMemory::Uniform => "uniform",
@@ -275,6 +274,56 @@ fn scene_declaration(features: &Features) -> String {
          @group(0) @binding(6) var<storage, read> scene_storage: SceneData;"
     );
     text
+}
+
+/// What rays find the primitives of a shape by.
+fn finders_declaration(features: &Features, shape: ShapeKind) -> String {
+    let (name, count) = (shape.function(), features.count(shape));
+    if features.has_bvh(shape) {
+        let leaves = bvh::leaves(count as usize);
+        let nodes = leaves - 1;
+        let leaf = shape.leaf();
+        return format!(
+            "    {name}_nodes: array<BvhNodeData, {nodes}>,\n    \
+             {name}_leaves: array<{leaf}, {leaves}>,\n"
+        );
+    }
+    let bound = shape.bound();
+    bound.map_or_else(String::new, |bound| {
+        format!("    {name}_bounds: array<{bound}, {count}>,\n")
+    })
+}
+
+/// The triangles of the scene, in the order of [`crate::gpu::layout::mesh_bytes`]; nothing without any.
+fn mesh_declaration(features: &Features) -> String {
+    let (triangles, normals) = (features.triangles, features.smooth_triangles);
+    if triangles == 0 {
+        return String::new();
+    }
+    let mut text = format!(
+        "const FLAT: u32 = {}u;\n\
+         const POINT_ROUNDING: f32 = {POINT_ROUNDING:e};\n\
+         const REFLECTION_SINE_MIN: f32 = {REFLECTION_SINE_MIN:e};\n\
+         struct MeshData {{\n    triangles: array<TriangleData, {triangles}>,\n",
+        TriangleData::FLAT
+    );
+    if normals > 0 {
+        _ = writeln!(text, "    normals: array<TriangleNormals, {normals}>,");
+    }
+    text += &finders_declaration(features, ShapeKind::Triangle);
+    text + "}\n@group(0) @binding("
+        + &MESH_BINDING.to_string()
+        + ") var<storage, read> mesh: MeshData;\n"
+}
+
+/// A part of a kernel for meshes with vertex normals: `triangle_smooth.wgsl` has functions around two of others.
+fn with_shading_normals(features: &Features, part: &str) -> String {
+    let is_smooth = part == include_str!("shaders/triangle_smooth.wgsl");
+    if features.smooth_triangles == 0 || is_smooth {
+        return part.to_owned();
+    }
+    part.replace("fn direct_light(", "fn bare_direct_light(")
+        .replace("fn bsdf_sample(", "fn bare_bsdf_sample(")
 }
 
 /// The nearest surface along a ray, and whether anything is in the way of one to an area light.
@@ -308,6 +357,9 @@ fn traverse(features: &Features) -> String {
 fn surface_at(features: &Features) -> String {
     let mut text =
         String::from("fn bare_surface_at(ray: Ray, hit: Hit, is_within: bool) -> Surface {\n");
+    if features.smooth_triangles > 0 {
+        text += "    geometric_normal = vec3f(0.0);\n";
+    }
     for shape in features.shapes() {
         let (name, constant) = (shape.function(), shape.constant());
         _ = writeln!(
@@ -326,7 +378,7 @@ fn surface_at(features: &Features) -> String {
 /// The material of a solid.
 fn material_of(features: &Features) -> String {
     let mut text = String::from("fn material_of(primitive: u32) -> u32 {\n");
-    for shape in features.shapes() {
+    for shape in features.shapes_of_scene() {
         let (array, constant) = (shape.array(), shape.constant());
         _ = writeln!(
             text,
@@ -346,11 +398,11 @@ mod tests {
     use super::*;
     use crate::compiled::{
         AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData, MaterialData,
-        RectangleData, SphereData,
+        RectangleData, SphereData, TriangleNormals,
     };
     use crate::gpu::layout::{
         BoxBound, BvhNodeData, DispatchData, SceneHeader, SphereBound, SphereLeaf, TileEntry,
-        scene_bytes_len,
+        mesh_bytes_len, scene_bytes_len,
     };
 
     const ALL: Features = Features {
@@ -362,7 +414,9 @@ mod tests {
         csg_boxes: 2,
         area_lights: 3,
         materials: 20,
-        bvhs: [true, false, true, true, false],
+        triangles: 12,
+        smooth_triangles: 7,
+        bvhs: [true, false, true, true, false, true],
         has_coat: true,
         has_stripe: true,
         has_number: true,
@@ -393,12 +447,15 @@ mod tests {
                     i >> 2 & 1 == 1 && i % 7 > 3,
                     i >> 3 & 1 == 1 && i % 11 > 5,
                     false,
+                    i % 4 < 2 && i % 9 > 3,
                 ],
                 boxes: count(1, 1 + 7 * (i % 3)),
                 discs: count(2, 2 + 3 * (i % 7)),
                 rectangles: count(3, 1 + i % 11),
                 csg_faces: 5 * (i / 2 % 2),
                 csg_boxes: i / 2 % 2,
+                triangles: if i % 4 < 2 { 5 + i % 7 } else { 0 },
+                smooth_triangles: if i % 4 < 2 { i % 3 } else { 0 },
                 has_coat: i >> 4 & 1 == 1,
                 memory: [SceneMemory::Uniform, SceneMemory::Storage][(i >> 5 & 1) as usize],
                 area_lights: i >> 6,
@@ -447,6 +504,20 @@ mod tests {
             let module = validated(&features);
             let (_, span) = structure(&module, "SceneData");
             assert_eq!(u64::from(span), scene_bytes_len(&features), "{features:?}");
+            if features.triangles > 0 {
+                let (_, span) = structure(&module, "MeshData");
+                assert_eq!(u64::from(span), mesh_bytes_len(&features), "{features:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn kernels_of_scenes_without_meshes_have_nothing_of_them() {
+        for features in variants().filter(|features| features.triangles == 0) {
+            let text = source(&features).to_lowercase();
+            for word in ["triangle", "mesh", "geometric_normal"] {
+                assert!(!text.contains(word), "{word}: {features:?}");
+            }
         }
     }
 
@@ -464,7 +535,7 @@ mod tests {
     }
 
     #[rustfmt::skip]
-    fn layouts_in_rust() -> [Layout; 16] {
+    fn layouts_in_rust() -> [Layout; 18] {
         [
             layout!(SphereData, center radius stripe_axis material number_axis allows_refracted_nee),
             layout!(BoxData, min material max),
@@ -472,6 +543,8 @@ mod tests {
             layout!(CsgFaceData, a kind b material),
             layout!(DiscData, center radius normal material),
             layout!(RectangleData, center material half_u inv_u2 half_v inv_v2 normal),
+            layout!(TriangleData, a material b normals c),
+            layout!(TriangleNormals, a b c),
             layout!(AreaLightData,
                 center brightness axis_u length_u axis_v length_v normal radiance),
             layout!(MaterialData,

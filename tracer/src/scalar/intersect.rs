@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::csg::intersect_csg_box;
 pub use super::ray::Ray;
 pub(crate) use super::ray::vector;
+use super::triangle::{RayFrame, TriangleSurface, nearest_triangle};
 use crate::CompiledScene;
 use crate::compiled::{AreaLightData, BoxData, DiscData, Primitive, SphereData};
 
@@ -15,8 +16,10 @@ pub struct Hit {
     pub t: f64,
     /// The point, on the surface to the rounding of f64.
     pub point: DVec3,
-    /// Unit normal: out of a solid, along the normal of a disc or area light, whichever side is met.
+    /// Unit normal: out of a solid, along the normal of a disc, triangle or area light, whichever side is met.
     pub n: DVec3,
+    /// What a triangle with vertex normals is shaded with, on the side of `n`; `n` of all else.
+    pub shading_n: DVec3,
     /// What was met.
     pub primitive: Primitive,
 }
@@ -31,7 +34,7 @@ pub struct RayOrigin {
 }
 
 /// The nearest hit of all primitives, area lights among them; of equal distances the first in the order
-/// spheres, boxes, discs, rectangles, area lights.
+/// spheres, boxes, discs, rectangles, CSG boxes, triangles, area lights.
 pub fn intersect(scene: &CompiledScene, ray: &Ray) -> Option<Hit> {
     intersect_from(scene, ray, None)
 }
@@ -55,6 +58,7 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, start: Option<RayOrigin>
                 t,
                 point,
                 n,
+                shading_n: n,
                 primitive,
             });
         }
@@ -84,6 +88,32 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, start: Option<RayOrigin>
         let met = intersect_rectangle(ray, plate.center, plate.half_u, plate.half_v);
         offer(&mut nearest, Primitive::Rectangle(i), met);
     }
+    if let Some(hit) = nearest_csg_face(scene, ray, skipped, nearest) {
+        nearest = Some(hit);
+    }
+    if let Some((t, index)) = nearest_triangle(scene, ray, skipped, nearest.map(|hit| hit.t)) {
+        // The surface is looked at once it is known to be the nearest.
+        offer(
+            &mut nearest,
+            Primitive::Triangle(index),
+            Some((t, DVec3::Z)),
+        );
+    }
+    for (i, light) in (0..).zip(&scene.area_lights) {
+        let met = intersect_area_light(ray, light);
+        offer(&mut nearest, Primitive::AreaLight(i), met);
+    }
+    nearest.map(|hit| on_surface(scene, ray, hit))
+}
+
+/// The nearest face of a CSG box ahead of a ray, if it is before `nearest`.
+fn nearest_csg_face(
+    scene: &CompiledScene,
+    ray: &Ray,
+    skipped: Option<Primitive>,
+    mut nearest: Option<Hit>,
+) -> Option<Hit> {
+    let mut found = None;
     for csg_box in &scene.csg_boxes {
         let own = csg_box.first_face..csg_box.first_face + csg_box.face_count;
         let is_left = matches!(skipped, Some(Primitive::CsgFace(face)) if own.contains(&face));
@@ -94,16 +124,14 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, start: Option<RayOrigin>
                     t,
                     point: ray.origin + t * ray.direction,
                     n,
+                    shading_n: n,
                     primitive: Primitive::CsgFace(face),
                 });
+                found = nearest;
             }
         }
     }
-    for (i, light) in (0..).zip(&scene.area_lights) {
-        let met = intersect_area_light(ray, light);
-        offer(&mut nearest, Primitive::AreaLight(i), met);
-    }
-    nearest.map(|hit| on_surface(scene, hit))
+    found
 }
 
 /// Index and distance of the nearest area light along a ray, whatever else is in between.
@@ -119,16 +147,28 @@ pub(super) fn nearest_area_light(scene: &CompiledScene, ray: &Ray) -> Option<(us
     met.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Puts a sphere's hit back on its surface: far from the ray's origin, `origin + t·direction`
+/// Puts a sphere's or triangle's hit back on its surface: far from the ray's origin, `origin + t·direction`
 /// alone misses it by more than small balls can bear.
-fn on_surface(scene: &CompiledScene, hit: Hit) -> Hit {
-    let Primitive::Sphere(i) = hit.primitive else {
-        return hit;
-    };
-    let sphere = &scene.spheres[i as usize];
-    Hit {
-        point: vector(sphere.center) + f64::from(sphere.radius) * hit.n,
-        ..hit
+fn on_surface(scene: &CompiledScene, ray: &Ray, hit: Hit) -> Hit {
+    match hit.primitive {
+        Primitive::Sphere(i) => {
+            let sphere = &scene.spheres[i as usize];
+            Hit {
+                point: vector(sphere.center) + f64::from(sphere.radius) * hit.n,
+                ..hit
+            }
+        }
+        Primitive::Triangle(i) => {
+            let met = RayFrame::new(ray).intersect(&scene.meshes.triangles[i as usize]);
+            let surface = met.map(|met| TriangleSurface::new(scene, i, met.barycentric));
+            surface.map_or(hit, |surface| Hit {
+                point: surface.point,
+                n: surface.n,
+                shading_n: surface.shading_n,
+                ..hit
+            })
+        }
+        _ => hit,
     }
 }
 

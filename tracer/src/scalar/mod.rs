@@ -7,7 +7,7 @@
 //! 1. **Camera.** The ray goes through film position `pixel + u` of block `BLOCK_CAMERA`, and through the point of the lens
 //!    of block `BLOCK_LENS`.
 //! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
-//!    spheres, boxes, discs, rectangles, CSG boxes, area lights. The primitive that the ray leaves is skipped: each
+//!    spheres, boxes, discs, rectangles, CSG boxes, triangles, area lights. The primitive that the ray leaves is skipped: each
 //!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
 //!    a dielectric meets that body's far side and no other of its own. There it flies freely first:
 //!    it is scattered after `−ln(1 − u[1]) / majorant` metres if that is nearer, with `u` of block
@@ -58,6 +58,7 @@ pub mod microfacet;
 mod ray;
 pub mod refracted_nee;
 pub mod scatter;
+pub mod triangle;
 
 use std::f64::consts::{PI, TAU};
 use std::sync::atomic::Ordering;
@@ -79,11 +80,13 @@ use crate::simd::Level;
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
 use crate::{Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
 use area_light::{LightDirection, light_weight_sum, sample_light};
+use bsdf::BsdfSample;
 pub use intersect::{Hit, Ray, intersect};
 use intersect::{RayOrigin, intersect_from, nearest_area_light, vector};
 use medium::{Medium, uniform_direction};
 use refracted_nee::RefractedPath;
 use scatter::Scatter;
+use triangle::visible_shading_normal;
 
 /// The f64 path tracer of this module, over rayon's threads.
 #[derive(Clone, Copy, Debug, Default)]
@@ -258,8 +261,10 @@ struct TileRow {
 /// A vertex of a path on a surface that scatters.
 struct Vertex {
     point: DVec3,
-    /// Unit normal on the side of `wo`.
+    /// Unit normal to shade with, on the side of `wo`.
     n: DVec3,
+    /// Unit normal of the surface on the side of `wo`.
+    geometric_n: DVec3,
     wo: DVec3,
     primitive: Primitive,
     /// `wo` is inside the body.
@@ -397,7 +402,7 @@ impl<'a> PathTracer<'a> {
                 radiance += beta * self.coat_reflected_light(&vertex, rays);
             }
             radiance += beta * self.direct_light(&vertex, random(block_light(depth)), rays);
-            let sample = vertex.scatter.sample(vertex.wo, vertex.n, [u0, u1, u2, u3]);
+            let sample = vertex.sample([u0, u1, u2, u3]);
             beta *= sample.weight;
             ray = Ray {
                 origin: vertex.point,
@@ -562,6 +567,7 @@ impl<'a> PathTracer<'a> {
         let (f, pdf_scatter) = vertex.scatter.eval(vertex.wo, wi, vertex.n);
         let coat = vertex.regularised_coat(wi);
         if (f == DVec3::ZERO && coat == 0.0)
+            || vertex.is_below(wi)
             || vertex.ray_origin(wi).is_inside
             || self.is_occluded(vertex, wi, distance, chosen.index, rays)
         {
@@ -650,9 +656,16 @@ impl Vertex {
     fn new(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Self {
         let wo = -ray.direction;
         let is_inside = hit.n.dot(wo) < 0.0;
+        let side = if is_inside { -1.0 } else { 1.0 };
+        let geometric_n = side * hit.n;
+        let n = match hit.shading_n == hit.n {
+            true => geometric_n,
+            false => visible_shading_normal(side * hit.shading_n, geometric_n, wo),
+        };
         Self {
             point: hit.point,
-            n: if is_inside { -hit.n } else { hit.n },
+            n,
+            geometric_n,
             wo,
             primitive: hit.primitive,
             is_inside,
@@ -660,6 +673,20 @@ impl Vertex {
             light_weight_sum: light_weight_sum(&scene.area_lights, hit.point),
             is_regularised: false,
         }
+    }
+
+    /// Whether `wi` is below a surface that is shaded with another normal than its own.
+    fn is_below(&self, wi: DVec3) -> bool {
+        self.n != self.geometric_n && wi.dot(self.geometric_n) <= 0.0
+    }
+
+    /// Draws a direction: one below the surface brings nothing.
+    fn sample(&self, u: [f64; 4]) -> BsdfSample {
+        let mut sample = self.scatter.sample(self.wo, self.n, u);
+        if self.is_below(sample.wi) {
+            sample.weight = DVec3::ZERO;
+        }
+        sample
     }
 
     /// Mollifies its mirror.

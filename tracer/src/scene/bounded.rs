@@ -5,26 +5,42 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
+use glam::Vec3;
 use serde::de::{Error as _, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::validate::{
-    AREA_LIGHTS_MAX, MATERIALS_MAX, OBJECTS_MAX, SUBTRACTIONS_MAX, SUBTRACTIONS_TOTAL_MAX, count,
+    AREA_LIGHTS_MAX, MATERIALS_MAX, OBJECTS_MAX, SUBTRACTIONS_MAX, SUBTRACTIONS_TOTAL_MAX,
+    TRIANGLES_MAX, VERTICES_MAX, count,
 };
 use super::{AreaLight, Material, Object, Shape, Subtraction};
 use crate::SceneError;
 
 pub(super) fn objects<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Object>, D::Error> {
-    let mut subtractions = 0;
+    let (mut subtractions, mut triangles) = (0, 0);
     list(from, "objects", OBJECTS_MAX, |object: &Object| {
-        if let Shape::CsgBox {
-            subtractions: more, ..
-        } = &object.shape
-        {
-            subtractions += more.len();
+        match &object.shape {
+            Shape::CsgBox {
+                subtractions: more, ..
+            } => subtractions += more.len(),
+            Shape::Mesh(mesh) => triangles += mesh.triangles.len(),
+            _ => {}
         }
+        count("triangles", triangles, TRIANGLES_MAX)?;
         count("subtractions", subtractions, SUBTRACTIONS_TOTAL_MAX)
     })
+}
+
+pub(super) fn positions<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec3>, D::Error> {
+    list(from, "vertices", VERTICES_MAX, |_| Ok(()))
+}
+
+pub(super) fn normals<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec3>, D::Error> {
+    list(from, "normals", VERTICES_MAX, |_| Ok(()))
+}
+
+pub(super) fn triangles<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[u32; 3]>, D::Error> {
+    list(from, "triangles", TRIANGLES_MAX, |_| Ok(()))
 }
 
 pub(super) fn area_lights<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<AreaLight>, D::Error> {

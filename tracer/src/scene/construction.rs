@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{Quat, Vec3};
 
 use super::{
-    AreaLight, Axis, Camera, Environment, Lens, Material, Object, ObjectPose, ProceduralTexture,
-    Scene, Shape,
+    AreaLight, Axis, Camera, Environment, Lens, Material, Mesh, Object, ObjectPose,
+    ProceduralTexture, Scene, Shape,
 };
 use crate::{Error, SceneError};
 
@@ -84,6 +84,7 @@ impl Scene {
             Shape::TruncatedCone { .. } => "cone",
             Shape::Disc { .. } => "disc",
             Shape::Rectangle { .. } => "rectangle",
+            Shape::Mesh(_) => "mesh",
         };
         self.add_named(name, shape, material)
     }
@@ -143,15 +144,18 @@ impl Scene {
     /// [`Error::InvalidUpdate`] if the handle is of another scene or the object cannot move.
     pub fn base_pose(&self, handle: ObjectHandle) -> Result<ObjectPose, Error> {
         let pose = self.pose(handle, Vec3::ZERO, Quat::IDENTITY)?;
-        match self.objects[handle.index as usize].shape {
+        match &self.objects[handle.index as usize].shape {
             Shape::Sphere {
                 center, rotation, ..
             }
             | Shape::TruncatedCone {
                 center, rotation, ..
-            } => Ok(ObjectPose {
-                position: center,
-                rotation,
+            }
+            | Shape::Mesh(Mesh {
+                center, rotation, ..
+            }) => Ok(ObjectPose {
+                position: *center,
+                rotation: *rotation,
                 ..pose
             }),
             _ => Err(Error::InvalidUpdate(SceneError::Immovable(handle.index))),

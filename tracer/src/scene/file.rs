@@ -2,8 +2,8 @@
 //!
 //! A file holds one [`Scene`], field by field; lengths are in metres, radiance and albedo are
 //! linear Rec. 709 triples, +z is up. Fields that the format does not know are refused, so that a
-//! slip of the pen is not drawn as something else. `area_lights`, a sphere's `rotation` (x, y, z, w) and
-//! a coat's `internal_reflectance` and `stripe` may be left out.
+//! slip of the pen is not drawn as something else. `area_lights`, a sphere's `rotation` (x, y, z, w), a mesh's
+//! `normals`, `center` and `rotation`, and a coat's `internal_reflectance` and `stripe` may be left out.
 //!
 //! ```
 //! use carom_tracer::Scene;
@@ -29,7 +29,9 @@
 //!         { "name": "pocket", "material": "cloth", "shape": { "disc": {
 //!             "center": [1.27, 0.635, 0.0005], "normal": [0, 0, 1], "radius": 0.058 } } },
 //!         { "name": "wall", "material": "cloth", "shape": { "rectangle": {
-//!             "center": [0, 3, 0], "half_u": [3, 0, 0], "half_v": [0, 0, 2] } } }
+//!             "center": [0, 3, 0], "half_u": [3, 0, 0], "half_v": [0, 0, 2] } } },
+//!         { "name": "gable", "material": "cloth", "shape": { "mesh": {
+//!             "positions": [[-3, 3, 2], [3, 3, 2], [0, 3, 4]], "triangles": [[0, 1, 2]] } } }
 //!     ],
 //!     "area_lights": [
 //!         { "name": "lamp", "center": [0, 0, 1], "half_u": [0.45, 0, 0], "half_v": [0, -0.18, 0],
@@ -51,8 +53,9 @@ use serde_json::ser::{Formatter, PrettyFormatter, Serializer};
 use crate::scene::Scene;
 use crate::{Error, SceneError};
 
-/// The longest scene file in bytes, more than a scene at every limit of [`super::validate`] takes if
-/// its names need no escapes. Longer ones are refused before they are parsed.
+/// The longest scene file in bytes, more than a scene without meshes takes at every limit of [`super::validate`] if
+/// its names need no escapes. Longer ones are refused before they are parsed. About a million triangles fit; scenes of
+/// more are built in code.
 pub const SCENE_BYTES_MAX: usize = 64 << 20;
 
 impl Scene {

@@ -6,6 +6,8 @@
 mod bounded;
 mod construction;
 pub mod file;
+mod mesh;
+pub mod mesh_file;
 pub mod validate;
 
 use std::collections::BTreeMap;
@@ -14,6 +16,7 @@ use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 pub use construction::{Cuboid, ObjectHandle, Plane, SceneIdentity, Sphere};
+pub use mesh::Mesh;
 
 /// Everything that can be seen, and from where.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -102,7 +105,7 @@ pub struct Object {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
-    /// A ball. Balls and truncated cones are what a [`SceneUpdate`] can move.
+    /// A ball. Balls, truncated cones and meshes are what a [`SceneUpdate`] can move.
     Sphere {
         /// Centre in metres.
         center: Vec3,
@@ -163,6 +166,8 @@ pub enum Shape {
         /// From the centre to the middle of the next edge; at right angles to `half_u`.
         half_v: Vec3,
     },
+    /// Triangles that share vertices, seen from both sides.
+    Mesh(Mesh),
 }
 
 /// A solid that is subtracted from a [`Shape::CsgBox`].
@@ -462,11 +467,11 @@ impl SceneUpdate {
 /// Where a movable object is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObjectPose {
-    /// Index into [`Scene::objects`]; must be a sphere or a truncated cone.
+    /// Index into [`Scene::objects`]; must be a sphere, a truncated cone or a mesh.
     pub object: u32,
-    /// Centre of the sphere, or of the cone's narrow end, in metres.
+    /// Centre of the sphere or of the cone's narrow end, or the mesh's own origin, in metres.
     pub position: Vec3,
-    /// `world_from_ball` or `world_from_cone`, a unit quaternion.
+    /// `world_from_ball`, `world_from_cone` or `world_from_mesh`, a unit quaternion.
     pub rotation: Quat,
     /// `false` leaves the object out of the picture.
     pub visible: bool,

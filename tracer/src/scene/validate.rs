@@ -1,5 +1,6 @@
 //! The rules and limits that every scene keeps, checked once before anything is traced.
 
+mod mesh;
 #[cfg(test)]
 mod tests;
 
@@ -7,6 +8,8 @@ use std::ops::RangeInclusive;
 
 use glam::{Quat, Vec3};
 
+pub use self::mesh::{TRIANGLES_MAX, VERTICES_MAX};
+use self::mesh::{check_mesh, check_triangles};
 use crate::scene::{
     AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, ObjectPose, ProceduralTexture,
     Scene, Shape, Stripe,
@@ -83,6 +86,7 @@ impl Scene {
             _ => 0,
         });
         count("subtractions", subtractions.sum(), SUBTRACTIONS_TOTAL_MAX)?;
+        check_triangles(self)?;
         self.camera.validate()?;
         radiance("environment", self.environment.radiance)?;
         for (key, material) in &self.materials {
@@ -116,6 +120,9 @@ impl Scene {
                     }
                     Shape::TruncatedCone { .. } => {
                         return Err(place(SceneError::DielectricSurface(material)));
+                    }
+                    Shape::Mesh(_) => {
+                        return Err(place(SceneError::DielectricMesh(material)));
                     }
                     Shape::Sphere { .. } | Shape::Box { .. } | Shape::CsgBox { .. } => {}
                 }
@@ -276,6 +283,7 @@ fn check_shape(shape: &Shape) -> Check {
             half_u,
             half_v,
         } => rectangle(center, half_u, half_v),
+        Shape::Mesh(ref mesh) => check_mesh(mesh),
     }
 }
 

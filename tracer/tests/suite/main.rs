@@ -8,6 +8,7 @@ mod gpu;
 mod images;
 mod laws;
 mod materials;
+mod meshes;
 mod reference;
 mod scenes;
 mod tracers;

@@ -8,6 +8,8 @@ use carom_tracer::{
 };
 use glam::{Quat, Vec3};
 
+use crate::meshes::mesh_still_life;
+
 pub(crate) fn diffuse(albedo: f32) -> Material {
     Material::Diffuse {
         albedo: Vec3::splat(albedo),
@@ -423,6 +425,7 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
     let mut hidden = still_life();
     hidden.objects.remove(1);
     scenes.push(("still life without a ball", hidden));
+    scenes.push(("still life of meshes", mesh_still_life()));
     scenes
         .into_iter()
         .map(|(name, scene)| LawScene {

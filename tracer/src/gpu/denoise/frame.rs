@@ -18,7 +18,7 @@ use crate::denoise::weights::STEPS;
 use crate::denoise::{GuardedRegion, in_parts};
 use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTES, groups};
-use crate::gpu::layout::{self, DispatchData};
+use crate::gpu::layout::DispatchData;
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::{self, Chunk, ChunkLimits};
 use crate::gpu::{GpuTracer, deliver};
@@ -115,8 +115,8 @@ impl GpuTracer {
             ..ReadbackLayout::new(&wanted, KernelOutput::Radiance)
         };
         let mut buffers = self.pool.take(&self.device)?;
-        let scene_bytes = layout::scene_bytes(scene, job.size)?;
-        buffers.prepare(&self.device, &scene_bytes, &traced, &layout)?;
+        let upload = self.meshes.upload(&self.device, scene, job.size)?;
+        buffers.prepare(&self.device, &upload, &traced, &layout)?;
         let mut filter = match buffers.filter.take() {
             Some(filter) => filter,
             None => self.device.guarded(FilterBuffers::new)?,

@@ -1,0 +1,252 @@
+//! Meshes as triangles in the world.
+
+use std::any::Any;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bytemuck::Zeroable as _;
+use glam::{DQuat, DVec3, Vec3};
+
+use super::data::{TriangleData, TriangleNormals};
+use crate::scene::{Mesh, ObjectPose};
+
+/// The meshes of a scene. Their triangles are shared with copies of it and with what back ends have laid out,
+/// until some of them move.
+#[derive(Clone, Debug, Default)]
+pub struct CompiledMeshes {
+    /// Triangles, mesh by mesh in the order of the scene's objects.
+    pub triangles: Arc<Vec<TriangleData>>,
+    /// Vertex normals of those that have some.
+    pub normals: Arc<Vec<TriangleNormals>>,
+    /// The largest sum of a vertex's coordinates, each without its sign, in metres.
+    pub reach: f32,
+    placed: Vec<PlacedMesh>,
+    /// What the CPU tracer has made of the triangles.
+    pub(crate) layout: LayoutCache,
+}
+
+/// A mesh of a compiled scene.
+#[derive(Clone, Debug)]
+struct PlacedMesh {
+    /// As the scene has it.
+    base: ObjectPose,
+    pose: ObjectPose,
+    triangles: Range<usize>,
+    normals: Range<usize>,
+    /// Triangles and normals in the base pose, of one that is elsewhere.
+    unmoved: Option<(Vec<TriangleData>, Vec<TriangleNormals>)>,
+}
+
+impl CompiledMeshes {
+    /// Adds an object's mesh; returns the index of its first triangle.
+    pub(super) fn push(&mut self, object: u32, mesh: &Mesh, material: u32) -> u32 {
+        let (triangles, normals) = (self.triangles.len(), self.normals.len());
+        let world_from_mesh = mesh.rotation.as_dquat().normalize();
+        let center = mesh.center.as_dvec3();
+        let point = |p: Vec3| center + world_from_mesh * p.as_dvec3();
+        let points: Vec<Vec3> = (mesh.positions.iter().map(|&p| point(p).as_vec3())).collect();
+        let directions: Vec<Vec3> = (mesh.normals.iter())
+            .map(|n| (world_from_mesh * n.as_dvec3().normalize()).as_vec3())
+            .collect();
+        let added = mesh.triangles.iter().zip(normals as u32..);
+        let added = added.map(|(corners, normals)| {
+            let [a, b, c] = corners.map(|corner| points[corner as usize].to_array());
+            let normals = match directions.is_empty() {
+                true => TriangleData::FLAT,
+                false => normals,
+            };
+            TriangleData {
+                a,
+                b,
+                c,
+                material,
+                normals,
+                padding: 0,
+            }
+        });
+        Arc::make_mut(&mut self.triangles).extend(added);
+        if !directions.is_empty() {
+            let added = (mesh.triangles.iter()).map(|corners| {
+                let [a, b, c] = corners.map(|corner| directions[corner as usize].to_array());
+                TriangleNormals {
+                    a,
+                    b,
+                    c,
+                    ..TriangleNormals::zeroed()
+                }
+            });
+            Arc::make_mut(&mut self.normals).extend(added);
+        }
+        let base = ObjectPose {
+            object,
+            position: mesh.center,
+            rotation: mesh.rotation,
+            visible: true,
+        };
+        self.placed.push(PlacedMesh {
+            base,
+            pose: base,
+            triangles: triangles..self.triangles.len(),
+            normals: normals..self.normals.len(),
+            unmoved: None,
+        });
+        self.reach = self.reach.max(reach(&self.triangles[triangles..]));
+        triangles as u32
+    }
+
+    /// Whether an object is a mesh.
+    pub(super) fn has(&self, object: u32) -> bool {
+        self.place_of(object).is_some()
+    }
+
+    /// Puts meshes where `poses` want them, and all others where the scene has them. Returns whether any has
+    /// moved since the last time.
+    pub(super) fn place(&mut self, poses: &[ObjectPose]) -> bool {
+        let moved = self.placed.iter().enumerate();
+        let moved = moved.filter(|(_, mesh)| mesh.unmoved.is_some());
+        let mut wanted: BTreeMap<usize, ObjectPose> =
+            moved.map(|(place, mesh)| (place, mesh.base)).collect();
+        let posed = poses.iter();
+        wanted.extend(posed.filter_map(|pose| Some((self.place_of(pose.object)?, *pose))));
+        let mut has_moved = false;
+        for (place, pose) in wanted {
+            let mesh = &mut self.placed[place];
+            if pose == mesh.pose {
+                continue;
+            }
+            has_moved = true;
+            let triangles = &mut Arc::make_mut(&mut self.triangles)[mesh.triangles.clone()];
+            let normals = match mesh.normals.is_empty() {
+                true => &mut [],
+                false => &mut Arc::make_mut(&mut self.normals)[mesh.normals.clone()],
+            };
+            mesh.move_to(pose, triangles, normals);
+        }
+        if has_moved {
+            self.reach = reach(&self.triangles);
+            self.layout = LayoutCache::default();
+        }
+        has_moved
+    }
+
+    fn place_of(&self, object: u32) -> Option<usize> {
+        self.placed
+            .binary_search_by_key(&object, |mesh| mesh.base.object)
+            .ok()
+    }
+
+    /// The index of the first triangle of the mesh that a triangle is of.
+    pub(crate) fn first_of_mesh(&self, triangle: u32) -> u32 {
+        let next = (self.placed).partition_point(|mesh| mesh.triangles.start <= triangle as usize);
+        self.placed[next - 1].triangles.start as u32
+    }
+
+    /// First triangle and pose of each mesh.
+    pub(crate) fn poses(&self) -> impl Iterator<Item = (u32, ObjectPose)> {
+        let meshes = self.placed.iter();
+        meshes.map(|mesh| (mesh.triangles.start as u32, mesh.pose))
+    }
+}
+
+impl PlacedMesh {
+    fn move_to(
+        &mut self,
+        pose: ObjectPose,
+        triangles: &mut [TriangleData],
+        normals: &mut [TriangleNormals],
+    ) {
+        let (base_triangles, base_normals) = self
+            .unmoved
+            .get_or_insert_with(|| (triangles.to_vec(), normals.to_vec()));
+        triangles.copy_from_slice(base_triangles);
+        normals.copy_from_slice(base_normals);
+        let movement = Movement::new(&self.base, &pose);
+        self.pose = pose;
+        if pose == self.base {
+            self.unmoved = None;
+            return;
+        }
+        for triangle in triangles {
+            for corner in [&mut triangle.a, &mut triangle.b, &mut triangle.c] {
+                *corner = match pose.visible {
+                    true => movement.point(*corner),
+                    // Without area, a triangle is never met.
+                    false => pose.position.to_array(),
+                };
+            }
+        }
+        for normals in normals {
+            for normal in [&mut normals.a, &mut normals.b, &mut normals.c] {
+                *normal = movement.direction(*normal);
+            }
+        }
+    }
+}
+
+/// From one pose to another.
+struct Movement {
+    from: DVec3,
+    to: DVec3,
+    turn: DQuat,
+}
+
+impl Movement {
+    fn new(from: &ObjectPose, to: &ObjectPose) -> Self {
+        let rotation = |pose: &ObjectPose| pose.rotation.as_dquat().normalize();
+        Self {
+            from: from.position.as_dvec3(),
+            to: to.position.as_dvec3(),
+            turn: rotation(to) * rotation(from).inverse(),
+        }
+    }
+
+    fn point(&self, p: [f32; 3]) -> [f32; 3] {
+        let from_center = Vec3::from(p).as_dvec3() - self.from;
+        (self.to + self.turn * from_center).as_vec3().to_array()
+    }
+
+    fn direction(&self, v: [f32; 3]) -> [f32; 3] {
+        let direction = self.turn * Vec3::from(v).as_dvec3();
+        direction.as_vec3().to_array()
+    }
+}
+
+fn reach(triangles: &[TriangleData]) -> f32 {
+    let corners = triangles.iter().flat_map(TriangleData::corners);
+    let sums = corners.map(|corner| corner.abs().element_sum());
+    sums.fold(0.0, f32::max)
+}
+
+/// What a back end has made of a scene's triangles, kept from picture to picture with the number that it was
+/// made for.
+#[derive(Clone, Default)]
+pub(crate) struct LayoutCache(Arc<Mutex<Option<CachedLayout>>>);
+
+type CachedLayout = (u32, Arc<dyn Any + Send + Sync>);
+
+impl LayoutCache {
+    /// The layout for `key`; made if there is none, by two threads at once rather than that one holds the other
+    /// up while it works with others of its pool.
+    pub(crate) fn get_or_make<T: Any + Send + Sync>(
+        &self,
+        key: u32,
+        make: impl FnOnce() -> T,
+    ) -> Arc<T> {
+        let cached = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = cached().clone().filter(|(of, _)| *of == key);
+        if let Some(layout) = found.and_then(|(_, layout)| layout.downcast().ok()) {
+            return layout;
+        }
+        let made = Arc::new(make());
+        *cached() = Some((key, made.clone()));
+        made
+    }
+}
+
+impl fmt::Debug for LayoutCache {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("LayoutCache")
+    }
+}

@@ -1,0 +1,126 @@
+//! The triangles of scenes on the device: uploaded once, not with each picture.
+
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+use crate::compiled::TriangleData;
+use crate::gpu::coplanar::farthest;
+use crate::gpu::device::Device;
+use crate::gpu::features::Features;
+use crate::gpu::frame::buffer;
+use crate::gpu::layout::{mesh_bytes, mesh_bytes_len, scene_bytes};
+use crate::{CompiledScene, Error, ImageSize};
+
+/// What a picture's kernels read of its scene.
+pub(crate) struct SceneUpload {
+    /// See [`scene_bytes`].
+    pub(crate) bytes: Vec<u8>,
+    /// See [`mesh_bytes`]; none without triangles.
+    pub(crate) mesh: Option<Arc<wgpu::Buffer>>,
+}
+
+/// Buffers of the scenes that were traced last.
+#[derive(Default)]
+pub(crate) struct MeshBuffers {
+    kept: Mutex<Vec<MeshBuffer>>,
+}
+
+struct MeshBuffer {
+    /// Its triangles, which nobody changes in place while this points at them.
+    triangles: Weak<Vec<TriangleData>>,
+    /// What [`mesh_bytes`] was given, and whether there is a BVH.
+    made_for: (f32, bool),
+    buffer: Arc<wgpu::Buffer>,
+}
+
+impl MeshBuffers {
+    /// Buffers kept: a node keeps as many scenes.
+    const KEPT_MAX: usize = 4;
+
+    /// What is to be uploaded with a picture of `scene`.
+    ///
+    /// # Errors
+    /// [`Error::InvalidScene`] as [`scene_bytes`] says; [`Error::Device`] if the triangles do not fit.
+    pub(crate) fn upload(
+        &self,
+        device: &Device,
+        scene: &CompiledScene,
+        size: ImageSize,
+    ) -> Result<SceneUpload, Error> {
+        Ok(SceneUpload {
+            bytes: scene_bytes(scene, size)?,
+            mesh: self.of(device, scene)?,
+        })
+    }
+
+    fn of(
+        &self,
+        device: &Device,
+        scene: &CompiledScene,
+    ) -> Result<Option<Arc<wgpu::Buffer>>, Error> {
+        if scene.meshes.triangles.is_empty() {
+            return Ok(None);
+        }
+        let features = Features::new(scene);
+        // A power of two, so that a camera that moves hardly ever asks for another.
+        let farthest = farthest(scene).log2().ceil().exp2();
+        let has_bvh = features.has_bvh(crate::compiled::ShapeKind::Triangle);
+        let made_for = (farthest, has_bvh);
+        let triangles = Arc::downgrade(&scene.meshes.triangles);
+        let is_same =
+            |kept: &MeshBuffer| kept.triangles.ptr_eq(&triangles) && kept.made_for == made_for;
+        let found = self
+            .lock()
+            .iter()
+            .find(|kept| is_same(kept))
+            .map(|kept| kept.buffer.clone());
+        if found.is_some() {
+            return Ok(found);
+        }
+        let buffer = Arc::new(create(device, scene, &features, farthest)?);
+        let mut kept = self.lock();
+        kept.retain(|kept| kept.triangles.strong_count() > 0);
+        if kept.len() >= Self::KEPT_MAX {
+            kept.remove(0);
+        }
+        kept.push(MeshBuffer {
+            triangles,
+            made_for,
+            buffer: Arc::clone(&buffer),
+        });
+        Ok(Some(buffer))
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<MeshBuffer>> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn create(
+    device: &Device,
+    scene: &CompiledScene,
+    features: &Features,
+    farthest: f32,
+) -> Result<wgpu::Buffer, Error> {
+    let limits = device.device.limits();
+    let bytes_max = limits
+        .max_storage_buffer_binding_size
+        .min(limits.max_buffer_size)
+        .min(TYPE_BYTES_MAX);
+    let bytes = mesh_bytes_len(features);
+    if bytes > bytes_max {
+        return Err(device.error(format!(
+            "{} triangles take {bytes} bytes, but a buffer holds {bytes_max}: trace them on the CPU",
+            features.triangles
+        )));
+    }
+    let data = mesh_bytes(scene, farthest);
+    device.guarded(|wgpu| {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let mesh = buffer(wgpu, bytes, usage);
+        device.queue.write_buffer(&mesh, 0, &data);
+        mesh
+    })
+}
+
+/// The largest type of a shader, which naga bounds.
+const TYPE_BYTES_MAX: u64 = 1 << 30;

@@ -1,0 +1,235 @@
+//! Triangles: where rays meet them, in f64, and the normals that they are shaded with.
+//!
+//! # Watertight
+//! All corners are seen along the ray: their coordinates across it are rounded once each, whatever triangle they
+//! are of. The ray goes through a triangle if it is on one side of all three edges there, which the products of
+//! those coordinates tell without fail: rounding keeps the order of two products, and the edge of a neighbour is
+//! the same two with the other sign. So a ray that goes through a closed mesh meets it, at edges and corners
+//! too (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013, whose shear is a rotation
+//! here).
+//!
+//! # Normals
+//! A facet is shaded with its own normal. Where there are vertex normals, the BSDF has the normal that is
+//! interpolated between them, and the triangle decides what is outside: a direction below it brings no light and
+//! carries none on (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition, section 9.1.1: light must
+//! not leak through a surface). So shading may lose light near silhouettes and terminators and never makes any. Where
+//! the mirror image of the viewer would be below, the normal is turned towards the viewer until it is not (Keller et
+//! al., "The Iray Light Transport Simulation and Rendering System", 2017, appendix A.3).
+
+use glam::DVec3;
+
+use super::bsdf::basis;
+use super::ray::{Ray, vector};
+use crate::CompiledScene;
+use crate::bvh::Bvh;
+use crate::compiled::{Primitive, ShapeKind, TriangleData};
+
+/// How far above its triangle a mirror image of the viewer is at least: the sine.
+pub const REFLECTION_SINE_MIN: f64 = 1e-3;
+/// How much a point that is interpolated between corners in f32 is off, over their coordinates: seven roundings,
+/// and as much again for what is done with it.
+pub const POINT_ROUNDING: f32 = 14.0 * 0.5 * f32::EPSILON;
+/// From so many on, scalar rays find triangles by their BVH.
+const BVH_MIN: usize = 16;
+
+/// A ray's origin and the axes of a frame whose z is its direction.
+#[derive(Clone, Copy, Debug)]
+pub struct RayFrame {
+    origin: DVec3,
+    axes: [DVec3; 3],
+}
+
+/// Where a ray meets a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TriangleHit {
+    /// Distance, metres; below 0 behind the ray's origin.
+    pub t: f64,
+    /// Weights of the corners, whose sum is 1.
+    pub barycentric: [f64; 3],
+}
+
+impl RayFrame {
+    /// The frame of a ray.
+    pub fn new(ray: &Ray) -> Self {
+        let (u, v) = basis(ray.direction);
+        Self {
+            origin: ray.origin,
+            axes: [u, v, ray.direction],
+        }
+    }
+
+    /// Where the ray meets a triangle, ahead or behind; one that is seen edge-on it does not meet.
+    pub fn intersect(&self, triangle: &TriangleData) -> Option<TriangleHit> {
+        let seen = |corner: [f32; 3]| {
+            let from_origin = vector(corner) - self.origin;
+            DVec3::from(self.axes.map(|axis| axis.dot(from_origin)))
+        };
+        let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(seen);
+        let edge = |from: DVec3, to: DVec3| from.x * to.y - from.y * to.x;
+        let weights = [edge(b, c), edge(c, a), edge(a, b)];
+        let is_inside = weights.iter().all(|&w| w >= 0.0) || weights.iter().all(|&w| w <= 0.0);
+        let sum: f64 = weights.iter().sum();
+        // Written so that NaN misses.
+        let is_met = is_inside && sum.abs() > 0.0;
+        is_met.then(|| {
+            let barycentric = weights.map(|weight| weight / sum);
+            TriangleHit {
+                t: DVec3::from(barycentric).dot(DVec3::new(a.z, b.z, c.z)),
+                barycentric,
+            }
+        })
+    }
+}
+
+/// The nearest triangle ahead of a ray before `t_max`, if given, but `skipped`: its distance and index, of equal
+/// distances the first.
+pub(super) fn nearest_triangle(
+    scene: &CompiledScene,
+    ray: &Ray,
+    skipped: Option<Primitive>,
+    t_max: Option<f64>,
+) -> Option<(f64, u32)> {
+    let triangles = &scene.meshes.triangles[..];
+    if triangles.is_empty() {
+        return None;
+    }
+    let frame = RayFrame::new(ray);
+    let t_max = t_max.unwrap_or(f64::INFINITY);
+    let mut nearest = (t_max, u32::MAX);
+    let mut offer = |index: u32, t_max: &mut f64| {
+        let met = frame.intersect(&triangles[index as usize]);
+        if let Some(met) =
+            met.filter(|met| met.t > 0.0 && skipped != Some(Primitive::Triangle(index)))
+            && (met.t, index) < nearest
+        {
+            nearest = (met.t, index);
+            *t_max = met.t;
+        }
+    };
+    match scene.bvh(ShapeKind::Triangle, BVH_MIN) {
+        Some(bvh) => descend(bvh, ray, t_max, &mut offer),
+        None => {
+            let mut unused = t_max;
+            (0..triangles.len() as u32).for_each(|index| offer(index, &mut unused));
+        }
+    }
+    let (t, index) = nearest;
+    (t < t_max).then_some((t, index))
+}
+
+/// Offers the primitives of all leaves that a ray enters before `t_max`, which `offer` lowers.
+fn descend(bvh: &Bvh, ray: &Ray, mut t_max: f64, offer: &mut impl FnMut(u32, &mut f64)) {
+    let mut stack = vec![bvh.root];
+    while let Some(part) = stack.pop() {
+        if !enters(ray, [part.min, part.max].map(glam::Vec3::as_dvec3), t_max) {
+            continue;
+        }
+        if !part.is_leaf() {
+            stack.extend(bvh.nodes[part.node as usize]);
+            continue;
+        }
+        let leaf = &bvh.order[part.first as usize..][..part.count as usize];
+        for &index in leaf {
+            offer(index, &mut t_max);
+        }
+    }
+}
+
+/// Whether a ray enters a box up to `t_max`, which rounding must not deny.
+fn enters(ray: &Ray, [min, max]: [DVec3; 2], t_max: f64) -> bool {
+    let slack = 1e-12 * (min.abs().max(max.abs()).max_element() + ray.origin.abs().max_element());
+    let (mut near, mut far) = (0.0f64, t_max * (1.0 + 1e-12));
+    for axis in 0..3 {
+        let inverse = ray.direction[axis].recip();
+        let to_min = (min[axis] - slack - ray.origin[axis]) * inverse;
+        let to_max = (max[axis] + slack - ray.origin[axis]) * inverse;
+        // 0 · ∞, of a ray along a face, leaves both as they are.
+        near = near.max(to_min.min(to_max));
+        far = far.min(to_min.max(to_max));
+    }
+    near <= far
+}
+
+/// Point, normal and shading normal where a ray meets a triangle.
+pub(super) struct TriangleSurface {
+    pub(super) point: DVec3,
+    pub(super) n: DVec3,
+    /// As interpolated, on the side of `n`; `n` of a facet.
+    pub(super) shading_n: DVec3,
+}
+
+impl TriangleSurface {
+    pub(super) fn new(scene: &CompiledScene, index: u32, barycentric: [f64; 3]) -> Self {
+        let triangle = &scene.meshes.triangles[index as usize];
+        let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(vector);
+        let [wa, wb, wc] = barycentric;
+        let n = (b - a).cross(c - a).normalize();
+        let interpolated = scene.meshes.normals.get(triangle.normals as usize);
+        let interpolated = interpolated.and_then(|normals| {
+            let [na, nb, nc] = [normals.a, normals.b, normals.c].map(vector);
+            (wa * na + wb * nb + wc * nc).try_normalize()
+        });
+        Self {
+            point: wa * a + wb * b + wc * c,
+            n,
+            shading_n: interpolated.map_or(n, |shading_n| shading_n * side(shading_n.dot(n))),
+        }
+    }
+}
+
+/// The normal to shade with, seen from `wo`: `shading_n`, turned until its mirror image of `wo` is above the
+/// surface whose normal `n` is. All are of unit length; `wo` and `shading_n` are on the side of `n`.
+pub fn visible_shading_normal(shading_n: DVec3, n: DVec3, wo: DVec3) -> DVec3 {
+    let reflected = 2.0 * wo.dot(shading_n) * shading_n - wo;
+    let sine = reflected.dot(n);
+    if sine >= REFLECTION_SINE_MIN {
+        return shading_n;
+    }
+    let lifted = reflected + (REFLECTION_SINE_MIN - sine) * n;
+    (wo + lifted.normalize()).normalize()
+}
+
+fn side(cosine: f64) -> f64 {
+    if cosine < 0.0 { -1.0 } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::test_scenes::globe_with_rays;
+    use crate::compiled::BvhUse;
+    use crate::sampling::uniforms;
+    use crate::scalar::intersect;
+
+    #[test]
+    fn no_ray_passes_an_edge_or_a_corner_of_a_closed_mesh() {
+        let (mut scene, rays) = globe_with_rays();
+        for (origin, direction) in rays {
+            let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3().normalize());
+            let ray = Ray { origin, direction };
+            let [each, by_bvh] = [BvhUse::Never, BvhUse::Always].map(|bvh_use| {
+                scene.bvh_use = bvh_use;
+                intersect(&scene, &ray)
+            });
+            assert!(each.is_some(), "{ray:?}");
+            assert_eq!(each, by_bvh, "{ray:?}");
+        }
+    }
+
+    #[test]
+    fn mirrors_show_what_is_above_the_surface() {
+        for i in 0..10_000 {
+            let [a, b, c, d] = uniforms(i, 1, 2, 3).map(f64::from);
+            let upper = |a: f64, b: f64| {
+                let (sin, cos) = (std::f64::consts::TAU * a).sin_cos();
+                let z = b.max(1e-6);
+                DVec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z)
+            };
+            let (shading_n, wo) = (upper(a, b), upper(c, d * d));
+            let n = visible_shading_normal(shading_n, DVec3::Z, wo);
+            let reflected = 2.0 * wo.dot(n) * n - wo;
+            assert!(reflected.z > 0.5 * REFLECTION_SINE_MIN, "{shading_n} {wo}");
+            assert!(wo.dot(n) > 0.0 && (n.length() - 1.0).abs() < 1e-12);
+        }
+    }
+}
