@@ -138,7 +138,7 @@ fn a_refused_update_leaves_nothing_behind() {
         (poses(&[good, turned]), "pose of object 2: its rotation is"),
         (
             poses(&[good, pose(1, 0.0)]),
-            "object 1 is posed, but only spheres and truncated cones move",
+            "object 1 is posed, but only spheres, truncated cones and meshes move",
         ),
         (
             poses(&[good, pose(3, 0.0)]),

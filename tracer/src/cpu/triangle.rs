@@ -27,7 +27,9 @@ pub(super) struct RayAxes<S: Simd> {
 struct Seen<S: Simd> {
     /// What the corners weigh where the ray goes through, times their sum.
     weights: [Float<S>; 3],
-    /// How far along the ray the corners are.
+    /// Where the corners are across the ray, and how far along it.
+    x: [Float<S>; 3],
+    y: [Float<S>; 3],
     along: [Float<S>; 3],
 }
 
@@ -45,8 +47,18 @@ impl<S: Simd> Seen<S> {
         // Each product is rounded by itself, see the scalar tracer.
         Self {
             weights: [bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx],
+            x: [ax, bx, cx],
+            y: [ay, by, cy],
             along: [direction.dot(a), direction.dot(b), direction.dot(c)],
         }
+    }
+
+    /// Where the ray goes through the bounds of the corners, as far as it can be told without rounding.
+    #[inline(always)]
+    fn is_in_bounds(&self) -> Mask<S> {
+        let [x, y] = [self.x, self.y]
+            .map(|[a, b, c]| a.min(b).min(c).simd_le(0.0) & a.max(b).max(c).simd_ge(0.0));
+        x & y
     }
 
     #[inline(always)]
@@ -86,9 +98,13 @@ impl Shape<9> for Triangle {
         let [a, b, c] = seen.weights;
         let is_left = a.simd_ge(0.0) & b.simd_ge(0.0) & c.simd_ge(0.0);
         let is_right = a.simd_le(0.0) & b.simd_le(0.0) & c.simd_le(0.0);
-        let candidate = (is_left | is_right) & rays.start.simd_ne(primitives.id);
+        let mut candidate = (is_left | is_right) & rays.start.simd_ne(primitives.id);
         if !candidate.any_true() {
             return None;
+        }
+        let on_line = a.simd_eq(0.0) | b.simd_eq(0.0) | c.simd_eq(0.0);
+        if (candidate & on_line).any_true() {
+            candidate &= seen.is_in_bounds() | !on_line;
         }
         let (sum, [along_a, along_b, along_c]) = (seen.sum(), seen.along);
         let t = a.mul_add(along_a, b.mul_add(along_b, c * along_c)) / sum;

@@ -5,7 +5,8 @@
 //! are of. The ray goes through a triangle if it is on one side of all three edges there, which the products of
 //! those coordinates tell without fail: rounding keeps the order of two products, and the edge of a neighbour is
 //! the same two with the other sign. So a ray that goes through a closed mesh meets it, at edges and corners
-//! too (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013, whose shear is a rotation
+//! too. Equal products tell only that the ray meets the line of an edge: a triangle that is seen edge-on is on that line
+//! however far aside it lies, and is met only if the ray is within the bounds of its corners too (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013, whose shear is a rotation
 //! here).
 //!
 //! # Normals
@@ -69,8 +70,11 @@ impl RayFrame {
         let weights = [edge(b, c), edge(c, a), edge(a, b)];
         let is_inside = weights.iter().all(|&w| w >= 0.0) || weights.iter().all(|&w| w <= 0.0);
         let sum: f64 = weights.iter().sum();
+        let is_on_line = weights.contains(&0.0);
+        let (min, max) = (a.min(b).min(c), a.max(b).max(c));
+        let is_in_bounds = min.x.max(min.y) <= 0.0 && max.x.min(max.y) >= 0.0;
         // Written so that NaN misses.
-        let is_met = is_inside && sum.abs() > 0.0;
+        let is_met = is_inside && (is_in_bounds || !is_on_line) && sum.abs() > 0.0;
         is_met.then(|| {
             let barycentric = weights.map(|weight| weight / sum);
             TriangleHit {

@@ -13,7 +13,9 @@ struct TriangleData {
 struct SeenTriangle {
     // What the corners weigh where the ray goes through, times their sum.
     weights: vec3f,
-    // How far along the ray the corners are.
+    // Where the corners are across the ray, and how far along it.
+    x: vec3f,
+    y: vec3f,
     along: vec3f,
 }
 
@@ -33,7 +35,7 @@ fn see_triangle(ray: Ray, axes: Basis, index: u32) -> SeenTriangle {
     let x = vec3f(dot_fused(axes.t, a), dot_fused(axes.t, b), dot_fused(axes.t, c));
     let y = vec3f(dot_fused(axes.b, a), dot_fused(axes.b, b), dot_fused(axes.b, c));
     let z = vec3f(dot_fused(ray.direction, a), dot_fused(ray.direction, b), dot_fused(ray.direction, c));
-    return SeenTriangle(rounded(x.yzx * y.zxy) - rounded(y.yzx * x.zxy), z);
+    return SeenTriangle(rounded(x.yzx * y.zxy) - rounded(y.yzx * x.zxy), x, y, z);
 }
 
 fn triangle_t(prepared: PreparedRay, index: u32) -> f32 {
@@ -42,6 +44,14 @@ fn triangle_t(prepared: PreparedRay, index: u32) -> f32 {
     let is_inside = all(seen.weights >= vec3f(0.0)) || all(seen.weights <= vec3f(0.0));
     if (!is_inside || !(abs(sum) > 0.0)) {
         return T_MISS;
+    }
+    // Equal products tell only that the ray meets the line of an edge.
+    if (any(seen.weights == vec3f(0.0))) {
+        let is_beside_x = smallest(seen.x) > 0.0 || largest(seen.x) < 0.0;
+        let is_beside_y = smallest(seen.y) > 0.0 || largest(seen.y) < 0.0;
+        if (is_beside_x || is_beside_y) {
+            return T_MISS;
+        }
     }
     let t = dot(seen.weights, seen.along) / sum;
     return select(T_MISS, t, t > 0.0);
