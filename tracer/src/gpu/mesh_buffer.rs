@@ -6,7 +6,6 @@ use crate::compiled::TriangleData;
 use crate::gpu::coplanar::farthest;
 use crate::gpu::device::Device;
 use crate::gpu::features::Features;
-use crate::gpu::frame::buffer;
 use crate::gpu::layout::{mesh_bytes, mesh_bytes_len, scene_bytes};
 use crate::{CompiledScene, Error, ImageSize};
 
@@ -116,7 +115,12 @@ fn create(
     let data = mesh_bytes(scene, farthest);
     device.guarded(|wgpu| {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let mesh = buffer(wgpu, bytes, usage);
+        let mesh = wgpu.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("mesh"),
+            size: bytes,
+            usage,
+            mapped_at_creation: false,
+        });
         device.queue.write_buffer(&mesh, 0, &data);
         mesh
     })

@@ -19,7 +19,6 @@
 
 use glam::DVec3;
 
-use super::bsdf::basis;
 use super::ray::{Ray, vector};
 use crate::CompiledScene;
 use crate::bvh::Bvh;
@@ -52,7 +51,7 @@ pub struct TriangleHit {
 impl RayFrame {
     /// The frame of a ray.
     pub fn new(ray: &Ray) -> Self {
-        let (u, v) = basis(ray.direction);
+        let (u, v) = ray.direction.any_orthonormal_pair();
         Self {
             origin: ray.origin,
             axes: [u, v, ray.direction],
