@@ -160,7 +160,7 @@ struct FeatureChange {
     add: fn(&mut Scene),
 }
 
-const PARTS: [FeatureChange; 13] = [
+const PARTS: [FeatureChange; 14] = [
     FeatureChange {
         name: "a coat",
         is_used: |scene| any_material(scene, is_coated),
