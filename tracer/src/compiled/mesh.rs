@@ -219,28 +219,23 @@ fn reach(triangles: &[TriangleData]) -> f32 {
     sums.fold(0.0, f32::max)
 }
 
-/// What a back end has made of a scene's triangles, kept from picture to picture with the number that it was
-/// made for.
+/// What a back end has made of a scene's triangles, kept from picture to picture.
 #[derive(Clone, Default)]
 pub(crate) struct LayoutCache(Arc<Mutex<Option<CachedLayout>>>);
 
-type CachedLayout = (u32, Arc<dyn Any + Send + Sync>);
+type CachedLayout = Arc<dyn Any + Send + Sync>;
 
 impl LayoutCache {
-    /// The layout for `key`; made if there is none, by two threads at once rather than that one holds the other
-    /// up while it works with others of its pool.
-    pub(crate) fn get_or_make<T: Any + Send + Sync>(
-        &self,
-        key: u32,
-        make: impl FnOnce() -> T,
-    ) -> Arc<T> {
+    /// The layout; made if there is none, by two threads at once rather than that one holds the other up while it
+    /// works with others of its pool.
+    pub(crate) fn get_or_make<T: Any + Send + Sync>(&self, make: impl FnOnce() -> T) -> Arc<T> {
         let cached = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = cached().clone().filter(|(of, _)| *of == key);
-        if let Some(layout) = found.and_then(|(_, layout)| layout.downcast().ok()) {
+        let found = cached().clone();
+        if let Some(layout) = found.and_then(|layout| layout.downcast().ok()) {
             return layout;
         }
         let made = Arc::new(make());
-        *cached() = Some((key, made.clone()));
+        *cached() = Some(made.clone());
         made
     }
 }

@@ -60,14 +60,16 @@ struct Stack {
 const STACK_PARTS: usize = ((DEPTH_MAX + 1) as usize) * LANES;
 
 impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
-    /// Of what is not hidden of `each`. `reach` is twice the largest coordinate of the scene.
-    pub(super) fn new(bvh: &Bvh, each: &[Option<PackedPrimitive<F, N>>], reach: f32) -> Self {
+    /// Of what is not hidden of `each`.
+    pub(super) fn new(bvh: &Bvh, each: &[Option<PackedPrimitive<F, N>>]) -> Self {
         let mut bvh16 = Self {
             nodes: Vec::new(),
             leaves: Vec::new(),
             root: 0,
         };
-        bvh16.root = Bvh16Builder { bvh, each, reach }.build(&mut bvh16, &bvh.root);
+        let farthest = bvh.root.min.abs().max(bvh.root.max.abs()).max_element();
+        let slack = SLACK * farthest;
+        bvh16.root = Bvh16Builder { bvh, each, slack }.build(&mut bvh16, &bvh.root);
         bvh16
     }
 
@@ -95,6 +97,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         for lane in 0..LANES {
             let ray = columns.ray(simd, lane);
             let frame = F::frame(simd, &ray);
+            let slack = origin_slack(&ray);
             stack.push(0.0, self.root);
             while let Some((entry, part)) = stack.pop() {
                 if entry > distance[lane] {
@@ -102,7 +105,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 }
                 if part & LEAF_TAG == 0 {
                     let node = &self.nodes[part as usize];
-                    node.enter(simd, &ray, distance[lane], &mut stack);
+                    node.enter(simd, &ray, slack, distance[lane], &mut stack);
                     continue;
                 }
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
@@ -159,11 +162,12 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             }
             let ray = columns.ray(simd, lane);
             let frame = F::frame(simd, &ray);
+            let slack = origin_slack(&ray);
             stack.push(0.0, self.root);
             while let Some((_, part)) = stack.pop() {
                 if part & LEAF_TAG == 0 {
                     let node = &self.nodes[part as usize];
-                    node.enter(simd, &ray, limit, &mut stack);
+                    node.enter(simd, &ray, slack, limit, &mut stack);
                     continue;
                 }
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
@@ -182,9 +186,17 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
 impl Bvh16Node {
     /// Puts the parts whose boxes the ray enters up to `limit` on the stack, the nearest on top.
     #[inline(always)]
-    fn enter<S: Simd>(&self, simd: S, ray: &Rays<S>, limit: f32, stack: &mut Stack) {
+    fn enter<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Rays<S>,
+        slack: Float<S>,
+        limit: f32,
+        stack: &mut Stack,
+    ) {
         let center = load(simd, &self.center);
         let half = load(simd, &self.half);
+        let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
         let middle = (center - ray.origin).scale(ray.inverse);
         let near = (-half).scale_add(ray.inverse_abs, middle);
         let far = half.scale_add(ray.inverse_abs, middle);
@@ -253,6 +265,14 @@ impl RayLanes {
     }
 }
 
+/// By how much boxes are widened for rays from there: what rounds to their origins' coordinates. With the whole scene's
+/// a floor of 10 km would open all boxes of a small mesh on it.
+#[inline(always)]
+fn origin_slack<S: Simd>(ray: &Rays<S>) -> Float<S> {
+    let origin = &ray.origin;
+    origin.x.abs().max(origin.y.abs()).max(origin.z.abs()) * SLACK
+}
+
 #[inline(always)]
 fn splat<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3], lane: usize) -> Vec3x<S> {
     Vec3x::splat(simd, [x[lane], y[lane], z[lane]])
@@ -305,7 +325,8 @@ fn load<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3]) -> Vec3x<S> {
 struct Bvh16Builder<'a, F, const N: usize> {
     bvh: &'a Bvh,
     each: &'a [Option<PackedPrimitive<F, N>>],
-    reach: f32,
+    /// By how much boxes are widened; each ray widens them by what its own origin asks for ([`origin_slack`]).
+    slack: f32,
 }
 
 impl<F, const N: usize> Bvh16Builder<'_, F, N> {
@@ -324,8 +345,7 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
         });
         for (lane, part) in self.parts(subtree).iter().enumerate() {
             let center = 0.5 * (part.min + part.max);
-            let slack = 0.5 * SLACK * self.reach;
-            let half = (part.max - center).max(center - part.min) + slack;
+            let half = (part.max - center).max(center - part.min) + self.slack;
             let child = self.build(bvh16, part);
             let node = &mut bvh16.nodes[number];
             for axis in 0..3 {

@@ -50,7 +50,7 @@ impl Geometry {
                 is_dielectric(sphere.material),
             ))
         });
-        let spheres = PrimitiveSet::new(scene, ShapeKind::Sphere, spheres.collect(), reach);
+        let spheres = PrimitiveSet::new(scene, ShapeKind::Sphere, spheres.collect());
         first += scene.spheres.len() as u32;
         let boxes = scene.boxes.iter().zip(first..).map(|(data, id)| {
             let numbers = AlignedBox::numbers(data);
@@ -60,18 +60,17 @@ impl Geometry {
                 is_dielectric(data.material),
             ))
         });
-        let boxes = PrimitiveSet::new(scene, ShapeKind::Box, boxes.collect(), reach);
+        let boxes = PrimitiveSet::new(scene, ShapeKind::Box, boxes.collect());
         first += scene.boxes.len() as u32;
         let discs = scene.discs.iter().zip(first..);
         let discs =
             discs.map(|(disc, id)| Some(PackedPrimitive::new(Disc::numbers(disc), id, false)));
-        let discs = PrimitiveSet::new(scene, ShapeKind::Disc, discs.collect(), reach);
+        let discs = PrimitiveSet::new(scene, ShapeKind::Disc, discs.collect());
         first += scene.discs.len() as u32;
         let rectangles = scene.rectangles.iter().zip(first..);
         let rectangles = rectangles
             .map(|(data, id)| Some(PackedPrimitive::new(Rectangle::numbers(data), id, false)));
-        let rectangles =
-            PrimitiveSet::new(scene, ShapeKind::Rectangle, rectangles.collect(), reach);
+        let rectangles = PrimitiveSet::new(scene, ShapeKind::Rectangle, rectangles.collect());
         // As many ids as there are faces.
         let csg_faces_first = first + scene.rectangles.len() as u32;
         let triangles_first = csg_faces_first + scene.csg_faces.len() as u32;
@@ -95,7 +94,7 @@ impl Geometry {
             discs,
             rectangles,
             csg_boxes,
-            triangles: Triangles::new(scene, triangles_first, reach),
+            triangles: Triangles::new(scene, triangles_first),
             area_lights,
             area_lights_first,
             has_dielectric,
@@ -169,16 +168,15 @@ impl Geometry {
 }
 
 impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
-    /// `each` is by index; what is hidden is none. `reach` is that of the scene.
+    /// `each` is by index; what is hidden is none.
     fn new(
         scene: &CompiledScene,
         shape: ShapeKind,
         each: Vec<Option<PackedPrimitive<F, N>>>,
-        reach: f32,
     ) -> Self {
         match scene.bvh(shape, F::BVH_MIN) {
             Some(bvh) => Self {
-                bvh: Some(Bvh16::new(bvh, &each, reach)),
+                bvh: Some(Bvh16::new(bvh, &each)),
                 each: Vec::new(),
             },
             None => Self {
