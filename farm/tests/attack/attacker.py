@@ -471,9 +471,14 @@ class Attack:
         for _ in range(100):
             client = Client(self.node, issue()).open()
             if client.is_open:
-                client.send(self.message("hello") + self.message("scene"))
-                client.run(0.5, lambda client: client.closed or client.stream_bytes > 80)
-            self.count("served" if client.stream_bytes > 80 and not client.closed else "turned away")
+                client.send(self.message("hello"))
+                client.run(0.5, lambda client: client.closed or client.stream_bytes > 0)
+            # The greeting is as long as the device's name; its answer to the scene is the hash.
+            all_bytes = client.stream_bytes + SCENE_READY_BYTES
+            if client.stream_bytes > 0:
+                client.send(self.message("scene"))
+                client.run(0.5, lambda client: client.closed or client.stream_bytes >= all_bytes)
+            self.count("served" if client.stream_bytes >= all_bytes and not client.closed else "turned away")
             players.append(client)
         while not self.ends():
             for client in players:
@@ -498,6 +503,8 @@ def varlen(value):
 
 
 FLOOD_PACKETS_PER_SEC = 3_000
+# Length, variant and hash.
+SCENE_READY_BYTES = 4 + 1 + 32
 
 if __name__ == "__main__":
     os.nice(19)  # it is the node that is attacked, not the machine's other processes
