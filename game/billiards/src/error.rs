@@ -41,13 +41,12 @@ pub enum Error {
     Recording(FileFault),
     /// The simulation did not come to rest within its limits: the crate's own fault.
     #[error(
-        "the shot did not come to rest: {events} contacts and phase changes in the second before \
-         {time_secs} s"
+        "the shot did not come to rest: {events} contacts and phase changes until {time_secs} s"
     )]
     Endless {
         /// Simulated time at which it was given up.
         time_secs: f64,
-        /// Events within the last simulated second.
+        /// Events until then.
         events: u32,
     },
     /// The cue ball may not be put there.

@@ -10,7 +10,7 @@ use super::{
     contact_time::direction,
     event::{EventKind, Surface},
     event_engine::EventEngine,
-    rebound::kept_apart,
+    rebound::{kept_apart, wedged},
     slate_impact::skimmed,
     static_contact::{ContactFinder, ContactNormal, Obstacle},
 };
@@ -70,24 +70,24 @@ impl EventEngine<'_> {
         } else {
             skimmed(away, before.velocity, after.velocity)
         };
-        if self.is_caught(ball, obstacle, away) {
-            after.velocity = after.velocity.z * DVec3::Z;
+        if let Some(opposite) = self.opposite(ball, obstacle, away) {
+            after.velocity = wedged([away, opposite], after.velocity);
         }
         self.balls[ball].touched = Some((self.now, obstacle, away));
         self.report(kind);
         self.set_off(ball, after);
     }
 
-    /// Whether a ball is between the upright edge of a facing and what is opposite: it would go to and
-    /// fro in ever shorter ways. What little level speed is left is lost there, and it falls.
-    fn is_caught(&self, ball: usize, obstacle: Obstacle, away: DVec3) -> bool {
+    /// The way out of the contact opposite, for a ball between the upright edge of a facing and that: it
+    /// would go to and fro in ever shorter ways.
+    fn opposite(&self, ball: usize, obstacle: Obstacle, away: DVec3) -> Option<DVec3> {
         let is_corner = |obstacle| matches!(obstacle, Obstacle::Corner(_));
-        self.balls[ball].touched.is_some_and(|(time, other, out)| {
-            other != obstacle
-                && (is_corner(other) || is_corner(obstacle))
-                && self.now - time < CAUGHT_SECS
-                && out.dot(away) < 0.0
-        })
+        let (time, other, out) = self.balls[ball].touched?;
+        let is_opposite = other != obstacle
+            && (is_corner(other) || is_corner(obstacle))
+            && self.now - time < CAUGHT_SECS
+            && out.dot(away) < 0.0;
+        is_opposite.then_some(out)
     }
 
     /// A ball falls onto a level surface: the cloth, or a rail.

@@ -83,8 +83,7 @@ pub(crate) struct EventEngine<'a> {
     pub(super) balls: Vec<BallInMotion>,
     queue: EventQueue,
     events: Vec<Event>,
-    /// When the current second of counting began, and the events since.
-    second: (f64, u32),
+    events_played: u32,
     cue_ball_touched: bool,
 }
 
@@ -100,7 +99,7 @@ impl<'a> EventEngine<'a> {
                 .collect(),
             queue: EventQueue::new(states.len()),
             events: Vec::new(),
-            second: (0.0, 0),
+            events_played: 0,
             cue_ball_touched: false,
         };
         for ball in 0..simulation.balls.len() {
@@ -112,7 +111,7 @@ impl<'a> EventEngine<'a> {
     /// Simulates to the end.
     ///
     /// # Errors
-    /// [`Error::Endless`] beyond [`EVENTS_PER_SECOND_MAX`] or [`SHOT_SECS_MAX`].
+    /// [`Error::Endless`] beyond [`SHOT_EVENTS_MAX`] or [`SHOT_SECS_MAX`].
     pub(crate) fn run(mut self, until: Until, frames: &mut FrameCallback) -> Result<SimulatedShot> {
         while let Some((time, next)) = self.queue.earliest() {
             frames.advance_to(time);
@@ -325,16 +324,12 @@ impl<'a> EventEngine<'a> {
     }
 
     fn count_event(&mut self, time: f64) -> Result<()> {
-        let (since, events) = &mut self.second;
-        if time - *since >= 1.0 {
-            (*since, *events) = (time, 0);
-        }
-        *events += 1;
+        self.events_played += 1;
         let racks = self.balls.len().div_ceil(RACK_BALLS) as u32;
-        if *events > racks * EVENTS_PER_SECOND_MAX || time > SHOT_SECS_MAX {
+        if self.events_played > racks * SHOT_EVENTS_MAX || time > SHOT_SECS_MAX {
             return Err(Error::Endless {
                 time_secs: time,
-                events: *events,
+                events: self.events_played,
             });
         }
         Ok(())
@@ -343,9 +338,8 @@ impl<'a> EventEngine<'a> {
 
 /// Contacts this close count as one: sound crosses a ball in ten thousand times as long.
 const INSTANT_SECS: f64 = 1e-9;
-/// More events than this for every sixteen balls within a simulated second are an error: a break has
-/// a few hundred in all.
-pub const EVENTS_PER_SECOND_MAX: u32 = 20_000;
+/// More events than this for every sixteen balls are an error: a break has a few hundred.
+pub const SHOT_EVENTS_MAX: u32 = 200_000;
 /// With the cue ball.
 const RACK_BALLS: usize = 16;
 /// Longer shots are an error: on an endless cloth a ball of 100 m/s rolls for 730 s, and one of

@@ -73,7 +73,7 @@ pub use cue_impact::{Cue, Stroke};
 pub use cushion::{CushionLaw, Mathavan, Stronge};
 pub use engine::{Engine, Rapier};
 pub use event::{Event, EventKind, Surface};
-pub use event_engine::{EVENTS_PER_SECOND_MAX, SHOT_SECS_MAX};
+pub use event_engine::{SHOT_EVENTS_MAX, SHOT_SECS_MAX};
 pub use flight::HOP_LEAST_M;
 pub use laws::Laws;
 pub use pot_search::{Suggestion, suggest};

@@ -20,3 +20,46 @@ pub(crate) fn kept_apart(away: DVec3, before: DVec3, after: DVec3) -> DVec3 {
     };
     after + (least - after.dot(away)).max(0.0) * away
 }
+
+/// Velocity of a ball between two surfaces that push it along `aways`, against each other. What leads along
+/// both stays, so that nothing holds a ball that can roll out between them. Between upright surfaces it
+/// falls; where one bears it, it hops away from both at [`REBOUND_SPEED_M_S`].
+pub(crate) fn wedged(aways: [DVec3; 2], after: DVec3) -> DVec3 {
+    let [one, other] = aways;
+    if one.z == 0.0 && other.z == 0.0 {
+        return after.z * DVec3::Z;
+    }
+    let along = one.cross(other).normalize_or_zero();
+    let out = (one + other).normalize_or_zero();
+    after.dot(along) * along + REBOUND_SPEED_M_S * out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wedged_ball_leaves_both_surfaces_and_keeps_its_way_along_them() {
+        let edge = DVec3::new(0.6, 0.8, 0.0);
+        for rise in [0.01, 0.3, 0.8] {
+            let level = (1.0f64 - rise * rise).sqrt();
+            for turn in [-2.5f64, -1.7, 1.7, 2.5, 3.1] {
+                let bed =
+                    (level * edge.truncate().rotate(glam::DVec2::from_angle(turn))).extend(rise);
+                let along = edge.cross(bed).normalize();
+                let before = DVec3::new(-0.2, -0.3, 0.01);
+                let after = wedged([bed, edge], before);
+                assert!(after.dot(edge) > 0.0 && after.dot(bed) > 0.0, "{after}");
+                assert!((after - before).dot(along).abs() < 1e-15);
+                let gained = after.length_squared() - before.length_squared();
+                assert!(gained <= REBOUND_SPEED_M_S.powi(2));
+            }
+        }
+    }
+
+    #[test]
+    fn between_upright_surfaces_a_ball_falls() {
+        let walls = [DVec3::X, DVec3::new(-0.8, 0.6, 0.0)];
+        assert_eq!(wedged(walls, DVec3::splat(-0.4)), DVec3::Z * -0.4);
+    }
+}
