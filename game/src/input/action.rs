@@ -340,7 +340,7 @@ pub const ACTIONS: &[ActionSpec] = &[
     row(Group::Game, Action::CallNext, "call", "cycle the call: each pocket, safety, push-out, none", &["C"]),
     row(Group::Game, Action::Undo, "undo", "undo the last shot", &["U"]),
     row(Group::Game, Action::Redo, "redo", "redo the shot that was undone", &["Y"]),
-    row(Group::Game, Action::Skip, "skip", "skip to the end of the shot", &["Z"]),
+    row(Group::Game, Action::Skip, "skip", "skip the computer's aim, then the shot", &["Z"]),
     row(Group::Game, Action::Suggest, "suggest", "suggest a shot", &["F9"]),
     row(Group::Game, Action::TakeOver, "take-over", "let the computer play this shot", &["F6"]),
     row(Group::Game, Action::Log, "log", "toggle the match log", &["L"]),

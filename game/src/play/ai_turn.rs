@@ -62,6 +62,11 @@ impl AiTurn {
         let decision = self.thinking.poll()?;
         Ok(decision.map(|decision| (decision, self.skill)))
     }
+
+    /// Takes the best of what was found so far.
+    pub(super) fn hurry(&self) {
+        self.thinking.finish_now();
+    }
 }
 
 /// A shot of the computer's on its way to the blow.
@@ -69,6 +74,8 @@ impl AiTurn {
 pub(super) struct PlannedStroke {
     pub(super) stroke: Stroke,
     pub(super) shot: Shot,
+    /// What it is to do, a sentence.
+    pub(super) intention: String,
     since_secs: f64,
     from: Aim,
     to: Aim,
@@ -76,11 +83,17 @@ pub(super) struct PlannedStroke {
 
 impl PlannedStroke {
     /// From where the cue points at `now_secs`.
-    pub(super) fn new(stroke: Stroke, shot: Shot, from: Aim, now_secs: f64) -> Self {
+    pub(super) fn new(
+        (stroke, shot): (Stroke, Shot),
+        intention: String,
+        from: Aim,
+        now_secs: f64,
+    ) -> Self {
         Self {
             to: Aim::of(&stroke),
             stroke,
             shot,
+            intention,
             since_secs: now_secs,
             from,
         }
@@ -102,16 +115,24 @@ impl PlannedStroke {
 
     /// The share of the way back that the cue is drawn; none before it is.
     pub(super) fn drawn(&self, now_secs: f64) -> Option<f64> {
-        let share = (now_secs - self.since_secs - TURN_SECS) / DRAW_SECS;
+        let share = (now_secs - self.since_secs - TURN_SECS - REST_SECS) / DRAW_SECS;
         (share > 0.0).then(|| smoothstep(share))
     }
 
     /// Whether the cue is drawn back and the blow is due.
     pub(super) fn is_due(&self, now_secs: f64) -> bool {
-        now_secs - self.since_secs >= TURN_SECS + DRAW_SECS
+        now_secs - self.since_secs >= PLAN_SECS
+    }
+
+    /// Makes the blow due at `now_secs`.
+    pub(super) fn hurry(&mut self, now_secs: f64) {
+        self.since_secs = self.since_secs.min(now_secs - PLAN_SECS);
     }
 }
 
-/// The cue turns to the shot, rests a moment there, and is drawn back: long enough to be followed.
+/// The cue turns to the shot, rests there and is drawn back: long enough to read the intention, of some
+/// eight words, and to see the ball and the pocket.
 const TURN_SECS: f64 = 1.0;
+const REST_SECS: f64 = 1.2;
 const DRAW_SECS: f64 = 0.6;
+const PLAN_SECS: f64 = TURN_SECS + REST_SECS + DRAW_SECS;

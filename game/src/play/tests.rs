@@ -421,10 +421,14 @@ fn the_computer_plays_and_undo_takes_back_both_shots() {
     while game.contest().turns().len() < 2 {
         now += 0.1;
         game.tick(now, 0.1);
-        seen |= matches!(game.phase, TurnPhase::Planned(_)) && game.cue(now).is_some();
+        let words = game.intention().unwrap_or_default();
+        seen |= words.starts_with("Computer (easy) will ") && game.cue(now).is_some();
         std::thread::yield_now();
     }
-    assert!(seen, "its cue is seen before it strikes");
+    assert!(
+        seen,
+        "its cue and what it intends are seen before it strikes"
+    );
     now = wait(&mut game, now);
     apply(&mut game, Intent::Match(MatchIntent::Undo), now);
     assert_eq!(game.contest().referee().turn(), 0);
@@ -521,6 +525,34 @@ fn calls_go_round_and_never_hinder_the_stroke() {
         game.shot_clock(now).is_some(),
         "uncalled, it is struck all the same"
     );
+}
+
+#[test]
+fn a_skipped_aim_strikes_as_one_that_is_watched() {
+    let [mut watched, mut skipped] = [1, 1].map(|_| eight("Ada,ai:easy"));
+    let mut blows_secs = Vec::new();
+    for (game, skips) in [(&mut watched, false), (&mut skipped, true)] {
+        strike(game, 0.05, 0.0);
+        let mut now = watch(game, 0.0);
+        while game.intention().is_none() {
+            now += 0.01;
+            game.tick(now, 0.01);
+            std::thread::yield_now();
+        }
+        let planned_secs = now;
+        if skips {
+            apply(game, Intent::Match(MatchIntent::Skip), now);
+        }
+        while game.shot().is_none() {
+            now += 0.01;
+            game.tick(now, 0.01);
+        }
+        blows_secs.push(now - planned_secs);
+    }
+    assert!(blows_secs[0] > 2.0, "it can be followed: {blows_secs:?}");
+    assert!(blows_secs[1] < 0.05, "it is skipped: {blows_secs:?}");
+    let ends = [&watched, &skipped].map(|game| game.shot().map(|shot| shot.final_states()));
+    assert_eq!(ends[0], ends[1]);
 }
 
 #[test]

@@ -62,7 +62,7 @@ impl Game {
     /// Decides something that is no stroke.
     pub fn decide(&mut self, intent: MatchIntent, now_secs: f64) {
         match intent {
-            MatchIntent::Skip => self.end_shot(now_secs),
+            MatchIntent::Skip => self.skip(now_secs),
             MatchIntent::Rack => self.rack(),
             MatchIntent::Undo => self.turn_back(false),
             MatchIntent::Redo => self.turn_back(true),
@@ -81,6 +81,24 @@ impl Game {
             MatchIntent::Suggest => self.ask(AiTask::Advise),
             MatchIntent::TakeOver => self.ask(AiTask::Play),
             MatchIntent::PickUp => self.pick_up(),
+        }
+    }
+
+    /// What the computer is about to do, a sentence, while its cue turns to the shot.
+    pub fn intention(&self) -> Option<&str> {
+        match &self.phase {
+            TurnPhase::Planned(planned) => Some(&planned.intention),
+            _ => None,
+        }
+    }
+
+    /// Skips what is only to be watched: the computer's search, its aiming, a shot.
+    fn skip(&mut self, now_secs: f64) {
+        match (&mut self.phase, &self.ai_turn) {
+            (TurnPhase::Planned(planned), _) => planned.hurry(now_secs),
+            (TurnPhase::Watching(_), _) => self.end_shot(now_secs),
+            (_, Some(ai_turn)) => ai_turn.hurry(),
+            (_, None) => {}
         }
     }
 
@@ -265,13 +283,16 @@ impl Game {
         skill: &carom_billiards::ai::Skill,
         now_secs: f64,
     ) -> carom_billiards::Result<()> {
-        self.notice = None;
+        let intention = self.contest.intention_text(decision);
+        // Without a score there is no board to say it on.
+        let is_free = self.contest.referee().rules() == RuleSet::Free;
+        self.notice = is_free.then(|| intention.clone());
         self.match_view = None;
         let struck = self.contest.carry_out(decision, skill)?;
         self.match_view = None;
         match struck {
-            Some((stroke, shot)) => {
-                let planned = PlannedStroke::new(stroke, shot, self.aim, now_secs);
+            Some(struck) => {
+                let planned = PlannedStroke::new(struck, intention, self.aim, now_secs);
                 self.phase = TurnPhase::Planned(Box::new(planned));
             }
             None => self.begin_turn(),

@@ -3,7 +3,7 @@
 
 use std::rc::Rc;
 
-use carom_billiards::game_match::{MatchView, PlayerView};
+use carom_billiards::game_match::{Match, MatchView, PlayerView};
 use carom_billiards::rules::{Call, RuleSet, TableLayout};
 use egui::{
     Align, Align2, Button, Context, Label, Rect, RichText, ScrollArea, Sense, Stroke, Ui, Vec2,
@@ -23,6 +23,8 @@ pub struct MatchHud {
     pub may_play: bool,
     /// Whether the computer looks for a shot.
     pub is_thinking: bool,
+    /// What the computer is about to do, a sentence.
+    pub intention: Option<String>,
     /// Whether an undo can be taken back.
     pub may_redo: bool,
     /// The ball that the cue points at.
@@ -106,6 +108,7 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
     });
     let prompt = match (hud.is_thinking, hud.may_play) {
         (true, false) => format!("{} is thinking …", view.players[view.turn].name),
+        // What it is about to do stands in the banner's place.
         (false, false) if view.winner.is_none() => String::new(),
         _ => view.prompt.clone(),
     };
@@ -116,7 +119,7 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
         .filter(|words| !words.is_empty())
         .collect();
     let prompt = RichText::new(words.join(" · ")).color(theme::FAINT);
-    let banner = view.banner.as_ref().map(|banner| {
+    let verdict = view.banner.as_ref().map(|banner| {
         let words = RichText::new(banner.as_str()).strong();
         if view.is_foul {
             words.color(theme::ALARM)
@@ -124,6 +127,8 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
             words
         }
     });
+    let intention = |words| RichText::new(words).strong().color(theme::ACCENT);
+    let banner = hud.intention.as_ref().map(intention).or(verdict);
     ui.vertical_centered(|ui| {
         let line = |words| Label::new(words).truncate();
         match banner {
@@ -265,6 +270,7 @@ fn map(ui: &mut Ui, hud: &MatchHud, layout: &TableLayout, called: Option<Call>) 
 /// What can be done besides striking, each with its key.
 fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings, is_low: bool) -> Option<Intent> {
     let view = &hud.view;
+    let helper = format!("Play it for me, {}", Match::HINT_LEVEL.display_text());
     let rows = [
         (
             "Undo",
@@ -285,7 +291,7 @@ fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings, is_low: bool) -> Op
             Intent::Match(MatchIntent::Suggest),
         ),
         (
-            "Play it for me",
+            helper.as_str(),
             Action::TakeOver,
             hud.may_play,
             Intent::Match(MatchIntent::TakeOver),
@@ -346,7 +352,7 @@ mod tests {
     use egui_kittest::kittest::Queryable as _;
 
     use super::*;
-    use carom_billiards::game_match::{Match, MatchConfig, Player};
+    use carom_billiards::game_match::{MatchConfig, Player};
     use carom_billiards::physics::Stroke;
 
     /// A match after its break, which leaves calls open.
@@ -364,6 +370,7 @@ mod tests {
             view: Rc::new(game.view()),
             may_play: true,
             is_thinking: false,
+            intention: None,
             may_redo: false,
             aimed: Some(4),
             call: None,
@@ -420,6 +427,26 @@ mod tests {
             clicked(&hud, "Play it for me"),
             [Intent::Match(MatchIntent::TakeOver)]
         );
+    }
+
+    #[test]
+    fn the_computers_intention_takes_the_place_of_the_last_verdict() {
+        let mut hud = hud(&broken());
+        hud.may_play = false;
+        hud.intention = Some("Computer (hard) will play the 3 in the left side pocket".to_owned());
+        let bindings = Bindings::default();
+        for height in [720.0, 360.0] {
+            let mut harness = Harness::builder()
+                .with_size(Vec2::new(1280.0, height))
+                .build_ui(|ui| {
+                    if theme::is_dressed(ui.ctx()) {
+                        let mut layout = Layout::new(ui.ctx().content_rect());
+                        draw(ui.ctx(), &mut layout, &hud, &bindings, false);
+                    }
+                });
+            harness.run();
+            harness.get_by_label_contains("will play the 3 in the left side pocket");
+        }
     }
 
     #[test]

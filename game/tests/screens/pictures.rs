@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::looks::{Gpu, Look};
 use crate::player::{Seat, WINDOW};
+use carom_billiards::rules::RuleSet;
 
 #[test]
 fn each_screen_looks_as_it_did() {
@@ -33,11 +34,22 @@ fn screens() -> Vec<(&'static str, Seat)> {
         seat.shell.open(page, &mut seat.session, 1.0);
         seat
     };
+    let intending = |mut seat: Seat| {
+        // A break first, and then the answer to it.
+        seat.think();
+        seat.key("Z");
+        seat.think();
+        seat
+    };
     vec![
         ("board", after(Seat::eight(), &[])),
         (
             "foul",
             after(Seat::eight(), &[&["-"; 20][..], &["Enter"]].concat()),
+        ),
+        (
+            "intention",
+            intending(Seat::match_of(RuleSet::Nine, "ai:hard,ai:medium")),
         ),
         ("menu", after(Seat::eight(), &["Esc"])),
         ("new_game", page(carom::ui::menu::Page::NewGame)),

@@ -129,6 +129,16 @@ impl Seat {
         }
     }
 
+    /// Lets a shot end, and a computer decide on the next.
+    pub(crate) fn think(&mut self) {
+        self.step(self.now_secs);
+        while self.session.match_hud().intention.is_none() {
+            self.wait();
+            self.step(self.now_secs);
+            std::thread::yield_now();
+        }
+    }
+
     /// From where it is seen now.
     pub(crate) fn viewpoint(&self) -> Viewpoint {
         self.session.viewpoint(self.now_secs)

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::physics::{AimContact, Stroke, predict};
 use crate::rng::CounterRng;
-use crate::rules::{Call, Calls, Choice};
+use crate::rules::{Call, Calls, Choice, RuleSet};
 
 /// What the computer does, in this order.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +26,9 @@ pub struct Decision {
     pub place: Option<DVec2>,
     /// What it says.
     pub call: Option<Call>,
+    /// What the stroke is for, also where the rules ask for no call: a pot with its pocket, or a safety;
+    /// none for a break or a carom.
+    pub aim: Option<Call>,
     /// How it means to strike: [`Skill::add_error`] makes of it what it does.
     pub stroke: Stroke,
     /// What it hopes for, about −1 to 1.
@@ -60,6 +63,7 @@ pub fn think(position: &Position, skill: &Skill, seed: u32, stop: &AtomicBool) -
     let fallback = ScoredStroke {
         stroke: Stroke::straight(0.0, 2.0),
         call: None,
+        aim: None,
         worth: -1.0,
     };
     let best = best.unwrap_or(fallback);
@@ -67,6 +71,7 @@ pub fn think(position: &Position, skill: &Skill, seed: u32, stop: &AtomicBool) -
         choice,
         place: place_at,
         call: best.call,
+        aim: best.aim,
         stroke: best.stroke,
         worth: best.worth,
         simulated,
@@ -105,6 +110,7 @@ fn decide(position: &mut Position, skill: &Skill) -> Option<Choice> {
 struct ScoredStroke {
     stroke: Stroke,
     call: Option<Call>,
+    aim: Option<Call>,
     worth: f64,
 }
 
@@ -138,7 +144,11 @@ impl ShotSearch<'_> {
                     ..Stroke::straight(line.bearing_rad, speed_m_s)
                 };
                 if let Some(stroke) = self.aimed(line, stroke) {
-                    self.consider(stroke, self.pot_call(line));
+                    let aim = Call::Pot {
+                        ball: line.ball,
+                        pocket: Some(line.pocket),
+                    };
+                    self.consider(stroke, self.pot_call(line), Some(aim));
                 }
             }
         }
@@ -150,13 +160,15 @@ impl ShotSearch<'_> {
         let kept = (trials.0 as u32 * trials.1).min(self.left / 2);
         let good = self.found.iter().any(|found| found.worth > GOOD);
         let count = (self.left - kept) / if good { 3 } else { 1 };
-        let call = (self.calls() == Calls::Pocket && !self.position.referee.is_break())
-            .then_some(Call::Safety);
+        let referee = &self.position.referee;
+        let is_carom = referee.rules() == RuleSet::ThreeCushion;
+        let aim = (!is_carom && !referee.is_break()).then_some(Call::Safety);
+        let call = aim.filter(|_| self.calls() == Calls::Pocket);
         for stroke in contact_candidates(self.position, count, &mut self.rng) {
             if self.left <= kept {
                 return;
             }
-            self.consider(stroke, call);
+            self.consider(stroke, call, aim);
         }
     }
 
@@ -190,11 +202,12 @@ impl ShotSearch<'_> {
         self.found.sort_by(|a, b| b.worth.total_cmp(&a.worth));
     }
 
-    fn consider(&mut self, stroke: Stroke, call: Option<Call>) {
+    fn consider(&mut self, stroke: Stroke, call: Option<Call>, aim: Option<Call>) {
         if let Some(worth) = self.simulated(stroke, call) {
             self.found.push(ScoredStroke {
                 stroke,
                 call,
+                aim,
                 worth,
             });
         }

@@ -1,23 +1,26 @@
-//! Hints: the computer's choice in a player's place, shown to the player or played.
+//! Decisions of the computer in words, as a player's hint or as what it is about to do, and carried out.
 //!
 //! ```text
-//! Match ── advise ─► Thinking ─► Decision ── advice_words ─► a sentence
-//!                                    └────── carry_out ────► Stroke, Shot ─(watched)─► finish
+//! Match ── start_hint ─► AiWorker ─► Decision ── hint_text, intention_text ─► a sentence
+//!                                        └────── carry_out ─► Stroke, Shot ─(watched)─► finish
 //! ```
 
-use super::Match;
+use super::{Match, Player};
 use crate::ai::{AiWorker, Decision, Level, Skill};
 use crate::physics::{AimContact, Shot, Stroke, predict};
 use crate::rng::CounterRng;
-use crate::rules::{self, Choice, RuleSet};
+use crate::rules::{self, Call, Choice, RuleSet};
 use crate::{Result, RuleFault};
 
 impl Match {
+    /// The level at which the computer plays for a person.
+    pub const HINT_LEVEL: Level = Level::Hard;
+
     /// How the computer plays when it plays for a person.
     pub fn hint_skill() -> Skill {
         Skill {
             effort: EFFORT,
-            ..Level::Hard.into()
+            ..Self::HINT_LEVEL.into()
         }
     }
 
@@ -54,11 +57,26 @@ impl Match {
         sentence(&parts)
     }
 
-    /// What the stroke is for.
+    /// What the computer is about to do, in the place of the player at the table, as a sentence for the
+    /// position that the decision was made in: ball and pocket, a safety, the break.
+    pub fn intention_text(&self, decision: &Decision) -> String {
+        let player = self.at_table().filter(|player| player.level().is_some());
+        let name = player.map_or(Player::Computer(Self::HINT_LEVEL).name(), Player::name);
+        match decision.choice.filter(|&choice| gives_away(choice)) {
+            Some(choice) => format!("{name}: {}", choice.display_text().to_lowercase()),
+            None => format!("{name} will {}", self.target_text(decision)),
+        }
+    }
+
+    /// What the stroke is for, as a verb with its object.
     fn target_text(&self, decision: &Decision) -> String {
-        if let Some(call) = decision.call {
+        if let Some(call @ (Call::Pot { .. } | Call::PushOut)) = decision.aim {
             return format!("play {}", self.call_text(call));
         }
+        if self.referee().is_break() && self.referee().rules() != RuleSet::ThreeCushion {
+            return "break".to_owned();
+        }
+        let is_safety = decision.aim == Some(Call::Safety);
         let mut world = self.world().clone();
         // Where that is not possible the mark cannot be shown either, and the words stay true.
         let placed = decision
@@ -67,8 +85,13 @@ impl Match {
         let line = predict(&world, decision.stroke);
         match line.ok().filter(|_| placed).map(|line| line.contact) {
             Some(AimContact::Ball { number, .. }) => {
-                format!("hit {}", self.referee().rules().ball_name(number))
+                let ball = self.referee().rules().ball_name(number);
+                match is_safety {
+                    true => format!("play safe off {ball}"),
+                    false => format!("hit {ball}"),
+                }
             }
+            _ if is_safety => "play safe by the cushions".to_owned(),
             _ => "play by the cushions".to_owned(),
         }
     }
@@ -175,6 +198,50 @@ mod tests {
     }
 
     #[test]
+    fn the_computer_says_which_pot_safety_or_break_it_intends() {
+        let players = Player::list("ai:hard,ai:medium").unwrap();
+        for (rules, first) in [
+            (RuleSet::Nine, "break"),
+            (RuleSet::ThreeCushion, "hit the red"),
+        ] {
+            let mut game =
+                Match::new(MatchConfig::new(rules, players.clone(), 4).unwrap()).unwrap();
+            let mut said = std::collections::BTreeSet::new();
+            for shot in 0..12 {
+                let skill = Level::Hard.into();
+                let seed = game.draw_seed();
+                let decision = think(&game.position(), &skill, seed, &AtomicBool::new(false));
+                let words = game.intention_text(&decision);
+                let Some(player) = game.at_table().map(Player::name) else {
+                    break;
+                };
+                let Some((name, deed)) = words.split_once(" will ") else {
+                    continue;
+                };
+                assert_eq!(name, player);
+                if shot == 0 {
+                    assert_eq!(deed, first);
+                }
+                if let Some(Call::Pot { ball, pocket }) = decision.aim {
+                    let pocket = game.table_layout().pocket_name(pocket.unwrap());
+                    assert_eq!(deed, format!("play the {ball} in {pocket}"));
+                }
+                said.extend(deed.split(' ').take(2).map(str::to_owned));
+                if let Some((stroke, shot)) = game.carry_out(&decision, &skill).unwrap() {
+                    game.finish(stroke, &shot);
+                }
+            }
+            let wanted = match rules {
+                RuleSet::Nine => "play the break",
+                _ => "hit",
+            };
+            for word in wanted.split(' ') {
+                assert!(said.contains(word), "{rules:?}: {said:?}");
+            }
+        }
+    }
+
+    #[test]
     fn hints_end_with_their_position_and_the_match() {
         let mut game = game(RuleSet::Nine);
         assert!(game.start_hint().is_ok());
@@ -182,6 +249,7 @@ mod tests {
             choice: Some(Choice::Return),
             place: None,
             call: None,
+            aim: None,
             stroke: Stroke::straight(0.0, 1.0),
             worth: 0.0,
             simulated: 0,

@@ -365,6 +365,7 @@ impl GameSession {
             pockets: calls.then(|| self.game.contest().table_layout().clone()),
             may_play,
             is_thinking: self.game.is_thinking(),
+            intention: self.game.intention().map(str::to_owned),
             view,
         }
     }
