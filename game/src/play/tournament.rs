@@ -1,7 +1,7 @@
 //! Tournaments of computer players, without a window: `carom tournament`.
 
 use carom_billiards::ai::Level;
-use carom_billiards::game_match::{Player, Tournament, TournamentResult};
+use carom_billiards::game_match::{Player, RoundRobin, RoundRobinResult};
 use carom_billiards::rules::RuleSet;
 use clap::Args;
 
@@ -11,10 +11,10 @@ pub struct MatchArgs {
     /// The game
     #[arg(long, value_enum, default_value_t = RuleSet::Eight)]
     pub rules: RuleSet,
-    /// Two computers: ai:easy, ai:medium, ai:hard or ai:expert, separated by a comma
+    /// Two to four computers, each against each: ai:easy, ai:medium, ai:hard or ai:expert, separated by commas
     #[arg(long, default_value = "ai:easy,ai:hard")]
     pub players: String,
-    /// Matches to play, 1 to 10000; the players take turns to begin
+    /// Matches of each pair, 1 to 10000; the players take turns to begin
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub games: u32,
     /// Racks, frames or points that win a match; 0 for the game's own
@@ -34,25 +34,29 @@ impl MatchArgs {
     /// # Errors
     /// A sentence for players or a target that the game does not have.
     pub fn run(&self) -> anyhow::Result<()> {
-        let tally = self.play()?;
+        let result = self.play()?;
         if self.json {
-            println!("{}", serde_json::to_string_pretty(&tally)?);
+            println!("{}", serde_json::to_string_pretty(&result)?);
         } else {
-            print!("{}", tally.table());
+            print!("{}", result.table());
         }
         Ok(())
     }
 
-    fn play(&self) -> anyhow::Result<TournamentResult> {
-        let players = Player::list(&self.players)?;
+    fn play(&self) -> anyhow::Result<RoundRobinResult> {
+        let players: Vec<Player> = self
+            .players
+            .split(',')
+            .map(str::parse)
+            .collect::<Result<_, _>>()?;
         let levels: Vec<Level> = players.iter().filter_map(Player::level).collect();
-        let Ok(levels) = levels.try_into() else {
+        if levels.len() != players.len() || !(2..=Level::ALL.len()).contains(&levels.len()) {
             anyhow::bail!(
-                "`{}` are not two computers: try ai:easy,ai:hard",
+                "`{}` are not two to four computers: try ai:easy,ai:hard",
                 self.players
             );
-        };
-        let tournament = Tournament {
+        }
+        let tournament = RoundRobin {
             rules: self.rules,
             levels,
             games: self.games,
@@ -68,20 +72,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn people_are_refused() {
-        let args = MatchArgs {
-            rules: RuleSet::Nine,
-            players: "2".to_owned(),
-            games: 1,
-            target: 0,
-            seed: 1,
-            json: false,
-        };
-        assert!(
+    fn two_to_four_computers_play_and_people_are_refused() {
+        let result = |players: &str| {
+            let args = MatchArgs {
+                rules: RuleSet::Nine,
+                players: players.to_owned(),
+                games: 1,
+                target: 1,
+                seed: 1,
+                json: false,
+            };
             args.play()
-                .unwrap_err()
-                .to_string()
-                .contains("two computers")
-        );
+        };
+        for wrong in ["Ada,ai:easy", "ai:easy", "ai,ai,ai,ai,ai"] {
+            let error = result(wrong).unwrap_err().to_string();
+            assert!(error.contains("two to four computers"), "{error}");
+        }
+        assert_eq!(result("ai:easy,ai:hard").unwrap().pairs.len(), 1);
+        assert_eq!(result("ai:easy,ai:medium,ai:hard").unwrap().pairs.len(), 3);
     }
 }

@@ -16,6 +16,7 @@ mod match_save;
 mod match_view;
 mod player;
 mod racking;
+mod ratings;
 mod tournament;
 mod undo;
 
@@ -25,6 +26,7 @@ pub use match_save::MatchSave;
 pub use match_view::{CallView, MatchView, OptionView, PlayerView};
 pub use player::Player;
 use racking::racked_world;
+pub use ratings::{LevelRating, Rating, RoundRobin, RoundRobinResult};
 pub use tournament::{PlayerTally, Tournament, TournamentResult, play_out};
 use undo::UndoneTurn;
 
