@@ -238,6 +238,7 @@ impl Args {
         let players = match (&self.players, rules) {
             (Some(list), _) => Player::list(list)?,
             (None, RuleSet::Free) => vec![Player::Human("You".to_owned())],
+            (None, rules) if rules.is_drill() => vec![Player::Human("You".to_owned())],
             (None, _) => Player::list("ai")?,
         };
         let own = MatchConfig::new(rules, players, self.seed)?;

@@ -7,6 +7,7 @@
 
 use std::time::{Duration, Instant};
 
+use carom_billiards::rules::RuleSet;
 use egui::Context;
 
 use crate::app::farm_notifications::FarmNotifier;
@@ -290,14 +291,16 @@ impl AppShell {
         }
         match command {
             Some(menu::MenuCommand::Rematch) => {
-                if let Err(why) = session.rematch(seed_of_clock()) {
+                if let Err(why) = session.rematch(seed_of_clock(view.rules)) {
                     self.toasts.push(why.to_string(), now_secs);
                 }
             }
             Some(menu::MenuCommand::Quit) => self.wants_quit = true,
             Some(menu::MenuCommand::Act(intent)) => self.act(intent, session, now_secs),
             Some(menu::MenuCommand::Begin(game)) => {
-                let begun = game.begin(seed_of_clock()).map_err(anyhow::Error::msg);
+                let begun = game
+                    .begin(seed_of_clock(game.rules))
+                    .map_err(anyhow::Error::msg);
                 if let Err(why) = begun.and_then(|contest| session.begin(contest)) {
                     self.toasts.push(why.to_string(), now_secs);
                 }
@@ -397,11 +400,16 @@ impl AppShell {
     }
 }
 
-/// Another rack for each game.
-fn seed_of_clock() -> u32 {
+/// Another rack for each game; for the daily shot the day, counted from 1 January 1970, UTC.
+fn seed_of_clock(rules: RuleSet) -> u32 {
     let now = std::time::UNIX_EPOCH.elapsed().unwrap_or_default();
-    now.subsec_nanos() ^ now.as_secs() as u32
+    match rules {
+        RuleSet::DailyShot => (now.as_secs() / DAY_SECS) as u32,
+        _ => now.subsec_nanos() ^ now.as_secs() as u32,
+    }
 }
+
+const DAY_SECS: u64 = 24 * 60 * 60;
 
 /// How the pointer's present travel, from rest to rest, has turned the aim: a travel that begins or ends on a
 /// panel was none of aiming.

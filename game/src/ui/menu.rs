@@ -215,7 +215,11 @@ impl Menu {
         });
         let mut entries = Entries::new(ui, is_fresh, self.pointed);
         let mut command = None;
-        if entries.add("Rematch") {
+        let again = match view.players.len() {
+            1 => "Try again",
+            _ => "Rematch",
+        };
+        if entries.add(again) {
             command = Some(MenuCommand::Rematch);
         }
         if entries.add("New game") {

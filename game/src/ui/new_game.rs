@@ -41,6 +41,7 @@ impl NewGame {
         let human = |name: &str| Player::Human(name.to_owned());
         let players = match (self.rules, self.computer) {
             (RuleSet::Free, _) => vec![human("You")],
+            (rules, _) if rules.is_drill() => vec![human("You")],
             (_, Some(level)) if self.is_watched => {
                 vec![Player::Computer(Level::Hard), Player::Computer(level)]
             }
@@ -62,24 +63,12 @@ pub(super) fn page(ui: &mut Ui, game: &mut NewGame, is_fresh: bool) -> bool {
         .num_columns(2)
         .spacing([20.0, 12.0])
         .show(ui, |ui| {
-            ui.label("Game");
-            ui.vertical(|ui| {
-                ui.horizontal_wrapped(|ui| {
-                    for rules in RuleSet::ALL {
-                        if ui
-                            .selectable_value(&mut game.rules, rules, rules.info().name)
-                            .changed()
-                        {
-                            game.target = 0;
-                        }
-                    }
-                });
-                let help = game.rules.to_possible_value();
-                let help = help.as_ref().and_then(|value| value.get_help());
-                faint(ui, &help.map_or(String::new(), ToString::to_string));
-            });
-            ui.end_row();
-            if game.rules != RuleSet::Free {
+            for (label, choices) in [("Game", &RuleSet::ALL[..]), ("Drill", &RuleSet::DRILLS)] {
+                ui.label(label);
+                ui.vertical(|ui| rules(ui, game, choices));
+                ui.end_row();
+            }
+            if game.rules != RuleSet::Free && !game.rules.is_drill() {
                 opponent(ui, game);
                 target(ui, game);
             }
@@ -89,6 +78,25 @@ pub(super) fn page(ui: &mut Ui, game: &mut NewGame, is_fresh: bool) -> bool {
         begin.request_focus();
     }
     begin.clicked()
+}
+
+/// A row of games to choose from, and what the chosen one is.
+fn rules(ui: &mut Ui, game: &mut NewGame, choices: &[RuleSet]) {
+    ui.horizontal_wrapped(|ui| {
+        for &rules in choices {
+            if ui
+                .selectable_value(&mut game.rules, rules, rules.info().name)
+                .changed()
+            {
+                game.target = 0;
+            }
+        }
+    });
+    if choices.contains(&game.rules) {
+        let help = game.rules.to_possible_value();
+        let help = help.as_ref().and_then(|value| value.get_help());
+        faint(ui, &help.map_or(String::new(), ToString::to_string));
+    }
 }
 
 fn opponent(ui: &mut Ui, game: &mut NewGame) {
@@ -142,7 +150,7 @@ mod tests {
 
     #[test]
     fn every_game_that_can_be_chosen_begins() {
-        for rules in RuleSet::ALL {
+        for rules in RuleSet::ALL.into_iter().chain(RuleSet::DRILLS) {
             for computer in [None, Some(Level::Easy)] {
                 let game = NewGame {
                     rules,

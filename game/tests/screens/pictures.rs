@@ -51,6 +51,10 @@ fn screens() -> Vec<(&'static str, Seat)> {
             "intention",
             intending(Seat::match_of(RuleSet::Nine, "ai:hard,ai:medium")),
         ),
+        (
+            "drill",
+            after(Seat::match_of(RuleSet::SpotShots, "You"), &[]),
+        ),
         ("menu", after(Seat::eight(), &["Esc"])),
         ("new_game", page(carom::ui::menu::Page::NewGame)),
         ("settings", page(carom::ui::menu::Page::Settings)),

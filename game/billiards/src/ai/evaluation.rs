@@ -24,7 +24,12 @@ pub(crate) fn evaluate(
     let positions = apply_moves(&report.after, &verdict.moves);
     let gained = gain(&position.referee, &verdict);
     let mine = referee.turn() == player;
-    let offered = offer(position, &referee, &positions, skill);
+    // After an attempt of a drill other balls are laid, whatever is left of these.
+    let is_laid_anew = referee.rules().is_drill() && !verdict.goes_on;
+    let offered = match is_laid_anew {
+        true => 0.0,
+        false => offer(position, &referee, &positions, skill),
+    };
     let near = if position.referee.rules() == RuleSet::ThreeCushion {
         nearness(&report)
     } else {
@@ -37,6 +42,10 @@ pub(crate) fn evaluate(
 
 /// Whether the shot won a rack, frame or match, or lost one; none if it goes on.
 fn rack_won(before: &Referee, after: &Referee, player: usize) -> Option<bool> {
+    // Nobody wins a drill, and its score is not the rack's.
+    if before.rules().is_drill() {
+        return None;
+    }
     if let Some(winner) = after.winner() {
         return Some(winner == player);
     }
@@ -65,6 +74,9 @@ fn gain(referee: &Referee, verdict: &Verdict) -> f64 {
             } else {
                 0.0
             }
+        }
+        RuleSet::LineUp | RuleSet::SpotShots | RuleSet::PositionPlay | RuleSet::DailyShot => {
+            0.35 * f64::from(verdict.points)
         }
     }
 }

@@ -156,6 +156,10 @@ impl ShotSearch<'_> {
 
     /// Breaks, safeties, escapes, caroms.
     fn others(&mut self) {
+        // A drill asks for pots: luck and safeties are no answer to it.
+        if self.position.referee.rules().is_drill() && !self.found.is_empty() {
+            return;
+        }
         let trials = self.skill.trials;
         let kept = (trials.0 as u32 * trials.1).min(self.left / 2);
         let good = self.found.iter().any(|found| found.worth > GOOD);

@@ -242,6 +242,41 @@ mod tests {
     }
 
     #[test]
+    fn a_drills_hint_is_a_pot_and_its_attempts_are_not_taken_back() {
+        let drill = |rules, seed| {
+            let players = vec![Player::Human("You".to_owned())];
+            Match::new(MatchConfig::new(rules, players, seed).unwrap()).unwrap()
+        };
+        for rules in RuleSet::DRILLS {
+            let mut made = 0;
+            for seed in 20_780..20_790 {
+                let mut game = drill(rules, seed);
+                assert!(game.view().goal.contains("attempt"));
+                let skill = Match::hint_skill();
+                let decision = think(&game.position(), &skill, seed, &AtomicBool::new(false));
+                let words = game.hint_text(&decision);
+                let is_pot = matches!(decision.aim, Some(Call::Pot { .. }));
+                assert!(is_pot, "{rules:?} {seed}: {words}");
+                if let Some(at) = decision.place {
+                    game.place(at).unwrap();
+                }
+                let shot = game.strike(decision.stroke).unwrap();
+                let verdict = game.finish(decision.stroke, &shot);
+                made += u32::from(verdict.points > 0);
+                assert!(!game.undo() && game.view().undo == 0);
+            }
+            assert!(made >= 8, "{rules:?}: {made} of 10");
+        }
+        let mut game = drill(RuleSet::DailyShot, 3);
+        while game.at_table().is_some() {
+            let stroke = Stroke::straight(0.0, 0.1);
+            let shot = game.strike(stroke).unwrap();
+            game.finish(stroke, &shot);
+        }
+        assert_eq!(game.view().prompt, "You made 0 of 3 points");
+    }
+
+    #[test]
     fn hints_end_with_their_position_and_the_match() {
         let mut game = game(RuleSet::Nine);
         assert!(game.start_hint().is_ok());

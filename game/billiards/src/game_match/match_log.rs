@@ -34,7 +34,7 @@ impl Match {
         self.now.banner = (!sentences.is_empty()).then(|| sentences.join(". "));
         let turn = self.referee().turn();
         self.now.log.push(match self.referee().winner() {
-            Some(winner) => format!("{} won the match", self.players[winner]),
+            Some(winner) => self.result_text(winner),
             None => format!("Next: {}", self.players[turn]),
         });
         let extra = self.now.log.len().saturating_sub(LOG_MAX);

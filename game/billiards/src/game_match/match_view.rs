@@ -92,6 +92,8 @@ impl Match {
             rules: referee.rules(),
             title: info.name,
             goal: match referee.target() {
+                1 if referee.rules().is_drill() => "one attempt".to_owned(),
+                target if referee.rules().is_drill() => format!("{target} attempts"),
                 1 => format!("one {}", info.unit.trim_end_matches('s')),
                 target => format!("first to {target} {}", info.unit),
             },
@@ -113,7 +115,7 @@ impl Match {
             on: referee.legal_targets(&positions),
             log: self.now.log.clone(),
             winner: referee.winner(),
-            undo: self.past.len(),
+            undo: self.undo_count(),
         }
     }
 
@@ -148,10 +150,20 @@ impl Match {
         }
     }
 
+    /// How the match ended, a sentence: who won, or the score of a drill.
+    pub(super) fn result_text(&self, winner: usize) -> String {
+        let name = self.players[winner].name();
+        let score = self.referee().scores()[winner];
+        match self.referee().points_max() {
+            Some(most) => format!("{name} made {score} of {most} points"),
+            None => format!("{name} won the match"),
+        }
+    }
+
     fn prompt(&self) -> String {
         let referee = self.referee();
         if let Some(winner) = referee.winner() {
-            return format!("{} won the match", self.players[winner].name());
+            return self.result_text(winner);
         }
         let mut prompt = format!(
             "You are on {}",

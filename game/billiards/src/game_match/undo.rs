@@ -11,8 +11,12 @@ pub(super) struct UndoneTurn {
 }
 
 impl Match {
-    /// Takes the last shot back, with what was chosen since. False if there is none.
+    /// Takes the last shot back, with what was chosen since. False if there is none, or in a drill, whose
+    /// attempts count.
     pub fn undo(&mut self) -> bool {
+        if self.undo_count() == 0 {
+            return false;
+        }
         let Some(turn) = self.past.pop() else {
             return false;
         };
@@ -28,6 +32,14 @@ impl Match {
             self.undone.remove(0);
         }
         true
+    }
+
+    /// How many shots can be taken back.
+    pub(super) fn undo_count(&self) -> usize {
+        match self.referee().rules().is_drill() {
+            true => 0,
+            false => self.past.len(),
+        }
     }
 
     /// Takes the last undo back. False if there is none, or something was done since.

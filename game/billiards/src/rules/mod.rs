@@ -16,6 +16,7 @@
 
 mod ball_group;
 mod call;
+mod drills;
 mod eight;
 mod foul;
 mod free;

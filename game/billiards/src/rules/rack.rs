@@ -7,6 +7,7 @@ use glam::DVec2;
 use crate::rng::CounterRng;
 
 use super::{
+    drills::drill_layout,
     layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
     ruleset::RuleSet,
     spots::own_spot,
@@ -38,8 +39,11 @@ pub fn rack(rules: RuleSet, layout: &TableLayout, seed: u32) -> BallPositions {
         }
         RuleSet::Snooker => snooker(layout, &mut rng),
         RuleSet::ThreeCushion => carom(layout),
+        RuleSet::LineUp | RuleSet::SpotShots | RuleSet::PositionPlay | RuleSet::DailyShot => {
+            drill_layout(rules, layout, &mut rng)
+        }
     };
-    if rules != RuleSet::ThreeCushion {
+    if positions.iter().all(|p| p.ball != 0) {
         let area = rules.info().start.unwrap_or(PlacementArea::Anywhere);
         let at = layout.place_in_hand(&positions, area);
         positions.push(BallPosition { ball: 0, at });

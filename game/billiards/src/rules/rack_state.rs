@@ -41,3 +41,10 @@ pub(crate) struct Snooker {
     /// Whether the black was spotted again after a tie.
     pub(crate) tied: bool,
 }
+
+/// What a drill remembers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Drill {
+    /// Attempts that are over.
+    pub(crate) attempts: u32,
+}

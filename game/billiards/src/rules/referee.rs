@@ -9,7 +9,7 @@ use super::{
     ball_group::BallGroup,
     call::Call,
     layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
-    rack_state::{Eight, Nine, Snooker, Straight},
+    rack_state::{Drill, Eight, Nine, Snooker, Straight},
     report::ShotReport,
     ruleset::{Calls, RuleInfo, RuleSet},
     verdict::{Choice, Verdict},
@@ -42,6 +42,7 @@ pub(crate) enum Game {
     Straight(Straight),
     Snooker(Snooker),
     ThreeCushion,
+    Drill(Drill),
 }
 
 impl Game {
@@ -53,6 +54,9 @@ impl Game {
             RuleSet::Straight => Self::Straight(Straight::default()),
             RuleSet::Snooker => Self::Snooker(Snooker::default()),
             RuleSet::ThreeCushion => Self::ThreeCushion,
+            RuleSet::LineUp | RuleSet::SpotShots | RuleSet::PositionPlay | RuleSet::DailyShot => {
+                Self::Drill(Drill::default())
+            }
         }
     }
 }
@@ -108,7 +112,7 @@ impl Referee {
             seed,
             turn: 0,
             breaker: 0,
-            is_break: true,
+            is_break: !rules.is_drill(),
             hand: info.start,
             options: Vec::new(),
             scores: vec![0; players],
@@ -190,6 +194,7 @@ impl Referee {
             Game::Eight(eight) if !self.is_break => eight.legal_targets(positions, self.turn),
             Game::Nine(_) => Nine::legal_targets(positions),
             Game::Snooker(snooker) => snooker.legal_targets(positions),
+            Game::Drill(_) => self.drill_targets(positions),
             Game::ThreeCushion if self.is_break => vec![2],
             Game::Free | Game::Eight(_) | Game::Straight(_) | Game::ThreeCushion => {
                 object_balls(positions)
@@ -201,7 +206,8 @@ impl Referee {
     pub fn legal_targets_text(&self, positions: &BallPositions) -> String {
         match self.game {
             Game::Eight(eight) if !self.is_break => eight.legal_targets_text(positions, self.turn),
-            Game::Nine(_) => match Nine::legal_targets(positions).first() {
+            Game::Drill(_) if self.drill_targets(positions).len() > 1 => "any ball".to_owned(),
+            Game::Nine(_) | Game::Drill(_) => match Nine::legal_targets(positions).first() {
                 Some(&ball) => self.rules.ball_name(ball),
                 None => "any ball".to_owned(),
             },
@@ -219,6 +225,10 @@ impl Referee {
         }
         if let Game::Snooker(snooker) = self.game {
             words.push(format!("{} points", snooker.points[player]));
+        }
+        if let Game::Drill(drill) = self.game {
+            let attempt = (drill.attempts + 1).min(self.target);
+            words.push(format!("attempt {attempt} of {}", self.target));
         }
         if let (Some(run), true) = (self.run(), player == self.turn) {
             words.push(format!("break {run}"));
@@ -275,6 +285,7 @@ impl Referee {
             Game::Straight(straight) => self.judge_straight(straight, &shot, &mut verdict),
             Game::Snooker(snooker) => self.judge_snooker(snooker, &shot, &mut verdict),
             Game::ThreeCushion => self.judge_three_cushion(&shot, &mut verdict),
+            Game::Drill(drill) => self.judge_drill(drill, &shot, &mut verdict),
         }
         self.put_cue_ball(layout, &report.after, &mut verdict);
         verdict
@@ -407,6 +418,23 @@ impl Referee {
         }
     }
 
+    /// Points of a drill, which end nothing.
+    pub(crate) fn add_drill_points(&mut self, points: i32) {
+        self.scores[self.turn] += points;
+    }
+
+    /// The last attempt of a drill is over.
+    pub(crate) fn end_drill(&mut self) {
+        self.winner = Some(self.turn);
+    }
+
+    /// The balls of a drill are laid for the next attempt: others, or as before.
+    pub(crate) fn lay_drill(&mut self, anew: bool, verdict: &mut Verdict) {
+        self.seed = self.seed.wrapping_add(u32::from(anew));
+        self.hand = self.info().start;
+        verdict.rack = Some(self.seed);
+    }
+
     /// Puts an object ball back.
     pub(crate) fn spot(&self, shot: &JudgedShot<'_>, verdict: &mut Verdict, ball: u8, spot: DVec2) {
         let positions = apply_moves(&shot.report.after, &verdict.moves);
@@ -461,7 +489,7 @@ fn uncapital(words: &str) -> String {
     })
 }
 
-fn object_balls(positions: &BallPositions) -> Vec<u8> {
+pub(crate) fn object_balls(positions: &BallPositions) -> Vec<u8> {
     let balls = positions.iter().map(|p| p.ball);
     balls.filter(|&ball| ball != 0).collect()
 }

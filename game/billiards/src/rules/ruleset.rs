@@ -22,6 +22,14 @@ pub enum RuleSet {
     Snooker,
     /// Three-cushion carom: three cushions before the second ball
     ThreeCushion,
+    /// Drill: ten balls in a line, a point for each until a miss
+    LineUp,
+    /// Drill: ten shots at a ball on the foot spot, from behind the head string
+    SpotShots,
+    /// Drill: three balls in order, five times, with the cue ball in hand at first
+    PositionPlay,
+    /// Drill: one layout a day, the same for everybody; three points at the first attempt
+    DailyShot,
 }
 
 /// What must be said before a shot.
@@ -67,7 +75,7 @@ pub struct RuleInfo {
 }
 
 impl RuleSet {
-    /// All games.
+    /// All games; [`RuleSet::DRILLS`] are apart.
     pub const ALL: [Self; 6] = [
         Self::Free,
         Self::Eight,
@@ -123,7 +131,14 @@ const POOL: RuleInfo = RuleInfo {
     ..FREE
 };
 
-const RULE_INFOS: [RuleInfo; 6] = [
+const DRILL: RuleInfo = RuleInfo {
+    players: 1..=1,
+    start: None,
+    unit: "attempts",
+    ..FREE
+};
+
+const RULE_INFOS: [RuleInfo; 10] = [
     FREE,
     RuleInfo {
         name: "8-ball",
@@ -170,6 +185,28 @@ const RULE_INFOS: [RuleInfo; 6] = [
         unit: "points",
         ..FREE
     },
+    RuleInfo {
+        name: "Line-up",
+        start: Some(PlacementArea::Anywhere),
+        target: 1,
+        ..DRILL
+    },
+    RuleInfo {
+        name: "Spot shots",
+        target: 10,
+        ..DRILL
+    },
+    RuleInfo {
+        name: "Position play",
+        start: Some(PlacementArea::Anywhere),
+        target: 5,
+        ..DRILL
+    },
+    RuleInfo {
+        name: "Daily shot",
+        target: 3,
+        ..DRILL
+    },
 ];
 
 #[cfg(test)]
@@ -178,11 +215,15 @@ mod tests {
 
     #[test]
     fn each_game_has_its_row_and_its_table() {
-        for rules in RuleSet::ALL {
+        for rules in RuleSet::ALL.into_iter().chain(RuleSet::DRILLS) {
             let info = rules.info();
             crate::physics::Table::built_in(info.table).unwrap();
             assert!(info.target > 0 && *info.players.start() > 0);
         }
+        for rules in RuleSet::DRILLS {
+            assert!(rules.is_drill() && rules.info().players == (1..=1));
+        }
+        assert_eq!(RuleSet::DailyShot.info().name, "Daily shot");
         assert_eq!(RuleSet::Snooker.info().name, "Snooker");
         assert_eq!(RuleSet::ThreeCushion.info().source, "UMB 83");
     }
