@@ -154,6 +154,7 @@ impl Args {
         TableStyle {
             balls: self.ball_set.unwrap_or_default(),
             cloth: self.cloth.unwrap_or_default(),
+            ..TableStyle::default()
         }
     }
 

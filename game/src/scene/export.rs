@@ -161,6 +161,7 @@ impl SceneArgs {
             TableStyle {
                 balls: self.ball_set,
                 cloth: self.cloth,
+                ..TableStyle::default()
             },
             self.view,
             self.seed,

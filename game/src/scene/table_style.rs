@@ -35,6 +35,59 @@ impl ClothColour {
     }
 }
 
+/// The cue's woods.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum CueStyle {
+    /// A maple shaft, a butt of dark rosewood
+    #[default]
+    Rosewood,
+    /// A maple shaft, a butt of ebony
+    Ebony,
+    /// Ash from tip to butt, as snooker cues are
+    Ash,
+    /// A black carbon shaft, a butt stained blue
+    Carbon,
+}
+
+impl CueStyle {
+    /// Albedo of shaft and butt.
+    pub fn albedos(self) -> [Vec3; 2] {
+        let maple = Vec3::new(0.62, 0.44, 0.24);
+        match self {
+            Self::Rosewood => [maple, Vec3::new(0.055, 0.018, 0.012)],
+            Self::Ebony => [maple, Vec3::new(0.016, 0.014, 0.013)],
+            Self::Ash => [Vec3::new(0.55, 0.42, 0.27), Vec3::new(0.4, 0.28, 0.16)],
+            Self::Carbon => [Vec3::splat(0.02), Vec3::new(0.012, 0.04, 0.14)],
+        }
+    }
+}
+
+/// The light of the room. All its lamps keep their proportions, so that this is the exposure of the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Brightness {
+    /// Half the light, for dark rooms
+    Dim,
+    /// As the room is lit
+    #[default]
+    Normal,
+    /// Half as much light again
+    Bright,
+    /// Twice the light, for displays in daylight
+    Daylight,
+}
+
+impl Brightness {
+    /// Over the normal one.
+    pub fn factor(self) -> f32 {
+        match self {
+            Self::Dim => 0.5,
+            Self::Normal => 1.0,
+            Self::Bright => 1.5,
+            Self::Daylight => 2.0,
+        }
+    }
+}
+
 /// What the player chooses of a table's look.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TableStyle {
@@ -42,6 +95,10 @@ pub struct TableStyle {
     pub balls: BallSet,
     /// Colour of the cloth.
     pub cloth: ClothColour,
+    /// Woods of the cue.
+    pub cue: CueStyle,
+    /// Light of the room.
+    pub brightness: Brightness,
 }
 
 impl From<BallSet> for TableStyle {

@@ -26,7 +26,7 @@ use crate::frame::quality::QualityPreference;
 use crate::input::{Bindings, MouseSettings};
 use crate::play::{AimAids, BallMarks};
 use crate::scene::ball_materials::BallSet;
-use crate::scene::table_style::{ClothColour, TableStyle};
+use crate::scene::table_style::{Brightness, ClothColour, CueStyle, TableStyle};
 use crate::ui::lessons::Lesson;
 
 /// All settings.
@@ -48,6 +48,10 @@ pub struct Settings {
     pub ball_set: BallSet,
     /// Colour of the cloth.
     pub cloth: ClothColour,
+    /// Woods of the cue.
+    pub cue: CueStyle,
+    /// Light of the room.
+    pub brightness: Brightness,
     /// What moves them.
     pub physics: Engine,
     /// What is given up first while things move.
@@ -77,6 +81,8 @@ impl Settings {
         TableStyle {
             balls: self.ball_set,
             cloth: self.cloth,
+            cue: self.cue,
+            brightness: self.brightness,
         }
     }
 }
@@ -92,6 +98,8 @@ impl Default for Settings {
             aim_aids: AimAids::default(),
             ball_set: BallSet::default(),
             cloth: ClothColour::default(),
+            cue: CueStyle::default(),
+            brightness: Brightness::default(),
             physics: Engine::default(),
             quality: QualityPreference::default(),
             volume: 0.7,

@@ -312,6 +312,8 @@ mod tests {
             aim_aids: crate::play::AimAids::Full,
             ball_set: BallSet::Jade,
             cloth: ClothColour::Red,
+            cue: crate::scene::table_style::CueStyle::Ebony,
+            brightness: crate::scene::table_style::Brightness::Bright,
             physics: "rapier-240".parse().unwrap(),
             quality: crate::frame::quality::QualityPreference::Fine,
             volume: 0.0,

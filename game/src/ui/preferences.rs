@@ -60,9 +60,11 @@ fn game(ui: &mut Ui, settings: &mut Settings) {
     choice(ui, "Marked balls", &mut settings.ball_marks);
     choice(ui, "Balls", &mut settings.ball_set);
     choice(ui, "Cloth", &mut settings.cloth);
+    choice(ui, "Cue", &mut settings.cue);
 }
 
 fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
+    choice(ui, "Brightness", &mut settings.brightness);
     choice(ui, "While things move", &mut settings.quality);
     ui.label("Rendered by");
     ui.vertical(|ui| {

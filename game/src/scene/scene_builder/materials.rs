@@ -19,7 +19,13 @@ pub(super) fn materials(
     style: TableStyle,
 ) -> BTreeMap<String, Material> {
     let green = style.cloth.albedo(rules);
+    let [shaft, butt] = style.cue.albedos();
+    let cue = Material::Coated {
+        ior: 1.5,
+        texture: ProceduralTexture::Cue { shaft, butt },
+    };
     let fabric = furniture().into_iter().chain([
+        (CUE_NAME, cue),
         ("cloth", cloth(green, Some(marks(table, rules)))),
         (
             "cushion cloth",
@@ -58,10 +64,6 @@ fn furniture() -> Vec<(&'static str, Material)> {
         light: Vec3::new(0.17, 0.105, 0.058),
         dark: Vec3::new(0.105, 0.062, 0.034),
     };
-    let cue = ProceduralTexture::Cue {
-        shaft: Vec3::new(0.62, 0.44, 0.24),
-        butt: Vec3::new(0.055, 0.018, 0.012),
-    };
     let brass = (Vec3::new(0.445, 0.527, 1.095), Vec3::new(3.7, 2.765, 1.829));
     // Reflectance 0.33, 0.27, 0.2: bronze that hands have darkened.
     let bronze = (Vec3::new(2.9, 3.1, 3.0), Vec3::new(1.9, 1.4, 0.8));
@@ -81,13 +83,6 @@ fn furniture() -> Vec<(&'static str, Material)> {
         ("leather", diffuse(Vec3::new(0.03, 0.022, 0.017))),
         ("casting", metal(bronze, 0.42)),
         ("brass", metal(brass, 0.2)),
-        (
-            CUE_NAME,
-            Material::Coated {
-                ior: 1.5,
-                texture: cue,
-            },
-        ),
         ("enamel", lacquer(Vec3::new(0.012, 0.014, 0.018))),
         ("wall", diffuse(Vec3::new(0.36, 0.33, 0.28))),
         ("picture red", diffuse(Vec3::new(0.3, 0.07, 0.04))),

@@ -45,6 +45,11 @@ pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
     room.lampshade();
     room.walls();
     room.far_end();
+    let light = style.brightness.factor();
+    let mut area_lights = vec![lamp(room.frame.scale), window(room.frame.outer)];
+    for lamp in &mut area_lights {
+        lamp.radiance *= light;
+    }
     Scene {
         camera: Camera {
             eye: room.frame.scale * Vec3::new(-2.02, -0.3, 0.56),
@@ -54,10 +59,10 @@ pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
             lens: Lens::default(),
         },
         environment: Environment {
-            radiance: Vec3::new(0.4, 0.37, 0.33),
+            radiance: light * Vec3::new(0.4, 0.37, 0.33),
         },
         materials: materials(&room.frame, table, rules, style),
-        area_lights: vec![lamp(room.frame.scale), window(room.frame.outer)],
+        area_lights,
         objects: room.objects,
         ..Scene::new()
     }

@@ -3,11 +3,13 @@ use carom_tracer::metrics::{flip, rel_mse};
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{CompiledScene, CpuTracer, ImageSize, RadianceImage, RenderSettings};
+use clap::ValueEnum as _;
 use glam::DVec3;
 
 use super::*;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::cue_stick::CUE_NAME;
+use crate::scene::table_style::{Brightness, CueStyle};
 
 fn nine_foot() -> (Table, CompiledScene) {
     let table = Table::nine_foot();
@@ -117,6 +119,52 @@ fn a_ball_rolls_over_nothing_but_cloth() {
         let place = half * (2.0 * share - 1.0);
         let point = met(&scene, place.extend(table.rail_height_m()), DVec3::NEG_Z);
         assert!(point.z.abs() < 1e-6, "{point}");
+    }
+}
+
+/// Twice the light is twice the radiance of every pixel, as twice the exposure would be.
+#[test]
+fn brightness_scales_the_picture_and_nothing_else() {
+    let tracer = CpuTracer::new().unwrap();
+    let picture = |brightness| {
+        let style = TableStyle {
+            brightness,
+            ..TableStyle::default()
+        };
+        let scene = room(&Table::nine_foot(), RuleSet::Free, style);
+        let scene = CompiledScene::new(&scene).unwrap();
+        let settings = RenderSettings {
+            samples: 4,
+            ..RenderSettings::default()
+        };
+        trace_image(&tracer, &scene, ImageSize::new(96, 54), settings)
+            .unwrap()
+            .image()
+    };
+    let normal = picture(Brightness::Normal);
+    for brightness in [Brightness::Dim, Brightness::Daylight] {
+        let scaled = picture(brightness);
+        for (a, b) in normal.pixels.iter().zip(&scaled.pixels) {
+            assert_eq!(a.map(|light| light * brightness.factor()), *b);
+        }
+    }
+}
+
+#[test]
+fn each_cue_has_woods_of_its_own() {
+    let woods = |cue| {
+        let style = TableStyle {
+            cue,
+            ..TableStyle::default()
+        };
+        room(&Table::nine_foot(), RuleSet::Free, style).materials["cue"]
+    };
+    let cues: Vec<_> = CueStyle::value_variants()
+        .iter()
+        .map(|&cue| woods(cue))
+        .collect();
+    for (index, cue) in cues.iter().enumerate() {
+        assert!(!cues[..index].contains(cue));
     }
 }
 
