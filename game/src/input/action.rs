@@ -349,7 +349,7 @@ pub const ACTIONS: &[ActionSpec] = &[
     row(Group::Game, Action::Practise, "practise", "open the practice table", &["F5"]),
     row(Group::Game, Action::Photograph, "photograph", "take a screenshot in full quality (PNG and EXR)", &["F12"]),
     row(Group::Game, Action::Help, "help", "toggle this help", &["F1", "H"]),
-    row(Group::Game, Action::Stats, "stats", "cycle the statistics: line, summary, full, full with recording, off", &["F3"]),
+    row(Group::Game, Action::Stats, "stats", "cycle the statistics: in words, figures, full, full with recording, off", &["F3"]),
     row(Group::Game, Action::Fullscreen, "fullscreen", "toggle fullscreen", &["F11"]),
     row(Group::Game, Action::Menu, "menu", "cancel the stroke, or open the menu", &["Esc"]),
     row(Group::Replay, Action::ReplayPause, "replay-pause", "pause or resume", &["Space"]),

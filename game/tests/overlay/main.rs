@@ -108,16 +108,21 @@ fn each_level_shows_what_the_one_before_does_and_more() {
     let of = |level| harness(level, WINDOW, 1.0);
     let line = [
         "fps",
+        "new pictures 48 a second",
+        "each takes",
+        "sharpness 50 %",
+        "made by 4 machines",
+        "gone does not help",
+    ];
+    let card = [
         "1% low",
         "nodes 4/5",
         "network",
         "trace",
         "packed",
-        "late",
-        "lost",
+        "late 32",
+        "lost 37",
         "balance",
-    ];
-    let card = [
         "0.1% low",
         "mean",
         "encode",
@@ -134,7 +139,6 @@ fn each_level_shows_what_the_one_before_does_and_more() {
         "pred",
         "p99",
         "σ",
-        "gone",
         "equal",
         "water_filling_hedged",
     ];
@@ -150,7 +154,7 @@ fn each_level_shows_what_the_one_before_does_and_more() {
         );
     }
     for word in card {
-        assert!(!has(&on_line, word) || word == "mean", "{word}");
+        assert!(!has(&on_line, word), "{word}");
         assert!(has(&on_card, word) && has(&on_full, word), "{word}");
     }
     for word in full {
@@ -194,9 +198,10 @@ fn every_number_has_a_tooltip_that_defines_it() {
         let numbers: Vec<(String, Rect)> = labels(&harness)
             .into_iter()
             .filter(|(text, _)| text.chars().any(|c| c.is_ascii_digit()))
+            .filter(|(text, _)| !text.contains("does not help"))
             .filter(|(text, _)| !text.starts_with("Node ") && !text.starts_with("Well divided"))
             .collect();
-        assert!(numbers.len() > 8);
+        assert!(numbers.len() >= 5);
         for (text, rect) in numbers {
             let shown = Rect::from_min_size(Pos2::ZERO, WINDOW).intersect(rect);
             if !shown.is_positive() {
@@ -331,7 +336,7 @@ fn nothing_overlaps_at_any_window_and_text_size() {
                 let harness = harness(level, size, text_scale);
                 let texts = texts(&harness);
                 let case = format!("{level:?} at {size} x {text_scale}");
-                assert!(texts.len() > 8, "{case}");
+                assert!(texts.len() >= 5, "{case}");
                 for (i, (text, rect, clip)) in texts.iter().enumerate() {
                     // A row of the table is long; where it does not fit it is scrolled to.
                     let fits = rect.left() >= clip.left() && rect.right() <= clip.right() + 0.5;

@@ -1,4 +1,4 @@
-//! The second level: rates, and where the last picture's time went.
+//! The rest of the second level: rates, and where the last picture's time went.
 
 use carom_farm::LatencySplit;
 use egui::{Rect, RichText, Sense, Shape, Ui, Vec2, epaint::Mesh};

@@ -1,4 +1,4 @@
-//! Statistics of the farm over the picture: a line, a card, or everything, live or frozen.
+//! Statistics of the farm over the picture: a line in plain words, a card of figures, or everything, live or frozen.
 //!
 //! ```text
 //! Farm ─▶ FrameSample ─▶ History ─▶ StatsSummary (a few times a second) ─▶ line, card, table
@@ -20,6 +20,7 @@ pub mod history;
 pub mod maps;
 mod palette;
 mod panels;
+mod plain_words;
 mod prediction_plot;
 pub mod recorder;
 mod status_line;
@@ -48,9 +49,9 @@ pub enum StatsLevel {
     /// Nothing.
     #[default]
     Off,
-    /// A line at the top.
+    /// A line at the top, in plain words.
     Line,
-    /// The line, rates, and where the last picture's time went.
+    /// The line, the farm's figures, and where the last picture's time went.
     Card,
     /// Everything.
     Full,

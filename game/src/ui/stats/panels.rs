@@ -10,7 +10,8 @@ use egui::{
 
 use super::frame_record::FrameRecord;
 use super::{
-    Stats, StatsInput, StatsLevel, charts, compact, controls, gantt, prediction_plot, status_line,
+    Stats, StatsInput, StatsLevel, charts, compact, controls, gantt, plain_words, prediction_plot,
+    status_line,
 };
 use crate::ui::theme;
 
@@ -92,7 +93,10 @@ fn line(ui: &mut Ui, stats: &Stats, input: &StatsInput<'_>) {
     let records = stats.history.records();
     let newest = records.iter().skip(records.len().saturating_sub(SPARKLINE));
     let sparkline: Vec<f32> = newest.map(|record| record.makespan_secs as f32).collect();
-    status_line::show(ui, &stats.summary, &sparkline, input);
+    plain_words::show(ui, &stats.summary, input);
+    if stats.level > StatsLevel::Line {
+        status_line::show(ui, &stats.summary, &sparkline, input);
+    }
     if stats.level == StatsLevel::Card {
         compact::show(ui, &stats.summary, input);
     }

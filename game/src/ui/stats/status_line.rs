@@ -1,9 +1,10 @@
-//! The first level: one line.
+//! The second level's line: the figures of the farm.
 
 use carom_tracer::ImageSize;
 use egui::Ui;
 
 use super::glossary as terms;
+use super::plain_words::LATE;
 use super::summary::StatsSummary;
 use super::value_label::{figure, figure_or_alarm, ms, percent};
 use super::{StatsInput, charts};
@@ -12,7 +13,6 @@ use super::{StatsInput, charts};
 pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, sparkline: &[f32], input: &StatsInput<'_>) {
     let rates = &summary.rates;
     ui.horizontal_wrapped(|ui| {
-        figure(ui, &terms::FPS, &format!("{:3.0}", rates.now));
         figure(ui, &terms::LOW_1, &format!("{:3.0}", rates.low_1_percent));
         charts::sparkline(ui, sparkline);
         figure(
@@ -63,6 +63,3 @@ pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, sparkline: &[f32], input
         );
     });
 }
-
-/// A picture that takes so many times its budget is late.
-const LATE: f64 = 1.5;
