@@ -53,6 +53,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     }
     session.set_engine(chosen.physics);
     session.set_quality_preference(chosen.quality);
+    session.set_resolution(chosen.resolution);
     session.set_aids(chosen.aim_aids);
     session.set_ball_marks(chosen.ball_marks);
     session.set_instant_camera(chosen.reduced_motion);
@@ -270,6 +271,7 @@ impl App {
         let before = std::mem::replace(&mut self.applied, now.clone());
         self.session.set_engine(now.physics);
         self.session.set_quality_preference(now.quality);
+        self.session.set_resolution(now.resolution);
         self.session.set_aids(now.aim_aids);
         self.session.set_ball_marks(now.ball_marks);
         self.session.set_instant_camera(now.reduced_motion);

@@ -19,6 +19,31 @@ pub enum QualityPreference {
     Fine,
 }
 
+/// Pixels of the sharpest picture that is traced, along an edge of the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Resolution {
+    /// Half of the window's along each edge: a quarter of the work, soft edges
+    Half,
+    /// Three quarters of the window's along each edge: 56 % of the work
+    ThreeQuarters,
+    /// A traced pixel for each of the window
+    #[default]
+    Full,
+}
+
+impl Resolution {
+    /// The sharpest picture in a window of `window` pixels.
+    pub fn size(self, window: ImageSize) -> ImageSize {
+        match self {
+            // A window without pixels has no picture.
+            _ if window.pixels() == 0 => window,
+            Self::Half => window.scaled(0.5),
+            Self::ThreeQuarters => window.scaled(0.75),
+            Self::Full => window,
+        }
+    }
+}
+
 /// What a moving picture is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QualityLevel {

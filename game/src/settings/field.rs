@@ -55,6 +55,7 @@ pub const FIELDS: &[SettingsField] = &[
     field("controls", "mouse-speed", |s| s.mouse.speed.into(), |s, v| number(v, MouseSettings::SPEED).map(|x| s.mouse.speed = x)),
     field("controls", "invert-pitch", |s| s.mouse.inverts_pitch.into(), |s, v| switch(v).map(|on| s.mouse.inverts_pitch = on)),
     field("picture", "quality", |s| name(&s.quality), |s, v| choice(v).map(|x| s.quality = x)),
+    field("picture", "resolution", |s| name(&s.resolution), |s, v| choice(v).map(|x| s.resolution = x)),
     field("picture", "brightness", |s| name(&s.brightness), |s, v| choice(v).map(|x| s.brightness = x)),
     field("views", "view-1", |s| view(s.views[0]), |s, v| seen(v).map(|at| s.views[0] = at)),
     field("views", "view-2", |s| view(s.views[1]), |s, v| seen(v).map(|at| s.views[1] = at)),

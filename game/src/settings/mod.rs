@@ -22,7 +22,7 @@ pub use store::SettingsStore;
 use carom_billiards::physics::Engine;
 
 use crate::camera::{SAVED_MAX, Viewpoint};
-use crate::frame::quality::QualityPreference;
+use crate::frame::quality::{QualityPreference, Resolution};
 use crate::input::{Bindings, MouseSettings};
 use crate::play::{AimAids, BallMarks};
 use crate::scene::ball_materials::BallSet;
@@ -56,6 +56,8 @@ pub struct Settings {
     pub physics: Engine,
     /// What is given up first while things move.
     pub quality: QualityPreference,
+    /// How sharp a picture at rest is.
+    pub resolution: Resolution,
     /// Loudness, 0 to 1.
     pub volume: f64,
     /// Views that the player has saved, by their places.
@@ -102,6 +104,7 @@ impl Default for Settings {
             brightness: Brightness::default(),
             physics: Engine::default(),
             quality: QualityPreference::default(),
+            resolution: Resolution::default(),
             volume: 0.7,
             views: [None; SAVED_MAX],
             ball_marks: BallMarks::default(),

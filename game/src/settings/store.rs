@@ -316,6 +316,7 @@ mod tests {
             brightness: crate::scene::table_style::Brightness::Bright,
             physics: "rapier-240".parse().unwrap(),
             quality: crate::frame::quality::QualityPreference::Fine,
+            resolution: crate::frame::quality::Resolution::Half,
             volume: 0.0,
             views: [Some(a_view()), None, None, Some(a_view())],
             ball_marks: crate::play::BallMarks::Off,

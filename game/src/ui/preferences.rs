@@ -66,6 +66,7 @@ fn game(ui: &mut Ui, settings: &mut Settings) {
 fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
     choice(ui, "Brightness", &mut settings.brightness);
     choice(ui, "While things move", &mut settings.quality);
+    choice(ui, "Resolution", &mut settings.resolution);
     ui.label("Rendered by");
     ui.vertical(|ui| {
         ui.label(input.farm);

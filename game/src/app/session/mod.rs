@@ -23,7 +23,7 @@ use crate::capture::screenshot;
 use crate::capture::video::replay_film::{self, ReplayFilm};
 use crate::frame::farm_startup::FarmState;
 use crate::frame::pipeline::FramePipeline;
-use crate::frame::quality::QualityPreference;
+use crate::frame::quality::{QualityPreference, Resolution};
 use crate::input::{AimIntent, MatchIntent, PracticeIntent, ReplayIntent, StrokeIntent};
 use crate::play::{AimAids, BallMarks, CueView, Game, ShotClock};
 use crate::scene::table_scene::TableScene;
@@ -51,6 +51,7 @@ pub struct GameSession {
     requested_quality: Option<QualityPreference>,
     /// The window.
     pixels: ImageSize,
+    resolution: Resolution,
     last_advance_secs: f64,
     /// Since when play stands still, and how long it has before.
     paused_secs: Option<f64>,
@@ -85,6 +86,7 @@ impl GameSession {
             pipeline: FramePipeline::new(config, table_scene.scene(), style.balls.max_depth())?,
             table_scene,
             pixels: ImageSize::new(0, 0),
+            resolution: Resolution::default(),
             last_advance_secs: 0.0,
             paused_secs: None,
             lost_secs: 0.0,
@@ -146,9 +148,16 @@ impl GameSession {
 
     /// Follows the window's size.
     pub fn resize(&mut self, pixels: ImageSize) {
-        self.pipeline.scheduler_mut().resize(pixels);
+        let sharpest = self.resolution.size(pixels);
+        self.pipeline.scheduler_mut().resize(sharpest);
         self.pixels = pixels;
         self.is_dirty = true;
+    }
+
+    /// Traces the window's picture at this resolution; screenshots keep the window's.
+    pub fn set_resolution(&mut self, resolution: Resolution) {
+        self.resolution = resolution;
+        self.resize(self.pixels);
     }
 
     /// Changes the aim.

@@ -37,3 +37,21 @@ fn escape_closes_pages_before_strokes() {
     assert!(session.escape());
     assert!(!session.escape());
 }
+
+#[test]
+fn a_resolution_is_a_share_of_the_window_and_of_nothing_else() {
+    let mut session = session();
+    session.resize(ImageSize::new(1280, 720));
+    for (resolution, width) in [
+        (Resolution::Half, 640),
+        (Resolution::ThreeQuarters, 960),
+        (Resolution::Full, 1280),
+    ] {
+        session.set_resolution(resolution);
+        assert_eq!(session.pipeline.scheduler().window().width, width);
+        assert_eq!(session.pixels, ImageSize::new(1280, 720), "screenshots");
+    }
+    session.set_resolution(Resolution::Half);
+    session.resize(ImageSize::new(0, 0));
+    assert_eq!(session.pipeline.scheduler().window().pixels(), 0);
+}
