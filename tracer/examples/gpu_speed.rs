@@ -1,5 +1,6 @@
-//! Speed of the GPU on the pool table: `gpu_speed [width height spp frames in_flight [denoise]]`.
+//! Speed of the GPU on a scene: `gpu_speed [width height spp frames in_flight [denoise]] [SCENE.json]`.
 //!
+//! Without a scene file the pool table is traced.
 //! Prints the GPU's own time per frame, samples and rays per second of it, and frames per second
 //! by the clock with each frame read back: first with one frame in flight, then with `in_flight`.
 //! With `denoise` also what the denoiser takes of it: first hits, and the filter's passes.
@@ -19,6 +20,7 @@ use carom_tracer::{
 
 /// What to measure.
 struct Measurement {
+    scene: String,
     size: ImageSize,
     samples: u32,
     frames: u32,
@@ -39,20 +41,21 @@ fn main() -> Result<(), Error> {
         tracer.info().name,
         started.elapsed()
     );
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/scenes/pool.json");
-    let scene = CompiledScene::new(&Scene::load(path)?)?;
+    let scene = CompiledScene::new(&Scene::load(&run.scene)?)?;
     // Compiles the kernel, allocates the buffers and learns the speed.
     for seed in 0..3 {
         frame(&tracer, &scene, &run, seed)?;
     }
     for in_flight in [1, run.in_flight] {
-        measure(&tracer, &scene, &Measurement { in_flight, ..run })?;
+        measure(&tracer, &scene, &run, in_flight)?;
     }
     Ok(())
 }
 
 fn arguments() -> Measurement {
     let mut given: Vec<String> = std::env::args().skip(1).collect();
+    let pool = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/scenes/pool.json");
+    let scene = given.pop_if(|last| last.ends_with(".json"));
     let denoise = given.pop_if(|last| last == "denoise").is_some();
     let given: Vec<u32> = given
         .iter()
@@ -60,6 +63,7 @@ fn arguments() -> Measurement {
         .collect();
     let argument = |index: usize, default| given.get(index).copied().unwrap_or(default);
     Measurement {
+        scene: scene.unwrap_or_else(|| pool.to_owned()),
         size: ImageSize::new(argument(0, 1920), argument(1, 1080)),
         samples: argument(2, 16),
         frames: argument(3, 100),
@@ -68,7 +72,12 @@ fn arguments() -> Measurement {
     }
 }
 
-fn measure(tracer: &GpuTracer, scene: &CompiledScene, run: &Measurement) -> Result<(), Error> {
+fn measure(
+    tracer: &GpuTracer,
+    scene: &CompiledScene,
+    run: &Measurement,
+    in_flight: u32,
+) -> Result<(), Error> {
     let total = Mutex::new(TraceStats::default());
     let next = AtomicU32::new(0);
     let started = Instant::now();
@@ -83,13 +92,14 @@ fn measure(tracer: &GpuTracer, scene: &CompiledScene, run: &Measurement) -> Resu
         }
     };
     thread::scope(|scope| {
-        let workers: Vec<_> = (0..run.in_flight).map(|_| scope.spawn(worker)).collect();
+        let workers: Vec<_> = (0..in_flight).map(|_| scope.spawn(worker)).collect();
         workers
             .into_iter()
             .try_for_each(|worker| worker.join().expect("no worker panics"))
     })?;
     report(
         run,
+        in_flight,
         &total.into_inner().expect("no worker panics"),
         started.elapsed().as_secs_f64(),
     );
@@ -120,12 +130,12 @@ fn frame(
     })
 }
 
-fn report(run: &Measurement, total: &TraceStats, wall_secs: f64) {
+fn report(run: &Measurement, in_flight: u32, total: &TraceStats, wall_secs: f64) {
     let device_secs = total.device_nanos as f64 * 1e-9;
     let frames = f64::from(run.frames);
     println!(
         "{}x{}, {} spp, {} frames, {} in flight",
-        run.size.width, run.size.height, run.samples, run.frames, run.in_flight
+        run.size.width, run.size.height, run.samples, run.frames, in_flight
     );
     println!(
         "GPU time        {:9.3} ms/frame",
