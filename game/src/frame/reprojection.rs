@@ -1,13 +1,15 @@
 //! Reprojection of the newest frame to the present: between pictures, and while one is still on its way,
 //! camera and balls move on by [`carom_tracer::reproject`].
 
+use std::thread::available_parallelism;
+
 use carom_tracer::reproject::View;
 use carom_tracer::{CompiledScene, Error, ImageSize, Scene, SceneUpdate, Tile};
 
 use crate::display::DisplayFrame;
 
-/// Moves pictures. Costs 40 ns of processor time a pixel of the moved picture, on all threads, and
-/// nothing while the newest picture is of the present.
+/// Moves pictures. Costs 30 ns of processor time a pixel of a new picture and 40 ns a pixel of each moved one, on
+/// all threads, and nothing while the newest picture is of the present.
 #[derive(Debug)]
 pub struct Reprojector {
     scene: CompiledScene,
@@ -15,6 +17,8 @@ pub struct Reprojector {
     from: Option<(u64, View)>,
     moved: Option<ReprojectedFrame>,
     count: u64,
+    /// Of this machine.
+    threads: usize,
 }
 
 #[derive(Debug)]
@@ -36,6 +40,7 @@ impl Reprojector {
             from: None,
             moved: None,
             count: 0,
+            threads: available_parallelism().map_or(1, usize::from),
         })
     }
 
@@ -104,7 +109,7 @@ impl Reprojector {
             self.from = Some((picture.serial, View::new(&self.scene, picture.size)));
         }
         self.scene.apply(now).ok()?;
-        let size = moved_size(picture.size);
+        let size = moved_size(picture.size, self.threads);
         let to = View::new(&self.scene, size);
         let (_, from) = self.from.as_ref()?;
         let reprojected = from.reproject(&picture.rgba, &to);
@@ -122,17 +127,20 @@ impl Reprojector {
     }
 }
 
-/// What moves fast needs no more pixels than can be moved in a few milliseconds.
-fn moved_size(size: ImageSize) -> ImageSize {
-    let share = (PIXELS_MAX as f64 / size.pixels().max(1) as f64)
-        .sqrt()
-        .min(1.0);
+/// The size in which a picture is moved: its own where the threads can take that, new picture included, in the time of
+/// some 8 ms. What moves fast needs no more.
+fn moved_size(size: ImageSize, threads: usize) -> ImageSize {
+    let affordable = (threads * PIXELS_PER_THREAD).saturating_sub(size.pixels());
+    let pixels = affordable.max(PIXELS_MIN) as f64;
+    let share = (pixels / size.pixels().max(1) as f64).sqrt().min(1.0);
     let edge = |pixels: u32| ((f64::from(pixels) * share).round() as u32).max(1);
     ImageSize::new(edge(size.width), edge(size.height))
 }
 
+/// Pixels that a thread looks at or moves in 8 ms.
+const PIXELS_PER_THREAD: usize = 240_000;
 /// 640 × 360: 9 ms of processor time.
-const PIXELS_MAX: usize = 640 * 360;
+const PIXELS_MIN: usize = 640 * 360;
 /// Reprojected frames are numbered from here: traced ones never get so far.
 const SERIALS_FIRST: u64 = 1 << 63;
 
@@ -236,8 +244,23 @@ mod tests {
 
     #[test]
     fn large_pictures_are_moved_with_fewer_pixels_of_the_same_shape() {
-        let size = moved_size(ImageSize::new(2560, 1440));
+        let size = moved_size(ImageSize::new(2560, 1440), 2);
         assert_eq!((size.width, size.height), (640, 360));
-        assert_eq!(moved_size(ImageSize::new(0, 0)), ImageSize::new(1, 1));
+        assert_eq!(moved_size(ImageSize::new(0, 0), 2), ImageSize::new(1, 1));
+    }
+
+    #[test]
+    fn the_more_threads_the_more_pixels_are_moved_up_to_all() {
+        let full = ImageSize::new(1920, 1080);
+        let pixels: Vec<usize> = [1, 4, 8, 10, 12, 16, 32]
+            .map(|threads| moved_size(full, threads).pixels())
+            .to_vec();
+        assert!(pixels.is_sorted(), "{pixels:?}");
+        assert_eq!(pixels[0], 640 * 360);
+        assert_eq!(
+            moved_size(ImageSize::new(1280, 720), 8),
+            ImageSize::new(1280, 720)
+        );
+        assert_eq!(moved_size(full, 32), full);
     }
 }
