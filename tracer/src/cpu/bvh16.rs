@@ -95,6 +95,9 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         let mut stack = Stack::new();
         let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
         for lane in 0..LANES {
+            if !columns.is_finite(lane) {
+                continue;
+            }
             let ray = columns.ray(simd, lane);
             let frame = F::frame(simd, &ray);
             let slack = origin_slack(&ray);
@@ -157,7 +160,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         let columns = RayLanes::new(rays);
         let mut stack = Stack::new();
         for (lane, limit) in distance.to_array().into_iter().enumerate() {
-            if limit <= 0.0 || dark >> lane & 1 == 1 {
+            if limit <= 0.0 || dark >> lane & 1 == 1 || !columns.is_finite(lane) {
                 continue;
             }
             let ray = columns.ray(simd, lane);
@@ -249,6 +252,12 @@ impl RayLanes {
             inverse: columns(rays.inverse),
             start: rays.start.to_array(),
         }
+    }
+
+    /// Whether a lane's ray begins somewhere. Those of paths that have ended may not, and would enter every box.
+    #[inline(always)]
+    fn is_finite(&self, lane: usize) -> bool {
+        self.origin.iter().all(|column| column[lane].is_finite())
     }
 
     /// One ray in all lanes.
