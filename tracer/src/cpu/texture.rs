@@ -195,13 +195,10 @@ fn wood<S: Simd>(
 fn cue<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, shaft: Vec3x<S>) -> Vec3x<S> {
     let from_tip_m = p.dot(rows.triple(simd, AXIS)) - rows.number(simd, UP);
     let butt = rows.triple(simd, DARK);
-    let [tip, ferrule, collar, wrap] = [
-        CUE_TIP_ALBEDO,
-        CUE_FERRULE_ALBEDO,
-        CUE_COLLAR_ALBEDO,
-        CUE_WRAP_ALBEDO,
-    ]
-    .map(|albedo| Vec3x::splat(simd, albedo));
+    let tip = Vec3x::splat(simd, CUE_TIP_ALBEDO);
+    let ferrule = Vec3x::splat(simd, CUE_FERRULE_ALBEDO);
+    let collar = Vec3x::splat(simd, CUE_COLLAR_ALBEDO);
+    let wrap = Vec3x::splat(simd, CUE_WRAP_ALBEDO);
     let parts = [tip, ferrule, shaft, collar, butt, wrap];
     let mut albedo = butt;
     for (end, part) in CUE_ENDS_M.into_iter().zip(parts).rev() {
@@ -253,8 +250,8 @@ fn marks<S: Simd>(
     let off = off.min(in_d.select(from_arc.abs(), far));
     let share = (1.0 - off * (1.0 / LINE_HALF_M)).max(0.0) * LINE_SHARE;
     let colour = (chalk - colour).mul_add(share, colour);
-    let [a, b, c] = [spots.x, spots.y, spots.z].map(|x| (p.x - x) * (p.x - x));
-    let nearest = a.min(b).min(c) + y2;
+    let (a, b, c) = (p.x - spots.x, p.x - spots.y, p.x - spots.z);
+    let nearest = (a * a).min(b * b).min(c * c) + y2;
     let aside = p.y.abs() - d_radius;
     let on_line = from_line.mul_add(from_line, y2.min(aside * aside));
     let nearest = has_line.select(nearest.min(on_line), nearest);

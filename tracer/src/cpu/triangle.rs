@@ -41,7 +41,12 @@ impl<S: Simd> Seen<S> {
         axes: &RayAxes<S>,
         corners: [Vec3x<S>; 3],
     ) -> Self {
-        let [a, b, c] = corners.map(|corner| corner - origin);
+        // Written out, here and below: closures passed to `array::map` are not compiled for the processor's level.
+        let (a, b, c) = (
+            corners[0] - origin,
+            corners[1] - origin,
+            corners[2] - origin,
+        );
         let across = |p: Vec3x<S>| (axes.u.dot(p), axes.v.dot(p));
         let [(ax, ay), (bx, by), (cx, cy)] = [across(a), across(b), across(c)];
         // Each product is rounded by itself, see the scalar tracer.
@@ -56,9 +61,7 @@ impl<S: Simd> Seen<S> {
     /// Where the ray goes through the bounds of the corners, as far as it can be told without rounding.
     #[inline(always)]
     fn is_in_bounds(&self) -> Mask<S> {
-        let [x, y] = [self.x, self.y]
-            .map(|[a, b, c]| a.min(b).min(c).simd_le(0.0) & a.max(b).max(c).simd_ge(0.0));
-        x & y
+        has_zero(self.x) & has_zero(self.y)
     }
 
     #[inline(always)]
@@ -66,6 +69,12 @@ impl<S: Simd> Seen<S> {
         let [a, b, c] = self.weights;
         a + b + c
     }
+}
+
+/// Whether 0 is within the bounds of three numbers.
+#[inline(always)]
+fn has_zero<S: Simd>([a, b, c]: [Float<S>; 3]) -> Mask<S> {
+    a.min(b).min(c).simd_le(0.0) & a.max(b).max(c).simd_ge(0.0)
 }
 
 impl Triangle {
@@ -93,7 +102,11 @@ impl Shape<9> for Triangle {
         primitives: &Primitives<S, 9>,
         limit: Float<S>,
     ) -> HitMask<S> {
-        let corners = [0, 3, 6].map(|first| primitives.vector(first));
+        let corners = [
+            primitives.vector(0),
+            primitives.vector(3),
+            primitives.vector(6),
+        ];
         let seen = Seen::new(rays.origin, rays.direction, axes, corners);
         let [a, b, c] = seen.weights;
         let is_left = a.simd_ge(0.0) & b.simd_ge(0.0) & c.simd_ge(0.0);
@@ -262,11 +275,12 @@ impl TriangleSurfaces {
                 let lanes = (id - first).simd_lt(count);
                 let columns = self.columns(id.to_array());
                 let vector = |first: usize| load(simd, &columns.numbers, first);
-                let corners = [0, 3, 6].map(vector);
+                let corners = [vector(0), vector(3), vector(6)];
                 let (u, v) = basis(simd, direction);
                 let seen = Seen::new(origin, direction, &RayAxes { u, v }, corners);
                 let inverse_sum = 1.0 / lanes.select(seen.sum(), Float::splat(simd, 1.0));
-                let weights = seen.weights.map(|weight| weight * inverse_sum);
+                let [a, b, c] = seen.weights;
+                let weights = [a * inverse_sum, b * inverse_sum, c * inverse_sum];
                 let normal = facet_normal(direction, corners);
                 let mut hit = TriangleHit {
                     lanes,
@@ -277,7 +291,7 @@ impl TriangleSurfaces {
                 };
                 let smooth = Mask::from_bitmask(simd, columns.smooth);
                 if smooth.any_true() {
-                    let interpolated = interpolate([9, 12, 15].map(vector), weights);
+                    let interpolated = interpolate([vector(9), vector(12), vector(15)], weights);
                     let shading = visible_normal(simd, interpolated, normal, -direction);
                     hit.normal = Vec3x::select(smooth, shading, normal);
                     hit.geometric = Vec3x::select(smooth, normal, hit.geometric);
@@ -362,7 +376,9 @@ fn point_above<S: Simd>(
     normal: Vec3x<S>,
 ) -> Vec3x<S> {
     let point = interpolate(corners, weights);
-    let magnitude = interpolate(corners.map(Vec3x::abs), weights.map(|weight| weight.abs()));
+    let [a, b, c] = weights;
+    let sizes = [corners[0].abs(), corners[1].abs(), corners[2].abs()];
+    let magnitude = interpolate(sizes, [a.abs(), b.abs(), c.abs()]);
     let error = magnitude.dot(normal.abs()) * POINT_ROUNDING;
     normal.mul_add(error, point)
 }
