@@ -16,8 +16,8 @@ use crate::compiled::{BoxData, DiscData, RectangleData, SphereData, TriangleData
 pub const LEAF: usize = 4;
 /// Inner nodes from the root to any leaf, at most.
 pub const DEPTH_MAX: u32 = 32;
-/// How far, over the largest coordinate of the scene, boxes must be widened by those who test rays
-/// in f32: tests of boxes and of what is in them together err by less than half of this. Only where a ray
+/// How far, over the largest coordinates of the BVH and of the ray's origin together, boxes must be widened by those
+/// who test rays in f32: tests of boxes and of what is in them together err by less than half of this. Only where a ray
 /// grazes a flat shape may a test find it further outside its box; then a BVH misses it.
 pub const SLACK: f32 = 64.0 * 0.5 * f32::EPSILON;
 
@@ -141,6 +141,11 @@ impl Bvh {
         .build();
         let order = items.iter().map(|item| item.index).collect();
         Some(Self { root, order, nodes })
+    }
+
+    /// By how much its boxes are to be widened, metres: [`SLACK`] of its largest coordinate.
+    pub fn slack(&self) -> f32 {
+        SLACK * self.root.min.abs().max(self.root.max.abs()).max_element()
     }
 }
 

@@ -67,8 +67,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             leaves: Vec::new(),
             root: 0,
         };
-        let farthest = bvh.root.min.abs().max(bvh.root.max.abs()).max_element();
-        let slack = SLACK * farthest;
+        let slack = bvh.slack();
         bvh16.root = Bvh16Builder { bvh, each, slack }.build(&mut bvh16, &bvh.root);
         bvh16
     }
@@ -499,20 +498,33 @@ mod tests {
         }
     }
 
+    /// As [`compare`]; where the rays begin nowhere, checks that nothing is met by the BVH.
+    fn compare_or_miss(scene: &CompiledScene, packet: Packet) {
+        let level = Level::new();
+        if packet.0[..3].iter().flatten().all(|c| c.is_finite()) {
+            compare(level, scene.clone(), &[packet]);
+            return;
+        }
+        let mut scene = scene.clone();
+        scene.bvh_use = BvhUse::Always;
+        let bvh = Geometry::new(&scene);
+        let found = dispatch!(level, simd => nearest_hits(simd, &bvh, &packet));
+        assert_eq!((found.1, found.2), ([NONE; LANES], [0; 2]), "{packet:?}");
+    }
+
     #[test]
-    fn numbers_that_are_none_miss() {
+    fn rays_that_begin_nowhere_miss_and_directions_that_are_none_change_nothing() {
         for shape in SHAPES {
             let scene = test_scene(ARRANGEMENTS[0], shape, 300, 0);
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, 1e-40] {
                 for column in 0..6 {
                     let mut packet: Packet = ([[0.1; LANES]; 6], [NONE; LANES]);
                     packet.0[column] = [bad; LANES];
-                    compare(Level::new(), scene.clone(), &[packet]);
+                    compare_or_miss(&scene, packet);
                 }
             }
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0] {
-                let packet: Packet = ([[bad; LANES]; 6], [NONE; LANES]);
-                compare(Level::new(), scene.clone(), &[packet]);
+                compare_or_miss(&scene, ([[bad; LANES]; 6], [NONE; LANES]));
             }
         }
     }

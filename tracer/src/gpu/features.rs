@@ -281,16 +281,14 @@ impl Features {
 }
 
 /// From so many on, rays find the primitives of a shape faster by a BVH: on an H200 by 1.04 (discs) to
-/// 1.3 there, and for 10,000 by 10 (balls), 61, 83 and 110:
+/// 1.3 there, and for 10,000 by 10 (balls), 61, 83, 110 and 78:
 /// `carom-bench bvh --backend gpu --size 960x540`.
 const fn bvh_min(shape: ShapeKind) -> usize {
     match shape {
         ShapeKind::Sphere => 256,
         ShapeKind::Box => 96,
         ShapeKind::Disc => 48,
-        ShapeKind::Rectangle => 32,
-        // Not measured there.
-        ShapeKind::Triangle => 32,
+        ShapeKind::Rectangle | ShapeKind::Triangle => 32,
         ShapeKind::CsgFace => usize::MAX,
     }
 }

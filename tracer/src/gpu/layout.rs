@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
 
-use crate::bvh::{BvhNode, LEAF, SLACK, leaves};
+use crate::bvh::{BvhNode, LEAF, leaves};
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
     MaterialData, RectangleData, ShapeKind, SphereData, TriangleData, TriangleNormals,
@@ -68,7 +68,7 @@ pub(crate) struct BoxBound {
     padding1: u32,
 }
 
-/// Both halves of a part of a BVH. Boxes are widened by [`SLACK`].
+/// Both halves of a part of a BVH. Boxes are widened by its slack; each ray widens them by that of its origin.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct BvhNodeData {
@@ -247,10 +247,9 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     if scene.materials.is_empty() {
         bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));
     }
-    let farthest = coplanar::farthest(scene);
     let shapes = ShapeKind::ALL.into_iter();
     for shape in shapes.filter(|shape| *shape != ShapeKind::Triangle) {
-        bytes.extend(finders(scene, shape, farthest));
+        bytes.extend(finders(scene, shape));
     }
     Ok(bytes)
 }
@@ -262,20 +261,20 @@ pub(crate) fn mesh_bytes_len(features: &Features) -> u64 {
     (triangles + normals + finders_bytes(features, ShapeKind::Triangle)) as u64
 }
 
-/// The scene's triangles as the kernel's `MeshData`, where coordinates are up to `farthest`.
-pub(crate) fn mesh_bytes(scene: &CompiledScene, farthest: f32) -> Vec<u8> {
+/// The scene's triangles as the kernel's `MeshData`.
+pub(crate) fn mesh_bytes(scene: &CompiledScene) -> Vec<u8> {
     let meshes = &scene.meshes;
     let triangles: &[u8] = cast_slice(&meshes.triangles);
-    let finders = finders(scene, ShapeKind::Triangle, farthest);
+    let finders = finders(scene, ShapeKind::Triangle);
     [triangles, cast_slice(&meshes.normals), &finders].concat()
 }
 
 /// What rays find the primitives of a shape by.
-fn finders(scene: &CompiledScene, shape: ShapeKind, farthest: f32) -> Vec<u8> {
+fn finders(scene: &CompiledScene, shape: ShapeKind) -> Vec<u8> {
     if let Some(bvh) = features::bvh(scene, shape) {
         let nodes = bvh.nodes.iter();
         let nodes: Vec<_> = nodes
-            .map(|halves| BvhNodeData::new(halves, SLACK * farthest))
+            .map(|halves| BvhNodeData::new(halves, bvh.slack()))
             .collect();
         let leaves = bvh.order.chunks(LEAF).map(|indices| {
             let last = indices.len() - 1;
@@ -297,6 +296,7 @@ fn finders(scene: &CompiledScene, shape: ShapeKind, farthest: f32) -> Vec<u8> {
             cast_slice(&bounds).to_vec()
         }
         ShapeKind::Box => {
+            let farthest = coplanar::farthest(scene);
             let boxes = scene.boxes.iter();
             let bounds: Vec<_> = boxes.map(|data| BoxBound::new(data, farthest)).collect();
             cast_slice(&bounds).to_vec()

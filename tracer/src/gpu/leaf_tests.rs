@@ -7,7 +7,7 @@ use super::adapter::{self, AdapterChoice};
 use super::device::Device;
 use super::layout;
 use super::layout::scene_bytes;
-use super::{coplanar, probe, shader};
+use super::{probe, shader};
 use crate::compiled::{Primitive, SphereData};
 use crate::fresnel::fresnel_dielectric;
 use crate::sampling::{pcg4d, uniforms};
@@ -41,8 +41,7 @@ fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option
     let features = layout::features(scene, 65_536);
     let memory = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE;
     let text = shader::source(&features) + ENTRY + body + "}";
-    let mesh =
-        (features.triangles > 0).then(|| layout::mesh_bytes(scene, coplanar::farthest(scene)));
+    let mesh = (features.triangles > 0).then(|| layout::mesh_bytes(scene));
     let scene = scene_bytes(scene, ImageSize::new(1, 1)).unwrap();
     let bytes = 16 * count as u64;
     let (commands, readback) = device

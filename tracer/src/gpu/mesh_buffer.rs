@@ -3,7 +3,6 @@
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use crate::compiled::TriangleData;
-use crate::gpu::coplanar::farthest;
 use crate::gpu::device::Device;
 use crate::gpu::features::Features;
 use crate::gpu::layout::{mesh_bytes, mesh_bytes_len, scene_bytes};
@@ -26,8 +25,7 @@ pub(crate) struct MeshBuffers {
 struct MeshBuffer {
     /// Its triangles, which nobody changes in place while this points at them.
     triangles: Weak<Vec<TriangleData>>,
-    /// What [`mesh_bytes`] was given, and whether there is a BVH.
-    made_for: (f32, bool),
+    has_bvh: bool,
     buffer: Arc<wgpu::Buffer>,
 }
 
@@ -60,13 +58,10 @@ impl MeshBuffers {
             return Ok(None);
         }
         let features = Features::new(scene);
-        // A power of two, so that a camera that moves hardly ever asks for another.
-        let farthest = farthest(scene).log2().ceil().exp2();
         let has_bvh = features.has_bvh(crate::compiled::ShapeKind::Triangle);
-        let made_for = (farthest, has_bvh);
         let triangles = Arc::downgrade(&scene.meshes.triangles);
         let is_same =
-            |kept: &MeshBuffer| kept.triangles.ptr_eq(&triangles) && kept.made_for == made_for;
+            |kept: &MeshBuffer| kept.triangles.ptr_eq(&triangles) && kept.has_bvh == has_bvh;
         let found = self
             .lock()
             .iter()
@@ -75,7 +70,7 @@ impl MeshBuffers {
         if found.is_some() {
             return Ok(found);
         }
-        let buffer = Arc::new(create(device, scene, &features, farthest)?);
+        let buffer = Arc::new(create(device, scene, &features)?);
         let mut kept = self.lock();
         kept.retain(|kept| kept.triangles.strong_count() > 0);
         if kept.len() >= Self::KEPT_MAX {
@@ -83,7 +78,7 @@ impl MeshBuffers {
         }
         kept.push(MeshBuffer {
             triangles,
-            made_for,
+            has_bvh,
             buffer: Arc::clone(&buffer),
         });
         Ok(Some(buffer))
@@ -98,7 +93,6 @@ fn create(
     device: &Device,
     scene: &CompiledScene,
     features: &Features,
-    farthest: f32,
 ) -> Result<wgpu::Buffer, Error> {
     let limits = device.device.limits();
     let bytes_max = limits
@@ -112,7 +106,7 @@ fn create(
             features.triangles
         )));
     }
-    let data = mesh_bytes(scene, farthest);
+    let data = mesh_bytes(scene);
     device.guarded(|wgpu| {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let mesh = wgpu.create_buffer(&wgpu::BufferDescriptor {

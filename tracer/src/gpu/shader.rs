@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::bvh::{self, DEPTH_MAX, LEAF};
+use crate::bvh::{self, DEPTH_MAX, LEAF, SLACK};
 use crate::compiled::{
     AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX,
     CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_CLOTH, PATTERN_CUE,
@@ -144,6 +144,7 @@ fn constants(features: &Features) -> String {
          const BVH_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
          const BVH_LEAF: u32 = {BVH_LEAF}u;\n\
          const LEAF: u32 = {LEAF}u;\n\
+         const BVH_SLACK: f32 = {SLACK:e};\n\
          const HAS_COAT: bool = {};\n\
          const HAS_STRIPE: bool = {};\n\
          const HAS_DIELECTRIC: bool = {};\n\

@@ -10,8 +10,14 @@ struct BvhNodeData {
     right_half: vec3f,
 }
 
+// By how much a ray widens boxes for the rounding of its origin.
+fn origin_slack(ray: Ray) -> f32 {
+    return BVH_SLACK * largest(abs(ray.origin));
+}
+
 // Where a ray enters a part's box, `T_MISS` if it does not before `t_max`.
-fn part_entry(prepared: PreparedRay, center: vec3f, half: vec3f, t_max: f32) -> f32 {
+fn part_entry(prepared: PreparedRay, center: vec3f, half_extent: vec3f, slack: f32, t_max: f32) -> f32 {
+    let half = half_extent + slack;
     let middle = fma(center, prepared.inverse, -prepared.origin_inverse);
     let enter = max(largest(fma(-half, prepared.inverse_abs, middle)), 0.0);
     let leave = smallest(fma(half, prepared.inverse_abs, middle));

@@ -4,6 +4,7 @@
 
 fn nearest_SHAPE(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     let own = own_SHAPE(prepared, start, hit);
+    let slack = origin_slack(prepared.ray);
     var stack: array<u32, BVH_DEPTH_MAX>;
     var height = 0u;
     var part = 0u;
@@ -12,8 +13,8 @@ fn nearest_SHAPE(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
             nearest_in_SHAPE_leaf(prepared, part & ~BVH_LEAF, own, hit);
         } else {
             let node = scene.SHAPE_nodes[part];
-            let left_t = part_entry(prepared, node.left_center, node.left_half, (*hit).t);
-            let right_t = part_entry(prepared, node.right_center, node.right_half, (*hit).t);
+            let left_t = part_entry(prepared, node.left_center, node.left_half, slack, (*hit).t);
+            let right_t = part_entry(prepared, node.right_center, node.right_half, slack, (*hit).t);
             if (min(left_t, right_t) < T_MISS) {
                 let is_left = left_t <= right_t;
                 if (max(left_t, right_t) < T_MISS) {
