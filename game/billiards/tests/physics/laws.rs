@@ -295,3 +295,36 @@ fn lasting_contact(mut speed: f64, mut spins: [f64; 2], secs: f64) -> (f64, f64)
     }
     (speed, way)
 }
+
+/// The ball touches a nose of the same height, at the same distance: how far behind it the middle of the
+/// rounding lies is nothing to it.
+#[test]
+fn a_jaw_throws_a_ball_back_as_a_straight_cushion_does() {
+    let after = |length_m: f64, jaws: Vec<Circle>| {
+        let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
+        let corners = corners.map(|[x, y]| length_m * DVec2::new(x, y));
+        let table = Table::from_parts(TableParts {
+            name: "with a jaw".to_owned(),
+            length_m,
+            width_m: length_m,
+            nose_height_m: 0.0365,
+            noses: (0..4).map(|i| [corners[i], corners[(i + 1) % 4]]).collect(),
+            jaws,
+            pockets: Vec::new(),
+        })
+        .expect("valid");
+        let spin = DVec3::new(0.0, -20.0, 40.0);
+        let shot = released(table, ideal(), vec![ball(0, -0.5, 0.0, DVec3::NEG_X, spin)]);
+        let touches = |event: &&Event| matches!(event.kind, EventKind::Cushion { .. });
+        let touch = shot.events().iter().find(touches).expect("it comes there");
+        let state = shot.states_at(touch.time_secs)[0];
+        (state.velocity, state.spin)
+    };
+    let straight = after(2.0, Vec::new());
+    for radius_m in [0.004, 0.008, 0.02, 0.3, 1.0] {
+        let center = DVec2::new(-1.0 - radius_m, 0.0);
+        let round = after(8.0, vec![Circle { center, radius_m }]);
+        assert!((round.0 - straight.0).length() < 1e-12, "{radius_m}");
+        assert!((round.1 - straight.1).length() < 1e-10, "{radius_m}");
+    }
+}

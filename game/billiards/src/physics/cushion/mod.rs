@@ -166,6 +166,48 @@ mod tests {
         }
     }
 
+    /// pooltool 0.6.0 takes the normal of a jaw from the middle of its circle (`get_normal_3d` of
+    /// `CircularCushionSegment`), not from the nose that the ball touches: with that normal ours is its
+    /// answer. A straight cushion, the limit of a wide circle, would then push level.
+    #[test]
+    fn pooltools_side_jaws_differ_by_the_place_of_contact_alone() {
+        let (radius_m, nose_m, jaw_m) = (0.028_575, 0.036_576, 0.007_95);
+        let body = BallBody {
+            radius_m,
+            ..BallBody::default()
+        };
+        let law = CushionLaw::Stronge(Stronge {
+            restitution: 0.85,
+            friction: 0.2,
+            frequency_ratio: 1.8,
+        });
+        let center = DVec3::new(-0.007_95, 1.066_116_269_231_249_8, radius_m);
+        let ball = DVec3::new(0.017_030_557_557_600_82, 1.039_468_184_494_980_5, radius_m);
+        let away = (ball - center).normalize();
+        let before = Twist {
+            velocity: DVec3::new(-0.786_295_995_866_865_8, 0.386_421_532_553_603_9, 0.0),
+            spin: DVec3::new(-13.523_063_256_469_08, -27.516_920_240_310_267, 0.0),
+        };
+        let theirs = Twist {
+            velocity: DVec3::new(0.320_189_270_346_265_1, -0.640_960_423_536_664_7, 0.0),
+            spin: DVec3::new(
+                2.829_040_343_301_447,
+                -9.503_673_154_987_236,
+                -8.940_616_115_876_232,
+            ),
+        };
+        // The nose's height at which a ball would touch it along the line from the circle's middle.
+        let from_middle_m = radius_m + (nose_m - radius_m) * radius_m / (radius_m + jaw_m);
+        let so = law.rebound(&body, (away, from_middle_m), before);
+        assert!((so.velocity - theirs.velocity).length() < 1e-5, "{so:?}");
+        assert!((so.spin - theirs.spin).length() < 1e-3, "{so:?}");
+        let ours = law.rebound(&body, (away, nose_m), before);
+        assert!(
+            (ours.velocity - theirs.velocity).length() > 0.02,
+            "{ours:?}"
+        );
+    }
+
     #[test]
     fn a_mirrored_contact_is_the_mirror_image() {
         let body = BallBody::default();
