@@ -51,7 +51,6 @@ pub struct GameSession {
     requested_quality: Option<QualityPreference>,
     /// The window.
     pixels: ImageSize,
-    resolution: Resolution,
     last_advance_secs: f64,
     /// Since when play stands still, and how long it has before.
     paused_secs: Option<f64>,
@@ -86,7 +85,6 @@ impl GameSession {
             pipeline: FramePipeline::new(config, table_scene.scene(), style.balls.max_depth())?,
             table_scene,
             pixels: ImageSize::new(0, 0),
-            resolution: Resolution::default(),
             last_advance_secs: 0.0,
             paused_secs: None,
             lost_secs: 0.0,
@@ -148,16 +146,15 @@ impl GameSession {
 
     /// Follows the window's size.
     pub fn resize(&mut self, pixels: ImageSize) {
-        let sharpest = self.resolution.size(pixels);
-        self.pipeline.scheduler_mut().resize(sharpest);
+        self.pipeline.scheduler_mut().resize(pixels);
         self.pixels = pixels;
         self.is_dirty = true;
     }
 
     /// Traces the window's picture at this resolution; screenshots keep the window's.
     pub fn set_resolution(&mut self, resolution: Resolution) {
-        self.resolution = resolution;
-        self.resize(self.pixels);
+        self.pipeline.scheduler_mut().set_resolution(resolution);
+        self.is_dirty = true;
     }
 
     /// Changes the aim.

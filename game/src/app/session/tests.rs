@@ -48,10 +48,10 @@ fn a_resolution_is_a_share_of_the_window_and_of_nothing_else() {
         (Resolution::Full, 1280),
     ] {
         session.set_resolution(resolution);
-        assert_eq!(session.pipeline.scheduler().window().width, width);
+        assert_eq!(session.pipeline.scheduler().sharpest().width, width);
         assert_eq!(session.pixels, ImageSize::new(1280, 720), "screenshots");
     }
     session.set_resolution(Resolution::Half);
     session.resize(ImageSize::new(0, 0));
-    assert_eq!(session.pipeline.scheduler().window().pixels(), 0);
+    assert_eq!(session.pipeline.scheduler().sharpest().pixels(), 0);
 }

@@ -25,7 +25,7 @@ use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
 
 use crate::display::DisplayFrame;
 use crate::frame::accumulation::AccumulatedFrame;
-use crate::frame::quality::{Quality, QualityLevel, QualityPreference};
+use crate::frame::quality::{Quality, QualityLevel, QualityPreference, Resolution};
 use crate::play::ShotClock;
 use crate::scene::scene_builder::EXPOSURE;
 
@@ -125,6 +125,7 @@ impl Default for SchedulerStats {
 #[derive(Debug)]
 pub struct FrameScheduler {
     window: ImageSize,
+    resolution: Resolution,
     max_depth: u32,
     quality: Quality,
     lead: LeadTime,
@@ -170,6 +171,7 @@ impl FrameScheduler {
     pub fn new(window: ImageSize, in_flight_max: usize, max_depth: u32) -> Self {
         Self {
             window,
+            resolution: Resolution::default(),
             max_depth,
             quality: Quality::default(),
             lead: LeadTime::default(),
@@ -211,6 +213,19 @@ impl FrameScheduler {
             self.window = window;
             self.target = None;
         }
+    }
+
+    /// Traces no picture sharper than this from the next one on.
+    pub fn set_resolution(&mut self, resolution: Resolution) {
+        if self.resolution != resolution {
+            self.resolution = resolution;
+            self.target = None;
+        }
+    }
+
+    /// Pixels of a view at rest.
+    pub fn sharpest(&self) -> ImageSize {
+        self.resolution.size(self.window)
     }
 
     /// Pixels of the window.
@@ -445,9 +460,10 @@ impl FrameScheduler {
         if now_secs - self.still_since_secs < STILL_SECS {
             return None;
         }
+        let size = self.sharpest();
         let spec = || FrameSpec {
             update: update.clone(),
-            size: self.window,
+            size,
             settings: RenderSettings {
                 samples: SAMPLES_MAX,
                 max_depth: self.max_depth,
@@ -462,7 +478,7 @@ impl FrameScheduler {
             accumulated: 0,
         };
         let render = &mut self.refinement.get_or_insert_with(state).render;
-        render.set_frame_samples(self.quality.samples_within(REFINEMENT_SECS, self.window));
+        render.set_frame_samples(self.quality.samples_within(REFINEMENT_SECS, size));
         render.next_frame().map(|spec| FrameRequest {
             spec,
             deadline: None,
@@ -474,13 +490,22 @@ impl FrameScheduler {
         self.pending.drain(..).map(|pending| pending.id).collect()
     }
 
+    /// A level's pixels: what moves is not sharper than what rests.
+    fn size_of(&self, level: QualityLevel) -> ImageSize {
+        let (size, sharpest) = (level.size(self.window), self.sharpest());
+        match size.pixels() > sharpest.pixels() {
+            true => sharpest,
+            false => size,
+        }
+    }
+
     fn level_order(&mut self, update: SceneUpdate, role: RequestKind) -> FrameRequest {
         let level: QualityLevel = self.quality.level();
         self.requests += 1;
         FrameRequest {
             spec: FrameSpec {
                 update,
-                size: level.size(self.window),
+                size: self.size_of(level),
                 settings: RenderSettings {
                     samples: level.samples,
                     denoise: level.denoise,

@@ -224,6 +224,23 @@ fn a_still_table_is_drafted_once_and_then_refined_by_disjoint_samples() {
 }
 
 #[test]
+fn a_resolution_bounds_pictures_at_rest_and_leaves_coarser_ones() {
+    let sizes = |resolution| {
+        let mut bench = TestBench::new(1e6);
+        bench.scheduler.set_resolution(resolution);
+        for _ in 0..200 {
+            bench.step(&ViewTarget::Live(scene_at(1.0)));
+        }
+        let size = |request: &FrameRequest| request.spec.size;
+        let drafted = bench.requests.first().map(size);
+        (drafted, bench.requests.last().map(size))
+    };
+    let (drafted, refined) = sizes(Resolution::Full);
+    assert_eq!(refined, Some(WINDOW));
+    assert_eq!(sizes(Resolution::Half), (drafted, Some(WINDOW.scaled(0.5))));
+}
+
+#[test]
 fn refinement_ends_and_then_nothing_is_asked() {
     let mut bench = TestBench::new(1e8);
     let target = ViewTarget::Live(scene_at(0.5));

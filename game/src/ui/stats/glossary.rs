@@ -25,7 +25,7 @@ terms! {
     FPS "fps" "Redraws of the window per second, over the last quarter of a second in which something moved. Traced frames are counted by frames/s."
     NEW_PICTURES "new pictures" "Pictures per second that are traced. Between them the newest one is moved to where you look, so that fps may be higher."
     DELAY "each takes" "Milliseconds from the request of a picture until it is there. Shots are requested that much ahead, so that you do not wait."
-    SHARPNESS "sharpness" "Edge of the newest picture as a share of what a view at rest gets, which the resolution in the settings decides. What moves has less."
+    SHARPNESS "sharpness" "Edge of the newest picture as a share of the window's. A view that rests gets to the resolution of the settings, 100 % unless you chose less."
     MADE_BY "made by" "Device that traces the picture, or how many machines do."
     FPS_MEAN "mean" "Mean redraws per second over the last 1,000 while something moved."
     LOW_1 "1% low" "Redraw rate of the slowest 1 %: one over the 99th percentile of the time between redraws, over the last 1,000."
