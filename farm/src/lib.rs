@@ -71,6 +71,7 @@ mod stats;
 mod still;
 mod submission;
 mod submitter;
+mod token_bucket;
 
 pub use accumulated_render::{AccumulatedRender, SampleBatch, trace_aovs};
 pub use balancing::{Algorithm, Balancing, Distribution};

@@ -70,7 +70,6 @@ pub mod server;
 mod signals;
 mod tile_transport;
 mod tls;
-mod token_bucket;
 
 pub use address::NodeAddress;
 pub use authority::{Authority, IssuedCertificate};

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use carom_protocol::limits;
 use tokio::sync::Semaphore;
 
-use crate::net::token_bucket::TokenBucket;
+use crate::token_bucket::TokenBucket;
 
 /// Bytes of a player's control streams that a node reads at once, and each second: a full cache of
 /// large scenes, then one in three seconds.

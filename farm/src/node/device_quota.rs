@@ -3,20 +3,14 @@
 use std::time::Instant;
 
 use super::fair_queue::PlayerId;
+use crate::token_bucket::TokenBucket;
 
-/// A token bucket of device seconds for each player: it holds those of an hour, and fills in an hour.
+/// A bucket of device seconds for each player: it holds those of an hour, and fills in an hour.
 #[derive(Debug)]
 pub(super) struct DeviceQuota {
     secs_per_hour: f64,
-    /// Players whose buckets were not full when they were last looked at.
-    buckets: Vec<Bucket>,
-}
-
-#[derive(Debug)]
-struct Bucket {
-    player: PlayerId,
-    left_secs: f64,
-    filled: Instant,
+    /// Of players whose buckets were not full when one was last charged.
+    buckets: Vec<(PlayerId, TokenBucket)>,
 }
 
 impl DeviceQuota {
@@ -30,36 +24,23 @@ impl DeviceQuota {
 
     /// Takes what a player has had of the device.
     pub(super) fn charge(&mut self, now: Instant, player: PlayerId, secs: f64) {
-        let (all_secs, per_sec) = (self.secs_per_hour, self.per_sec());
-        for bucket in &mut self.buckets {
-            bucket.fill(now, all_secs, per_sec);
+        self.buckets.retain_mut(|(_, bucket)| !bucket.is_full(now));
+        if let Some(bucket) = self.bucket(player) {
+            bucket.take(now, secs);
+            return;
         }
-        self.buckets.retain(|bucket| bucket.left_secs < all_secs);
-        let of_player = self
-            .buckets
-            .iter_mut()
-            .find(|bucket| bucket.player == player);
-        match of_player {
-            Some(bucket) => bucket.left_secs -= secs,
-            None => self.buckets.push(Bucket {
-                player,
-                left_secs: all_secs - secs,
-                filled: now,
-            }),
-        }
+        let mut bucket = TokenBucket::new(now, self.secs_per_hour, self.per_sec());
+        bucket.take(now, secs);
+        self.buckets.push((player, bucket));
     }
 
     /// The sentence for a player that has had all.
     pub(super) fn refusal(&mut self, now: Instant, player: PlayerId) -> Option<String> {
-        let (all_secs, per_sec) = (self.secs_per_hour, self.per_sec());
-        let bucket = self
-            .buckets
-            .iter_mut()
-            .find(|bucket| bucket.player == player)?;
-        bucket.fill(now, all_secs, per_sec);
-        (bucket.left_secs < 0.0).then(|| {
-            // With something to spare, so that who comes back then is not refused at once.
-            let pause_secs = (1.0 - bucket.left_secs) / per_sec;
+        let pause = self.bucket(player)?.take(now, 0.0);
+        // With a second of the device to spare, so that who comes back then is not refused at once.
+        let pause_secs = pause.as_secs_f64() + 1.0 / self.per_sec();
+        let all_secs = self.secs_per_hour;
+        (!pause.is_zero()).then(|| {
             format!(
                 "this node gives each player {all_secs} s of its device an hour, and you have had yours: ask \
                  again in {pause_secs:.0} s, or ask its operator for more (`carom-farm node --player-seconds`)"
@@ -67,16 +48,13 @@ impl DeviceQuota {
         })
     }
 
+    fn bucket(&mut self, player: PlayerId) -> Option<&mut TokenBucket> {
+        let mut buckets = self.buckets.iter_mut();
+        buckets.find_map(|(of, bucket)| (*of == player).then_some(bucket))
+    }
+
     fn per_sec(&self) -> f64 {
         self.secs_per_hour / HOUR_SECS
-    }
-}
-
-impl Bucket {
-    fn fill(&mut self, now: Instant, all_secs: f64, per_sec: f64) {
-        let since = now.saturating_duration_since(self.filled);
-        self.left_secs = (self.left_secs + since.as_secs_f64() * per_sec).min(all_secs);
-        self.filled = now;
     }
 }
 

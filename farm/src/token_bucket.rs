@@ -24,10 +24,21 @@ impl TokenBucket {
 
     /// Takes tokens, and returns the pause until the bucket is no longer overdrawn.
     pub(crate) fn take(&mut self, now: Instant, tokens: f64) -> Duration {
-        let filled = now.saturating_duration_since(self.filled).as_secs_f64() * self.per_sec;
-        self.filled = now;
-        self.tokens = (self.tokens + filled).min(self.burst) - tokens;
+        self.fill(now);
+        self.tokens -= tokens;
         Duration::from_secs_f64((-self.tokens / self.per_sec).max(0.0))
+    }
+
+    /// Whether nothing that was taken is missing any more.
+    pub(crate) fn is_full(&mut self, now: Instant) -> bool {
+        self.fill(now);
+        self.tokens == self.burst
+    }
+
+    fn fill(&mut self, now: Instant) {
+        let since = now.saturating_duration_since(self.filled).as_secs_f64();
+        self.filled = now;
+        self.tokens = (self.tokens + since * self.per_sec).min(self.burst);
     }
 }
 
