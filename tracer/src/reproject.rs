@@ -94,8 +94,12 @@ impl View {
                 None => missing.push(x),
             }
         }
+        if missing.is_empty() {
+            return 0;
+        }
+        let whole = whole_neighbourhoods(row.len(), &missing);
         for &x in &missing {
-            row[x] = row[stand_in(primitives, &missing, x)];
+            row[x] = row[stand_in(primitives, &whole, x)];
         }
         missing.len()
     }
@@ -153,17 +157,28 @@ impl View {
             return None;
         }
         let (x, y) = (x - 0.5, y - 0.5);
-        let (left, above) = (x.floor(), y.floor());
+        // Rounded down: both are above -1, and `f32::floor` is a call on processors without SSE4.1.
+        let [left, above] = [x, y].map(|at| (at + 1.0) as i32 - 1);
+        let (right_share, lower_share) = (x - left as f32, y - above as f32);
+        let last = [width as i32 - 1, height as i32 - 1];
+        let columns = [left, left + 1].map(|at| at.clamp(0, last[0]) as usize);
+        let lines = [above, above + 1].map(|at| at.clamp(0, last[1]) as usize);
+        let shares = [
+            (
+                columns[0],
+                lines[0],
+                (1.0 - right_share) * (1.0 - lower_share),
+            ),
+            (columns[1], lines[0], right_share * (1.0 - lower_share)),
+            (columns[0], lines[1], (1.0 - right_share) * lower_share),
+            (columns[1], lines[1], right_share * lower_share),
+        ];
         let (mut sum, mut weights) = ([0.0; N], 0.0);
-        for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let column = (left as i64 + i).clamp(0, i64::from(width) - 1) as usize;
-            let line = (above as i64 + j).clamp(0, i64::from(height) - 1) as usize;
+        for (column, line, weight) in shares {
             let index = line * width as usize + column;
             if self.hits.primitive[index] != primitive {
                 continue;
             }
-            let weight = |offset: f32, side: i64| if side == 1 { offset } else { 1.0 - offset };
-            let weight = weight(x - left, i) * weight(y - above, j);
             weights += weight;
             for (sum, channel) in sum.iter_mut().zip(pixels[index]) {
                 *sum += weight * channel.to_f32();
@@ -237,18 +252,22 @@ impl FilmProjection {
     }
 }
 
-/// The pixel of a row that stands in for the missing one at `x`: the nearest that is there with
-/// its neighbours and shows the same primitive, for what lies next to a gap holds some of what
-/// was in it; else the nearest that is there, else itself. `missing` is in order.
-fn stand_in(primitives: &[u32], missing: &[usize], x: usize) -> usize {
-    let there = |at: &usize| {
-        let next = missing.partition_point(|gap| gap + 1 < *at);
-        missing.get(next).is_none_or(|gap| *gap > at + 1)
-    };
+/// Which pixels of a row are there with their neighbours: what lies next to a gap holds some of what was in it.
+fn whole_neighbourhoods(width: usize, missing: &[usize]) -> Vec<bool> {
+    let mut whole = vec![true; width];
+    for &x in missing {
+        whole[x.saturating_sub(1)..(x + 2).min(width)].fill(false);
+    }
+    whole
+}
+
+/// The pixel of a row that stands in for the missing one at `x`: the nearest `whole` one of the same primitive, else
+/// the nearest `whole` one, else itself.
+fn stand_in(primitives: &[u32], whole: &[bool], x: usize) -> usize {
     let outwards = (1..primitives.len()).flat_map(|step| [x.wrapping_sub(step), x + step]);
-    let outwards = outwards.filter(|at| *at < primitives.len()).filter(there);
+    let whole = outwards.filter(|at| whole.get(*at) == Some(&true));
     let mut nearest = None;
-    for at in outwards.take(STAND_IN_TRIES) {
+    for at in whole.take(STAND_IN_TRIES) {
         if primitives[at] == primitives[x] {
             return at;
         }
@@ -271,7 +290,7 @@ impl Channel for u8 {
     }
 
     fn from_f32(value: f32) -> Self {
-        value.round() as Self
+        (value + 0.5) as Self
     }
 }
 
@@ -421,8 +440,15 @@ mod tests {
 
     #[test]
     fn disoccluded_pixels_take_the_nearest_of_their_object() {
-        assert_eq!(stand_in(&[5, 5, 7, 7, 5, 5, 5, 5], &[4], 4), 6);
-        assert_eq!(stand_in(&[5, 7, 7, 7], &[0], 0), 2);
-        assert_eq!(stand_in(&[5, 5], &[0, 1], 0), 0);
+        let found = |primitives: &[u32], missing: &[usize], x| {
+            stand_in(
+                primitives,
+                &whole_neighbourhoods(primitives.len(), missing),
+                x,
+            )
+        };
+        assert_eq!(found(&[5, 5, 7, 7, 5, 5, 5, 5], &[4], 4), 6);
+        assert_eq!(found(&[5, 7, 7, 7], &[0], 0), 2);
+        assert_eq!(found(&[5, 5], &[0, 1], 0), 0);
     }
 }

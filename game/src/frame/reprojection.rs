@@ -8,8 +8,8 @@ use carom_tracer::{CompiledScene, Error, ImageSize, Scene, SceneUpdate, Tile};
 
 use crate::display::DisplayFrame;
 
-/// Moves pictures. Costs 30 ns of processor time a pixel of a new picture and 40 ns a pixel of each moved one, on
-/// all threads, and nothing while the newest picture is of the present.
+/// Moves pictures. Costs [`NEW_PIXEL_NANOS`] and [`MOVED_PIXEL_NANOS`] of processor time, on all threads, and nothing
+/// while the newest picture is of the present.
 #[derive(Debug)]
 pub struct Reprojector {
     scene: CompiledScene,
@@ -127,19 +127,21 @@ impl Reprojector {
     }
 }
 
-/// The size in which a picture is moved: its own where the threads can take that, new picture included, in the time of
-/// some 8 ms. What moves fast needs no more.
+/// The size in which a picture is moved: its own where the threads can take that in time. What moves fast needs no more.
 fn moved_size(size: ImageSize, threads: usize) -> ImageSize {
-    let affordable = (threads * PIXELS_PER_THREAD).saturating_sub(size.pixels());
-    let pixels = affordable.max(PIXELS_MIN) as f64;
+    let left_nanos = threads as f64 * MOVE_NANOS - size.pixels() as f64 * NEW_PIXEL_NANOS;
+    let pixels = (left_nanos / MOVED_PIXEL_NANOS).max(PIXELS_MIN as f64);
     let share = (pixels / size.pixels().max(1) as f64).sqrt().min(1.0);
     let edge = |pixels: u32| ((f64::from(pixels) * share).round() as u32).max(1);
     ImageSize::new(edge(size.width), edge(size.height))
 }
 
-/// Pixels that a thread looks at or moves in 8 ms.
-const PIXELS_PER_THREAD: usize = 240_000;
-/// 640 × 360: 9 ms of processor time.
+/// What a new picture and its first move may take of each thread.
+const MOVE_NANOS: f64 = 4e6;
+/// Time of a thread a pixel of a new picture, and a pixel of a moved one.
+const NEW_PIXEL_NANOS: f64 = 30.0;
+const MOVED_PIXEL_NANOS: f64 = 80.0;
+/// 640 × 360, however long that takes.
 const PIXELS_MIN: usize = 640 * 360;
 /// Reprojected frames are numbered from here: traced ones never get so far.
 const SERIALS_FIRST: u64 = 1 << 63;
@@ -252,15 +254,11 @@ mod tests {
     #[test]
     fn the_more_threads_the_more_pixels_are_moved_up_to_all() {
         let full = ImageSize::new(1920, 1080);
-        let pixels: Vec<usize> = [1, 4, 8, 10, 12, 16, 32]
+        let pixels: Vec<usize> = [1, 4, 8, 16, 20, 32, 64]
             .map(|threads| moved_size(full, threads).pixels())
             .to_vec();
         assert!(pixels.is_sorted(), "{pixels:?}");
         assert_eq!(pixels[0], 640 * 360);
-        assert_eq!(
-            moved_size(ImageSize::new(1280, 720), 8),
-            ImageSize::new(1280, 720)
-        );
-        assert_eq!(moved_size(full, 32), full);
+        assert_eq!(moved_size(full, 64), full);
     }
 }
