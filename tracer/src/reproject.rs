@@ -252,26 +252,34 @@ impl FilmProjection {
     }
 }
 
-/// Which pixels of a row are there with their neighbours: what lies next to a gap holds some of what was in it.
-fn whole_neighbourhoods(width: usize, missing: &[usize]) -> Vec<bool> {
+/// The pixels of a row that are there with their neighbours, in order: what lies next to a gap holds some of what was
+/// in it.
+fn whole_neighbourhoods(width: usize, missing: &[usize]) -> Vec<usize> {
     let mut whole = vec![true; width];
     for &x in missing {
         whole[x.saturating_sub(1)..(x + 2).min(width)].fill(false);
     }
-    whole
+    (0..width).filter(|x| whole[*x]).collect()
 }
 
 /// The pixel of a row that stands in for the missing one at `x`: the nearest `whole` one of the same primitive, else
 /// the nearest `whole` one, else itself.
-fn stand_in(primitives: &[u32], whole: &[bool], x: usize) -> usize {
-    let outwards = (1..primitives.len()).flat_map(|step| [x.wrapping_sub(step), x + step]);
-    let whole = outwards.filter(|at| whole.get(*at) == Some(&true));
+fn stand_in(primitives: &[u32], whole: &[usize], x: usize) -> usize {
+    let (before, after) = whole.split_at(whole.partition_point(|at| *at < x));
+    let mut before = before.iter().rev().copied().peekable();
+    let mut after = after.iter().copied().peekable();
     let mut nearest = None;
-    for at in whole.take(STAND_IN_TRIES) {
-        if primitives[at] == primitives[x] {
-            return at;
+    for _ in 0..STAND_IN_TRIES {
+        let at = match (before.peek(), after.peek()) {
+            (Some(left), Some(right)) if x - left <= right - x => before.next(),
+            (Some(_), None) => before.next(),
+            _ => after.next(),
+        };
+        match at {
+            Some(at) if primitives[at] == primitives[x] => return at,
+            None => break,
+            at => nearest = nearest.or(at),
         }
-        nearest = nearest.or(Some(at));
     }
     nearest.unwrap_or(x)
 }
