@@ -14,6 +14,7 @@ use std::sync::atomic::AtomicBool;
 
 use carom::scene::ball_materials::BallSet;
 use carom::scene::export::{SceneView, opening_scene};
+use carom::scene::table_args::TableArgs;
 use carom::scene::table_scene::TableScene;
 use carom_billiards::rules::RuleSet;
 use carom_tracer::film::trace_image;
@@ -34,8 +35,20 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let tracer = CpuTracer::new()?;
     let mut scene = match view.as_str() {
-        "snooker" => opening_scene(None, RuleSet::Snooker, set.into(), SceneView::Table, 1)?,
-        "carom" => opening_scene(None, RuleSet::ThreeCushion, set.into(), SceneView::Table, 1)?,
+        "snooker" => opening_scene(
+            &TableArgs::default(),
+            RuleSet::Snooker,
+            set.into(),
+            SceneView::Table,
+            1,
+        )?,
+        "carom" => opening_scene(
+            &TableArgs::default(),
+            RuleSet::ThreeCushion,
+            set.into(),
+            SceneView::Table,
+            1,
+        )?,
         _ => TableScene::room(set).scene().clone(),
     };
     if !matches!(view.as_str(), "snooker" | "carom") {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use carom_billiards::PlayersFault;
 use carom_billiards::game_match::{Match, MatchConfig, Player};
-use carom_billiards::physics::{Engine, Recording, Table};
+use carom_billiards::physics::{Engine, Recording, Table, TableOptions};
 use carom_billiards::rules::RuleSet;
 use carom_farm::{Balancing, FarmConfig, FrameRange, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
@@ -15,6 +15,7 @@ use crate::display::Present;
 use crate::play::tournament::MatchArgs;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::export::SceneArgs;
+use crate::scene::table_args::TableArgs;
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::{ClothColour, TableStyle};
 use crate::settings::engine_cost_table;
@@ -67,10 +68,9 @@ pub struct Args {
     /// Write the frames to this folder
     #[arg(long, value_name = "DIR", default_value = "carom-frames")]
     pub out: PathBuf,
-    /// Table: nine_foot, eight_foot, seven_foot, snooker or carom [default: nine_foot, or the table of
-    /// the replay]
-    #[arg(long, value_name = "TABLE", value_parser = Table::built_in)]
-    pub table: Option<Table>,
+    /// The table and its options.
+    #[command(flatten)]
+    pub table: TableArgs,
     /// Game: free, eight, nine, straight, snooker or three-cushion [default: the unfinished match, else
     /// free]
     #[arg(long, value_enum, value_name = "GAME")]
@@ -206,14 +206,14 @@ impl Args {
     /// # Errors
     /// A sentence with the file and what is wrong with it.
     pub fn table_and_recording(&self) -> anyhow::Result<(Table, Option<Recording>)> {
-        let asked = || self.table.clone().unwrap_or_else(TableScene::table);
         let Some(path) = &self.replay else {
-            return Ok((asked(), None));
+            let table = self.table.of(TableScene::table(), self.table.options());
+            return Ok((table, None));
         };
         let recording = Recording::load(path)?;
-        let table = match &self.table {
-            Some(table) => table.clone(),
-            None => Table::named(&recording.table).unwrap_or_else(TableScene::table),
+        let table = match Table::named(&recording.table) {
+            Some(table) if !self.table.is_asked() => table,
+            _ => self.table.of(TableScene::table(), self.table.options()),
         };
         if recording.table != table.name() {
             anyhow::bail!(
@@ -226,12 +226,12 @@ impl Args {
         Ok((table, Some(recording)))
     }
 
-    /// The match that the options ask for; none if they ask for none.
+    /// The match that the arguments ask for, on a table with `options`; none if they ask for none.
     ///
     /// # Errors
     /// A sentence for players, a target or a table that the game does not allow.
-    pub fn contest(&self) -> anyhow::Result<Option<Match>> {
-        let wants_table = self.table.is_some() || self.replay.is_some();
+    pub fn contest(&self, options: TableOptions) -> anyhow::Result<Option<Match>> {
+        let wants_table = self.table.is_asked() || self.replay.is_some();
         if self.rules.is_none() && self.players.is_none() && self.target == 0 && !wants_table {
             return Ok(None);
         }
@@ -243,10 +243,9 @@ impl Args {
             (None, _) => Player::list("ai")?,
         };
         let own = MatchConfig::new(rules, players, self.seed)?;
-        let table = if wants_table {
-            self.table_and_recording()?.0
-        } else {
-            own.table
+        let table = match self.replay {
+            Some(_) => self.table_and_recording()?.0,
+            None => self.table.of(own.table, options),
         };
         let begun = Match::new(MatchConfig {
             table,

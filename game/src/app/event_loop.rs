@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, anyhow};
 use carom_billiards::game_match::{Match, MatchSave};
+use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
 use carom_farm::FarmConfig;
 use carom_tracer::ImageSize;
@@ -40,17 +41,19 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     let settings = store(args);
     let kept_in = settings.path().map(|path| path.with_file_name(MATCH_FILE));
     let mut notes = Vec::new();
-    let asked = args.contest()?;
+    let options = settings.settings.table_options();
+    let asked = args.contest(options)?;
     let is_open = asked.is_none();
     let contest = match asked {
         Some(contest) => contest,
-        None => left(kept_in.as_deref(), &mut notes, args.seed)?,
+        None => left(kept_in.as_deref(), &mut notes, options, args.seed)?,
     };
     let chosen = &settings.settings;
     let mut session = GameSession::new(config, contest, chosen.style())?;
     if let Some(path) = kept_in {
         session.autosave_to(path);
     }
+    session.show_opening_still();
     session.set_engine(chosen.physics);
     session.set_quality_preference(chosen.quality);
     session.set_resolution(chosen.resolution);
@@ -88,8 +91,13 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
     app.failure.map_or(Ok(()), Err)
 }
 
-/// The match that was left the last time, else a free table.
-fn left(path: Option<&Path>, notes: &mut Vec<String>, seed: u32) -> carom_billiards::Result<Match> {
+/// The match that was left the last time, else a free table with `options`.
+fn left(
+    path: Option<&Path>,
+    notes: &mut Vec<String>,
+    options: TableOptions,
+    seed: u32,
+) -> carom_billiards::Result<Match> {
     let kept = path.map_or(Ok(None), MatchSave::load);
     let played = kept.and_then(|record| record.map(|record| record.play()).transpose());
     match played {
@@ -105,7 +113,7 @@ fn left(path: Option<&Path>, notes: &mut Vec<String>, seed: u32) -> carom_billia
         Ok(_) => {}
         Err(why) => notes.push(format!("Cannot resume the unfinished match: {why}")),
     }
-    play::free_table(TableScene::table(), seed)
+    play::free_table(TableScene::table().with_options(options), seed)
 }
 
 /// The player's settings; options of the command line win for as long as it runs.
@@ -117,6 +125,8 @@ fn store(args: &Args) -> SettingsStore {
     store.with_override(|settings| {
         settings.ball_set = args.ball_set.unwrap_or(settings.ball_set);
         settings.cloth = args.cloth.unwrap_or(settings.cloth);
+        settings.pockets = args.table.pockets.unwrap_or(settings.pockets);
+        settings.table_speed = args.table.table_speed.unwrap_or(settings.table_speed);
         settings.physics = args.physics.unwrap_or(settings.physics);
     });
     store

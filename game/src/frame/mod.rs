@@ -3,6 +3,7 @@
 pub mod accumulation;
 pub mod cross_fade;
 pub mod farm_startup;
+pub mod opening_still;
 pub mod pipeline;
 pub mod quality;
 pub mod reprojection;

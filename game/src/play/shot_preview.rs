@@ -9,12 +9,12 @@ use glam::DVec3;
 pub enum AimAids {
     /// Nothing but the cue
     Off,
-    /// The cue ball's way to what it meets first
+    /// The cue ball's path to what it meets first
     Line,
-    /// Also the ball's place there, and the ways of both balls from there
+    /// Ghost ball at contact, and where both balls go next
     #[default]
     Ghost,
-    /// The ways of all balls until they rest, at the power that is set
+    /// The paths of all balls until they rest, at the power that is set
     Full,
 }
 

@@ -5,22 +5,22 @@ use std::path::PathBuf;
 use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::Table;
 use carom_billiards::rules::RuleSet;
-use carom_tracer::{Camera, Scene, Shape};
+use carom_tracer::{Camera, Scene, SceneUpdate, Shape};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 
 use crate::camera::Viewpoint;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::cue_stick::CuePose;
+use crate::scene::table_args::TableArgs;
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::{ClothColour, TableStyle};
 
 /// Options of `carom scene`.
 #[derive(Clone, Debug, Args)]
 pub struct SceneArgs {
-    /// Table: nine_foot, eight_foot, seven_foot, snooker or carom [default: that of the game]
-    #[arg(long, value_name = "TABLE", value_parser = Table::built_in)]
-    table: Option<Table>,
+    #[command(flatten)]
+    table: TableArgs,
     /// Game whose balls are racked
     #[arg(long, value_enum, value_name = "GAME", default_value_t)]
     rules: RuleSet,
@@ -107,7 +107,7 @@ const RACK_BEARING_RAD: f64 = 0.4;
 /// # Errors
 /// [`carom_billiards::Error`] if the game is not played on the table.
 pub fn opening_scene(
-    table: Option<Table>,
+    table: &TableArgs,
     rules: RuleSet,
     style: TableStyle,
     view: SceneView,
@@ -116,26 +116,14 @@ pub fn opening_scene(
     let players = vec![Player::Human(String::new()); *rules.info().players.start()];
     let own = MatchConfig::new(rules, players, seed)?;
     let contest = Match::new(MatchConfig {
-        table: table.unwrap_or_else(|| own.table.clone()),
+        table: table.of(own.table, table.options()),
         ..own
     })?;
     let room = TableScene::of(&contest, style);
-    let camera = view.camera(contest.world().table(), &room, &contest);
-    let poses: Vec<_> = contest
-        .world()
-        .balls()
-        .iter()
-        .map(|ball| ball.pose())
-        .collect();
+    let update = opening_update(&room, &contest, view);
     let mut scene = room.scene().clone();
-    scene.camera = camera;
-    let cue_ball = poses.iter().find(|pose| pose.number == 0);
-    let cue = cue_ball.map(|ball| {
-        let bearing_rad = (-ball.position.truncate()).to_angle();
-        let radius_m = contest.world().table().cue_ball().radius_m;
-        CuePose::aimed(ball.position, radius_m, bearing_rad)
-    });
-    for pose in room.update(camera, &poses, cue.as_ref()).poses {
+    scene.camera = update.camera.unwrap_or(scene.camera);
+    for pose in update.poses {
         if let Shape::Sphere {
             center, rotation, ..
         }
@@ -149,6 +137,20 @@ pub fn opening_scene(
     Ok(scene)
 }
 
+/// What `room` shows of a match before its first stroke.
+pub fn opening_update(room: &TableScene, contest: &Match, view: SceneView) -> SceneUpdate {
+    let table = contest.world().table();
+    let camera = view.camera(table, room, contest);
+    let balls = contest.world().balls();
+    let poses: Vec<_> = balls.iter().map(|ball| ball.pose()).collect();
+    let cue_ball = poses.iter().find(|pose| pose.number == 0);
+    let cue = cue_ball.map(|ball| {
+        let bearing_rad = (-ball.position.truncate()).to_angle();
+        CuePose::aimed(ball.position, table.cue_ball().radius_m, bearing_rad)
+    });
+    room.update(camera, &poses, cue.as_ref())
+}
+
 impl SceneArgs {
     /// Writes the scene file.
     ///
@@ -156,7 +158,7 @@ impl SceneArgs {
     /// A sentence for a table that the game is not played on, or a file that cannot be written.
     pub fn run(&self) -> anyhow::Result<()> {
         let scene = opening_scene(
-            self.table.clone(),
+            &self.table,
             self.rules,
             TableStyle {
                 balls: self.ball_set,
@@ -186,7 +188,14 @@ mod tests {
     fn every_game_exports_both_views() {
         for rules in RuleSet::value_variants() {
             for view in SceneView::value_variants() {
-                let scene = opening_scene(None, *rules, TableStyle::default(), *view, 1).unwrap();
+                let scene = opening_scene(
+                    &TableArgs::default(),
+                    *rules,
+                    TableStyle::default(),
+                    *view,
+                    1,
+                )
+                .unwrap();
                 assert_eq!(Scene::from_json(&scene.to_json().unwrap()).unwrap(), scene);
             }
         }
@@ -195,7 +204,7 @@ mod tests {
     #[test]
     fn exported_balls_lie_where_they_are_racked() {
         let scene = opening_scene(
-            None,
+            &TableArgs::default(),
             RuleSet::Eight,
             TableStyle::default(),
             SceneView::Cue,
@@ -218,9 +227,12 @@ mod tests {
 
     #[test]
     fn game_on_wrong_table_is_refused() {
-        let table = Table::built_in("carom").unwrap();
+        let carom = TableArgs {
+            built_in: Some(Table::built_in("carom").unwrap()),
+            ..TableArgs::default()
+        };
         let scene = opening_scene(
-            Some(table),
+            &carom,
             RuleSet::Eight,
             TableStyle::default(),
             SceneView::Cue,

@@ -4,5 +4,6 @@ pub mod ball_materials;
 pub mod cue_stick;
 pub mod export;
 pub mod scene_builder;
+pub mod table_args;
 pub mod table_scene;
 pub mod table_style;

@@ -19,7 +19,7 @@ pub use engine_cost::{engine_cost, engine_cost_table};
 pub use field::{FIELDS, SettingsField};
 pub use store::SettingsStore;
 
-use carom_billiards::physics::Engine;
+use carom_billiards::physics::{Engine, PocketSize, TableOptions, TableSpeed};
 
 use crate::camera::{SAVED_MAX, Viewpoint};
 use crate::frame::quality::{QualityPreference, Resolution};
@@ -52,7 +52,11 @@ pub struct Settings {
     pub cue: CueStyle,
     /// Light of the room.
     pub brightness: Brightness,
-    /// What moves them.
+    /// Pockets of the tables that games are begun on.
+    pub pockets: PocketSize,
+    /// Cloth of the tables that games are begun on.
+    pub table_speed: TableSpeed,
+    /// What moves the balls.
     pub physics: Engine,
     /// What is given up first while things move.
     pub quality: QualityPreference,
@@ -87,6 +91,14 @@ impl Settings {
             brightness: self.brightness,
         }
     }
+
+    /// What is chosen of the tables that games are begun on.
+    pub fn table_options(&self) -> TableOptions {
+        TableOptions {
+            pockets: self.pockets,
+            speed: self.table_speed,
+        }
+    }
 }
 
 impl Default for Settings {
@@ -102,6 +114,8 @@ impl Default for Settings {
             cloth: ClothColour::default(),
             cue: CueStyle::default(),
             brightness: Brightness::default(),
+            pockets: PocketSize::default(),
+            table_speed: TableSpeed::default(),
             physics: Engine::default(),
             quality: QualityPreference::default(),
             resolution: Resolution::default(),

@@ -249,6 +249,8 @@ const BYTES_MAX: u64 = 1 << 20;
 
 #[cfg(test)]
 mod tests {
+    use carom_billiards::physics::{PocketSize, TableSpeed};
+
     use super::*;
     use crate::camera::Viewpoint;
     use crate::input::{BindingContext, Trigger};
@@ -314,6 +316,8 @@ mod tests {
             cloth: ClothColour::Red,
             cue: crate::scene::table_style::CueStyle::Ebony,
             brightness: crate::scene::table_style::Brightness::Bright,
+            pockets: PocketSize::Tight,
+            table_speed: TableSpeed::Fast,
             physics: "rapier-240".parse().unwrap(),
             quality: crate::frame::quality::QualityPreference::Fine,
             resolution: crate::frame::quality::Resolution::Half,

@@ -2,6 +2,7 @@
 
 use carom_billiards::ai::Level;
 use carom_billiards::game_match::{Match, MatchConfig, Player};
+use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
 use clap::ValueEnum as _;
 use egui::{Grid, RichText, Ui};
@@ -33,11 +34,11 @@ impl Default for NewGame {
 }
 
 impl NewGame {
-    /// The match that it means; `seed` draws the racks.
+    /// The match that it means, on a table with `options`; `seed` draws the racks.
     ///
     /// # Errors
     /// A sentence if there is no such match.
-    pub fn begin(&self, seed: u32) -> carom_billiards::Result<Match> {
+    pub fn begin(&self, seed: u32, options: TableOptions) -> carom_billiards::Result<Match> {
         let human = |name: &str| Player::Human(name.to_owned());
         let players = match (self.rules, self.computer) {
             (RuleSet::Free, _) => vec![human("You")],
@@ -48,9 +49,11 @@ impl NewGame {
             (_, Some(level)) => vec![human("You"), Player::Computer(level)],
             (_, None) => vec![human("Player 1"), human("Player 2")],
         };
+        let own = MatchConfig::new(self.rules, players, seed)?;
         Match::new(MatchConfig {
             target: self.target,
-            ..MatchConfig::new(self.rules, players, seed)?
+            table: own.table.with_options(options),
+            ..own
         })
     }
 }
@@ -158,8 +161,12 @@ mod tests {
                     target: 5,
                     is_watched: false,
                 };
-                let begun = game.begin(9).unwrap();
-                assert_eq!(begun.referee().rules(), rules);
+                for options in TableOptions::all() {
+                    let begun = game.begin(9, options).unwrap();
+                    assert_eq!(begun.referee().rules(), rules);
+                    let table = begun.world().table();
+                    assert_eq!(table, &table.with_options(options));
+                }
             }
         }
     }

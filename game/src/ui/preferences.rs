@@ -61,6 +61,12 @@ fn game(ui: &mut Ui, settings: &mut Settings) {
     choice(ui, "Balls", &mut settings.ball_set);
     choice(ui, "Cloth", &mut settings.cloth);
     choice(ui, "Cue", &mut settings.cue);
+    choice(ui, "Pockets of the next game", &mut settings.pockets);
+    choice(
+        ui,
+        "Table speed of the next game",
+        &mut settings.table_speed,
+    );
 }
 
 fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {

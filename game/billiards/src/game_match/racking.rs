@@ -102,7 +102,7 @@ pub(super) fn racked_world(
             ..BallState::at_rest(p.ball, p.at.x, p.at.y, &body)
         }
     });
-    let mut world = World::with_laws(table.clone(), Laws::default(), balls.collect())?;
+    let mut world = World::with_laws(table.clone(), Laws::of(table), balls.collect())?;
     world.set_engine(engine);
     Ok(world)
 }

@@ -6,7 +6,7 @@ use crate::{Error, Result};
 
 use super::{
     ball_ball::BallBallLaw, cloth::Cloth, cue_impact::Cue, cushion::CushionLaw,
-    slate_impact::BounceLaw,
+    slate_impact::BounceLaw, table::Table,
 };
 
 /// The laws that set velocities. The default is a pool table as measured by Alciatore
@@ -41,6 +41,13 @@ impl Default for Laws {
 }
 
 impl Laws {
+    /// The default laws with the resistance of a table's cloth.
+    pub fn of(table: &Table) -> Self {
+        let mut laws = Self::default();
+        laws.cloth.rolling_friction *= table.speed().resistance_factor();
+        laws
+    }
+
     /// # Errors
     /// [`Error::Laws`] for a constant outside of the range in which its law holds.
     pub fn validate(&self) -> Result<()> {

@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use crate::{Result, TableFault};
 
-use super::ball::BallBody;
+use super::{ball::BallBody, cloth::TableSpeed};
 
 /// The nose line of a straight cushion: balls touch it from the left of `from` → `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,6 +182,7 @@ pub struct Table {
     rails: Option<Rails>,
     ball: BallBody,
     cue_ball: BallBody,
+    speed: TableSpeed,
     low: DVec2,
     high: DVec2,
 }
@@ -262,6 +263,7 @@ impl Table {
             rails: None,
             ball: BallBody::POOL,
             cue_ball: BallBody::POOL,
+            speed: TableSpeed::default(),
             low,
             high,
         })
@@ -290,6 +292,11 @@ impl Table {
         };
         raised.slant(rails.rise_m / rails.cushion_width_m);
         raised
+    }
+
+    /// With another cloth.
+    pub(crate) fn with_speed(self, speed: TableSpeed) -> Self {
+        Self { speed, ..self }
     }
 
     /// Lets facings and jaws end at the tops of their cushions, which rise behind the noses.
@@ -402,6 +409,11 @@ impl Table {
     /// The cue ball, which may be larger than the others.
     pub fn cue_ball(&self) -> BallBody {
         self.cue_ball
+    }
+
+    /// How far a ball rolls on its cloth.
+    pub fn speed(&self) -> TableSpeed {
+        self.speed
     }
 
     /// Where the cue ball starts: a quarter of the length from the head cushion, at −x.

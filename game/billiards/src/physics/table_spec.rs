@@ -77,12 +77,19 @@ impl Table {
     /// # Errors
     /// [`crate::Error::Table`] with the place in the text or the rule that is broken.
     pub fn parse(json: &str) -> Result<Self> {
-        let spec: TableSpec = serde_json::from_str(json).map_err(TableFault::Json)?;
-        spec.build()
+        TableSpec::parse(json)?.build()
     }
 }
 
 impl TableSpec {
+    /// Reads the dimensions of a table from JSON.
+    ///
+    /// # Errors
+    /// [`crate::Error::Table`] with the place in the text.
+    pub fn parse(json: &str) -> Result<Self> {
+        Ok(serde_json::from_str(json).map_err(TableFault::Json)?)
+    }
+
     /// # Errors
     /// [`crate::Error::Table`] for a dimension out of its range, or pockets that leave no cushion.
     pub fn build(&self) -> Result<Table> {
@@ -339,64 +346,3 @@ impl PocketSpec {
         self.jaw_radius_m * tan(0.5 * self.turn_rad())
     }
 }
-
-impl Table {
-    /// A table that ships with the game, by the name of its file in `assets/tables`.
-    ///
-    /// # Errors
-    /// [`crate::Error::Table`] with the names there are, for another one.
-    pub fn built_in(name: &str) -> Result<Self> {
-        match BUILT_IN.iter().find(|(known, _)| *known == name) {
-            Some((_, json)) => Self::parse(json),
-            None => {
-                let names: Vec<&str> = Self::built_in_names().collect();
-                Err(TableFault::Unknown {
-                    name: name.to_owned(),
-                    known: names.join(", "),
-                }
-                .into())
-            }
-        }
-    }
-
-    /// The table that ships with the game under this name for the player.
-    pub fn named(name: &str) -> Option<Self> {
-        let mut tables = BUILT_IN
-            .iter()
-            .filter_map(|(_, json)| Self::parse(json).ok());
-        tables.find(|table| table.name() == name)
-    }
-
-    /// Names for [`Table::built_in`].
-    pub fn built_in_names() -> impl Iterator<Item = &'static str> {
-        BUILT_IN.iter().map(|(name, _)| *name)
-    }
-
-    /// A 9-foot pool table: 2.54 × 1.27 m between noses, six pockets.
-    pub fn nine_foot() -> Self {
-        Self::built_in("nine_foot").expect("the built-in tables are valid: a test reads them")
-    }
-}
-
-const BUILT_IN: [(&str, &str); 5] = [
-    (
-        "seven_foot",
-        include_str!("../../../../assets/tables/seven_foot.json"),
-    ),
-    (
-        "eight_foot",
-        include_str!("../../../../assets/tables/eight_foot.json"),
-    ),
-    (
-        "nine_foot",
-        include_str!("../../../../assets/tables/nine_foot.json"),
-    ),
-    (
-        "snooker",
-        include_str!("../../../../assets/tables/snooker.json"),
-    ),
-    (
-        "carom",
-        include_str!("../../../../assets/tables/carom.json"),
-    ),
-];

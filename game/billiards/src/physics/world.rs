@@ -29,13 +29,14 @@ pub struct World {
 }
 
 impl World {
-    /// A world with the default laws.
+    /// A world with the laws of its table.
     ///
     /// # Errors
     /// [`crate::Error::Layout`] for balls that overlap each other or a cushion, lie off the table or in a
     /// pocket, share a number or are not finite.
     pub fn new(table: Table, layout: BallLayout) -> Result<Self> {
-        Self::with_laws(table, Laws::default(), layout.balls)
+        let laws = Laws::of(&table);
+        Self::with_laws(table, laws, layout.balls)
     }
 
     /// A world with laws of its own, whose balls may be in motion.

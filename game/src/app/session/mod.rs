@@ -22,6 +22,7 @@ use crate::capture::background::CaptureSlot;
 use crate::capture::screenshot;
 use crate::capture::video::replay_film::{self, ReplayFilm};
 use crate::frame::farm_startup::FarmState;
+use crate::frame::opening_still::OpeningStill;
 use crate::frame::pipeline::FramePipeline;
 use crate::frame::quality::{QualityPreference, Resolution};
 use crate::input::{AimIntent, MatchIntent, PracticeIntent, ReplayIntent, StrokeIntent};
@@ -142,6 +143,15 @@ impl GameSession {
     /// Saves the match in this file from now on, whenever something was done.
     pub fn autosave_to(&mut self, path: PathBuf) {
         self.autosave.begin(path, self.game.contest());
+    }
+
+    /// Shows the opening still until the farm has traced a frame.
+    pub fn show_opening_still(&mut self) {
+        match OpeningStill::of(&self.table_scene) {
+            Ok(Some(still)) => self.pipeline.scheduler_mut().show_still(still),
+            Ok(None) => {}
+            Err(why) => tracing::error!("{why:#}"),
+        }
     }
 
     /// Follows the window's size.

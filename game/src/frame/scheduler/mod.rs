@@ -25,6 +25,7 @@ use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
 
 use crate::display::DisplayFrame;
 use crate::frame::accumulation::AccumulatedFrame;
+use crate::frame::opening_still::OpeningStill;
 use crate::frame::quality::{Quality, QualityLevel, QualityPreference, Resolution};
 use crate::play::ShotClock;
 use crate::scene::scene_builder::EXPOSURE;
@@ -351,6 +352,11 @@ impl FrameScheduler {
     /// The frame on show.
     pub fn shown(&self) -> Option<&DisplayFrame> {
         self.shown.as_ref()
+    }
+
+    /// Shows a picture that no farm has traced, until one has.
+    pub fn show_still(&mut self, still: OpeningStill) {
+        self.show(still.size, still.rgba, 0, still.update);
     }
 
     /// The frame that was on show before, once.
