@@ -19,6 +19,9 @@ use crate::{Balancing, Distribution, Error};
 pub struct FarmConfig {
     /// The node inside this process.
     pub local: LocalNode,
+    /// CPU threads of the node inside this process, 0 to 1024; 0 is one a core, which is fastest. Fewer leave cores to
+    /// other programs: `carom-farm bench trace --scaling` has the speed of each number.
+    pub threads: u16,
     /// Nodes elsewhere, as `host:port`, and [directories](crate::directory) of nodes: `dns:host:port`
     /// has a node at each address of the host, `file:path` one in each line.
     pub nodes: Vec<String>,
@@ -115,6 +118,7 @@ impl Default for FarmConfig {
     fn default() -> Self {
         Self {
             local: LocalNode::Auto,
+            threads: 0,
             nodes: Vec::new(),
             credentials: PathBuf::from(".carom"),
             balancer: Balancing::default(),

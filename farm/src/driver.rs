@@ -158,7 +158,7 @@ impl Driver {
     /// Adds a local node whose tracer takes a while to open.
     pub(crate) fn add_local_later(
         &mut self,
-        open: fn() -> Result<Arc<dyn Tracer>, carom_tracer::Error>,
+        open: impl FnOnce() -> Result<Arc<dyn Tracer>, carom_tracer::Error> + Send + 'static,
     ) {
         let index = self.add_local_node();
         self.opening += 1;

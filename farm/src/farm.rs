@@ -92,10 +92,11 @@ impl Farm {
         // loaded in another thread is ended by the driver.
         let remotes = RemoteNodes::of(&config)?;
         let mut driver = Driver::new(&config);
+        let threads = usize::from(config.threads);
         match config.local {
             LocalNode::None => {}
-            LocalNode::Auto => driver.add_local_later(|| local_devices::auto(0)),
-            LocalNode::Cpu => driver.add_local(local_devices::cpu(0)?),
+            LocalNode::Auto => driver.add_local_later(move || local_devices::auto(threads)),
+            LocalNode::Cpu => driver.add_local(local_devices::cpu(threads)?),
             LocalNode::Gpu => driver.add_local(local_devices::gpu()?),
         }
         Self::start(&config, driver, remotes)
@@ -368,6 +369,7 @@ fn validate(config: &FarmConfig) -> Result<(), Error> {
     let (edge, edge_max) = (config.tile_edge.into(), TILE_EDGE_MAX.into());
     in_range("tile_edge", edge, TILE_EDGE_MIN, edge_max)?;
     let in_flight = config.frames_in_flight;
+    in_range("threads", config.threads.into(), 0, THREADS_MAX)?;
     in_range("frames_in_flight", in_flight, 1, FRAMES_IN_FLIGHT_MAX)?;
     config
         .precision
@@ -377,5 +379,7 @@ fn validate(config: &FarmConfig) -> Result<(), Error> {
     Ok(())
 }
 
+/// CPU threads of the node in this process: more than machines have cores, and fewer than a system refuses.
+const THREADS_MAX: usize = 1024;
 /// Pixels along the edge of the smallest tiles: smaller ones are more message than picture.
 const TILE_EDGE_MIN: usize = 8;

@@ -141,6 +141,7 @@ fn invalid_configuration_fields_are_refused() {
         ("colour = \"green\"", "colour"),
         ("tile_edge = \"wide\"", "tile_edge"),
         ("tile_edge = 0", "tile_edge"),
+        ("threads = 5000", "threads"),
         ("frames_in_flight = 1000000", "frames_in_flight"),
         ("nodes = [\"oak\"]", "oak"),
         ("nodes = [", "farm.toml"),

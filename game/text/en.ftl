@@ -11,3 +11,8 @@ menu-settings = Settings
 
 # $number: the number on the ball.
 ball-numbered = the { $number }
+
+## Gamepads
+
+# $name: what the gamepad calls itself.
+gamepad-connected = Gamepad connected: { $name }

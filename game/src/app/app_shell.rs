@@ -8,14 +8,15 @@
 use std::time::{Duration, Instant};
 
 use carom_billiards::rules::RuleSet;
-use egui::Context;
+use egui::{Context, Key, Modifiers};
 
 use crate::app::farm_notifications::FarmNotifier;
 use crate::app::session::GameSession;
 use crate::audio::{self, Playback};
 use crate::camera::CameraIntent;
 use crate::input::{
-    Action, AimIntent, AppIntent, BindingContext, Event, Input, Intent, MatchIntent, StrokeIntent,
+    Action, AimIntent, AppIntent, BindingContext, Event, GamepadControl, Input, Intent,
+    MatchIntent, StrokeIntent, Trigger,
 };
 use crate::settings::{Settings, SettingsStore};
 use crate::ui::layout::{CUE_COLUMN, Layout};
@@ -43,6 +44,8 @@ pub struct AppShell {
     has_result: bool,
     /// Whether the cue points as the computer suggested.
     is_suggested: bool,
+    /// Until when the sticks of a gamepad have had their effect.
+    steered_secs: f64,
 }
 
 impl AppShell {
@@ -66,6 +69,7 @@ impl AppShell {
             heard: None,
             has_result: false,
             is_suggested: false,
+            steered_secs: 0.0,
         }
     }
 
@@ -141,13 +145,44 @@ impl AppShell {
         }
     }
 
+    /// The key of the keyboard that a gamepad's control means on an open page: the cross and the left stick go from one
+    /// control of the page to the next, A presses it.
+    pub fn page_key(&self, event: Event) -> Option<(Key, Modifiers)> {
+        let Some(Trigger::Gamepad(control)) = event.trigger() else {
+            return None;
+        };
+        if self.menu.page().is_none() || self.menu.wants_trigger() {
+            return None;
+        }
+        if control == GamepadControl::A {
+            return Some((Key::Enter, Modifiers::NONE));
+        }
+        let keys = [
+            (Key::ArrowLeft, Modifiers::NONE),
+            (Key::ArrowRight, Modifiers::NONE),
+            (Key::Tab, Modifiers::SHIFT),
+            (Key::Tab, Modifiers::NONE),
+        ];
+        let ways = [GamepadControl::PAD, GamepadControl::LEFT_STICK_TO];
+        let place = ways
+            .iter()
+            .find_map(|way| way.iter().position(|to| *to == control));
+        place.map(|place| keys[place])
+    }
+
+    /// Whether a gamepad's stick or button is held.
+    pub fn is_steering(&self) -> bool {
+        self.input.is_steering()
+    }
+
     fn handle_page(&mut self, event: Event, session: &mut GameSession, now_secs: f64) {
         let Some(trigger) = event.trigger() else {
             return;
         };
         session.redraw();
         let action = self.input.bindings().action(trigger, BindingContext::Table);
-        if action == Some(Action::Menu) {
+        let is_back = trigger == Trigger::Gamepad(GamepadControl::B) && !self.menu.wants_trigger();
+        if action == Some(Action::Menu) || is_back {
             self.menu.back();
             return self.save(now_secs);
         }
@@ -351,6 +386,7 @@ impl AppShell {
         }
         self.input.set_mouse(self.store.settings.mouse);
         session.set_paused(self.menu.page().is_some(), now_secs);
+        self.steer(session, now_secs);
         let is_over = session.is_over();
         if is_over && !self.has_result {
             self.open(Page::Result, session, now_secs);
@@ -379,6 +415,18 @@ impl AppShell {
     /// When something changes without input or farm.
     pub fn next_secs(&self) -> Option<f64> {
         self.toasts.next_secs()
+    }
+
+    /// Does what the sticks of a gamepad mean for the time since the last frame.
+    fn steer(&mut self, session: &mut GameSession, now_secs: f64) {
+        let secs = now_secs - self.steered_secs;
+        self.steered_secs = now_secs;
+        if self.menu.page().is_some() {
+            return;
+        }
+        for intent in self.input.elapse(secs) {
+            self.act(intent, session, now_secs);
+        }
     }
 
     fn update_sound(&mut self, session: &GameSession, now_secs: f64) {

@@ -19,10 +19,12 @@ use winit::window::{Fullscreen, Window, WindowId};
 use super::window::Screen;
 use super::window_events::translate;
 use crate::app::app_shell::AppShell;
+#[cfg(feature = "gamepad")]
+use crate::app::gamepads::Gamepads;
 use crate::app::session::GameSession;
 use crate::args::Args;
 use crate::audio::Playback;
-use crate::audio::playback::PlayerProgram;
+use crate::audio::playback::SoundOutput;
 use crate::capture::ShotRecorder;
 use crate::display::Present;
 use crate::input::Event;
@@ -35,7 +37,7 @@ use crate::ui;
 ///
 /// # Errors
 /// What was tried and what to install, if no window can be opened or drawn on.
-pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
+pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
     let event_loop = open_event_loop()?;
     let (_, recording) = args.table_and_recording()?;
     let settings = store(args);
@@ -49,6 +51,9 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
         None => left(kept_in.as_deref(), &mut notes, options, args.seed)?,
     };
     let chosen = &settings.settings;
+    if config.threads == 0 {
+        config.threads = chosen.threads;
+    }
     let mut session = GameSession::new(config, contest, chosen.style())?;
     if let Some(path) = kept_in {
         session.autosave_to(path);
@@ -67,7 +72,7 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
         session.view(recording);
     }
     let applied = settings.settings.clone();
-    let mut shell = AppShell::new(settings, Playback::new(PlayerProgram::installed()));
+    let mut shell = AppShell::new(settings, Playback::new(SoundOutput::of_system()));
     for note in notes {
         shell.notify(note, 0.0);
     }
@@ -75,6 +80,8 @@ pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow:
         shell.welcome();
     }
     let mut app = App {
+        #[cfg(feature = "gamepad")]
+        gamepads: Gamepads::start(event_loop.create_proxy()),
         session,
         applied,
         shell,
@@ -175,6 +182,8 @@ fn no_display() -> String {
 }
 
 pub(super) struct App {
+    #[cfg(feature = "gamepad")]
+    pub(super) gamepads: Gamepads,
     pub(super) session: GameSession,
     pub(super) shell: AppShell,
     /// The settings that window and session follow already.

@@ -2,9 +2,13 @@
 
 use std::time::{Duration, Instant};
 
+#[cfg(feature = "gamepad")]
+use carom_text::text;
 use winit::event_loop::{ActiveEventLoop, ControlFlow};
 
 use super::event_loop::{App, FrameCause};
+#[cfg(feature = "gamepad")]
+use super::{event_loop::QueuedEvent, gamepads::GamepadEvent};
 
 impl App {
     /// Runs one frame. No step waits for the farm.
@@ -25,10 +29,37 @@ impl App {
     }
 
     fn handle_input(&mut self) {
+        #[cfg(feature = "gamepad")]
+        self.poll_gamepads();
         for queued in std::mem::take(&mut self.events) {
+            if let (Some(screen), Some(key)) = (&mut self.screen, self.shell.page_key(queued.event))
+            {
+                screen.press(key);
+                self.session.redraw();
+                continue;
+            }
             let session = &mut self.session;
             self.shell
                 .handle(queued.event, queued.is_taken, session, queued.at_secs);
+        }
+    }
+
+    #[cfg(feature = "gamepad")]
+    fn poll_gamepads(&mut self) {
+        for event in self.gamepads.poll() {
+            match event {
+                GamepadEvent::Input(event, at) => self.events.push(QueuedEvent {
+                    event,
+                    is_taken: false,
+                    at_secs: at.saturating_duration_since(self.begun).as_secs_f64(),
+                }),
+                GamepadEvent::Connected(name) => {
+                    let sentence = text!("gamepad-connected", name = name);
+                    self.shell
+                        .notify(sentence, self.begun.elapsed().as_secs_f64());
+                    self.session.redraw();
+                }
+            }
         }
     }
 
@@ -63,7 +94,7 @@ impl App {
             self.next_redraw = now + REDRAW_PERIOD;
             screen.window.request_redraw();
         }
-        let pause = if self.session.is_at_rest() {
+        let pause = if self.session.is_at_rest() && !self.shell.is_steering() {
             let next_secs = self.shell.next_secs().unwrap_or(f64::INFINITY) - now_secs;
             Duration::from_secs_f64(next_secs.clamp(0.0, REST_PERIOD.as_secs_f64()))
         } else {

@@ -5,6 +5,8 @@ mod autosave;
 mod event_loop;
 pub mod farm_notifications;
 mod frame;
+#[cfg(feature = "gamepad")]
+mod gamepads;
 pub mod mode;
 pub mod mode_controller;
 pub mod session;

@@ -84,6 +84,18 @@ impl Screen {
         ui::theme::fitting_scale(settings.text_scale as f32, points)
     }
 
+    /// Gives a page a press of a key, as a gamepad means it.
+    pub(super) fn press(&mut self, (key, modifiers): (egui::Key, egui::Modifiers)) {
+        let events = &mut self.input.egui_input_mut().events;
+        events.extend([true, false].map(|pressed| egui::Event::Key {
+            key,
+            physical_key: None,
+            pressed,
+            repeat: false,
+            modifiers,
+        }));
+    }
+
     /// Whether the pointer, whose event this is, is over something of the interface.
     pub(super) fn is_over_panel(&mut self, event: Event) -> bool {
         match event {

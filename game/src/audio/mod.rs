@@ -6,10 +6,11 @@
 //! ```
 //! Each is made once for each ear: later, softer and duller on the far side ([`listener`]).
 //!
-//!
 //! A shot is simulated whole before it is watched, so its whole sound is made at once and every click
-//! falls on its sample. Nothing here needs a library of the system: see [`playback`].
+//! falls on its sample. What plays it is chosen in [`playback`].
 
+#[cfg(feature = "cpal")]
+mod device;
 mod events;
 mod listener;
 mod modal_synthesis;

@@ -1,10 +1,10 @@
-//! Playback through the system's own player program.
+//! Playback of one sound at a time, by the system's own player program or by its sound device.
 //!
-//! No library of the system is linked: a machine without any sound builds and runs the same, and says
-//! so in the settings. A shot's sound is one WAV file in the folder for temporary files.
+//! Without the feature `cpal` no library of the system is linked: a machine without any sound builds and runs the same,
+//! and says so in the settings. For a player program a shot's sound is one WAV file in the folder for temporary files.
 
 use std::ffi::OsString;
-use std::io::{BufWriter, Write as _};
+use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -15,6 +15,17 @@ use std::time::{Duration, Instant};
 use tempfile::TempPath;
 
 use super::Sound;
+#[cfg(feature = "cpal")]
+use super::device::{DeviceSound, SoundDevice};
+
+/// What plays sounds.
+pub enum SoundOutput {
+    /// A program, told a WAV file.
+    Program(PlayerProgram),
+    /// The system's sound device.
+    #[cfg(feature = "cpal")]
+    Device(SoundDevice),
+}
 
 /// A program that plays a WAV file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,6 +54,48 @@ enum PlaybackRequest {
     Stop,
 }
 
+impl SoundOutput {
+    /// The system's device where this was built for it and there is one, else the first of the known players that is
+    /// installed.
+    pub fn of_system() -> Option<Self> {
+        #[cfg(feature = "cpal")]
+        match SoundDevice::open() {
+            Ok(device) => return Some(Self::Device(device)),
+            Err(why) => tracing::warn!("the sound device cannot be used: {why}"),
+        }
+        PlayerProgram::installed().map(Self::Program)
+    }
+
+    fn name(&self) -> String {
+        match self {
+            Self::Program(player) => player.program.display().to_string(),
+            #[cfg(feature = "cpal")]
+            Self::Device(device) => device.name().to_owned(),
+        }
+    }
+
+    /// Plays a sound whose first sample is to be heard at `at`, `volume` from 0 to 1.
+    fn start(&mut self, sound: Sound, at: Instant, volume: f64) -> io::Result<PlayingSound> {
+        match self {
+            Self::Program(player) => {
+                // The player's own start is made up for; a sound that is late begins in its middle.
+                let now = Instant::now() + START_TIME;
+                let late_secs = now.saturating_duration_since(at).as_secs_f64();
+                let early_secs = at.saturating_duration_since(now).as_secs_f64();
+                PlayingSound::of_program(player, &sound.shifted(early_secs - late_secs), volume)
+            }
+            #[cfg(feature = "cpal")]
+            Self::Device(device) => {
+                if device.is_lost() {
+                    // The default may be another one by now.
+                    *device = SoundDevice::open().map_err(io::Error::other)?;
+                }
+                Ok(PlayingSound::Device(device.start(sound, at, volume)))
+            }
+        }
+    }
+}
+
 impl PlayerProgram {
     /// The first of the known players that is installed.
     pub fn installed() -> Option<Self> {
@@ -54,7 +107,7 @@ impl PlayerProgram {
         })
     }
 
-    fn start(&self, file: &Path) -> std::io::Result<Child> {
+    fn start(&self, file: &Path) -> io::Result<Child> {
         Command::new(&self.program)
             .args(&self.arguments)
             .arg(file)
@@ -74,17 +127,17 @@ pub fn installed_program(name: &str) -> Option<PathBuf> {
 }
 
 impl Playback {
-    /// Plays through `player`; with none, nothing is heard.
-    pub fn new(player: Option<PlayerProgram>) -> Self {
-        let words = match &player {
-            Some(player) => format!("Played by {}", player.program.display()),
+    /// Plays through `output`; with none, nothing is heard.
+    pub fn new(output: Option<SoundOutput>) -> Self {
+        let words = match &output {
+            Some(output) => format!("Played by {}", output.name()),
             None => silence(),
         };
         let state = Arc::new(Mutex::new(words));
         let (requests, received) = channel();
-        let thread = player.and_then(|player| {
+        let thread = output.and_then(|output| {
             let state = state.clone();
-            let work = move || work(&player, &received, &state);
+            let work = move || work(output, &received, &state);
             thread::Builder::new()
                 .name("sound".to_owned())
                 .spawn(work)
@@ -139,7 +192,7 @@ impl Drop for Playback {
     }
 }
 
-fn work(player: &PlayerProgram, requests: &Receiver<PlaybackRequest>, state: &Mutex<String>) {
+fn work(mut output: SoundOutput, requests: &Receiver<PlaybackRequest>, state: &Mutex<String>) {
     let mut playing: Option<PlayingSound> = None;
     loop {
         let request = match requests.recv_timeout(REAP_PERIOD) {
@@ -154,29 +207,26 @@ fn work(player: &PlayerProgram, requests: &Receiver<PlaybackRequest>, state: &Mu
         let PlaybackRequest::Play { sound, at, volume } = request else {
             continue;
         };
-        let sound = sound();
-        // The player's own start is made up for; a sound that is late begins in its middle.
-        let now = Instant::now() + START_TIME;
-        let late_secs = now.saturating_duration_since(at).as_secs_f64();
-        let early_secs = at.saturating_duration_since(now).as_secs_f64();
-        match PlayingSound::start(player, &sound.shifted(early_secs - late_secs), volume) {
+        match output.start(sound(), at, volume) {
             Ok(started) => playing = Some(started),
             Err(error) => {
-                let words = format!("No sound: {}: {error}", player.program.display());
+                let words = format!("No sound: {}: {error}", output.name());
                 *state.lock().unwrap_or_else(PoisonError::into_inner) = words;
             }
         }
     }
 }
 
-/// A player at work, and its file.
-struct PlayingSound {
-    child: Child,
-    _file: TempPath,
+/// A sound that is heard until it is over or this is dropped.
+enum PlayingSound {
+    /// A player at work, and its file.
+    Program { child: Child, _file: TempPath },
+    #[cfg(feature = "cpal")]
+    Device(DeviceSound),
 }
 
 impl PlayingSound {
-    fn start(player: &PlayerProgram, sound: &Sound, volume: f64) -> std::io::Result<Self> {
+    fn of_program(player: &PlayerProgram, sound: &Sound, volume: f64) -> io::Result<Self> {
         let mut file = tempfile::Builder::new()
             .prefix("carom-")
             .suffix(".wav")
@@ -187,18 +237,28 @@ impl PlayingSound {
         drop(out);
         let file = file.into_temp_path();
         let child = player.start(&file)?;
-        Ok(Self { child, _file: file })
+        Ok(Self::Program { child, _file: file })
     }
 
     fn is_over(&mut self) -> bool {
-        !matches!(self.child.try_wait(), Ok(None))
+        match self {
+            Self::Program { child, .. } => !matches!(child.try_wait(), Ok(None)),
+            #[cfg(feature = "cpal")]
+            Self::Device(sound) => sound.is_over(),
+        }
     }
 }
 
 impl Drop for PlayingSound {
     fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        match self {
+            Self::Program { child, .. } => {
+                let _ = child.kill();
+                let _ = child.wait();
+            }
+            #[cfg(feature = "cpal")]
+            Self::Device(_) => {}
+        }
     }
 }
 
@@ -264,7 +324,7 @@ mod tests {
     #[test]
     fn a_new_sound_replaces_the_one_that_plays() {
         let folder = tempfile::tempdir().unwrap();
-        let speaker = Playback::new(Some(keeper(folder.path())));
+        let speaker = Playback::new(Some(SoundOutput::Program(keeper(folder.path()))));
         let kept = folder.path().join("kept.wav");
         speaker.play(Instant::now() + Duration::from_secs(3600), 1.0, sound);
         let early = wait_for(&kept, &speaker);
@@ -285,10 +345,11 @@ mod tests {
 
     #[test]
     fn a_player_that_cannot_be_started_is_told() {
-        let speaker = Playback::new(Some(PlayerProgram {
+        let missing = PlayerProgram {
             program: "/no/such/player".into(),
             arguments: Vec::new(),
-        }));
+        };
+        let speaker = Playback::new(Some(SoundOutput::Program(missing)));
         speaker.play(Instant::now(), 1.0, sound);
         while !speaker.state().starts_with("No sound: /no/such/player") {
             thread::yield_now();

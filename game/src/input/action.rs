@@ -33,6 +33,8 @@ pub enum Action {
     Orbit,
     LookDown,
     LookUp,
+    LookLeft,
+    LookRight,
     ZoomIn,
     ZoomOut,
     NextView,
@@ -178,6 +180,12 @@ impl Action {
                 pitch_rad: sign * steps * PITCH_STEP_RAD,
             })
         };
+        let turn = |sign: f64| {
+            Intent::Camera(CameraIntent::Orbit {
+                yaw_rad: sign * steps * YAW_STEP_RAD,
+                pitch_rad: 0.0,
+            })
+        };
         let tip = |x: f64, y: f64| {
             Intent::Aim(AimIntent::MoveTip(
                 glam::DVec2::new(x, y) * steps * TIP_STEP_RADII,
@@ -194,6 +202,8 @@ impl Action {
             Self::CueDown => Intent::Aim(AimIntent::Elevate(-steps * ELEVATION_STEP_RAD)),
             Self::LookDown => pitch(1.0),
             Self::LookUp => pitch(-1.0),
+            Self::LookLeft => turn(1.0),
+            Self::LookRight => turn(-1.0),
             Self::ZoomIn => Intent::Camera(CameraIntent::Zoom(ZOOM_STEP.powf(-steps))),
             Self::ZoomOut => Intent::Camera(CameraIntent::Zoom(ZOOM_STEP.powf(steps))),
             Self::NextView => Intent::Camera(CameraIntent::NextView),
@@ -274,6 +284,8 @@ impl Action {
                 | Self::CueDown
                 | Self::LookDown
                 | Self::LookUp
+                | Self::LookLeft
+                | Self::LookRight
                 | Self::ZoomIn
                 | Self::ZoomOut
                 | Self::ReplayBack
@@ -324,6 +336,8 @@ pub const ACTIONS: &[ActionSpec] = &[
     row(Group::View, Action::Orbit, "orbit", "hold and move the mouse to look around; cancels a stroke", &["Mouse right"]),
     row(Group::View, Action::LookDown, "look-down", "tilt the view up, towards a plan view", &["Up"]),
     row(Group::View, Action::LookUp, "look-up", "tilt the view down, towards the cloth", &["Down"]),
+    row(Group::View, Action::LookLeft, "look-left", "turn the view to the left", &["["]),
+    row(Group::View, Action::LookRight, "look-right", "turn the view to the right", &["]"]),
     row(Group::View, Action::ZoomIn, "zoom-in", "zoom in", &["Wheel up", "Page up"]),
     row(Group::View, Action::ZoomOut, "zoom-out", "zoom out", &["Wheel down", "Page down"]),
     row(Group::View, Action::NextView, "next-view", "next view: behind the cue, overhead, free, follow, pocket", &["V"]),
@@ -369,6 +383,7 @@ const AIM_STEP_RAD: f64 = std::f64::consts::PI / 180.0;
 const ELEVATION_STEP_RAD: f64 = 0.043_633;
 const POWER_STEP: f64 = 0.05;
 const PITCH_STEP_RAD: f64 = 0.04;
+const YAW_STEP_RAD: f64 = 0.05;
 const TIP_STEP_RADII: f64 = 0.05;
 const ZOOM_STEP: f64 = 1.1;
 /// A key's way through the time of a replay.

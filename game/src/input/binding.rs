@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
-use super::{ACTIONS, Action, BindingContext, Button, Key};
+use super::{ACTIONS, Action, BindingContext, Button, GamepadControl, Key};
 
 /// What an action can be bound to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -13,6 +13,8 @@ pub enum Trigger {
     Key(Key),
     /// A mouse button.
     Button(Button),
+    /// A button of a gamepad, or a direction of its sticks.
+    Gamepad(GamepadControl),
     /// The wheel, turned away from the player.
     WheelUp,
     /// The wheel, turned towards the player.
@@ -32,6 +34,7 @@ impl fmt::Display for Trigger {
         f.write_str(match self {
             Self::Key(key) => key.label(),
             Self::Button(button) => button.label(),
+            Self::Gamepad(control) => control.label(),
             Self::WheelUp => "Wheel up",
             Self::WheelDown => "Wheel down",
         })
@@ -49,6 +52,7 @@ impl FromStr for Trigger {
         let mut others = Button::ALL
             .map(Self::Button)
             .into_iter()
+            .chain(GamepadControl::all().map(Self::Gamepad))
             .chain([Self::WheelUp, Self::WheelDown]);
         others
             .find(|trigger| is(&trigger.to_string()))
@@ -91,7 +95,8 @@ impl Default for Bindings {
             let triggers = control
                 .defaults
                 .iter()
-                .filter_map(|label| label.parse().ok());
+                .filter_map(|label| label.parse().ok())
+                .chain(control.action.gamepad_default());
             let mode = control.action.mode();
             actions.extend(triggers.map(|trigger: Trigger| ((mode, trigger), control.action)));
         }
@@ -157,10 +162,19 @@ impl Bindings {
         triggers
     }
 
-    /// An action's triggers for people; keys that are there twice are named once.
+    /// An action's keys and buttons of the mouse for people; keys that are there twice are named once.
     pub fn words(&self, action: Action) -> String {
+        self.words_where(action, |trigger| !matches!(trigger, Trigger::Gamepad(_)))
+    }
+
+    /// An action's controls of a gamepad for people.
+    pub fn gamepad_words(&self, action: Action) -> String {
+        self.words_where(action, |trigger| matches!(trigger, Trigger::Gamepad(_)))
+    }
+
+    fn words_where(&self, action: Action, is_named: fn(&Trigger) -> bool) -> String {
         let mut words = Vec::new();
-        for trigger in self.triggers(action) {
+        for trigger in self.triggers(action).iter().filter(|t| is_named(t)) {
             let label = trigger.to_string();
             let either_side = ["Ctrl", "Shift", "Alt"].into_iter().find(|name| {
                 let both = ["Left", "Right"].map(|side| Key::from_label(&format!("{side} {name}")));
@@ -200,6 +214,10 @@ mod tests {
             for label in control.defaults {
                 let trigger: Trigger = label.parse().unwrap();
                 assert_eq!(trigger.to_string(), *label);
+                bindings.bind(trigger, control.action).unwrap();
+            }
+            if let Some(trigger) = control.action.gamepad_default() {
+                assert_eq!(trigger.to_string().parse(), Ok(trigger));
                 bindings.bind(trigger, control.action).unwrap();
             }
         }

@@ -11,17 +11,19 @@
 
 pub mod action;
 pub mod binding;
+mod gamepad;
 mod intent;
 pub mod key;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::DVec2;
 
 pub use action::{ACTIONS, Action, ActionSpec, BindingContext, Group};
 pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
+pub use gamepad::GamepadControl;
 pub use intent::{
     AimIntent, AppIntent, Intent, MatchIntent, PracticeIntent, ReplayControl, ReplayIntent,
     StrokeIntent,
@@ -54,6 +56,20 @@ pub enum Event {
         pressed: bool,
         /// By being held.
         repeat: bool,
+    },
+    /// A button of a gamepad went down or up, or a stick passed half of its way in a direction.
+    Gamepad {
+        /// Which.
+        control: GamepadControl,
+        /// Down.
+        pressed: bool,
+    },
+    /// A stick is pushed this far in a direction, 0 to 1.
+    Stick {
+        /// The direction.
+        control: GamepadControl,
+        /// How far.
+        deflection: f64,
     },
     /// Keys and buttons may come up unseen from now on.
     FocusLost,
@@ -128,6 +144,16 @@ pub struct Input {
     is_carrying: bool,
     /// Parts of a notch of the wheel, for actions that are done once.
     notches: f64,
+    /// Sticks that are pushed and buttons of a gamepad that are held, by how far and since how many seconds.
+    gamepad: BTreeMap<GamepadControl, HeldControl>,
+}
+
+/// A control of a gamepad that is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct HeldControl {
+    /// 0 to 1, of which buttons have the end.
+    deflection: f64,
+    held_secs: f64,
 }
 
 /// An action that lasts while its trigger is held.
@@ -152,6 +178,10 @@ impl Event {
                 pressed: true,
                 repeat: false,
             } => Some(Trigger::Key(key)),
+            Self::Gamepad {
+                control,
+                pressed: true,
+            } => Some(Trigger::Gamepad(control)),
             Self::Wheel(notches) if notches > 0.0 => Some(Trigger::WheelUp),
             Self::Wheel(notches) if notches < 0.0 => Some(Trigger::WheelDown),
             _ => None,
@@ -199,6 +229,14 @@ impl Input {
                 pressed,
                 repeat,
             } => self.switch(Trigger::Key(key), pressed, repeat),
+            Event::Gamepad { control, pressed } => self.press_gamepad(control, pressed),
+            Event::Stick {
+                control,
+                deflection,
+            } => {
+                self.hold_gamepad(control, deflection);
+                None
+            }
             Event::Wheel(notches) => self.wheel(notches),
             Event::FocusLost => self.let_go(),
         }
@@ -207,6 +245,7 @@ impl Input {
     /// Forgets what is held, as if it had come up; a stroke is given up.
     pub fn let_go(&mut self) -> Option<Intent> {
         self.fine.clear();
+        self.gamepad.clear();
         self.pointer = None;
         let hold = self.hold.take()?;
         (hold.action != Action::Orbit).then_some(Intent::Stroke(StrokeIntent::Cancel))
@@ -258,6 +297,80 @@ impl Input {
         }
     }
 
+    fn press_gamepad(&mut self, control: GamepadControl, pressed: bool) -> Option<Intent> {
+        if !control.is_analog() {
+            self.hold_gamepad(control, f64::from(u8::from(pressed)));
+        } else if pressed && self.is_steady(control) {
+            return None;
+        }
+        self.switch(Trigger::Gamepad(control), pressed, false)
+    }
+
+    fn hold_gamepad(&mut self, control: GamepadControl, deflection: f64) {
+        if deflection > 0.0 {
+            let held = self.gamepad.entry(control).or_insert(HeldControl {
+                deflection,
+                held_secs: 0.0,
+            });
+            held.deflection = deflection.min(1.0);
+        } else {
+            self.gamepad.remove(&control);
+        }
+    }
+
+    /// Whether a stick's direction does something for as long as it is pushed, more the further it is.
+    fn is_steady(&self, control: GamepadControl) -> bool {
+        let action = self.bindings.action(Trigger::Gamepad(control), self.mode);
+        self.carries(control) || action.is_some_and(Action::repeats)
+    }
+
+    /// Whether the left stick moves what the pointer carries.
+    fn carries(&self, control: GamepadControl) -> bool {
+        self.is_carrying && GamepadControl::LEFT_STICK_TO.contains(&control)
+    }
+
+    /// Whether [`Input::elapse`] has something to do.
+    pub fn is_steering(&self) -> bool {
+        !self.gamepad.is_empty()
+    }
+
+    /// What sticks and held buttons of a gamepad mean for a time of `secs`: steps at a rate of the square of how far a
+    /// stick is pushed, and of buttons after [`REPEAT_SECS`].
+    pub fn elapse(&mut self, secs: f64) -> Vec<Intent> {
+        let secs = secs.clamp(0.0, ELAPSED_SECS_MAX);
+        let mut intents = Vec::new();
+        let mut carried = DVec2::ZERO;
+        let precision = self.precision();
+        for held in self.gamepad.values_mut() {
+            held.held_secs += secs;
+        }
+        for (&control, held) in &self.gamepad {
+            if self.carries(control) {
+                let directions = [DVec2::NEG_X, DVec2::X, DVec2::NEG_Y, DVec2::Y];
+                let at = GamepadControl::LEFT_STICK_TO
+                    .iter()
+                    .position(|to| *to == control);
+                carried += directions[at.unwrap_or(0)] * held.deflection.powi(2);
+                continue;
+            }
+            let action = self.bindings.action(Trigger::Gamepad(control), self.mode);
+            let Some(action) = action.filter(|action| action.repeats()) else {
+                continue;
+            };
+            if control.is_analog() || held.held_secs > REPEAT_SECS {
+                let steps = action.steps_per_sec() * held.deflection.powi(2) * secs;
+                intents.extend(action.intent(steps * precision));
+            }
+        }
+        if carried != DVec2::ZERO {
+            let from = self.pointer.unwrap_or(CARRIED_FROM);
+            let at = from + carried * CARRIED_POINTS_PER_SEC * precision * secs;
+            self.pointer = Some(at);
+            intents.push(Intent::Match(MatchIntent::Point(at)));
+        }
+        intents
+    }
+
     fn switch(&mut self, trigger: Trigger, pressed: bool, repeat: bool) -> Option<Intent> {
         if !pressed {
             return self.released(trigger);
@@ -267,7 +380,9 @@ impl Input {
             return None;
         }
         match action {
-            Action::Stroke if self.is_carrying => Some(Intent::Match(MatchIntent::Put)),
+            Action::Stroke | Action::Strike if self.is_carrying => {
+                Some(Intent::Match(MatchIntent::Put))
+            }
             Action::Fine => {
                 self.fine.insert(trigger);
                 None
@@ -345,3 +460,10 @@ const FINE: f64 = 0.1;
 const PULL_POINTS: f64 = 220.0;
 /// A mouse that moves 1000 points a second strikes with 2.5 m/s.
 const SWING_M_PER_POINT: f64 = 0.0025;
+/// How long a button of a gamepad is held until it repeats, as a key does.
+const REPEAT_SECS: f64 = 0.4;
+/// A frame that took longer, while a window was hidden for example, turns nothing by more.
+const ELAPSED_SECS_MAX: f64 = 0.1;
+/// Where a ball in hand is carried from by a stick if there was no pointer yet, in points.
+const CARRIED_FROM: DVec2 = DVec2::new(400.0, 300.0);
+const CARRIED_POINTS_PER_SEC: f64 = 500.0;

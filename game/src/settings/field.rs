@@ -58,6 +58,7 @@ pub const FIELDS: &[SettingsField] = &[
     field("controls", "invert-pitch", |s| s.mouse.inverts_pitch.into(), |s, v| switch(v).map(|on| s.mouse.inverts_pitch = on)),
     field("picture", "quality", |s| name(&s.quality), |s, v| choice(v).map(|x| s.quality = x)),
     field("picture", "resolution", |s| name(&s.resolution), |s, v| choice(v).map(|x| s.resolution = x)),
+    field("picture", "threads", |s| i64::from(s.threads).into(), |s, v| threads(v).map(|n| s.threads = n)),
     field("picture", "brightness", |s| name(&s.brightness), |s, v| choice(v).map(|x| s.brightness = x)),
     field("views", "view-1", |s| view(s.views[0]), |s, v| seen(v).map(|at| s.views[0] = at)),
     field("views", "view-2", |s| view(s.views[1]), |s, v| seen(v).map(|at| s.views[1] = at)),
@@ -71,6 +72,16 @@ fn edge(value: &Value) -> Result<u32, SettingFault> {
     let edge = value.as_integer().and_then(|edge| u32::try_from(edge).ok());
     let fits = edge.filter(|edge| (min..=max).contains(edge));
     fits.ok_or(SettingFault::WholeNumber { min, max })
+}
+
+fn threads(value: &Value) -> Result<u16, SettingFault> {
+    let max = Settings::THREADS_MAX;
+    let threads = value.as_integer().and_then(|n| u16::try_from(n).ok());
+    let fits = threads.filter(|n| *n <= max);
+    fits.ok_or(SettingFault::WholeNumber {
+        min: 0,
+        max: max.into(),
+    })
 }
 
 fn switch(value: &Value) -> Result<bool, SettingFault> {

@@ -62,6 +62,9 @@ pub struct Settings {
     pub quality: QualityPreference,
     /// How sharp a picture at rest is.
     pub resolution: Resolution,
+    /// CPU threads of the node inside the game, up to [`Settings::THREADS_MAX`]; 0 is one a core. Counts from the next
+    /// start of the program.
+    pub threads: u16,
     /// Loudness, 0 to 1.
     pub volume: f64,
     /// Views that the player has saved, by their places.
@@ -79,6 +82,8 @@ impl Settings {
     pub const TEXT_SCALE: [f64; 2] = [0.75, 2.5];
     /// Smallest and largest edge of the window, points.
     pub const WINDOW_EDGE: [u32; 2] = [320, 16_384];
+    /// Most CPU threads.
+    pub const THREADS_MAX: u16 = 1024;
 }
 
 impl Settings {
@@ -119,6 +124,7 @@ impl Default for Settings {
             physics: Engine::default(),
             quality: QualityPreference::default(),
             resolution: Resolution::default(),
+            threads: 0,
             volume: 0.7,
             views: [None; SAVED_MAX],
             ball_marks: BallMarks::default(),

@@ -321,6 +321,7 @@ mod tests {
             physics: "rapier-240".parse().unwrap(),
             quality: crate::frame::quality::QualityPreference::Fine,
             resolution: crate::frame::quality::Resolution::Half,
+            threads: 3,
             volume: 0.0,
             views: [Some(a_view()), None, None, Some(a_view())],
             ball_marks: crate::play::BallMarks::Off,

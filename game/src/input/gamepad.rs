@@ -1,0 +1,143 @@
+//! Buttons and sticks of gamepads, and what they do at first.
+
+use super::{Action, BindingContext, Trigger};
+
+/// A button of a gamepad, or a direction of one of its sticks: its label as settings and help show it, one of
+/// [`GamepadControl::ALL`]. Buttons are named as on an Xbox controller, whatever is printed on them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct GamepadControl(&'static str);
+
+impl GamepadControl {
+    /// Lower of the four buttons on the right; presses what is chosen on a page.
+    pub const A: Self = Self("Gamepad A");
+    /// Right one of them; leaves a page.
+    pub const B: Self = Self("Gamepad B");
+    /// Left one.
+    pub const X: Self = Self("Gamepad X");
+    /// Upper one.
+    pub const Y: Self = Self("Gamepad Y");
+    /// Upper button at the left index finger.
+    pub const LEFT_BUMPER: Self = Self("Gamepad LB");
+    /// Lower one.
+    pub const LEFT_TRIGGER: Self = Self("Gamepad LT");
+    /// Upper button at the right index finger.
+    pub const RIGHT_BUMPER: Self = Self("Gamepad RB");
+    /// Lower one.
+    pub const RIGHT_TRIGGER: Self = Self("Gamepad RT");
+    /// Small button left of the middle.
+    pub const BACK: Self = Self("Gamepad back");
+    /// Small button right of the middle.
+    pub const START: Self = Self("Gamepad start");
+    /// The left stick, pressed.
+    pub const LEFT_STICK: Self = Self("Gamepad left stick");
+    /// The right stick, pressed.
+    pub const RIGHT_STICK: Self = Self("Gamepad right stick");
+    /// Left, right, up and down of the cross.
+    pub const PAD: [Self; 4] = [
+        Self("Gamepad left"),
+        Self("Gamepad right"),
+        Self("Gamepad up"),
+        Self("Gamepad down"),
+    ];
+    /// Left, right, up and down of the left stick.
+    pub const LEFT_STICK_TO: [Self; 4] = [
+        Self("Left stick left"),
+        Self("Left stick right"),
+        Self("Left stick up"),
+        Self("Left stick down"),
+    ];
+    /// Left, right, up and down of the right stick.
+    pub const RIGHT_STICK_TO: [Self; 4] = [
+        Self("Right stick left"),
+        Self("Right stick right"),
+        Self("Right stick up"),
+        Self("Right stick down"),
+    ];
+
+    /// All that can be bound.
+    pub fn all() -> impl Iterator<Item = Self> {
+        [
+            Self::A,
+            Self::B,
+            Self::X,
+            Self::Y,
+            Self::LEFT_BUMPER,
+            Self::LEFT_TRIGGER,
+            Self::RIGHT_BUMPER,
+            Self::RIGHT_TRIGGER,
+            Self::BACK,
+            Self::START,
+            Self::LEFT_STICK,
+            Self::RIGHT_STICK,
+        ]
+        .into_iter()
+        .chain(Self::PAD)
+        .chain(Self::LEFT_STICK_TO)
+        .chain(Self::RIGHT_STICK_TO)
+    }
+
+    /// For people, and for the settings file.
+    pub fn label(self) -> &'static str {
+        self.0
+    }
+
+    /// Whether it is a direction of a stick, which is pushed more or less.
+    pub fn is_analog(self) -> bool {
+        Self::LEFT_STICK_TO.contains(&self) || Self::RIGHT_STICK_TO.contains(&self)
+    }
+}
+
+impl Action {
+    /// What a gamepad does it with at first.
+    pub(super) fn gamepad_default(self) -> Option<Trigger> {
+        let row = DEFAULTS.iter().find(|(action, _)| *action == self)?;
+        Some(Trigger::Gamepad(row.1))
+    }
+
+    /// Steps a second while a stick is pushed to its end, or a button is held.
+    pub(super) fn steps_per_sec(self) -> f64 {
+        match self {
+            Self::AimLeft | Self::AimRight => 90.0,
+            Self::LookLeft | Self::LookRight | Self::LookUp | Self::LookDown => 30.0,
+            _ if self.mode() == BindingContext::Replay => 10.0,
+            _ => 15.0,
+        }
+    }
+}
+
+type Pad = GamepadControl;
+
+/// One control an action; the cross and A serve replays too.
+const DEFAULTS: &[(Action, GamepadControl)] = &[
+    (Action::AimLeft, Pad::LEFT_STICK_TO[0]),
+    (Action::AimRight, Pad::LEFT_STICK_TO[1]),
+    (Action::ZoomIn, Pad::LEFT_STICK_TO[2]),
+    (Action::ZoomOut, Pad::LEFT_STICK_TO[3]),
+    (Action::LookLeft, Pad::RIGHT_STICK_TO[0]),
+    (Action::LookRight, Pad::RIGHT_STICK_TO[1]),
+    (Action::LookUp, Pad::RIGHT_STICK_TO[2]),
+    (Action::LookDown, Pad::RIGHT_STICK_TO[3]),
+    (Action::TipLeft, Pad::PAD[0]),
+    (Action::TipRight, Pad::PAD[1]),
+    (Action::TipUp, Pad::PAD[2]),
+    (Action::TipDown, Pad::PAD[3]),
+    (Action::TipCenter, Pad::RIGHT_STICK),
+    (Action::Aids, Pad::LEFT_STICK),
+    (Action::Fine, Pad::LEFT_TRIGGER),
+    (Action::Charge, Pad::RIGHT_TRIGGER),
+    (Action::PowerDown, Pad::LEFT_BUMPER),
+    (Action::PowerUp, Pad::RIGHT_BUMPER),
+    (Action::Strike, Pad::A),
+    (Action::PickUp, Pad::B),
+    (Action::CallNext, Pad::X),
+    (Action::NextView, Pad::Y),
+    (Action::Suggest, Pad::BACK),
+    (Action::Menu, Pad::START),
+    (Action::ReplayPause, Pad::A),
+    (Action::ReplayBack, Pad::PAD[0]),
+    (Action::ReplayForward, Pad::PAD[1]),
+    (Action::ReplayShotBefore, Pad::PAD[2]),
+    (Action::ReplayShotNext, Pad::PAD[3]),
+    (Action::ReplayEventBefore, Pad::LEFT_BUMPER),
+    (Action::ReplayEventNext, Pad::RIGHT_BUMPER),
+];
