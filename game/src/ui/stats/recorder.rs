@@ -114,7 +114,7 @@ impl Drop for Recorder {
     }
 }
 
-/// RecordFiles with a number that no file there has yet.
+/// Files with a number that no file there has yet.
 fn create(folder: &Path) -> io::Result<(String, RecordFiles<BufWriter<File>>)> {
     fs::create_dir_all(folder)?;
     for number in 1..=FILES_MAX {

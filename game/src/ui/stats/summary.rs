@@ -12,10 +12,10 @@ use super::frame_record::{FrameRecord, NodeRecord, mean_and_deviation};
 use super::glossary;
 use super::history::{History, name_of};
 
-/// SchedulerStats over all pictures that are kept, and of the one that is looked at.
+/// Figures over all pictures that are kept, and of the one that is looked at.
 #[derive(Debug, Default)]
 pub struct StatsSummary {
-    /// FrameRate a second.
+    /// Redraws a second.
     pub rates: Rates,
     /// Pictures a second.
     pub pictures_per_sec: f64,
@@ -69,7 +69,7 @@ pub struct NodeSummary {
 }
 
 impl StatsSummary {
-    /// SchedulerStats of `history`, and of `record` in it.
+    /// Figures of `history`, and of `record` in it.
     pub fn new(
         history: &History,
         redraws: &FrameRate,
@@ -212,3 +212,27 @@ fn stage(node: &NodeRecord) -> String {
 
 /// Above this efficiency there is nothing to complain of.
 const GOOD: f64 = 0.9;
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use carom_farm::LatencySplit;
+
+    use super::*;
+
+    #[test]
+    fn each_stage_is_named_in_words_of_its_own() {
+        let named = |(term, _): (&glossary::Term, f64)| {
+            text!(
+                "stats-diagnosis-time",
+                stage = term.id,
+                part = "",
+                whole = ""
+            )
+        };
+        let stages = glossary::stages(&LatencySplit::default());
+        let texts: BTreeSet<String> = stages.into_iter().map(named).collect();
+        assert_eq!(texts.len(), stages.len());
+    }
+}
