@@ -191,7 +191,7 @@ fn the_numbers_are_those_of_the_pictures() {
 fn every_number_has_a_tooltip_that_defines_it() {
     let meanings: BTreeSet<&str> = carom::ui::stats::glossary::ALL
         .iter()
-        .map(|term| term.meaning)
+        .map(|term| term.meaning())
         .collect();
     for level in [StatsLevel::Line, StatsLevel::Card, StatsLevel::Full] {
         let mut harness = harness(level, WINDOW, 1.0);

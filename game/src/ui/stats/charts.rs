@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use carom_text::text;
 use egui::{Align2, Color32, FontId, Pos2, Rect, Response, Sense, Shape, Stroke, Ui, Vec2};
 
 use super::frame_record::FrameRecord;
@@ -128,7 +129,7 @@ impl Scales {
     /// Draws the times between redraws, with the budget as a line.
     pub(super) fn redraws(&mut self, ui: &mut Ui, intervals_ms: Vec<f32>, budget_ms: f32) {
         let curves = [Curve {
-            term: &REDRAWS,
+            term: &terms::REDRAWS,
             color: palette::ACTUAL,
             values: intervals_ms,
         }];
@@ -215,19 +216,19 @@ pub(super) fn sparkline(ui: &mut Ui, values: &[f32]) {
     let points: Vec<Pos2> = values.iter().enumerate().map(point).collect();
     ui.painter()
         .add(Shape::line(points, Stroke::new(1.0, palette::ACTUAL)));
-    explained(response, &SPARKLINE);
+    explained(response, text!("stats-sparkline-about"));
 }
 
 fn tell(record: &FrameRecord) -> String {
     let (mean, deviation) = record.response_mean_and_deviation();
-    format!(
-        "frame {} by {}: {} ms, ideal {} ms, responses {} ± {} ms. Click to freeze",
-        record.frame,
-        record.balancing,
-        ms(record.makespan_secs),
-        ms(record.ideal_secs),
-        ms(mean),
-        ms(deviation),
+    text!(
+        "stats-chart-frame",
+        frame = record.frame,
+        balancing = record.balancing.to_string(),
+        makespan = ms(record.makespan_secs),
+        ideal = ms(record.ideal_secs),
+        mean = ms(mean),
+        deviation = ms(deviation),
     )
 }
 
@@ -258,14 +259,6 @@ fn place_at(at: Pos2, rect: Rect, count: usize) -> Option<usize> {
 /// Pictures that a chart shows: about one for each of its points.
 pub(super) const PICTURES: usize = 240;
 const HEIGHT: f32 = 54.0;
-const REDRAWS: Term = Term {
-    label: "redraw",
-    meaning: "Milliseconds between redraws of the window while something moves, the last 240. The line is the frame budget.",
-};
-const SPARKLINE: Term = Term {
-    label: "",
-    meaning: "Makespans of the last 60 frames; the top of the chart is the longest.",
-};
 
 #[cfg(test)]
 mod tests {

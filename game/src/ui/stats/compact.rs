@@ -1,9 +1,10 @@
 //! The rest of the second level: rates, and where the last picture's time went.
 
 use carom_farm::LatencySplit;
+use carom_text::text;
 use egui::{Rect, RichText, Sense, Shape, Ui, Vec2, epaint::Mesh};
 
-use super::glossary::{self as terms, Term};
+use super::glossary as terms;
 use super::summary::StatsSummary;
 use super::value_label::{figure, figure_or_alarm, marked, ms, percent};
 use super::{StatsInput, palette};
@@ -39,7 +40,11 @@ pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) 
             figure(ui, &terms::IDEAL, &format!("{} ms", ms(record.ideal_secs)));
             figure(ui, &terms::IDLE, &format!("{} %", percent(record.idle())));
             if let Some(index) = record.straggler {
-                figure(ui, &terms::STRAGGLER, &format!("node {index}"));
+                figure(
+                    ui,
+                    &terms::STRAGGLER,
+                    &text!("stats-straggler", node = index),
+                );
             }
         });
         if let Some(split) = record.critical_split() {
@@ -51,7 +56,7 @@ pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) 
 
 /// A bar of the six stages, and their names and times under it.
 fn critical_path(ui: &mut Ui, split: &LatencySplit) {
-    let stages = stages(split);
+    let stages = terms::stages(split);
     let sum: f64 = stages.iter().map(|(_, secs)| secs).sum();
     let width = ui.available_width().min(BAR_WIDTH);
     let (rect, response) = ui.allocate_exact_size(Vec2::new(width, BAR_HEIGHT), Sense::hover());
@@ -72,7 +77,12 @@ fn critical_path(ui: &mut Ui, split: &LatencySplit) {
     if let Some((term, secs)) = under {
         response.on_hover_ui_at_pointer(|ui| {
             ui.set_max_width(320.0);
-            ui.label(format!("{} {} ms. {}", term.label, ms(*secs), term.meaning));
+            ui.label(format!(
+                "{} {} ms. {}",
+                term.label(),
+                ms(*secs),
+                term.meaning()
+            ));
         });
     }
     ui.horizontal_wrapped(|ui| {
@@ -80,18 +90,6 @@ fn critical_path(ui: &mut Ui, split: &LatencySplit) {
             marked(ui, term, &ms(*secs), color);
         }
     });
-}
-
-/// In the order in which a tile goes through them.
-pub(super) fn stages(split: &LatencySplit) -> [(&'static Term, f64); 6] {
-    [
-        (&terms::ASKED, split.request_secs),
-        (&terms::NETWORK, split.network_secs),
-        (&terms::QUEUE, split.queue_secs),
-        (&terms::TRACE, split.trace_secs),
-        (&terms::ENCODE, split.encode_secs),
-        (&terms::DECODE, split.decode_secs),
-    ]
 }
 
 const BAR_WIDTH: f32 = 560.0;

@@ -2,6 +2,7 @@
 //! and whether the charts stand still.
 
 use carom_farm::{Algorithm, Balancing, Distribution};
+use carom_text::text;
 use egui::{ComboBox, Ui};
 
 use super::glossary as terms;
@@ -10,6 +11,7 @@ use super::recorder::Recorder;
 use super::value_label::{figure, ms, percent};
 use super::{Stats, StatsCommand, StatsInput, StatsLevel, palette};
 use crate::frame::quality::{QUALITY_LEVELS, QualityPreference};
+use crate::ui::theme;
 
 /// Algorithm, map, freeze, and what the recording does.
 pub(super) fn show(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
@@ -18,13 +20,27 @@ pub(super) fn show(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
         distribution(ui, stats, input.distribution);
     });
     ui.horizontal(|ui| {
-        ui.label("Map").on_hover_text("The map drawn over each tile of the inspected frame.");
-        for (kind, word, meaning) in [
-            (MapKind::None, "none", "No map."),
-            (MapKind::Owner, "owner", "A colour and a number for each node: the node that delivered each tile first."),
-            (MapKind::Cost, "cost", "Learned cost of each tile: dark blue is a quarter of the mean or less, green the mean, yellow four times the mean or more."),
+        ui.label(text!("stats-map"))
+            .on_hover_text(text!("stats-map-about"));
+        for (kind, label, about) in [
+            (
+                MapKind::None,
+                text!("stats-map-none"),
+                text!("stats-map-none-about"),
+            ),
+            (
+                MapKind::Owner,
+                text!("stats-map-owner"),
+                text!("stats-map-owner-about"),
+            ),
+            (
+                MapKind::Cost,
+                text!("stats-map-cost"),
+                text!("stats-map-cost-about"),
+            ),
         ] {
-            ui.selectable_value(&mut stats.maps.kind, kind, word).on_hover_text(meaning);
+            ui.selectable_value(&mut stats.maps.kind, kind, label)
+                .on_hover_text(about);
         }
     });
     if stats.maps.kind == MapKind::Cost {
@@ -40,7 +56,7 @@ pub(super) fn show(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
 
 fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
     let mut wanted = now;
-    ComboBox::from_label("balancer")
+    ComboBox::from_label(text!("stats-balancer"))
         .height(420.0)
         .selected_text(now.algorithm.name())
         .show_ui(ui, |ui| {
@@ -50,11 +66,9 @@ fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
             }
         })
         .response
-        .on_hover_text(
-            "The balancing algorithm from the next frame on. The charts mark the change.",
-        );
-    ui.checkbox(&mut wanted.hedged, "hedged")
-        .on_hover_text("Hedging: late tiles are requested from other nodes too, and the first result wins. Repeats under 2 % of the work; without it a frame waits for its slowest node.");
+        .on_hover_text(text!("stats-balancer-about"));
+    ui.checkbox(&mut wanted.hedged, text!("stats-hedged"))
+        .on_hover_text(text!("stats-hedged-about"));
     if wanted != now {
         stats.commands.push(StatsCommand::Balancing(wanted));
     }
@@ -62,7 +76,10 @@ fn balancing(ui: &mut Ui, stats: &mut Stats, now: Balancing) {
 
 fn distribution(ui: &mut Ui, stats: &mut Stats, now: Distribution) {
     let mut by_samples = now == Distribution::Samples;
-    let changed = ui.checkbox(&mut by_samples, "by samples").on_hover_text("While nothing moves, each node traces other samples of the whole frame instead of its own tiles. A lost node then costs noise instead of tiles; the frame crosses the network once for each node.").changed();
+    let changed = ui
+        .checkbox(&mut by_samples, text!("stats-by-samples"))
+        .on_hover_text(text!("stats-by-samples-about"))
+        .changed();
     if changed {
         let wanted = if by_samples {
             Distribution::Samples
@@ -74,33 +91,13 @@ fn distribution(ui: &mut Ui, stats: &mut Stats, now: Distribution) {
 }
 
 fn about(algorithm: Algorithm) -> &'static str {
-    match algorithm {
-        Algorithm::Equal => "The same number of tiles for each node.",
-        Algorithm::Naive => "In proportion to each node's last speed (tiles per response time).",
-        Algorithm::NaiveMean => "In proportion to the mean of each node's speeds so far.",
-        Algorithm::NaiveFrozen => {
-            "In proportion to the mean of each node's first 60 speeds, fixed from then on."
-        }
-        Algorithm::Ab => {
-            "y = A + B·x with averages over the whole run, after 60 frames in equal parts."
-        }
-        Algorithm::AbExponential => "y = A + B·x with moving averages.",
-        Algorithm::Cycles => {
-            "Each share moves by a fraction of its distance from the mean time until all times are within 2 %."
-        }
-        Algorithm::Pull => {
-            "Work stealing: nodes hold as few tiles as the round trip needs and get more as they deliver."
-        }
-        Algorithm::WaterFilling => {
-            "y = A + B·w with filtered A and B and the cost of each tile: the earliest common finish."
-        }
-        Algorithm::Own => "An algorithm of the application's own.",
-    }
+    let name = algorithm.name().replace('_', "-");
+    text!(&format!("stats-algorithm-{name}"))
 }
 
 fn legend(ui: &mut Ui) {
     ui.horizontal(|ui| {
-        ui.label("1/4");
+        ui.label(text!("stats-map-lowest"));
         let (rect, _) = ui.allocate_exact_size(egui::vec2(120.0, 10.0), egui::Sense::hover());
         let steps = 24;
         for step in 0..steps {
@@ -114,7 +111,7 @@ fn legend(ui: &mut Ui) {
             ui.painter()
                 .rect_filled(part, 0.0, palette::cost(octaves.exp2()));
         }
-        ui.label("4 times the mean");
+        ui.label(text!("stats-map-highest"));
     });
 }
 
@@ -123,10 +120,8 @@ fn freeze(ui: &mut Ui, stats: &mut Stats) {
         let records = stats.history.records();
         let Some(frozen) = stats.frozen.clone() else {
             if ui
-                .button("Freeze")
-                .on_hover_text(
-                    "Freeze the charts at the newest frame. Click a chart to choose another frame.",
-                )
+                .button(text!("stats-freeze"))
+                .on_hover_text(text!("stats-freeze-about"))
                 .clicked()
             {
                 stats.freeze(usize::MAX);
@@ -140,42 +135,43 @@ fn freeze(ui: &mut Ui, stats: &mut Stats) {
         let (first, last) = (place == 0, place + 1 >= records.len());
         if ui
             .add_enabled(!first, egui::Button::new("<"))
-            .on_hover_text("Previous frame.")
+            .on_hover_text(text!("stats-previous-about"))
             .clicked()
         {
             stats.freeze(place - 1);
         }
         if ui
             .add_enabled(!last, egui::Button::new(">"))
-            .on_hover_text("Next frame.")
+            .on_hover_text(text!("stats-next-about"))
             .clicked()
         {
             stats.freeze(place + 1);
         }
         if ui
-            .button("Go on")
-            .on_hover_text("Resume live charts.")
+            .button(text!("stats-resume"))
+            .on_hover_text(text!("stats-resume-about"))
             .clicked()
         {
             stats.unfreeze();
         }
-        ui.label(format!("Frozen at frame {}", frozen.frame));
+        ui.label(text!("stats-frozen", frame = frozen.frame));
     });
 }
 
 fn recording(ui: &mut Ui, recorder: &Recorder) {
     let state = recorder.state();
     ui.horizontal_wrapped(|ui| {
-        figure(
-            ui,
-            &terms::RECORDING,
-            &format!("{} written, {} left out", state.written, state.left_out),
+        let frames = text!(
+            "stats-recording-frames",
+            written = state.written,
+            missed = state.left_out
         );
+        figure(ui, &terms::RECORDING, &frames);
         match &state.failure {
             Some(why) => {
-                ui.colored_label(crate::ui::theme::ALARM, format!("Recording stopped: {why}"))
+                ui.colored_label(theme::ALARM, text!("stats-recording-stopped", why = why))
             }
-            None => ui.label(format!("to {}", state.place)),
+            None => ui.label(text!("stats-recording-place", place = &state.place)),
         };
     });
 }
@@ -210,9 +206,25 @@ pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
 pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     let mut wanted = input.preference;
     ui.horizontal(|ui| {
-        for (preference, word, meaning) in DIALS {
-            ui.selectable_value(&mut wanted, preference, word)
-                .on_hover_text(meaning);
+        for (preference, label, about) in [
+            (
+                QualityPreference::Smooth,
+                text!("stats-quality-smooth"),
+                text!("stats-quality-smooth-about"),
+            ),
+            (
+                QualityPreference::Balanced,
+                text!("stats-quality-balanced"),
+                text!("stats-quality-balanced-about"),
+            ),
+            (
+                QualityPreference::Fine,
+                text!("stats-quality-fine"),
+                text!("stats-quality-fine-about"),
+            ),
+        ] {
+            ui.selectable_value(&mut wanted, preference, label)
+                .on_hover_text(about);
         }
     });
     if wanted != input.preference {
@@ -239,20 +251,14 @@ pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     }
 }
 
-const DIALS: [(QualityPreference, &str, &str); 3] = [
-    (
-        QualityPreference::Smooth,
-        "smooth",
-        "60 frames per second, at 426x240 pixels or more.",
-    ),
-    (
-        QualityPreference::Balanced,
-        "balanced",
-        "60 frames per second at sufficient resolution, else 30: twice the samples.",
-    ),
-    (
-        QualityPreference::Fine,
-        "fine",
-        "15 frames per second: four times the samples, a seventh of the squared error.",
-    ),
-];
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_algorithm_is_explained() {
+        for algorithm in Algorithm::ALL {
+            assert!(about(algorithm).ends_with('.'), "{algorithm:?}");
+        }
+    }
+}

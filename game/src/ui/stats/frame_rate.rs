@@ -9,7 +9,7 @@ pub struct FrameRate {
     intervals_secs: VecDeque<f64>,
 }
 
-/// FrameRate a second.
+/// Redraws a second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
     /// Of the last quarter of a second.
@@ -26,7 +26,7 @@ impl FrameRate {
     /// Intervals that are kept.
     pub const INTERVALS_MAX: usize = 1000;
 
-    /// Toasts a redraw; `moves` says that something has moved since the one before. Pauses in which
+    /// Notes a redraw; `moves` says that something has moved since the one before. Pauses in which
     /// nothing moves are no slow frames.
     pub fn note(&mut self, now_secs: f64, moves: bool) {
         let last = self.last.replace((now_secs, moves));

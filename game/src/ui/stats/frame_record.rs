@@ -199,14 +199,6 @@ impl FrameRecord {
     pub fn critical_split(&self) -> Option<LatencySplit> {
         Some(self.nodes.get(self.straggler?)?.split)
     }
-
-    /// Raw bytes over those that crossed the link; 1 if none did.
-    pub fn ratio(&self) -> f64 {
-        match self.payload_bytes {
-            0 => 1.0,
-            bytes => self.raw_bytes as f64 / bytes as f64,
-        }
-    }
 }
 
 impl Detail {

@@ -1,6 +1,7 @@
 //! Gantt chart of a frame: a row of bars for each node, in one mesh.
 
 use carom_farm::Delivery;
+use carom_text::text;
 use egui::epaint::Mesh;
 use egui::{Align2, Color32, FontId, Pos2, Rect, Sense, Shape, Ui, Vec2};
 
@@ -12,7 +13,7 @@ use crate::ui::theme::{ALARM, FAINT, INK};
 /// Draws a picture's chart, as wide as there is room.
 pub fn show(ui: &mut Ui, record: &FrameRecord) {
     let Some(detail) = &record.detail else {
-        ui.label("The timeline of this frame is no longer stored.");
+        ui.label(text!("stats-gantt-gone"));
         return;
     };
     let rows: Vec<usize> = record.took_part().map(|(index, _)| index).collect();
@@ -155,7 +156,7 @@ impl GanttLayout {
         let bottom = rect.bottom();
         let start = Pos2::new(self.bars.left(), bottom);
         painter.text(start, Align2::LEFT_BOTTOM, "0", font.clone(), FAINT);
-        let ideal = format!("ideal {}", ms(record.ideal_secs));
+        let ideal = text!("stats-gantt-ideal", milliseconds = ms(record.ideal_secs));
         let at = Pos2::new(
             self.x(record.ideal_secs).clamp(
                 rect.left() + 130.0,
@@ -178,27 +179,37 @@ impl GanttLayout {
 fn tell(delivery: &Delivery) -> String {
     let split = &delivery.split;
     let [from, to] = [delivery.tiles.first, delivery.tiles.end().saturating_sub(1)];
-    let twice = delivery.tiles.count - delivery.fresh_tiles.min(delivery.tiles.count);
-    let twice = if twice > 0 {
-        format!(", {twice} of them duplicates")
-    } else {
-        String::new()
+    let twice = delivery.tiles.count.saturating_sub(delivery.fresh_tiles);
+    let tiles = text!(
+        "stats-gantt-tiles",
+        node = delivery.node.0,
+        from = from,
+        to = to,
+        twice = twice
+    );
+    let [requested, received] = [split.request_secs, delivery.arrived_secs].map(ms);
+    let times = match delivery.expected_secs {
+        Some(secs) => text!(
+            "stats-gantt-times-predicted",
+            requested = requested,
+            received = received,
+            predicted = ms(secs)
+        ),
+        None => text!(
+            "stats-gantt-times",
+            requested = requested,
+            received = received
+        ),
     };
-    format!(
-        "node {}, tiles {from} to {to}{twice}\nrequested at {} ms, received at {} ms{}\nbusy {}, network {}, queue {}, encode {}, decode {} ms",
-        delivery.node.0,
-        ms(split.request_secs),
-        ms(delivery.arrived_secs),
-        delivery.expected_secs.map_or(String::new(), |secs| format!(
-            ", predicted for {} ms",
-            ms(secs)
-        )),
-        ms(delivery.busy_secs),
-        ms(split.network_secs),
-        ms(split.queue_secs),
-        ms(split.encode_secs),
-        ms(split.decode_secs),
-    )
+    let stages = text!(
+        "stats-gantt-stages",
+        busy = ms(delivery.busy_secs),
+        network = ms(split.network_secs),
+        queue = ms(split.queue_secs),
+        encode = ms(split.encode_secs),
+        decode = ms(split.decode_secs)
+    );
+    format!("{tiles}\n{times}\n{stages}")
 }
 
 const HEIGHT_MAX: f32 = 190.0;

@@ -1,5 +1,6 @@
 //! Whose each tile is, or what it costs, over the picture: one small texture, drawn as one quad.
 
+use carom_text::text;
 use carom_tracer::{ImageSize, TileGrid};
 use egui::{
     Align2, Color32, ColorImage, Context, FontId, Painter, Pos2, Rect, TextureHandle,
@@ -35,7 +36,7 @@ pub struct Maps {
 
 impl std::fmt::Debug for Maps {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Maps")
+        f.debug_struct(stringify!(Maps))
             .field("kind", &self.kind)
             .finish_non_exhaustive()
     }
@@ -95,10 +96,17 @@ impl Maps {
         let row = (at.y as u32).min(grid.rows() - 1);
         let tile = (row * grid.columns() + column) as usize;
         let owner = usize::from(*self.owners.get(tile)?);
-        let name = record.nodes.get(owner).map_or("nobody", |node| &*node.name);
+        let name = record
+            .nodes
+            .get(owner)
+            .map_or(text!("stats-map-nobody"), |node| &*node.name);
         let times = detail.tile_work.get(tile)? / mean(&detail.tile_work);
-        Some(format!(
-            "tile {tile}: node {owner} ({name}), {times:.2} times the mean cost"
+        Some(text!(
+            "stats-map-tile",
+            tile = tile,
+            node = owner,
+            name = name,
+            times = format!("{times:.2}")
         ))
     }
 

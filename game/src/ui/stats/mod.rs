@@ -199,7 +199,7 @@ impl Stats {
         }
     }
 
-    /// Toasts a redraw of the window; `moves` says that something has moved since the one before.
+    /// Notes a redraw of the window; `moves` says that something has moved since the one before.
     pub fn note_redraw(&mut self, now_secs: f64, moves: bool) {
         if self.is_shown() {
             self.redraws.note(now_secs, moves);

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use carom_text::text;
 use egui::{
     Area, CollapsingHeader, Context, Frame, Id, LayerId, Margin, Order, Pos2, Rect, ScrollArea, Ui,
     Vec2,
@@ -28,7 +29,7 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, input: &StatsInput<'_>) -> 
         _ => SHARE_OF_SMALL * screen.height(),
     };
     let above = Rect::from_min_size(screen.min, Vec2::new(screen.width(), height));
-    let above = panel(ctx, "stats line", above, false, |ui| {
+    let above = panel(ctx, "stats-line", above, false, |ui| {
         let area = ScrollArea::vertical()
             .id_salt("line")
             .auto_shrink([false, true]);
@@ -52,13 +53,13 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, input: &StatsInput<'_>) -> 
         Pos2::new(screen.right() - SIDE_WIDTH, above.bottom() + GAP),
         Pos2::new(screen.right(), table.top() - GAP),
     );
-    panel(ctx, "stats side", side, true, |ui| {
+    panel(ctx, "stats-side", side, true, |ui| {
         let area = ScrollArea::vertical()
             .id_salt("side")
             .auto_shrink([false, true]);
         area.show(ui, |ui| column(ui, stats, input));
     });
-    panel(ctx, "stats nodes", table, true, |ui| {
+    panel(ctx, "stats-nodes", table, true, |ui| {
         nodes(ui, stats, table_height - TABLE_MARGIN);
     });
     Rect::from_min_max(
@@ -109,9 +110,11 @@ fn column(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     compact::show(ui, &stats.summary, input);
     let inspected: Option<Arc<FrameRecord>> = stats.inspected().cloned();
     if let Some(record) = &inspected {
-        section(ui, "Frame by node", true, |ui| gantt::show(ui, record));
+        section(ui, text!("stats-section-gantt"), true, |ui| {
+            gantt::show(ui, record)
+        });
     }
-    section(ui, "Frames over time", true, |ui| {
+    section(ui, text!("stats-section-frames"), true, |ui| {
         if let Some(place) = time_series(
             ui,
             stats,
@@ -121,11 +124,11 @@ fn column(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
         }
     });
     if let Some(record) = &inspected {
-        section(ui, "Predicted against actual", true, |ui| {
+        section(ui, text!("stats-section-prediction"), true, |ui| {
             prediction_plot::show(ui, record)
         });
     }
-    section(ui, "Redraws over time", false, |ui| {
+    section(ui, text!("stats-section-redraws"), false, |ui| {
         let intervals = stats.redraws.intervals_secs();
         let newest = intervals
             .iter()
@@ -135,10 +138,10 @@ fn column(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
             .scales
             .redraws(ui, newest, (input.period_secs * 1e3) as f32);
     });
-    section(ui, "Balancing algorithms", true, |ui| {
+    section(ui, text!("stats-section-algorithms"), true, |ui| {
         controls::tallies(ui, stats)
     });
-    section(ui, "Quality", false, |ui| {
+    section(ui, text!("stats-section-quality"), false, |ui| {
         controls::quality(ui, stats, input)
     });
 }

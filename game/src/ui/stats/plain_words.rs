@@ -1,5 +1,6 @@
 //! The first level: what a player asks of the picture, in plain words.
 
+use carom_text::text;
 use egui::{RichText, Ui};
 
 use super::StatsInput;
@@ -12,7 +13,8 @@ use crate::ui::theme;
 pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) {
     ui.horizontal_wrapped(|ui| {
         figure(ui, &terms::FPS, &format!("{:3.0}", summary.rates.now));
-        let pictures = format!("{:.0} a second", summary.pictures_per_sec);
+        let pictures = format!("{:.0}", summary.pictures_per_sec);
+        let pictures = text!("stats-pictures-per-second", pictures = pictures);
         figure(ui, &terms::NEW_PICTURES, &pictures);
         if let Some(record) = &summary.record {
             let delay = format!("{} ms", ms(record.makespan_secs));
@@ -32,10 +34,10 @@ pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) 
 fn made_by(summary: &StatsSummary) -> String {
     let mut ready = summary.nodes.iter().filter(|node| node.is_ready);
     match (ready.next(), ready.count()) {
-        (None, _) => "nobody yet".to_owned(),
+        (None, _) => text!("stats-made-by-nobody").to_owned(),
         (Some(node), 0) if node.device.is_empty() => node.name.clone(),
         (Some(node), 0) => node.device.clone(),
-        (Some(_), others) => format!("{} machines", others + 1),
+        (Some(_), others) => text!("stats-made-by-machines", count = others + 1),
     }
 }
 
@@ -43,12 +45,12 @@ fn made_by(summary: &StatsSummary) -> String {
 fn trouble(summary: &StatsSummary) -> Option<String> {
     let mut absent = summary.nodes.iter().filter(|node| !node.is_ready);
     let first = absent.next()?;
-    let words = format!("{} does not help: {}", first.name, first.state_sentence);
-    Some(match absent.count() {
-        0 => words,
-        1 => format!("{words}. Nor does one other machine"),
-        others => format!("{words}. Nor do {others} other machines"),
-    })
+    Some(text!(
+        "stats-absent",
+        others = absent.count(),
+        name = &first.name,
+        why = &first.state_sentence
+    ))
 }
 
 /// A picture that takes so many times its budget is late.

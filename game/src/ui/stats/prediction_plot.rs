@@ -1,5 +1,6 @@
 //! Predicted against actual: how well the balancer knows each node.
 
+use carom_text::text;
 use egui::{Align2, Color32, FontId, Pos2, Sense, Stroke, Ui, Vec2};
 
 use super::frame_record::FrameRecord;
@@ -32,7 +33,7 @@ pub(super) fn show(ui: &mut Ui, record: &FrameRecord) {
         write(
             rect.center(),
             Align2::CENTER_CENTER,
-            "no prediction yet",
+            text!("stats-prediction-none"),
             FAINT,
         );
         return;
@@ -43,13 +44,13 @@ pub(super) fn show(ui: &mut Ui, record: &FrameRecord) {
         rect.min + Vec2::new(place(actual), 1.0 - place(predicted)) * rect.size()
     };
     painter.line_segment([at(low, low), at(high, high)], Stroke::new(1.0, FAINT));
-    let axis = format!("predicted, {} to {} ms", ms(low), ms(high));
+    let axis = text!("stats-prediction-predicted", low = ms(low), high = ms(high));
     let margin = Vec2::new(3.0, 1.0);
     write(rect.left_top() + margin, Align2::LEFT_TOP, &axis, FAINT);
     write(
         rect.right_bottom() - margin,
         Align2::RIGHT_BOTTOM,
-        "actual",
+        text!("stats-prediction-actual"),
         FAINT,
     );
     let mut words = Vec::new();
@@ -62,15 +63,16 @@ pub(super) fn show(ui: &mut Ui, record: &FrameRecord) {
             .hover_pos()
             .is_some_and(|pointer| pointer.distance(center) < NEAR)
         {
-            words.push(format!(
-                "node {index}: predicted {} ms, actual {} ms",
-                ms(predicted),
-                ms(actual)
+            words.push(text!(
+                "stats-prediction-node",
+                node = index,
+                predicted = ms(predicted),
+                actual = ms(actual)
             ));
         }
     }
     if words.is_empty() {
-        explained(response, &terms::PREDICTED);
+        explained(response, terms::PREDICTED.meaning());
     } else {
         response.on_hover_text_at_pointer(words.join("\n"));
     }

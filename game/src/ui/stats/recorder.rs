@@ -8,6 +8,8 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
+use carom_text::text;
+
 use super::frame_record::{FrameRecord, NodeRecord};
 
 /// Writes records as CSV, a row for each node and picture, and as JSON lines, one for each picture.
@@ -47,9 +49,10 @@ impl Recorder {
                 queue: None,
                 thread: None,
                 state: Arc::new(Mutex::new(RecorderState {
-                    failure: Some(format!(
-                        "cannot create a file in {}: {why}",
-                        folder.display()
+                    failure: Some(text!(
+                        "stats-recording-no-file",
+                        folder = folder.display().to_string(),
+                        why = why.to_string()
                     )),
                     ..RecorderState::default()
                 })),
@@ -111,7 +114,7 @@ impl Drop for Recorder {
     }
 }
 
-/// RecordFiles with a number that no file there has yet.
+/// Files with a number that no file there has yet.
 fn create(folder: &Path) -> io::Result<(String, RecordFiles<BufWriter<File>>)> {
     fs::create_dir_all(folder)?;
     for number in 1..=FILES_MAX {
@@ -121,11 +124,13 @@ fn create(folder: &Path) -> io::Result<(String, RecordFiles<BufWriter<File>>)> {
             created => BufWriter::new(created?),
         };
         let lines = BufWriter::new(File::create(path("jsonl"))?);
-        let place = format!("{} and .jsonl", path("csv").display());
+        let file = path("csv").display().to_string();
+        let place = text!("stats-recording-files", file = file);
         return Ok((place, RecordFiles { csv, lines }));
     }
-    Err(io::Error::other(format!(
-        "there are {FILES_MAX} recordings in it already"
+    Err(io::Error::other(text!(
+        "stats-recording-full",
+        count = FILES_MAX
     )))
 }
 

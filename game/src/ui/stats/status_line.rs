@@ -1,6 +1,5 @@
 //! The second level's line: the figures of the farm.
 
-use carom_tracer::ImageSize;
 use egui::Ui;
 
 use super::glossary as terms;
@@ -45,16 +44,15 @@ pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, sparkline: &[f32], input
                 &terms::EFFICIENCY,
                 &format!("{} %", percent(record.efficiency())),
             );
-            let ImageSize { width, height } = ImageSize::new(record.width, record.height);
             figure(
                 ui,
                 &terms::SIZE,
-                &format!("{width}x{height} x {}", record.samples),
+                &format!("{}x{} x {}", record.width, record.height, record.samples),
             );
         }
         figure(ui, &terms::BITS, &format!("{:5.1}", summary.mbit_per_sec));
         figure(ui, &terms::RATIO, &format!("{:.1}x", summary.ratio));
-        figure_or_alarm(ui, &terms::LATE, &summary.late.to_string(), false);
+        figure(ui, &terms::LATE, &summary.late.to_string());
         figure_or_alarm(
             ui,
             &terms::LOST,

@@ -4,16 +4,18 @@
 use std::sync::Arc;
 
 use carom_farm::{NodeState, NodeStatus};
+use carom_text::text;
 
 use super::StatsInput;
 use super::frame_rate::{FrameRate, Rates};
 use super::frame_record::{FrameRecord, NodeRecord, mean_and_deviation};
+use super::glossary;
 use super::history::{History, name_of};
 
-/// SchedulerStats over all pictures that are kept, and of the one that is looked at.
+/// Figures over all pictures that are kept, and of the one that is looked at.
 #[derive(Debug, Default)]
 pub struct StatsSummary {
-    /// FrameRate a second.
+    /// Redraws a second.
     pub rates: Rates,
     /// Pictures a second.
     pub pictures_per_sec: f64,
@@ -67,7 +69,7 @@ pub struct NodeSummary {
 }
 
 impl StatsSummary {
-    /// SchedulerStats of `history`, and of `record` in it.
+    /// Figures of `history`, and of `record` in it.
     pub fn new(
         history: &History,
         redraws: &FrameRate,
@@ -102,25 +104,31 @@ impl StatsSummary {
     /// The picture's worst trouble in a sentence.
     pub fn diagnosis(&self) -> String {
         let Some(record) = &self.record else {
-            return "No frame has arrived yet".to_owned();
+            return text!("stats-diagnosis-no-frame").to_owned();
         };
         let Some((index, node)) = straggler(record) else {
-            return "No tile has arrived yet".to_owned();
+            return text!("stats-diagnosis-no-tile").to_owned();
         };
-        let name = &node.name;
-        let lost = self.nodes.iter().filter(|node| !node.is_ready).count();
+        let name = &*node.name;
+        let time = stage(node);
         if record.took_part().count() == 1 {
-            return format!("Node {index} ({name}) traces alone: {}", stage(node));
+            return text!(
+                "stats-diagnosis-alone",
+                node = index,
+                name = name,
+                time = time
+            );
         }
         if record.efficiency() > GOOD {
-            let aside = match lost {
-                0 => String::new(),
-                1 => "; one node is not used".to_owned(),
-                lost => format!("; {lost} nodes are not used"),
-            };
-            return format!("Balanced: all nodes finish nearly together{aside}");
+            let unused = self.nodes.iter().filter(|node| !node.is_ready).count();
+            return text!("stats-diagnosis-balanced", unused = unused);
         }
-        format!("Node {index} ({name}) is the straggler: {}", stage(node))
+        text!(
+            "stats-diagnosis-straggler",
+            node = index,
+            name = name,
+            time = time
+        )
     }
 }
 
@@ -152,16 +160,25 @@ impl NodeSummary {
     }
 
     fn of_status(status: &NodeStatus) -> Self {
+        let state = match &status.state {
+            NodeState::Syncing { percent } => text!("stats-state-syncing", percent = percent),
+            NodeState::Lost {
+                why,
+                retry_secs: Some(secs),
+            } => text!("stats-state-lost-retried", why = why, seconds = secs),
+            NodeState::Lost { why, .. } => text!("stats-state-lost-why", why = why),
+            state => text!(&format!("stats-state-{}", state.word())).to_owned(),
+        };
         let state_sentence = match &status.doubt {
-            Some(doubt) => format!("{}; {doubt}", status.state),
-            None => status.state.to_string(),
+            Some(doubt) => text!("stats-state-doubted", state = state, doubt = doubt),
+            None => state,
         };
         let device = status.info.as_ref().map(|info| info.device.name.clone());
         Self {
             name: name_of(status).to_owned(),
             device: device.unwrap_or_default(),
             state: match status.state {
-                NodeState::Lost { .. } => status.state.word().to_owned(),
+                NodeState::Lost { .. } => text!("stats-state-lost").to_owned(),
                 _ => state_sentence.clone(),
             },
             state_sentence,
@@ -179,20 +196,43 @@ fn straggler(record: &FrameRecord) -> Option<(usize, &NodeRecord)> {
 
 /// Where most of a node's last tile's time went.
 fn stage(node: &NodeRecord) -> String {
-    let split = &node.split;
-    let stages = [
-        (split.request_secs, "waiting to be requested"),
-        (split.network_secs, "network"),
-        (split.queue_secs, "queueing for its device"),
-        (split.trace_secs, "tracing"),
-        (split.encode_secs, "encoding"),
-        (split.decode_secs, "decoding here"),
-    ];
-    let longest = stages.iter().max_by(|a, b| a.0.total_cmp(&b.0));
-    let (secs, word) = longest.copied().unwrap_or_default();
-    let [part, whole] = [secs, node.response_secs].map(|secs| secs * 1e3);
-    format!("{part:.1} of its {whole:.1} ms: {word}")
+    let longest = glossary::stages(&node.split)
+        .into_iter()
+        .max_by(|a, b| a.1.total_cmp(&b.1));
+    longest.map_or_else(String::new, |(term, secs)| {
+        let [part, whole] = [secs, node.response_secs].map(|secs| format!("{:.1}", secs * 1e3));
+        text!(
+            "stats-diagnosis-time",
+            stage = term.id,
+            part = part,
+            whole = whole
+        )
+    })
 }
 
 /// Above this efficiency there is nothing to complain of.
 const GOOD: f64 = 0.9;
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use carom_farm::LatencySplit;
+
+    use super::*;
+
+    #[test]
+    fn each_stage_is_named_in_words_of_its_own() {
+        let named = |(term, _): (&glossary::Term, f64)| {
+            text!(
+                "stats-diagnosis-time",
+                stage = term.id,
+                part = "",
+                whole = ""
+            )
+        };
+        let stages = glossary::stages(&LatencySplit::default());
+        let texts: BTreeSet<String> = stages.into_iter().map(named).collect();
+        assert_eq!(texts.len(), stages.len());
+    }
+}

@@ -40,6 +40,19 @@ struct TableColumn {
     alarm: fn(&NodeCell<'_>) -> bool,
 }
 
+impl TableColumn {
+    /// As wide as the column: cut or padded, words on the left and numbers on the right.
+    fn fit(&self, text: &str) -> String {
+        let gap = self.width - 1;
+        let text: String = text.chars().take(gap).collect();
+        if [terms::NODE, terms::STATE, terms::DEVICE].contains(self.term) {
+            format!("{text:<gap$} ")
+        } else {
+            format!("{text:>gap$} ")
+        }
+    }
+}
+
 impl NodeRows {
     /// Writes the table anew.
     pub(super) fn refresh(&mut self, summary: &StatsSummary) {
@@ -54,18 +67,12 @@ impl NodeRows {
             };
             let mut job = LayoutJob::default();
             for column in COLUMNS {
-                let (bad, gap) = ((column.alarm)(&seen), column.width - 1);
+                let bad = (column.alarm)(&seen);
                 let mut cell = (column.cell)(&seen);
                 if bad {
                     cell.push('!');
                 }
-                let cell: String = cell.chars().take(gap).collect();
-                let padded = if is_text(column) {
-                    format!("{cell:<gap$} ")
-                } else {
-                    format!("{cell:>gap$} ")
-                };
-                job.append(&padded, 0.0, format(bad));
+                job.append(&column.fit(&cell), 0.0, format(bad));
             }
             NodeRow {
                 job,
@@ -81,7 +88,7 @@ impl NodeRows {
         let chars: usize = COLUMNS.iter().map(|column| column.width).sum();
         let size = Vec2::new(char_width * chars as f32, ROW_HEIGHT);
         ScrollArea::horizontal()
-            .id_salt("nodes across")
+            .id_salt("nodes-across")
             .show(ui, |ui| {
                 ui.spacing_mut().item_spacing.y = 0.0;
                 ui.set_min_width(size.x);
@@ -110,17 +117,11 @@ impl NodeRows {
 fn header() -> LayoutJob {
     let mut job = LayoutJob::default();
     for column in COLUMNS {
-        let (label, gap) = (column.term.label, column.width - 1);
-        let padded = if is_text(column) {
-            format!("{label:<gap$} ")
-        } else {
-            format!("{label:>gap$} ")
-        };
         let format = TextFormat {
             color: ACCENT,
             ..format(false)
         };
-        job.append(&padded, 0.0, format);
+        job.append(&column.fit(column.term.label()), 0.0, format);
     }
     job
 }
@@ -150,19 +151,15 @@ fn explain(response: Response, char_width: f32, sentence: Option<&str>) {
     };
     response.on_hover_ui_at_pointer(|ui| {
         ui.set_max_width(320.0);
-        if let (true, Some(sentence)) = (term.label == terms::STATE.label, sentence) {
+        if let (true, Some(sentence)) = (*term == terms::STATE, sentence) {
             ui.label(sentence);
         }
-        ui.label(term.meaning);
+        ui.label(term.meaning());
     });
 }
 
 fn format(bad: bool) -> TextFormat {
     TextFormat::simple(FontId::monospace(SIZE), if bad { ALARM } else { INK })
-}
-
-fn is_text(column: &TableColumn) -> bool {
-    column.width >= TEXT_WIDTH && column.term.label.chars().all(char::is_lowercase)
 }
 
 /// A column of what a node did for the picture; nothing if it took no part.
@@ -287,5 +284,3 @@ static COLUMNS: &[TableColumn] = &[
 const SIZE: f32 = 10.5;
 const ROW_HEIGHT: f32 = 14.0;
 const SCROLL_BAR: f32 = 12.0;
-/// Columns at least so wide whose name is a word hold words.
-const TEXT_WIDTH: usize = 11;

@@ -34,19 +34,19 @@ fn colored(ui: &mut Ui, term: &Term, value: &str, color: Color32) -> Response {
 
 fn written(ui: &mut Ui, mut job: LayoutJob, term: &Term, value: &str, color: Color32) -> Response {
     let font = FontId::monospace(SIZE);
-    job.append(term.label, 0.0, TextFormat::simple(font.clone(), FAINT));
+    job.append(term.label(), 0.0, TextFormat::simple(font.clone(), FAINT));
     job.append(" ", 0.0, TextFormat::simple(font.clone(), FAINT));
     job.append(value, 0.0, TextFormat::simple(font, color));
     // Name and value stay in one line.
     let label = Label::new(job).extend().selectable(false);
-    explained(ui.add(label.sense(Sense::hover())), term)
+    explained(ui.add(label.sense(Sense::hover())), term.meaning())
 }
 
 /// Shows a definition under the pointer.
-pub(super) fn explained(response: Response, term: &Term) -> Response {
+pub(super) fn explained(response: Response, meaning: &str) -> Response {
     response.on_hover_ui(|ui| {
         ui.set_max_width(320.0);
-        ui.label(term.meaning);
+        ui.label(meaning);
     })
 }
 
