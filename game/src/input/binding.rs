@@ -4,6 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
+use carom_text::text;
+
+use super::key::{TWICE, WHEEL};
 use super::{ACTIONS, Action, BindingContext, Button, Key};
 
 /// What an action can be bound to.
@@ -21,10 +24,7 @@ pub enum Trigger {
 
 /// A word that names no trigger.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "`{0}` is no key, button or wheel: write for example \"W\", \"F5\", \"Left Shift\", \
-     \"Mouse right\" or \"Wheel up\""
-)]
+#[error("{}", text!("keys-unknown", word = &*_0))]
 pub struct UnknownTrigger(pub String);
 
 impl fmt::Display for Trigger {
@@ -32,8 +32,8 @@ impl fmt::Display for Trigger {
         f.write_str(match self {
             Self::Key(key) => key.label(),
             Self::Button(button) => button.label(),
-            Self::WheelUp => "Wheel up",
-            Self::WheelDown => "Wheel down",
+            Self::WheelUp => WHEEL[0],
+            Self::WheelDown => WHEEL[1],
         })
     }
 }
@@ -66,7 +66,12 @@ pub struct Bindings {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BindingError {
     /// Somebody else has it.
-    #[error("{trigger} is taken: it does \"{}\" ({})", .by.control().does, .by.control().name)]
+    #[error("{}", text!(
+        "keys-taken",
+        key = trigger.to_string(),
+        does = by.control().does(),
+        name = by.control().name,
+    ))]
     Taken {
         /// What was to be bound.
         trigger: Trigger,
@@ -74,7 +79,11 @@ pub enum BindingError {
         by: Action,
     },
     /// A wheel that is turned is not held.
-    #[error("{trigger} cannot be held down, which \"{}\" needs", .action.control().name)]
+    #[error("{}", text!(
+        "keys-not-held",
+        key = trigger.to_string(),
+        name = action.control().name,
+    ))]
     NotHeld {
         /// What was to be bound.
         trigger: Trigger,
@@ -161,23 +170,18 @@ impl Bindings {
     pub fn words(&self, action: Action) -> String {
         let mut words = Vec::new();
         for trigger in self.triggers(action) {
-            let label = trigger.to_string();
-            let either_side = ["Ctrl", "Shift", "Alt"].into_iter().find(|name| {
-                let both = ["Left", "Right"].map(|side| Key::from_label(&format!("{side} {name}")));
-                label.ends_with(name)
-                    && both.iter().all(|key| {
-                        key.is_some_and(|key| {
-                            self.action(Trigger::Key(key), action.mode()) == Some(action)
-                        })
-                    })
+            let either_side = TWICE.into_iter().find(|(_, both)| {
+                let both = both.map(Trigger::Key);
+                let does = |key: &Trigger| self.action(*key, action.mode()) == Some(action);
+                both.contains(&trigger) && both.iter().all(does)
             });
-            let word = either_side.map_or(label, str::to_owned);
+            let word = either_side.map_or_else(|| trigger.to_string(), |(name, _)| name.to_owned());
             if !words.contains(&word) {
                 words.push(word);
             }
         }
         if words.is_empty() {
-            return "nothing".to_owned();
+            return text!("keys-none").to_owned();
         }
         words.join(", ")
     }
