@@ -24,7 +24,7 @@ pub enum Trigger {
 
 /// A word that names no trigger.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}", text!("keys-unknown", word = &*_0))]
+#[error("{}", text!("keys-unknown", word = _0))]
 pub struct UnknownTrigger(pub String);
 
 impl fmt::Display for Trigger {

@@ -113,7 +113,7 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
         (false, false) if view.winner.is_none() => String::new(),
         _ => view.prompt.clone(),
     };
-    let game = text!("match-game", title = &*view.title, goal = &*view.goal);
+    let game = text!("match-game", title = view.title, goal = &*view.goal);
     let words = [game.trim(), prompt.trim()];
     let words: Vec<&str> = words
         .into_iter()
