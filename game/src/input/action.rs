@@ -1,6 +1,8 @@
-//! The actions of the game, each with its name, what it does in a sentence, and what it is bound to at first.
+//! The actions of the game, each with its name and what it is bound to at first; `en.ftl` says what each does.
 //!
 //! Settings, the help, the legend of keys and the table in README.md are made from [`ACTIONS`].
+
+use carom_text::text;
 
 use super::intent::{
     AimIntent, AppIntent, Intent, MatchIntent, PracticeIntent, ReplayControl, ReplayIntent,
@@ -86,8 +88,6 @@ pub struct ActionSpec {
     pub action: Action,
     /// The name in the settings file.
     pub name: &'static str,
-    /// What it does, for people.
-    pub does: &'static str,
     /// The heading it stands under.
     pub group: Group,
     /// Labels of the triggers it is bound to at first.
@@ -111,6 +111,13 @@ pub enum Group {
     Replay,
 }
 
+impl ActionSpec {
+    /// What it does, for people.
+    pub fn does(&self) -> &'static str {
+        text!(&format!("control-{}", self.name))
+    }
+}
+
 impl Group {
     /// All, in the order of the help.
     pub const ALL: [Self; 6] = [
@@ -124,14 +131,14 @@ impl Group {
 
     /// For people.
     pub fn title(self) -> &'static str {
-        match self {
-            Self::Aim => "Aim",
-            Self::Stroke => "Stroke",
-            Self::Spin => "Spin and elevation",
-            Self::View => "View",
-            Self::Game => "Game",
-            Self::Replay => "Replay",
-        }
+        text!(match self {
+            Self::Aim => "controls-aim",
+            Self::Stroke => "controls-stroke",
+            Self::Spin => "controls-spin",
+            Self::View => "controls-view",
+            Self::Game => "controls-game",
+            Self::Replay => "controls-replay",
+        })
     }
 
     /// The rows under this heading.
@@ -300,13 +307,11 @@ const fn row(
     group: Group,
     action: Action,
     name: &'static str,
-    does: &'static str,
     defaults: &'static [&'static str],
 ) -> ActionSpec {
     ActionSpec {
         action,
         name,
-        does,
         group,
         defaults,
     }
@@ -315,67 +320,67 @@ const fn row(
 /// The action map. Turning the aim with the mouse needs no binding.
 #[rustfmt::skip]
 pub const ACTIONS: &[ActionSpec] = &[
-    row(Group::Aim, Action::AimLeft, "aim-left", "turn the cue one degree to the left", &["Left"]),
-    row(Group::Aim, Action::AimRight, "aim-right", "turn the cue one degree to the right", &["Right"]),
-    row(Group::Aim, Action::AimAtPointer, "aim-at-pointer", "aim at the pointer", &["Mouse middle"]),
-    row(Group::Aim, Action::Fine, "fine", "hold for fine control (a tenth of each step)", &["Left Ctrl", "Left Shift", "Right Ctrl", "Right Shift"]),
-    row(Group::Aim, Action::Aids, "aim-aids", "cycle the aim aids: none, cue line, ghost ball, full prediction", &["T"]),
-    row(Group::Stroke, Action::Stroke, "stroke", "hold, pull the mouse back, release to strike", &["Mouse left"]),
-    row(Group::Stroke, Action::Charge, "charge", "hold to raise the power, release to strike", &["Space"]),
-    row(Group::Stroke, Action::Swing, "swing", "hold and stroke with the mouse: the cue follows your hand", &["F"]),
-    row(Group::Stroke, Action::Strike, "strike", "strike with the set power", &["Enter", "Pad Enter"]),
-    row(Group::Stroke, Action::PowerUp, "power-up", "increase the power", &["=", "Pad +"]),
-    row(Group::Stroke, Action::PowerDown, "power-down", "decrease the power", &["-", "Pad -"]),
-    row(Group::Spin, Action::TipUp, "tip-up", "move the tip up (follow)", &["W"]),
-    row(Group::Spin, Action::TipDown, "tip-down", "move the tip down (draw)", &["S"]),
-    row(Group::Spin, Action::TipLeft, "tip-left", "move the tip left (left english)", &["A"]),
-    row(Group::Spin, Action::TipRight, "tip-right", "move the tip right (right english)", &["D"]),
-    row(Group::Spin, Action::TipCenter, "tip-center", "center the tip and level the cue", &["X"]),
-    row(Group::Spin, Action::CueUp, "cue-up", "raise the butt of the cue (jump, massé)", &["Q"]),
-    row(Group::Spin, Action::CueDown, "cue-down", "lower the butt of the cue", &["E"]),
-    row(Group::View, Action::Orbit, "orbit", "hold and move the mouse to look around; cancels a stroke", &["Mouse right"]),
-    row(Group::View, Action::LookDown, "look-down", "tilt the view up, towards a plan view", &["Up"]),
-    row(Group::View, Action::LookUp, "look-up", "tilt the view down, towards the cloth", &["Down"]),
-    row(Group::View, Action::LookLeft, "look-left", "turn the view to the left", &["["]),
-    row(Group::View, Action::LookRight, "look-right", "turn the view to the right", &["]"]),
-    row(Group::View, Action::ZoomIn, "zoom-in", "zoom in", &["Wheel up", "Page up"]),
-    row(Group::View, Action::ZoomOut, "zoom-out", "zoom out", &["Wheel down", "Page down"]),
-    row(Group::View, Action::NextView, "next-view", "next view: behind the cue, overhead, free, follow, pocket", &["V"]),
-    row(Group::View, Action::Overhead, "overhead", "toggle the overhead view", &["O"]),
-    row(Group::View, Action::SavedView(0), "view-1", "recall saved view 1", &["1"]),
-    row(Group::View, Action::SavedView(1), "view-2", "recall saved view 2", &["2"]),
-    row(Group::View, Action::SavedView(2), "view-3", "recall saved view 3", &["3"]),
-    row(Group::View, Action::SavedView(3), "view-4", "recall saved view 4", &["4"]),
-    row(Group::View, Action::KeepView(0), "keep-view-1", "save this view as view 1", &["5"]),
-    row(Group::View, Action::KeepView(1), "keep-view-2", "save this view as view 2", &["6"]),
-    row(Group::View, Action::KeepView(2), "keep-view-3", "save this view as view 3", &["7"]),
-    row(Group::View, Action::KeepView(3), "keep-view-4", "save this view as view 4", &["8"]),
-    row(Group::Game, Action::PickUp, "pick-up", "pick up or put down a cue ball in hand", &["B"]),
-    row(Group::Game, Action::CallNext, "call", "cycle the call: each pocket, safety, push-out, none", &["C"]),
-    row(Group::Game, Action::Undo, "undo", "undo the last shot", &["U"]),
-    row(Group::Game, Action::Redo, "redo", "redo the shot that was undone", &["Y"]),
-    row(Group::Game, Action::Skip, "skip", "skip the computer's aim, then the shot", &["Z"]),
-    row(Group::Game, Action::Suggest, "suggest", "suggest a shot", &["F9"]),
-    row(Group::Game, Action::TakeOver, "take-over", "let the computer play this shot", &["F6"]),
-    row(Group::Game, Action::Log, "log", "toggle the match log", &["L"]),
-    row(Group::Game, Action::Rack, "rack", "rack the balls again (free table)", &["R"]),
-    row(Group::Game, Action::LookBack, "look-back", "open the replay of previous shots", &["F4"]),
-    row(Group::Game, Action::Practise, "practise", "open the practice table", &["F5"]),
-    row(Group::Game, Action::Photograph, "photograph", "take a screenshot in full quality (PNG and EXR)", &["F12"]),
-    row(Group::Game, Action::Help, "help", "toggle this help", &["F1", "H"]),
-    row(Group::Game, Action::Stats, "stats", "cycle the statistics: in words, figures, full, full with recording, off", &["F3"]),
-    row(Group::Game, Action::Fullscreen, "fullscreen", "toggle fullscreen", &["F11"]),
-    row(Group::Game, Action::Menu, "menu", "cancel the stroke, or open the menu", &["Esc"]),
-    row(Group::Replay, Action::ReplayPause, "replay-pause", "pause or resume", &["Space"]),
-    row(Group::Replay, Action::ReplayBack, "replay-back", "rewind 0.1 s", &["Left"]),
-    row(Group::Replay, Action::ReplayForward, "replay-forward", "skip forward 0.1 s", &["Right"]),
-    row(Group::Replay, Action::ReplayEventBefore, "replay-event-before", "previous event", &[","]),
-    row(Group::Replay, Action::ReplayEventNext, "replay-event-next", "next event", &["."]),
-    row(Group::Replay, Action::ReplayShotBefore, "replay-shot-before", "previous shot", &["P"]),
-    row(Group::Replay, Action::ReplayShotNext, "replay-shot-next", "next shot", &["N"]),
-    row(Group::Replay, Action::ReplaySpeed(0), "replay-speed-1", "normal speed", &["1"]),
-    row(Group::Replay, Action::ReplaySpeed(1), "replay-speed-2", "a quarter of normal speed", &["2"]),
-    row(Group::Replay, Action::ReplaySpeed(2), "replay-speed-3", "a tenth of normal speed", &["3"]),
+    row(Group::Aim, Action::AimLeft, "aim-left", &["Left"]),
+    row(Group::Aim, Action::AimRight, "aim-right", &["Right"]),
+    row(Group::Aim, Action::AimAtPointer, "aim-at-pointer", &["Mouse middle"]),
+    row(Group::Aim, Action::Fine, "fine", &["Left Ctrl", "Left Shift", "Right Ctrl", "Right Shift"]),
+    row(Group::Aim, Action::Aids, "aim-aids", &["T"]),
+    row(Group::Stroke, Action::Stroke, "stroke", &["Mouse left"]),
+    row(Group::Stroke, Action::Charge, "charge", &["Space"]),
+    row(Group::Stroke, Action::Swing, "swing", &["F"]),
+    row(Group::Stroke, Action::Strike, "strike", &["Enter", "Pad Enter"]),
+    row(Group::Stroke, Action::PowerUp, "power-up", &["=", "Pad +"]),
+    row(Group::Stroke, Action::PowerDown, "power-down", &["-", "Pad -"]),
+    row(Group::Spin, Action::TipUp, "tip-up", &["W"]),
+    row(Group::Spin, Action::TipDown, "tip-down", &["S"]),
+    row(Group::Spin, Action::TipLeft, "tip-left", &["A"]),
+    row(Group::Spin, Action::TipRight, "tip-right", &["D"]),
+    row(Group::Spin, Action::TipCenter, "tip-center", &["X"]),
+    row(Group::Spin, Action::CueUp, "cue-up", &["Q"]),
+    row(Group::Spin, Action::CueDown, "cue-down", &["E"]),
+    row(Group::View, Action::Orbit, "orbit", &["Mouse right"]),
+    row(Group::View, Action::LookDown, "look-down", &["Up"]),
+    row(Group::View, Action::LookUp, "look-up", &["Down"]),
+    row(Group::View, Action::LookLeft, "look-left", &["["]),
+    row(Group::View, Action::LookRight, "look-right", &["]"]),
+    row(Group::View, Action::ZoomIn, "zoom-in", &["Wheel up", "Page up"]),
+    row(Group::View, Action::ZoomOut, "zoom-out", &["Wheel down", "Page down"]),
+    row(Group::View, Action::NextView, "next-view", &["V"]),
+    row(Group::View, Action::Overhead, "overhead", &["O"]),
+    row(Group::View, Action::SavedView(0), "view-1", &["1"]),
+    row(Group::View, Action::SavedView(1), "view-2", &["2"]),
+    row(Group::View, Action::SavedView(2), "view-3", &["3"]),
+    row(Group::View, Action::SavedView(3), "view-4", &["4"]),
+    row(Group::View, Action::KeepView(0), "keep-view-1", &["5"]),
+    row(Group::View, Action::KeepView(1), "keep-view-2", &["6"]),
+    row(Group::View, Action::KeepView(2), "keep-view-3", &["7"]),
+    row(Group::View, Action::KeepView(3), "keep-view-4", &["8"]),
+    row(Group::Game, Action::PickUp, "pick-up", &["B"]),
+    row(Group::Game, Action::CallNext, "call", &["C"]),
+    row(Group::Game, Action::Undo, "undo", &["U"]),
+    row(Group::Game, Action::Redo, "redo", &["Y"]),
+    row(Group::Game, Action::Skip, "skip", &["Z"]),
+    row(Group::Game, Action::Suggest, "suggest", &["F9"]),
+    row(Group::Game, Action::TakeOver, "take-over", &["F6"]),
+    row(Group::Game, Action::Log, "log", &["L"]),
+    row(Group::Game, Action::Rack, "rack", &["R"]),
+    row(Group::Game, Action::LookBack, "look-back", &["F4"]),
+    row(Group::Game, Action::Practise, "practise", &["F5"]),
+    row(Group::Game, Action::Photograph, "photograph", &["F12"]),
+    row(Group::Game, Action::Help, "help", &["F1", "H"]),
+    row(Group::Game, Action::Stats, "stats", &["F3"]),
+    row(Group::Game, Action::Fullscreen, "fullscreen", &["F11"]),
+    row(Group::Game, Action::Menu, "menu", &["Esc"]),
+    row(Group::Replay, Action::ReplayPause, "replay-pause", &["Space"]),
+    row(Group::Replay, Action::ReplayBack, "replay-back", &["Left"]),
+    row(Group::Replay, Action::ReplayForward, "replay-forward", &["Right"]),
+    row(Group::Replay, Action::ReplayEventBefore, "replay-event-before", &[","]),
+    row(Group::Replay, Action::ReplayEventNext, "replay-event-next", &["."]),
+    row(Group::Replay, Action::ReplayShotBefore, "replay-shot-before", &["P"]),
+    row(Group::Replay, Action::ReplayShotNext, "replay-shot-next", &["N"]),
+    row(Group::Replay, Action::ReplaySpeed(0), "replay-speed-1", &["1"]),
+    row(Group::Replay, Action::ReplaySpeed(1), "replay-speed-2", &["2"]),
+    row(Group::Replay, Action::ReplaySpeed(2), "replay-speed-3", &["3"]),
 ];
 
 const AIM_STEP_RAD: f64 = std::f64::consts::PI / 180.0;
@@ -399,7 +404,8 @@ mod tests {
             assert_eq!(Action::from_name(control.name), Some(control.action));
             assert_eq!(control.action.control().name, control.name);
             let others = ACTIONS.iter().skip(i + 1);
-            others.for_each(|other| assert_ne!(other.does, control.does));
+            others.for_each(|other| assert_ne!(other.does(), control.does()));
+            assert!(!control.does().is_empty(), "{}", control.name);
             assert!(!control.defaults.is_empty(), "{}", control.name);
         }
         let grouped: usize = Group::ALL

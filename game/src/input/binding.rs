@@ -4,6 +4,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
+use carom_text::text;
+
+use super::key::{TWICE, WHEEL};
 use super::{ACTIONS, Action, BindingContext, Button, GamepadControl, Key};
 
 /// What an action can be bound to.
@@ -23,10 +26,7 @@ pub enum Trigger {
 
 /// A word that names no trigger.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "`{0}` is no key, button or wheel: write for example \"W\", \"F5\", \"Left Shift\", \
-     \"Mouse right\" or \"Wheel up\""
-)]
+#[error("{}", text!("keys-unknown", word = _0))]
 pub struct UnknownTrigger(pub String);
 
 impl fmt::Display for Trigger {
@@ -35,8 +35,8 @@ impl fmt::Display for Trigger {
             Self::Key(key) => key.label(),
             Self::Button(button) => button.label(),
             Self::Gamepad(control) => control.label(),
-            Self::WheelUp => "Wheel up",
-            Self::WheelDown => "Wheel down",
+            Self::WheelUp => WHEEL[0],
+            Self::WheelDown => WHEEL[1],
         })
     }
 }
@@ -70,7 +70,12 @@ pub struct Bindings {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BindingError {
     /// Somebody else has it.
-    #[error("{trigger} is taken: it does \"{}\" ({})", .by.control().does, .by.control().name)]
+    #[error("{}", text!(
+        "keys-taken",
+        key = trigger.to_string(),
+        does = by.control().does(),
+        name = by.control().name,
+    ))]
     Taken {
         /// What was to be bound.
         trigger: Trigger,
@@ -78,7 +83,11 @@ pub enum BindingError {
         by: Action,
     },
     /// A wheel that is turned is not held.
-    #[error("{trigger} cannot be held down, which \"{}\" needs", .action.control().name)]
+    #[error("{}", text!(
+        "keys-not-held",
+        key = trigger.to_string(),
+        name = action.control().name,
+    ))]
     NotHeld {
         /// What was to be bound.
         trigger: Trigger,
@@ -164,36 +173,33 @@ impl Bindings {
 
     /// An action's keys and buttons of the mouse for people; keys that are there twice are named once.
     pub fn words(&self, action: Action) -> String {
-        self.words_where(action, |trigger| !matches!(trigger, Trigger::Gamepad(_)))
+        let labels = self.labels(action, |trigger| !matches!(trigger, Trigger::Gamepad(_)));
+        match labels.is_empty() {
+            true => text!("keys-none").to_owned(),
+            false => labels.join(", "),
+        }
     }
 
-    /// An action's controls of a gamepad for people.
+    /// An action's controls of a gamepad for people; empty where it has none.
     pub fn gamepad_words(&self, action: Action) -> String {
-        self.words_where(action, |trigger| matches!(trigger, Trigger::Gamepad(_)))
+        self.labels(action, |trigger| matches!(trigger, Trigger::Gamepad(_)))
+            .join(", ")
     }
 
-    fn words_where(&self, action: Action, is_named: fn(&Trigger) -> bool) -> String {
+    fn labels(&self, action: Action, is_named: fn(&Trigger) -> bool) -> Vec<String> {
         let mut words = Vec::new();
-        for trigger in self.triggers(action).iter().filter(|t| is_named(t)) {
-            let label = trigger.to_string();
-            let either_side = ["Ctrl", "Shift", "Alt"].into_iter().find(|name| {
-                let both = ["Left", "Right"].map(|side| Key::from_label(&format!("{side} {name}")));
-                label.ends_with(name)
-                    && both.iter().all(|key| {
-                        key.is_some_and(|key| {
-                            self.action(Trigger::Key(key), action.mode()) == Some(action)
-                        })
-                    })
+        for trigger in self.triggers(action).into_iter().filter(is_named) {
+            let either_side = TWICE.into_iter().find(|(_, both)| {
+                let both = both.map(Trigger::Key);
+                let does = |key: &Trigger| self.action(*key, action.mode()) == Some(action);
+                both.contains(&trigger) && both.iter().all(does)
             });
-            let word = either_side.map_or(label, str::to_owned);
+            let word = either_side.map_or_else(|| trigger.to_string(), |(name, _)| name.to_owned());
             if !words.contains(&word) {
                 words.push(word);
             }
         }
-        if words.is_empty() {
-            return "nothing".to_owned();
-        }
-        words.join(", ")
+        words
     }
 
     /// Actions that nothing is bound to.

@@ -1,4 +1,5 @@
-//! Keys by their place on the keyboard, so that W A S D lie together on every layout.
+//! Keys by their place on the keyboard, so that W A S D lie together on every layout, and what else can be
+//! pressed or turned. Their names stand in the settings file and are shown as they stand there.
 
 /// A key: its label as settings and help show it, one of [`KEYS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -23,6 +24,49 @@ impl Key {
         self.0
     }
 }
+
+/// A mouse button.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Button {
+    Left,
+    Middle,
+    Right,
+    Back,
+    Forward,
+}
+
+impl Button {
+    /// All.
+    pub const ALL: [Self; 5] = [
+        Self::Left,
+        Self::Middle,
+        Self::Right,
+        Self::Back,
+        Self::Forward,
+    ];
+
+    /// For people, and for the settings file.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Left => "Mouse left",
+            Self::Middle => "Mouse middle",
+            Self::Right => "Mouse right",
+            Self::Back => "Mouse back",
+            Self::Forward => "Mouse forward",
+        }
+    }
+}
+
+/// The wheel, turned away from the player and towards the player.
+pub(super) const WHEEL: [&str; 2] = ["Wheel up", "Wheel down"];
+
+/// Keys that are there twice: the name of either, and those of both.
+pub(super) const TWICE: [(&str, [Key; 2]); 3] = [
+    ("Ctrl", [Key("Left Ctrl"), Key("Right Ctrl")]),
+    ("Shift", [Key("Left Shift"), Key("Right Shift")]),
+    ("Alt", [Key("Left Alt"), Key("Right Alt")]),
+];
 
 /// Codes and labels of the keys that can be bound.
 pub const KEYS: [(&str, &str); 101] = [

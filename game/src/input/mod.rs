@@ -6,8 +6,8 @@
 //!          pressed     player's    is for    does
 //! ```
 //!
-//! A new control is a variant of [`Action`], a row of [`ACTIONS`] and an arm where it becomes an
-//! [`Intent`]; help, settings and README.md follow.
+//! A new control is a variant of [`Action`], a row of [`ACTIONS`], its `control-` text and an arm where it
+//! becomes an [`Intent`]; help, settings and README.md follow.
 
 pub mod action;
 pub mod binding;
@@ -28,7 +28,7 @@ pub use intent::{
     AimIntent, AppIntent, Intent, MatchIntent, PracticeIntent, ReplayControl, ReplayIntent,
     StrokeIntent,
 };
-pub use key::Key;
+pub use key::{Button, Key};
 
 use crate::camera::CameraIntent;
 
@@ -73,39 +73,6 @@ pub enum Event {
     },
     /// Keys and buttons may come up unseen from now on.
     FocusLost,
-}
-
-/// A mouse button.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum Button {
-    Left,
-    Middle,
-    Right,
-    Back,
-    Forward,
-}
-
-impl Button {
-    /// All.
-    pub const ALL: [Self; 5] = [
-        Self::Left,
-        Self::Middle,
-        Self::Right,
-        Self::Back,
-        Self::Forward,
-    ];
-
-    /// For people, and for the settings file.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Left => "Mouse left",
-            Self::Middle => "Mouse middle",
-            Self::Right => "Mouse right",
-            Self::Back => "Mouse back",
-            Self::Forward => "Mouse forward",
-        }
-    }
 }
 
 /// How the mouse turns the aim and the camera.

@@ -231,7 +231,8 @@ pub(super) fn bind(chosen: &[(Action, Vec<Trigger>)]) -> (Bindings, Vec<String>)
         let control = action.control();
         format!(
             "nothing is left for \"{}\": give [keys] {} a key",
-            control.does, control.name
+            control.does(),
+            control.name
         )
     }));
     (bindings, warnings)

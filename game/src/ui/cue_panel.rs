@@ -1,6 +1,7 @@
 //! The spin disc and the power bar: they show what keys and strokes set, and can be clicked and dragged.
 
 use carom_billiards::physics;
+use carom_text::text;
 use egui::{
     Align2, Area, Color32, Context, CornerRadius, FontId, Id, Order, Pos2, Rect, Response, Role,
     Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
@@ -44,8 +45,12 @@ fn area<T>(
 fn power_bar(ui: &mut Ui, bar: Vec2, power: f64) -> Option<Intent> {
     let size = bar + Vec2::new(34.0, FOOT);
     let (whole, response) = ui.allocate_exact_size(size, POINTER_ONLY);
-    let speed = format!("{:.2} m/s", cue_speed_m_s(power));
-    let words = format!("Power {:.0} %, {speed}", power * 100.0);
+    let speed = text!("cue-speed", speed = format!("{:.2}", cue_speed_m_s(power)));
+    let words = text!(
+        "cue-power",
+        percent = format!("{:.0}", power * 100.0),
+        speed = &*speed,
+    );
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &words));
     let frame = Rect::from_min_size(whole.min + Vec2::new(17.0, 4.0), bar);
     let painter = ui.painter();
@@ -67,7 +72,7 @@ fn power_bar(ui: &mut Ui, bar: Vec2, power: f64) -> Option<Intent> {
         FontId::proportional(13.0),
         INK,
     );
-    let explained = response.on_hover_text("Power: the speed of the cue. Click or drag to set it");
+    let explained = response.on_hover_text(text!("cue-power-about"));
     let at = clicked_at(&explained)?;
     let share = (frame.bottom() - at.y) / frame.height();
     Some(Intent::Aim(AimIntent::SetPower(f64::from(
@@ -80,10 +85,10 @@ fn power_bar(ui: &mut Ui, bar: Vec2, power: f64) -> Option<Intent> {
 fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
     let size = Vec2::splat(2.0 * RADIUS + 8.0);
     let (rect, response) = ui.allocate_exact_size(size, POINTER_ONLY);
-    let spin = format!(
-        "Spin {:+.0} % right, {:+.0} % up",
-        cue.tip.x * 100.0,
-        cue.tip.y * 100.0
+    let spin = text!(
+        "cue-spin",
+        right = format!("{:+.0}", cue.tip.x * 100.0),
+        up = format!("{:+.0}", cue.tip.y * 100.0),
     );
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &spin));
     let (center, painter) = (rect.center(), ui.painter());
@@ -101,9 +106,7 @@ fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
             painter.line_segment([tip - arm, tip + arm], Stroke::new(2.0, INK));
         }
     }
-    let explained = response.on_hover_text(
-        "Point of contact on the cue ball; outside the ring the tip slips off. Click or drag to set it",
-    );
+    let explained = response.on_hover_text(text!("cue-spin-about"));
     let at = (clicked_at(&explained)? - center) / RADIUS;
     Some(Intent::Aim(AimIntent::SetTip(DVec2::new(
         f64::from(at.x),
@@ -115,17 +118,17 @@ fn spin_disc(ui: &mut Ui, cue: &CueView) -> Option<Intent> {
 fn words(ctx: &Context, at: Pos2, cue: &CueView) {
     let mut words = Vec::new();
     if cue.elevation_rad > 0.0005 {
-        let angle = cue.elevation_rad.to_degrees();
-        words.push((format!("cue raised {angle:.1}°"), INK));
+        let degrees = format!("{:.1}", cue.elevation_rad.to_degrees());
+        words.push((text!("cue-raised", degrees = degrees), INK));
     }
     if cue.tip.length() > physics::Cue::default().miscue_offset() {
-        words.push(("the tip slips off".to_owned(), super::theme::ALARM));
+        words.push((text!("cue-slips").to_owned(), super::theme::ALARM));
     }
     if words.is_empty() {
         return;
     }
     let bottom = at + Vec2::new(0.0, (2 - words.len()) as f32 * WORDS);
-    let drawn = Area::new(Id::unique("words of the cue"))
+    let drawn = Area::new(Id::unique("cue-words"))
         .order(Order::Middle)
         .interactable(false)
         .fixed_pos(bottom);

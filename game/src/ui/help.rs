@@ -1,5 +1,6 @@
 //! Help on keys and mouse, made from the action map: the panel, and `CONTROLS.md`.
 
+use carom_text::text;
 use egui::{Align2, Area, Color32, Context, Grid, Id, Order, RichText, ScrollArea};
 
 use super::theme;
@@ -14,14 +15,14 @@ pub fn panel(ctx: &Context, bindings: &Bindings) {
             theme::frame()
                 .fill(theme::PANEL.to_opaque())
                 .show(ui, |ui| {
-                    ui.heading("Keys and mouse");
+                    ui.heading(text!("menu-keys"));
                     let room = ctx.content_rect().size() - egui::vec2(60.0, 130.0);
                     ui.set_max_width(room.x);
                     ScrollArea::vertical()
                         .max_height(room.y.max(80.0))
                         .show(ui, |ui| table(ui, bindings));
-                    let close = bindings.words(Action::Help);
-                    ui.label(RichText::new(format!("Press {close} to close")).color(theme::FAINT));
+                    let close = text!("controls-close", keys = bindings.words(Action::Help));
+                    ui.label(RichText::new(close).color(theme::FAINT));
                 });
         });
 }
@@ -43,17 +44,21 @@ pub fn table(ui: &mut egui::Ui, bindings: &Bindings) {
                 ui.label(RichText::new(group.title()).strong());
                 ui.end_row();
                 if group == Group::Aim {
-                    row(ui, "Mouse", AIM_BY_MOUSE, theme::ACCENT);
+                    let [mouse, does] = aim_by_mouse();
+                    row(ui, mouse, does, theme::ACCENT);
                 }
                 for control in group.controls() {
                     let keys = bindings.words(control.action);
-                    row(ui, &keys, control.does, theme::ACCENT);
+                    row(ui, &keys, control.does(), theme::ACCENT);
                 }
             }
         });
 }
 
-const AIM_BY_MOUSE: &str = "aim: left and right turn the cue";
+/// The one control that is bound to no key.
+fn aim_by_mouse() -> [&'static str; 2] {
+    [text!("controls-mouse"), text!("controls-mouse-aims")]
+}
 
 #[cfg(test)]
 mod tests {
@@ -74,19 +79,22 @@ mod tests {
 
     fn markdown(bindings: &Bindings) -> String {
         let mut text = String::from(
-            "# Controls\n\nThe keys of a new installation. Every one can be changed in the settings (Esc).\n",
+            "# Controls\n\nThe keys of a new installation. Every one can be changed in the settings (Esc). Gamepads need a build \
+             with `--features gamepad`; buttons have the names of an Xbox controller.\n",
         );
         for group in Group::ALL {
             text.push_str(&format!(
-                "\n## {}\n\n| key or mouse | action |\n|---|---|\n",
+                "\n## {}\n\n| key or mouse | gamepad | action |\n|---|---|---|\n",
                 group.title()
             ));
             if group == Group::Aim {
-                text.push_str(&format!("| Mouse | {AIM_BY_MOUSE} |\n"));
+                let [mouse, does] = aim_by_mouse();
+                text.push_str(&format!("| {mouse} | | {does} |\n"));
             }
             for control in group.controls() {
                 let keys = bindings.words(control.action);
-                text.push_str(&format!("| {keys} | {} |\n", control.does));
+                let gamepad = bindings.gamepad_words(control.action);
+                text.push_str(&format!("| {keys} | {gamepad} | {} |\n", control.does()));
             }
         }
         text

@@ -1,5 +1,6 @@
 //! The page where every control can be given other keys.
 
+use carom_text::text;
 use egui::{Grid, RichText, ScrollArea, Ui};
 
 use super::theme;
@@ -44,7 +45,7 @@ impl Rebinding {
 /// Draws the page and changes the bindings.
 pub(super) fn page(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebinding) {
     ui.set_width(720.0_f32.min(ui.ctx().content_rect().width() - 60.0));
-    ui.heading("Keys and mouse");
+    ui.heading(text!("menu-keys"));
     status(ui, bindings, rebinding);
     let height = ui.ctx().content_rect().height() - 210.0;
     // Words and keys share what the buttons leave.
@@ -67,7 +68,7 @@ pub(super) fn page(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebindi
                     }
                 });
         });
-    if ui.button("Restore all defaults").clicked() {
+    if ui.button(text!("keys-restore")).clicked() {
         *bindings = Bindings::default();
         rebinding.give_up();
     }
@@ -77,27 +78,27 @@ fn status(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebinding) {
     if let Some((trigger, action, error)) = rebinding.conflict.clone() {
         ui.horizontal_wrapped(|ui| {
             ui.label(RichText::new(error.to_string()).color(theme::ALARM));
-            if ui.button("Use it here instead").clicked() {
+            if ui.button(text!("keys-use")).clicked() {
                 rebinding.refusal = bindings.rebind(trigger, action).err();
                 rebinding.conflict = None;
             }
-            if ui.button("Leave it").clicked() {
+            if ui.button(text!("keys-leave")).clicked() {
                 rebinding.conflict = None;
             }
         });
     } else if let Some(refusal) = &rebinding.refusal {
         ui.label(RichText::new(refusal.to_string()).color(theme::ALARM));
     } else if let Some(action) = rebinding.wanted {
-        let does = action.control().does;
-        ui.label(RichText::new(format!("Press a key or button for: {does}")).color(theme::ACCENT));
+        let words = text!("keys-press", does = action.control().does());
+        ui.label(RichText::new(words).color(theme::ACCENT));
     } else {
         let unbound: Vec<&str> = bindings
             .unbound()
-            .map(|action| action.control().does)
+            .map(|action| action.control().does())
             .collect();
         let words = match unbound.as_slice() {
-            [] => "Add gives a control another key; Clear removes all its keys".to_owned(),
-            lost => format!("Nothing is bound to: {}", lost.join("; ")),
+            [] => text!("keys-about").to_owned(),
+            lost => text!("keys-unbound", controls = lost.join("; ")),
         };
         ui.label(RichText::new(words).color(theme::FAINT));
     }
@@ -105,30 +106,43 @@ fn status(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebinding) {
 
 fn row(ui: &mut Ui, action: Action, bindings: &mut Bindings, rebinding: &mut Rebinding) {
     let control = action.control();
-    ui.label(control.does);
+    ui.label(control.does());
     let is_wanted = rebinding.wanted == Some(action);
     let words = if is_wanted {
         "…".to_owned()
     } else {
-        bindings.words(action)
+        all_words(bindings, action)
     };
     ui.label(RichText::new(words).color(theme::ACCENT));
     ui.horizontal(|ui| {
-        let add = ui.button("Add").on_hover_text("Add another key");
-        name(&add, format!("Add a key: {}", control.does));
+        let add = ui
+            .button(text!("keys-add"))
+            .on_hover_text(text!("keys-add-about"));
+        name(&add, text!("keys-add-to", does = control.does()));
         if add.clicked() {
             *rebinding = Rebinding {
                 wanted: Some(action),
                 ..Rebinding::default()
             };
         }
-        let clear = ui.button("Clear").on_hover_text("Remove its keys");
-        name(&clear, format!("Clear the keys: {}", control.does));
+        let clear = ui
+            .button(text!("keys-clear"))
+            .on_hover_text(text!("keys-clear-about"));
+        name(&clear, text!("keys-clear-of", does = control.does()));
         if clear.clicked() {
             bindings.unbind(action);
         }
     });
     ui.end_row();
+}
+
+/// Keys, buttons of the mouse and, where this was built for gamepads, theirs.
+fn all_words(bindings: &Bindings, action: Action) -> String {
+    let gamepad = bindings.gamepad_words(action);
+    match cfg!(feature = "gamepad") && !gamepad.is_empty() {
+        true => format!("{}, {gamepad}", bindings.words(action)),
+        false => bindings.words(action),
+    }
 }
 
 /// What a screen reader says of a button whose text is short.

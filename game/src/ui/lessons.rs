@@ -1,5 +1,6 @@
 //! The first lessons: three things to do, one after the other, each said until it is done.
 
+use carom_text::text;
 use clap::ValueEnum;
 
 use crate::input::{Action, AimIntent, Bindings, Intent, MatchIntent, StrokeIntent};
@@ -28,14 +29,16 @@ impl Lesson {
         };
         let strike = key(Action::Strike);
         Some(match self {
-            Self::Aim => "Move the mouse: it turns the cue".to_owned(),
-            Self::Strike => format!(
-                "Hold {}, pull back and let go to strike, or press {strike}",
-                key(Action::Stroke)
+            Self::Aim => text!("lesson-aim").to_owned(),
+            Self::Strike => text!(
+                "lesson-strike",
+                stroke = key(Action::Stroke),
+                strike = strike
             ),
-            Self::Suggest => format!(
-                "Press {} for a suggested shot, then {strike} to strike it",
-                key(Action::Suggest)
+            Self::Suggest => text!(
+                "lesson-suggest",
+                suggest = key(Action::Suggest),
+                strike = strike
             ),
             Self::Done => return None,
         })

@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use carom_billiards::game_match::{Match, MatchView, PlayerView};
 use carom_billiards::rules::{Call, RuleSet, TableLayout};
+use carom_text::text;
 use egui::{
     Align, Align2, Button, Context, Label, Rect, RichText, ScrollArea, Sense, Stroke, Ui, Vec2,
     WidgetInfo,
@@ -107,12 +108,12 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
         }
     });
     let prompt = match (hud.is_thinking, hud.may_play) {
-        (true, false) => format!("{} is thinking …", view.players[view.turn].name),
+        (true, false) => text!("match-thinking", player = &*view.players[view.turn].name),
         // What it is about to do stands in the banner's place.
         (false, false) if view.winner.is_none() => String::new(),
         _ => view.prompt.clone(),
     };
-    let game = format!("{}, {}", view.title, view.goal);
+    let game = text!("match-game", title = view.title, goal = &*view.goal);
     let words = [game.trim(), prompt.trim()];
     let words: Vec<&str> = words
         .into_iter()
@@ -160,7 +161,7 @@ fn side(ui: &mut Ui, player: &PlayerView, is_turn: bool, is_left: bool) {
     let mut state = player.state.clone();
     if !player.left.is_empty() {
         let left: Vec<String> = player.left.iter().map(u8::to_string).collect();
-        state += &format!(" · left: {}", left.join(" "));
+        state = text!("match-left", state = state, balls = left.join(" "));
     }
     if !state.is_empty() {
         ui.add(Label::new(RichText::new(state).small()).truncate());
@@ -184,21 +185,18 @@ fn options(ui: &mut Ui, hud: &MatchHud) -> Option<Intent> {
 fn calls(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
     let (view, layout) = (&hud.view, hud.pockets.as_ref()?);
     ui.set_max_width(MAP.x + 20.0);
-    ui.label(RichText::new("Call").color(theme::ACCENT));
+    ui.label(RichText::new(text!("match-call")).color(theme::ACCENT));
     let said = match (&hud.call, view.call.is_some()) {
-        (Some(words), true) => format!("{words} (called)"),
-        (Some(words), false) => format!("{words} (by your aim)"),
-        (None, _) => {
-            "Nothing yet: aim at a pot or click a pocket, else your turn ends even if a ball drops"
-                .to_owned()
-        }
+        (Some(words), true) => text!("match-called", call = &**words),
+        (Some(words), false) => text!("match-called-by-aim", call = &**words),
+        (None, _) => text!("match-nothing-called").to_owned(),
     };
     ui.label(RichText::new(said).small());
     let mut wanted = None;
     let called = view.call.as_ref().map(|call| call.call);
     if view.wants_call && view.rules != RuleSet::Snooker {
         wanted = map(ui, hud, layout, called);
-        wanted = wanted.or(toggle(ui, "Safety", Call::Safety, called));
+        wanted = wanted.or(toggle(ui, text!("match-safety"), Call::Safety, called));
     } else if view.wants_call {
         for &ball in &view.on {
             let call = Call::Pot { ball, pocket: None };
@@ -206,14 +204,10 @@ fn calls(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
         }
     }
     if view.may_push_out {
-        wanted = wanted.or(toggle(ui, "Push-out", Call::PushOut, called));
+        wanted = wanted.or(toggle(ui, text!("match-push-out"), Call::PushOut, called));
     }
-    let key = bindings.words(Action::CallNext);
-    ui.label(
-        RichText::new(format!("{key}: next"))
-            .small()
-            .color(theme::FAINT),
-    );
+    let next = text!("match-next-call", keys = bindings.words(Action::CallNext));
+    ui.label(RichText::new(next).small().color(theme::FAINT));
     wanted
 }
 
@@ -270,22 +264,22 @@ fn map(ui: &mut Ui, hud: &MatchHud, layout: &TableLayout, called: Option<Call>) 
 /// What can be done besides striking, each with its key.
 fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings, is_low: bool) -> Option<Intent> {
     let view = &hud.view;
-    let helper = format!("Play it for me, {}", Match::HINT_LEVEL.display_text());
+    let helper = text!("match-take-over", level = Match::HINT_LEVEL.display_text());
     let rows = [
         (
-            "Undo",
+            text!("match-undo"),
             Action::Undo,
             view.undo > 0,
             Intent::Match(MatchIntent::Undo),
         ),
         (
-            "Redo",
+            text!("match-redo"),
             Action::Redo,
             hud.may_redo,
             Intent::Match(MatchIntent::Redo),
         ),
         (
-            "Suggest",
+            text!("match-suggest"),
             Action::Suggest,
             hud.may_play,
             Intent::Match(MatchIntent::Suggest),
@@ -297,13 +291,13 @@ fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings, is_low: bool) -> Op
             Intent::Match(MatchIntent::TakeOver),
         ),
         (
-            "Move the cue ball",
+            text!("match-pick-up"),
             Action::PickUp,
             hud.may_play && view.hand.is_some(),
             Intent::Match(MatchIntent::PickUp),
         ),
         (
-            "Log",
+            text!("match-log"),
             Action::Log,
             !view.log.is_empty(),
             Intent::App(AppIntent::ToggleLog),

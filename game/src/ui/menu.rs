@@ -5,6 +5,7 @@
 
 use carom_billiards::game_match::MatchView;
 use carom_billiards::rules::RuleSet;
+use carom_text::text;
 use egui::{Button, Context, FocusDirection, Id, Key, Modal, RichText, ScrollArea, Ui};
 
 use super::keys::Rebinding;
@@ -135,38 +136,50 @@ impl Menu {
     }
 
     fn top(&mut self, ui: &mut Ui, is_fresh: bool, is_free_table: bool) -> Option<MenuCommand> {
-        title(ui, "Carom");
+        title(ui, text!("menu-title"));
         let mut entries = Entries::new(ui, is_fresh, self.pointed);
         let mut command = None;
-        if entries.add("Resume") {
+        if entries.add(text!("menu-resume")) {
             self.close();
             command = Some(MenuCommand::Resume);
         }
-        if entries.add("New game") {
+        if entries.add(text!("menu-new-game")) {
             self.open(Page::NewGame);
         }
         for (words, intent, is_for_all) in [
-            ("Rack again", Intent::Match(MatchIntent::Rack), false),
-            ("Replays", Intent::Replay(ReplayIntent::Toggle), true),
             (
-                "Practice table",
+                text!("menu-rack-again"),
+                Intent::Match(MatchIntent::Rack),
+                false,
+            ),
+            (
+                text!("menu-replays"),
+                Intent::Replay(ReplayIntent::Toggle),
+                true,
+            ),
+            (
+                text!("menu-practice-table"),
                 Intent::Practice(PracticeIntent::Toggle),
                 false,
             ),
-            ("Screenshot", Intent::App(AppIntent::TakeScreenshot), true),
+            (
+                text!("menu-screenshot"),
+                Intent::App(AppIntent::TakeScreenshot),
+                true,
+            ),
         ] {
             if (is_for_all || is_free_table) && entries.add(words) {
                 self.close();
                 command = Some(MenuCommand::Act(intent));
             }
         }
-        if entries.add("Settings") {
+        if entries.add(text!("menu-settings")) {
             self.open(Page::Settings);
         }
-        if entries.add("Keys and mouse") {
+        if entries.add(text!("menu-keys")) {
             self.open(Page::Keys);
         }
-        if entries.add("Quit") {
+        if entries.add(text!("menu-quit")) {
             command = Some(MenuCommand::Quit);
         }
         self.pointed = entries.finish();
@@ -175,13 +188,13 @@ impl Menu {
 
     /// What a newcomer may begin with.
     fn welcome(&mut self, ui: &mut Ui, is_fresh: bool) -> Option<MenuCommand> {
-        title(ui, "Welcome to Carom");
+        title(ui, text!("menu-welcome"));
         let mut entries = Entries::new(ui, is_fresh, self.pointed);
         let mut command = None;
         for (words, game) in [
-            ("Play 8-ball", NewGame::default()),
+            (text!("menu-play"), NewGame::default()),
             (
-                "Watch",
+                text!("menu-watch"),
                 NewGame {
                     is_watched: true,
                     ..NewGame::default()
@@ -192,7 +205,7 @@ impl Menu {
                 command = Some(MenuCommand::Begin(game));
             }
         }
-        if entries.add("Practice") {
+        if entries.add(text!("menu-practice")) {
             command = Some(MenuCommand::Resume);
         }
         self.pointed = entries.finish();
@@ -216,20 +229,20 @@ impl Menu {
         let mut entries = Entries::new(ui, is_fresh, self.pointed);
         let mut command = None;
         let again = match view.players.len() {
-            1 => "Try again",
-            _ => "Rematch",
+            1 => text!("menu-try-again"),
+            _ => text!("menu-rematch"),
         };
         if entries.add(again) {
             command = Some(MenuCommand::Rematch);
         }
-        if entries.add("New game") {
+        if entries.add(text!("menu-new-game")) {
             self.open(Page::NewGame);
         }
-        if entries.add("Replays") {
+        if entries.add(text!("menu-replays")) {
             let replays = Intent::Replay(ReplayIntent::Toggle);
             command = Some(MenuCommand::Act(replays));
         }
-        if entries.add("Back to the table") {
+        if entries.add(text!("menu-back-to-table")) {
             command = Some(MenuCommand::Resume);
         }
         self.pointed = entries.finish();
@@ -243,14 +256,14 @@ impl Menu {
     fn footer(&mut self, ui: &mut Ui, is_fresh: bool, wanted: Option<Page>) -> Option<MenuCommand> {
         ui.separator();
         ui.horizontal(|ui| {
-            let back = ui.button("Back");
+            let back = ui.button(text!("menu-back"));
             if is_fresh {
                 back.request_focus();
             }
             if back.clicked() {
                 self.back();
             }
-            ui.label(RichText::new("Arrows and Enter choose, Esc goes back").color(theme::FAINT));
+            ui.label(RichText::new(text!("menu-how")).color(theme::FAINT));
         });
         if let Some(page) = wanted {
             self.open(page);

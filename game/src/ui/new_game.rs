@@ -4,9 +4,10 @@ use carom_billiards::ai::Level;
 use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
-use clap::ValueEnum as _;
+use carom_text::text;
 use egui::{Grid, RichText, Ui};
 
+use super::preferences::value_name;
 use super::theme;
 
 /// What the player wants to play.
@@ -41,13 +42,13 @@ impl NewGame {
     pub fn begin(&self, seed: u32, options: TableOptions) -> carom_billiards::Result<Match> {
         let human = |name: &str| Player::Human(name.to_owned());
         let players = match (self.rules, self.computer) {
-            (RuleSet::Free, _) => vec![human("You")],
-            (rules, _) if rules.is_drill() => vec![human("You")],
+            (RuleSet::Free, _) => vec![human(text!("player-you"))],
+            (rules, _) if rules.is_drill() => vec![human(text!("player-you"))],
             (_, Some(level)) if self.is_watched => {
                 vec![Player::Computer(Level::Hard), Player::Computer(level)]
             }
-            (_, Some(level)) => vec![human("You"), Player::Computer(level)],
-            (_, None) => vec![human("Player 1"), human("Player 2")],
+            (_, Some(level)) => vec![human(text!("player-you")), Player::Computer(level)],
+            (_, None) => vec![human(text!("player-1")), human(text!("player-2"))],
         };
         let own = MatchConfig::new(self.rules, players, seed)?;
         Match::new(MatchConfig {
@@ -61,12 +62,15 @@ impl NewGame {
 /// Draws the page; says whether the game is to begin.
 pub(super) fn page(ui: &mut Ui, game: &mut NewGame, is_fresh: bool) -> bool {
     ui.set_width(560.0_f32.min(ui.ctx().content_rect().width() - 60.0));
-    ui.heading("New game");
-    Grid::new("new game")
+    ui.heading(text!("menu-new-game"));
+    Grid::new("new-game")
         .num_columns(2)
         .spacing([20.0, 12.0])
         .show(ui, |ui| {
-            for (label, choices) in [("Game", &RuleSet::ALL[..]), ("Drill", &RuleSet::DRILLS)] {
+            for (label, choices) in [
+                (text!("new-game-rules"), &RuleSet::ALL[..]),
+                (text!("new-game-drill"), &RuleSet::DRILLS),
+            ] {
                 ui.label(label);
                 ui.vertical(|ui| rules(ui, game, choices));
                 ui.end_row();
@@ -76,7 +80,7 @@ pub(super) fn page(ui: &mut Ui, game: &mut NewGame, is_fresh: bool) -> bool {
                 target(ui, game);
             }
         });
-    let begin = ui.button("Begin");
+    let begin = ui.button(text!("new-game-begin"));
     if is_fresh {
         begin.request_focus();
     }
@@ -96,30 +100,26 @@ fn rules(ui: &mut Ui, game: &mut NewGame, choices: &[RuleSet]) {
         }
     });
     if choices.contains(&game.rules) {
-        let help = game.rules.to_possible_value();
-        let help = help.as_ref().and_then(|value| value.get_help());
-        faint(ui, &help.map_or(String::new(), ToString::to_string));
+        faint(ui, about_rules(game.rules));
     }
 }
 
 fn opponent(ui: &mut Ui, game: &mut NewGame) {
-    ui.label("Against");
+    ui.label(text!("new-game-against"));
     ui.vertical(|ui| {
         ui.horizontal_wrapped(|ui| {
-            ui.selectable_value(&mut game.computer, None, "A person at this machine");
+            ui.selectable_value(&mut game.computer, None, text!("new-game-person"));
             for level in Level::ALL {
-                let words = format!("Computer, {}", level.display_text());
+                let words = text!("new-game-computer", level = level.display_text());
                 ui.selectable_value(&mut game.computer, Some(level), words);
             }
         });
-        let help = game.computer.and_then(|level| level.to_possible_value());
-        let help = help.as_ref().and_then(|value| value.get_help());
         faint(
             ui,
-            &help.map_or(
-                "You take turns with mouse and keys".to_owned(),
-                ToString::to_string,
-            ),
+            match game.computer {
+                Some(level) => about_level(level),
+                None => text!("new-game-person-about"),
+            },
         );
     });
     ui.end_row();
@@ -127,7 +127,7 @@ fn opponent(ui: &mut Ui, game: &mut NewGame) {
 
 fn target(ui: &mut Ui, game: &mut NewGame) {
     let sheet = game.rules.info();
-    ui.label(format!("First to, {}", sheet.unit));
+    ui.label(text!("new-game-first-to", unit = sheet.unit));
     ui.horizontal_wrapped(|ui| {
         let targets: &[u32] = if sheet.target > 1 {
             &[10, 25, 50, 100]
@@ -143,13 +143,38 @@ fn target(ui: &mut Ui, game: &mut NewGame) {
     ui.end_row();
 }
 
+fn about_rules(rules: RuleSet) -> &'static str {
+    text!(&format!("new-game-rules-{}", value_name(&rules)))
+}
+
+fn about_level(level: Level) -> &'static str {
+    text!(&format!("new-game-level-{}", value_name(&level)))
+}
+
 fn faint(ui: &mut Ui, words: &str) {
     ui.label(RichText::new(words).color(theme::FAINT).small());
 }
 
 #[cfg(test)]
 mod tests {
+    use clap::ValueEnum as _;
+    use clap::builder::PossibleValue;
+
     use super::*;
+
+    #[test]
+    fn games_and_opponents_are_told_as_the_command_line_tells_them() {
+        let help = |value: Option<PossibleValue>| {
+            let help = value.and_then(|value| value.get_help().cloned());
+            help.unwrap_or_default().to_string()
+        };
+        for rules in RuleSet::value_variants() {
+            assert_eq!(about_rules(*rules), help(rules.to_possible_value()));
+        }
+        for level in Level::ALL {
+            assert_eq!(about_level(level), help(level.to_possible_value()));
+        }
+    }
 
     #[test]
     fn every_game_that_can_be_chosen_begins() {

@@ -1,5 +1,6 @@
 //! The page over a table that is being laid: balls follow the pointer, others come and go.
 
+use carom_text::text;
 use egui::{Align2, Color32, Context, FontId, RichText, Stroke};
 use glam::{DVec2, DVec3};
 
@@ -23,7 +24,7 @@ pub fn panel(
             ui.set_width(ui.available_width().min(WIDTH));
             ui.label(match practice.held().and_then(|held| held.fault) {
                 Some(fault) => fault.to_string(),
-                None => "Drag the balls. Click a number to add or remove its ball".to_owned(),
+                None => text!("practice-how").to_owned(),
             });
             let lying = practice.numbers();
             ui.horizontal_wrapped(|ui| {
@@ -39,20 +40,20 @@ pub fn panel(
                 }
             });
             ui.horizontal_wrapped(|ui| {
-                if ui.button("Play").clicked() {
+                if ui.button(text!("practice-play")).clicked() {
                     command = Some(PracticeCommand::Play);
                 }
-                if ui.button("Save this layout").clicked() {
+                if ui.button(text!("practice-save")).clicked() {
                     command = Some(PracticeCommand::Save);
                 }
                 if let Some(path) = replay::files(ui, kept) {
                     command = Some(PracticeCommand::Open(path));
                 }
-                if ui.button("Discard changes").clicked() {
+                if ui.button(text!("practice-discard")).clicked() {
                     command = Some(PracticeCommand::Close);
                 }
                 ui.label(
-                    RichText::new("Esc discards the changes")
+                    RichText::new(text!("practice-esc"))
                         .color(theme::FAINT)
                         .small(),
                 );
@@ -97,7 +98,7 @@ pub fn ring(overlay: &AimOverlay<'_>, practice: &Practice) {
         return;
     };
     let (sign, color) = match held.fault {
-        None => ("OK", FREE),
+        None => (text!("practice-free"), FREE),
         Some(_) => ("✖", theme::ALARM),
     };
     let at = overlay.screen.min + egui::vec2(film.x as f32, film.y as f32);
@@ -114,7 +115,7 @@ pub fn ring(overlay: &AimOverlay<'_>, practice: &Practice) {
 
 fn words(number: u8) -> String {
     match number {
-        0 => "Cue ball".to_owned(),
+        0 => text!("practice-cue-ball").to_owned(),
         number => number.to_string(),
     }
 }

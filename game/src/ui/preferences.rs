@@ -1,6 +1,9 @@
 //! The page of settings. Each choice explains itself; what it trades is said with measured figures.
 
+use std::thread::available_parallelism;
+
 use carom_billiards::physics::Engine;
+use carom_text::text;
 use clap::ValueEnum;
 use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
@@ -13,7 +16,7 @@ use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table};
 pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>) -> Option<Page> {
     let mut wanted = None;
     ui.set_width(640.0_f32.min(ui.ctx().content_rect().width() - 60.0));
-    ui.heading("Settings");
+    ui.heading(text!("menu-settings"));
     let height = ui.ctx().content_rect().height() - 170.0;
     ScrollArea::vertical()
         .max_height(height.max(80.0))
@@ -27,8 +30,8 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
                     interface(ui, &mut store.settings);
                     sound(ui, &mut store.settings, input);
                     mouse(ui, &mut store.settings.mouse);
-                    ui.label("Keys");
-                    if ui.button("Change the controls").clicked() {
+                    ui.label(text!("setting-keys"));
+                    if ui.button(text!("setting-keys-change")).clicked() {
                         wanted = Some(Page::Keys);
                     }
                     ui.end_row();
@@ -39,7 +42,7 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
             }
         });
     ui.horizontal(|ui| {
-        if ui.button("Restore the defaults").clicked() {
+        if ui.button(text!("settings-restore")).clicked() {
             store.settings = Settings {
                 window: store.settings.window,
                 lesson: store.settings.lesson,
@@ -47,8 +50,8 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
             };
         }
         let kept = match store.path() {
-            Some(path) => format!("Saved in {}", path.display()),
-            None => "Not saved: this platform has no folder for settings".to_owned(),
+            Some(path) => text!("settings-saved", path = path.display().to_string()),
+            None => text!("settings-not-saved").to_owned(),
         };
         ui.label(RichText::new(kept).color(theme::FAINT).small());
     });
@@ -56,64 +59,78 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
 }
 
 fn game(ui: &mut Ui, settings: &mut Settings) {
-    choice(ui, "Aim aids", &mut settings.aim_aids);
-    choice(ui, "Marked balls", &mut settings.ball_marks);
-    choice(ui, "Balls", &mut settings.ball_set);
-    choice(ui, "Cloth", &mut settings.cloth);
-    choice(ui, "Cue", &mut settings.cue);
-    choice(ui, "Pockets of the next game", &mut settings.pockets);
-    choice(
-        ui,
-        "Table speed of the next game",
-        &mut settings.table_speed,
-    );
+    choice(ui, "aim-aids", &mut settings.aim_aids);
+    choice(ui, "ball-marks", &mut settings.ball_marks);
+    choice(ui, "ball-set", &mut settings.ball_set);
+    choice(ui, "cloth", &mut settings.cloth);
+    choice(ui, "cue", &mut settings.cue);
+    choice(ui, "pockets", &mut settings.pockets);
+    choice(ui, "table-speed", &mut settings.table_speed);
 }
 
 fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
-    choice(ui, "Brightness", &mut settings.brightness);
-    choice(ui, "While things move", &mut settings.quality);
-    choice(ui, "Resolution", &mut settings.resolution);
-    ui.label("Rendered by");
+    choice(ui, "brightness", &mut settings.brightness);
+    choice(ui, "quality", &mut settings.quality);
+    choice(ui, "resolution", &mut settings.resolution);
+    ui.label(text!("setting-farm"));
     ui.vertical(|ui| {
         ui.label(input.farm);
-        explain(ui, &format!("Presented through {}", input.display));
+        explain(ui, &text!("setting-display", display = input.display));
     });
     ui.end_row();
-    ui.label("Window");
-    ui.checkbox(&mut settings.fullscreen, "Fullscreen");
+    threads(ui, &mut settings.threads);
+    ui.label(text!("setting-window"));
+    ui.checkbox(&mut settings.fullscreen, text!("setting-fullscreen"));
+    ui.end_row();
+}
+
+/// CPU threads, of which 0 is one a core.
+fn threads(ui: &mut Ui, threads: &mut u16) {
+    ui.label(text!("setting-threads"));
+    ui.vertical(|ui| {
+        let cores = available_parallelism().map_or(1, |cores| cores.get() as u16);
+        let max = cores.max(*threads).min(Settings::THREADS_MAX);
+        let slider = Slider::new(threads, 0..=max).custom_formatter(|count, _| match count {
+            0.0 => text!("setting-threads-all").to_owned(),
+            count => count.to_string(),
+        });
+        ui.add(slider);
+        explain(ui, &text!("setting-threads-about", count = *threads));
+    });
     ui.end_row();
 }
 
 fn interface(ui: &mut Ui, settings: &mut Settings) {
-    ui.label("Text size");
+    ui.label(text!("setting-text-scale"));
     // In a column, which a row of the grid grows with where it wraps.
     ui.vertical(|ui| {
         ui.horizontal_wrapped(|ui| {
             for percent in TEXT_PERCENTS {
                 let scale = f64::from(percent) / 100.0;
-                ui.selectable_value(&mut settings.text_scale, scale, format!("{percent} %"));
+                let words = text!("setting-percent", percent = percent);
+                ui.selectable_value(&mut settings.text_scale, scale, words);
             }
         });
     });
     ui.end_row();
-    ui.label("Motion");
+    ui.label(text!("setting-motion"));
     ui.vertical(|ui| {
-        ui.checkbox(&mut settings.reduced_motion, "Reduced motion");
-        explain(
-            ui,
-            "The camera cuts instead of gliding; panels do not slide or fade",
+        ui.checkbox(
+            &mut settings.reduced_motion,
+            text!("setting-reduced-motion"),
         );
+        explain(ui, text!("setting-reduced-motion-about"));
     });
     ui.end_row();
 }
 
 fn sound(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
-    ui.label("Sound");
+    ui.label(text!("setting-sound"));
     ui.vertical(|ui| {
         let mut percent = (settings.volume * 100.0).round() as i32;
         let slider = Slider::new(&mut percent, 0..=100)
-            .suffix(" %")
-            .text("Volume");
+            .suffix(text!("setting-percent-suffix"))
+            .text(text!("setting-volume"));
         if ui.add(slider).changed() {
             settings.volume = f64::from(percent) / 100.0;
         }
@@ -123,7 +140,7 @@ fn sound(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
 }
 
 fn advanced(ui: &mut Ui, settings: &mut Settings) {
-    ui.label("Advanced: physics");
+    ui.label(text!("setting-physics"));
     ui.vertical(|ui| {
         ui.horizontal_wrapped(|ui| {
             for name in ENGINES {
@@ -141,36 +158,34 @@ fn advanced(ui: &mut Ui, settings: &mut Settings) {
 }
 
 fn mouse(ui: &mut Ui, mouse: &mut MouseSettings) {
-    ui.label("Mouse");
+    ui.label(text!("setting-mouse"));
     ui.vertical(|ui| {
         let [min, max] = MouseSettings::SPEED.map(|speed| (100.0 * speed) as i32);
         let mut percent = (100.0 * mouse.speed).round() as i32;
         let slider = Slider::new(&mut percent, min..=max)
             .logarithmic(true)
-            .suffix(" %")
-            .text("Speed");
+            .suffix(text!("setting-percent-suffix"))
+            .text(text!("setting-mouse-speed"));
         if ui.add(slider).changed() {
             mouse.speed = f64::from(percent) / 100.0;
         }
-        ui.checkbox(&mut mouse.inverts_pitch, "Invert the camera's up and down");
+        ui.checkbox(&mut mouse.inverts_pitch, text!("setting-invert-pitch"));
     });
     ui.end_row();
 }
 
-/// A row of names, and the sentence of the one that is chosen.
-fn choice<T: ValueEnum + PartialEq + Copy>(ui: &mut Ui, label: &str, chosen: &mut T) {
-    ui.label(label);
+/// A row of names, and the sentence of the one that is chosen; `key` as in the settings file.
+fn choice<T: ValueEnum + PartialEq + Copy>(ui: &mut Ui, key: &str, chosen: &mut T) {
+    ui.label(text!(&format!("setting-{key}")));
     ui.vertical(|ui| {
         ui.horizontal_wrapped(|ui| {
             for value in T::value_variants() {
-                let name = value.to_possible_value();
-                let name = name.map_or(String::new(), |name| capital(name.get_name()));
+                let name = text!(&format!("setting-{key}-{}", value_name(value)));
                 ui.selectable_value(chosen, *value, name);
             }
         });
-        let help = chosen.to_possible_value();
-        let help = help.as_ref().and_then(|value| value.get_help());
-        explain(ui, &help.map_or(String::new(), ToString::to_string));
+        let name = value_name(chosen);
+        explain(ui, text!(&format!("setting-{key}-{name}-about")));
     });
     ui.end_row();
 }
@@ -179,10 +194,10 @@ fn explain(ui: &mut Ui, words: &str) {
     ui.label(RichText::new(words).color(theme::FAINT).small());
 }
 
-fn capital(word: &str) -> String {
-    let mut letters = word.chars();
-    let first = letters.next().map(char::to_uppercase);
-    first.into_iter().flatten().chain(letters).collect()
+/// What a choice is called in files, on the command line and in the identifiers of its texts.
+pub(super) fn value_name(choice: &impl ValueEnum) -> String {
+    let value = choice.to_possible_value();
+    value.map_or(String::new(), |value| value.get_name().to_owned())
 }
 
 const TEXT_PERCENTS: [u32; 6] = [75, 100, 125, 150, 200, 250];
@@ -191,7 +206,41 @@ const ENGINES: [&str; 4] = ["exact", "rapier-60", "rapier-240", "rapier-1000"];
 
 #[cfg(test)]
 mod tests {
+    use carom_billiards::physics::{PocketSize, TableSpeed};
+
     use super::*;
+    use crate::frame::quality::{QualityPreference, Resolution};
+    use crate::play::{AimAids, BallMarks};
+    use crate::scene::ball_materials::BallSet;
+    use crate::scene::table_style::{Brightness, ClothColour, CueStyle};
+
+    /// The sentence of each choice is that of the command line.
+    fn check<T: ValueEnum>(key: &str) {
+        assert_ne!(text!(&format!("setting-{key}")), "", "{key}");
+        for value in T::value_variants() {
+            let name = value_name(value);
+            assert_ne!(text!(&format!("setting-{key}-{name}")), "", "{key} {name}");
+            let help = value.to_possible_value().unwrap().get_help().cloned();
+            assert_eq!(
+                text!(&format!("setting-{key}-{name}-about")),
+                help.unwrap_or_default().to_string()
+            );
+        }
+    }
+
+    #[test]
+    fn every_choice_has_its_texts() {
+        check::<AimAids>("aim-aids");
+        check::<BallMarks>("ball-marks");
+        check::<BallSet>("ball-set");
+        check::<ClothColour>("cloth");
+        check::<CueStyle>("cue");
+        check::<PocketSize>("pockets");
+        check::<TableSpeed>("table-speed");
+        check::<Brightness>("brightness");
+        check::<QualityPreference>("quality");
+        check::<Resolution>("resolution");
+    }
 
     #[test]
     fn every_engine_that_is_offered_can_be_played() {

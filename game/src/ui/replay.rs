@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use carom_text::text;
 use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Slider, Ui};
 
 use super::layout::Layout;
@@ -60,15 +61,18 @@ fn time(ui: &mut Ui, player: &ReplayPlayer, now_secs: f64) -> Option<ReplayComma
             let clicked = ui.button(words).clicked();
             clicked.then_some(ReplayControl::Step { forward })
         };
-        control = step(ui, "◀ Event", false);
-        let play = if clock.is_running() { "Pause" } else { "Play" };
+        control = step(ui, text!("replay-event-before"), false);
+        let play = match clock.is_running() {
+            true => text!("replay-pause"),
+            false => text!("replay-play"),
+        };
         if ui
             .add_sized([64.0, 30.0], egui::Button::new(play))
             .clicked()
         {
             control = Some(ReplayControl::Toggle);
         }
-        control = control.or(step(ui, "Event ▶", true));
+        control = control.or(step(ui, text!("replay-event-next"), true));
         for rate in ReplayControl::RATES {
             let is_chosen = clock.rate() == rate;
             if ui.selectable_label(is_chosen, rate_words(rate)).clicked() {
@@ -82,7 +86,11 @@ fn time(ui: &mut Ui, player: &ReplayPlayer, now_secs: f64) -> Option<ReplayComma
         if ui.add(slider).changed() {
             control = Some(ReplayControl::Seek(moment));
         }
-        ui.monospace(format!("{moment:5.2} / {end:.2} s"));
+        ui.monospace(text!(
+            "replay-moment",
+            moment = format!("{moment:5.2}"),
+            end = format!("{end:.2}"),
+        ));
     });
     ui.label(happening(player, moment));
     control.map(ReplayCommand::Control)
@@ -102,8 +110,11 @@ fn happening(player: &ReplayPlayer, moment_secs: f64) -> String {
         .take_while(|moment| moment.secs <= moment_secs + 1e-6)
         .last();
     last.map_or_else(
-        || "No shot yet".to_owned(),
-        |moment| format!("{:.3} s: {}", moment.secs, moment.words),
+        || text!("replay-no-shot").to_owned(),
+        |moment| {
+            let secs = format!("{:.3}", moment.secs);
+            text!("replay-happening", secs = secs, event = &*moment.words)
+        },
     )
 }
 
@@ -115,32 +126,32 @@ fn deeds(
 ) -> Option<ReplayCommand> {
     let mut command = None;
     ui.horizontal_wrapped(|ui| {
-        if ui.button("Save this shot").clicked() {
+        if ui.button(text!("replay-save-shot")).clicked() {
             command = Some(ReplayCommand::Save(RecordingKind::Shot));
         }
         let count = player.recording().clips.len();
-        if count > 1 && ui.button(format!("Save all {count}")).clicked() {
+        if count > 1 && ui.button(text!("replay-save-all", count = count)).clicked() {
             command = Some(ReplayCommand::Save(RecordingKind::Match));
         }
         let film = match film_percent {
-            Some(percent) => format!("Cancel the film ({percent} %)"),
-            None => "Film it".to_owned(),
+            Some(percent) => text!("replay-cancel-film", percent = percent),
+            None => text!("replay-film").to_owned(),
         };
-        let hint = "Renders this shot, as it is seen, to a video file while the game goes on";
-        if ui.button(film).on_hover_text(hint).clicked() {
+        let film = ui.button(film).on_hover_text(text!("replay-film-about"));
+        if film.clicked() {
             command = Some(ReplayCommand::Film);
         }
         if let Some(path) = files(ui, kept) {
             command = Some(ReplayCommand::Open(path));
         }
-        let play = ui.button("Play from here");
+        let play = ui.button(text!("replay-play-from-here"));
         if play
-            .on_hover_text("Restores the balls as they were before this shot")
+            .on_hover_text(text!("replay-play-from-here-about"))
             .clicked()
         {
             command = Some(ReplayCommand::Play);
         }
-        if ui.button("Back to the game").clicked() {
+        if ui.button(text!("replay-close")).clicked() {
             command = Some(ReplayCommand::Close);
         }
     });
@@ -150,9 +161,9 @@ fn deeds(
 /// A list of the player's files.
 pub(super) fn files(ui: &mut Ui, kept: &[SavedRecording]) -> Option<PathBuf> {
     let mut command = None;
-    ui.menu_button("Open", |ui| {
+    ui.menu_button(text!("files-open"), |ui| {
         if kept.is_empty() {
-            ui.label("Nothing saved yet");
+            ui.label(text!("files-none"));
         }
         ScrollArea::vertical().max_height(260.0).show(ui, |ui| {
             for file in kept {
@@ -169,16 +180,18 @@ pub(super) fn files(ui: &mut Ui, kept: &[SavedRecording]) -> Option<PathBuf> {
 /// The keys in a line.
 fn keys(bindings: &Bindings) -> String {
     let words = |action| bindings.words(action);
-    let both = |one, other| format!("{} and {}", words(one), words(other));
     let speeds = [0, 1, 2].map(|place| words(Action::ReplaySpeed(place)));
-    format!(
-        "{} play/pause · {} rewind/forward · {} previous/next event · {} speed · {} previous/next shot · {} close",
-        words(Action::ReplayPause),
-        both(Action::ReplayBack, Action::ReplayForward),
-        both(Action::ReplayEventBefore, Action::ReplayEventNext),
-        speeds.join(" "),
-        both(Action::ReplayShotBefore, Action::ReplayShotNext),
-        words(Action::Menu),
+    text!(
+        "replay-keys",
+        pause = words(Action::ReplayPause),
+        back = words(Action::ReplayBack),
+        forward = words(Action::ReplayForward),
+        event_before = words(Action::ReplayEventBefore),
+        event_next = words(Action::ReplayEventNext),
+        speeds = speeds.join(" "),
+        shot_before = words(Action::ReplayShotBefore),
+        shot_next = words(Action::ReplayShotNext),
+        close = words(Action::Menu),
     )
 }
 

@@ -94,9 +94,9 @@ fn the_list_of_keys_names_every_control() {
     press(&mut harness, "F1");
     for control in ACTIONS {
         assert!(
-            harness.query_by_label(control.does).is_some(),
+            harness.query_by_label(control.does()).is_some(),
             "{}",
-            control.does
+            control.does()
         );
     }
     let title = harness.get_by_label("Keys and mouse").rect();

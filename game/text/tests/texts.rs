@@ -17,6 +17,14 @@ const NOT_SHOWN: &[(&str, &str)] = &[
     ("src/args.rs", "the help of the command line"),
     ("src/main.rs", "the command line"),
     ("src/capture/headless.rs", "the command line"),
+    (
+        "src/input/action.rs",
+        "the keys of each control, by their names in the settings file",
+    ),
+    (
+        "src/input/key.rs",
+        "the names of keys, which are those of the settings file",
+    ),
     ("src/scene/table_args.rs", "the help of the command line"),
 ];
 
