@@ -94,6 +94,9 @@ pub struct Args {
     /// Folder of the farm's certificates and the player's key
     #[arg(long, value_name = "DIR")]
     pub credentials: Option<PathBuf>,
+    /// Show the texts of a translation: a copy of game/text/en.ftl in another language, with Latin, Greek or Cyrillic letters
+    #[arg(long, value_name = "FILE")]
+    pub translation: Option<PathBuf>,
     /// Seconds without an answer of any node after which a run without a window gives up; 0 waits for
     /// ever [default: 10 if none is connected and 60 if one may still be starting, or as in --config]
     #[arg(long, value_name = "N")]

@@ -32,6 +32,9 @@ fn main() -> ExitCode {
 }
 
 fn configuration(args: &Args) -> anyhow::Result<(FarmConfig, Option<Present>)> {
+    if let Some(translation) = &args.translation {
+        carom_text::load_translation(translation)?;
+    }
     Ok((args.farm_config()?, args.presentation()?))
 }
 

@@ -22,6 +22,10 @@ const NOT_SHOWN: &[(&str, &str)] = &[
         "the keys of each control, by their names in the settings file",
     ),
     (
+        "src/input/gamepad.rs",
+        "names that the settings file keeps and the help shows",
+    ),
+    (
         "src/input/key.rs",
         "the names of keys, which are those of the settings file",
     ),

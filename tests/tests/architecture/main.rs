@@ -98,6 +98,9 @@ const LAYERS: &[(&[&str], &[&str])] = &[
             "tests/bench/",
         ],
     ),
+    (&["gilrs"], &["game/src/app/gamepads.rs"]),
+    (&["cpal"], &["game/src/audio/device.rs"]),
+    (&["fluent_bundle", "fluent_syntax"], &["game/text/"]),
     (&["rapier3d"], &["game/billiards/"]),
     (&["ratatui"], &["farm/src/commands/top/"]),
     (
@@ -207,6 +210,7 @@ fn product_depends_on_no_bench_or_test_kit() {
         "game",
         "game/billiards",
         "game/mpm",
+        "game/text",
     ] {
         let manifest = fs::read_to_string(root().join(folder).join("Cargo.toml")).expect(folder);
         let product = manifest.split("[dev-dependencies]").next().expect("a part");

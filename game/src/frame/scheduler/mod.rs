@@ -21,7 +21,7 @@ use carom_farm::{
     AccumulatedRender, Frame, FrameId, FrameSpec, PixelFormat, Pixels, Priority, SampleBatch,
     Submission,
 };
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
+use carom_tracer::{ImageSize, ObjectPose, RenderSettings, SceneUpdate, Tile};
 
 use crate::display::DisplayFrame;
 use crate::frame::accumulation::AccumulatedFrame;
@@ -145,7 +145,17 @@ pub struct FrameScheduler {
     replaced: Option<DisplayFrame>,
     /// Of the shot, if the picture on show is of it.
     shown_moment: Option<f64>,
+    still: Option<ShownStill>,
     stats: SchedulerStats,
+}
+
+/// A picture that no farm has traced: it stays until a finer one is there, or until something moves.
+#[derive(Debug)]
+struct ShownStill {
+    pixels: usize,
+    poses: Vec<ObjectPose>,
+    /// What was looked at first, if the balls lay as in the picture.
+    target: Option<SceneUpdate>,
 }
 
 /// A picture of a shot, perhaps with tiles missing.
@@ -189,6 +199,7 @@ impl FrameScheduler {
             shown: None,
             replaced: None,
             shown_moment: None,
+            still: None,
             stats: SchedulerStats::default(),
         }
     }
@@ -268,7 +279,7 @@ impl FrameScheduler {
         request.map_or(SchedulerAction::Rest, SchedulerAction::Trace)
     }
 
-    /// Toasts that `request` was submitted as `id`.
+    /// Notes that `request` was submitted as `id`.
     pub fn submitted(&mut self, id: FrameId, request: &FrameRequest) {
         if let (RequestKind::Accumulation, Some(refinement)) = (request.role, &mut self.refinement)
         {
@@ -312,6 +323,7 @@ impl FrameScheduler {
         }
         let samples = pending.settings.samples;
         match (pending.role, frame.pixels) {
+            (RequestKind::Interactive, Pixels::Srgb8(_)) if self.keeps_still(frame.size) => {}
             (RequestKind::Interactive, Pixels::Srgb8(rgb)) => {
                 self.show(frame.size, opaque(&rgb), samples, pending.update);
             }
@@ -336,6 +348,7 @@ impl FrameScheduler {
         // Fewer would look rougher than the draft, whose pixels are larger.
         if frame.samples >= SHOWN_SAMPLES_MIN {
             let update = refinement.update.clone();
+            self.still = None;
             self.show(frame.size, frame.rgba, frame.samples, update);
         }
     }
@@ -356,7 +369,18 @@ impl FrameScheduler {
 
     /// Shows a picture that no farm has traced, until one has.
     pub fn show_still(&mut self, still: OpeningStill) {
+        self.still = Some(ShownStill {
+            pixels: still.size.pixels(),
+            poses: still.update.poses.clone(),
+            target: None,
+        });
         self.show(still.size, still.rgba, 0, still.update);
+    }
+
+    /// Whether a draft of this size would be coarser than the still, which shows the same.
+    fn keeps_still(&self, size: ImageSize) -> bool {
+        let still = self.still.as_ref();
+        still.is_some_and(|still| still.target.is_some() && size.pixels() < still.pixels)
     }
 
     /// The frame that was on show before, once.
@@ -428,7 +452,7 @@ impl FrameScheduler {
         }
     }
 
-    /// Toasts what is looked at; whether pictures in flight are of no use any more.
+    /// Notes what is looked at; whether pictures in flight are of no use any more.
     fn set_target(&mut self, now_secs: f64, target: &ViewTarget) -> bool {
         let before = self.target.replace(target.clone());
         let same = match (&before, target) {
@@ -439,6 +463,13 @@ impl FrameScheduler {
         if same {
             return false;
         }
+        self.still.take_if(|still| match target {
+            ViewTarget::Live(update) if still.target.is_none() => {
+                still.target = Some(update.clone()).filter(|update| update.poses == still.poses);
+                still.target.is_none()
+            }
+            _ => true,
+        });
         self.still_since_secs = now_secs;
         self.drafted = false;
         self.refinement = None;

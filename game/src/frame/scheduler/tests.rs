@@ -392,3 +392,55 @@ fn a_shot_is_shown_on_its_own_clock_whatever_the_latency() {
         bench.requests.len()
     );
 }
+
+fn still_of(x: f64) -> OpeningStill {
+    let size = ImageSize::new(60, 34);
+    OpeningStill {
+        size,
+        rgba: vec![[7; 4]; size.pixels()],
+        update: scene_at(x),
+    }
+}
+
+#[test]
+fn a_still_stays_until_a_finer_frame_of_the_same_view() {
+    let mut bench = TestBench::new(20_000.0);
+    bench.scheduler.show_still(still_of(0.3));
+    let target = ViewTarget::Live(scene_at(0.31));
+    let mut shown = Vec::new();
+    for _ in 0..2_000 {
+        bench.step(&target);
+        shown.extend(bench.picture().map(|picture| picture.size));
+    }
+    shown.dedup();
+    assert_eq!(shown, [ImageSize::new(60, 34), WINDOW]);
+    let drafts = bench.requests.iter().filter(|request| {
+        request.role == RequestKind::Interactive && request.spec.size.pixels() < 60 * 34
+    });
+    assert!(drafts.count() > 0, "a coarser draft was traced");
+}
+
+#[test]
+fn a_still_ends_when_the_view_moves_or_the_balls_lie_elsewhere() {
+    for (first, then) in [(0.3, 0.5), (0.3, 0.31)] {
+        let mut bench = TestBench::new(20_000.0);
+        let mut still = still_of(0.3);
+        if then == 0.31 {
+            still.update.poses.push(ObjectPose {
+                object: 0,
+                position: Vec3::X,
+                rotation: glam::Quat::IDENTITY,
+                visible: true,
+            });
+        }
+        bench.scheduler.show_still(still);
+        bench.step(&ViewTarget::Live(scene_at(first)));
+        let target = ViewTarget::Live(scene_at(then));
+        let coarse = (0..500).any(|_| {
+            bench.step(&target);
+            let size = bench.picture().map(|picture| picture.size);
+            size.is_some_and(|size| size.pixels() < 60 * 34)
+        });
+        assert!(coarse, "a draft is shown for {then}");
+    }
+}
