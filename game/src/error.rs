@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use carom_text::text;
+
 use crate::input::UnknownTrigger;
 
 /// The game's result.
@@ -53,16 +55,16 @@ pub enum Error {
         source: io::Error,
     },
     /// A layout does not fit the table that is played on.
-    #[error("The layout is of another table ({table})")]
+    #[error("{}", text!("layout-other-table", table = table.as_str()))]
     OtherTable {
         /// Of the layout.
         table: String,
     },
     /// The farm does not take what it is asked for.
-    #[error("The farm: {0}")]
+    #[error("{}", text!("farm-error", why = .0.to_string()))]
     Farm(#[from] carom_farm::Error),
     /// The system gives no thread.
-    #[error("The render cannot start: {0}")]
+    #[error("{}", text!("render-not-started", why = .0.to_string()))]
     CaptureThread(io::Error),
     /// No kind of video has a name like this.
     #[error(
@@ -88,22 +90,22 @@ pub enum Error {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PracticeFault {
     /// Something else is where the ball would lie.
-    #[error("It must lie on the cloth, clear of cushions, pockets and other balls")]
+    #[error("{}", text!("practice-not-clear"))]
     NotClear,
     /// The ball that is to come is there.
-    #[error("{} is on the table already", ball_name(*ball))]
+    #[error("{}", text!("practice-on-table", ball = text!("ball", number = *ball)))]
     OnTable {
         /// Its number.
         ball: u8,
     },
     /// The ball that is to go is not there.
-    #[error("{} is not on the table", ball_name(*ball))]
+    #[error("{}", text!("practice-not-on-table", ball = text!("ball", number = *ball)))]
     NotOnTable {
         /// Its number.
         ball: u8,
     },
     /// The table is full.
-    #[error("there is no room for {} on the table", ball_name(*ball))]
+    #[error("{}", text!("practice-no-room", ball = text!("ball", number = *ball)))]
     NoRoom {
         /// Its number.
         ball: u8,
@@ -164,11 +166,4 @@ pub enum KeysFault {
     /// No key is called so.
     #[error(transparent)]
     Unknown(#[from] UnknownTrigger),
-}
-
-fn ball_name(number: u8) -> String {
-    match number {
-        0 => "the cue ball".to_owned(),
-        number => format!("the {number}"),
-    }
 }

@@ -158,6 +158,7 @@ setting-quality-fine-about = 15 a second: four times the paths, a seventh of the
 
 setting-threads = CPU threads
 setting-threads-all = All
+setting-threads-count = Threads
 # $count: threads that the player has chosen.
 setting-threads-about = { $count ->
     [0] One a core, which is fastest. Counts from the next start
@@ -371,8 +372,11 @@ control-replay-speed-3 = a tenth of normal speed
 
 ## Balls
 
-# $number: the number on the ball.
-ball-numbered = the { $number }
+# $number: the number on the ball, 0 for the cue ball.
+ball = { $number ->
+    [0] the cue ball
+   *[other] the { $number }
+}
 
 ## Gamepads
 
@@ -662,3 +666,139 @@ glossary-level-samples = spp
 glossary-level-samples-about = Samples per pixel at this quality level; + where frames are denoised.
 glossary-level-ms = ms here
 glossary-level-ms-about = Predicted milliseconds of a frame at this quality level on this farm.
+
+## Notices
+
+replay-nothing-yet = No shot to replay yet
+replay-other-table = Recorded on another table ({ $table }): start the game with --replay and the file
+saved-as = Saved as { $path }
+aids-chosen = Aim aids: { $name }
+view-saved = Saved view { $number }: press { $key } to recall it
+view-empty = View { $number } is empty: press { $key } to save this view
+screenshot-cancelled = The screenshot was cancelled
+film-cancelled = The film was cancelled
+farm-failed = Rendering unavailable: { $why }
+screenshot-no-farm = There is nothing yet that could render a picture
+screenshot-failed = Screenshot failed: { $why }
+film-failed = Film failed: { $why }
+screenshot-progress = Rendering the screenshot: { $percent } %. Its key cancels it
+ball-carried = The cue ball follows the mouse: click to put it down
+match-resumed = Resumed your match of { $game }; start another from the menu
+match-not-resumed = Cannot resume the unfinished match: { $why }
+window-title = Carom
+
+## Nodes
+
+farm-cpu-only = No GPU found: rendering on the CPU ({ $threads } threads), at lower resolution while things move
+node-again = { $name } is connected again
+# $others: whether other nodes are left.
+node-lost = Lost { $name } ({ $why }): { $others ->
+    [yes] other nodes take over its tiles
+   *[no] the last frame stays until a node connects
+}
+# $others: whether other nodes are left.
+node-unusable = Cannot use { $name } ({ $why }): { $others ->
+    [yes] other nodes take over its tiles
+   *[no] the last frame stays until a node connects
+}
+node-slow = { $name } is { $times } times slower than the fastest node and gets fewer tiles
+node-doubted = { $name }: { $doubt }, and one of them is wrong
+node-far = High latency to { $name } ({ $ms } ms round trip): frames are requested earlier and may be less precise
+farm-waiting = Waiting for the first frame
+farm-no-node = Rendering unavailable: no node is connected ({ $nodes }). Retrying every 5 s; you can keep playing
+node-local-device = this machine ({ $device })
+farm-nodes = { $ready } of { $all } nodes: { $names }
+node-local = This machine
+
+## Sound
+
+sound-by = Played by { $name }
+sound-failed = No sound: { $name }: { $why }
+sound-none = No sound: none of { $programs } is installed. On Debian or Ubuntu `apt install alsa-utils` brings aplay
+
+## Settings file
+
+settings-no-key-left = nothing is left for "{ $does }": give [keys] { $name } a key
+settings-ignored = ignored [{ $table }] { $key } = { $value }: it must be { $wanted }
+settings-unknown = unknown setting { $name }: left unchanged
+settings-broken = it cannot be read, so the defaults apply (it is kept as settings.broken.toml when a setting changes): { $why }
+# $steps: physics steps a second, 0 for the exact engine.
+engine-cost = { $steps ->
+    [0] Billiards laws from contact to contact
+   *[other] Plain rapier, { $steps } steps a second
+}: a 30° cut is off by { $cut }°, a usual shot by { $shot } mm; { $time } ms of CPU for a break
+engine-unmeasured = { $steps ->
+    [0] Billiards laws from contact to contact
+   *[other] Plain rapier, { $steps } steps a second
+}: `carom --help` says what others cost and lose
+
+## Play
+
+aids-off = no aids
+aids-line = cue line
+aids-ghost = ghost ball
+aids-full = full prediction
+ball-not-in-hand = The cue ball is not in hand: it is played from where it lies
+view-chosen = View: { $name }
+miscue = Miscue: the tip slipped off the ball
+no-re-rack = You cannot re-rack in a match. Esc → New game
+undo-wait = Wait until the balls rest before you undo
+redo-wait = Wait until the balls rest before you redo
+undone = { $shots ->
+    [0] Nothing to undo
+    [one] Undid the last shot
+   *[other] Undid the last { $shots } shots
+}
+redone = { $shots ->
+    [0] Nothing to redo
+    [one] Redid the last shot
+   *[other] Redid the last { $shots } shots
+}
+suggestion-search = Looking for a shot …
+layout-other-table = The layout is of another table ({ $table })
+farm-error = The farm: { $why }
+render-not-started = The render cannot start: { $why }
+practice-not-clear = It must lie on the cloth, clear of cushions, pockets and other balls
+practice-on-table = { $ball } is on the table already
+practice-not-on-table = { $ball } is not on the table
+practice-no-room = there is no room for { $ball } on the table
+screenshot-saved = Saved the screenshot as { $path } and, with albedo, normal and depth, as .exr
+film-saved = Saved the film as { $path }
+
+## Events of a shot
+
+event-strike = the cue strikes at { $speed } m/s
+event-miscue = the tip slips off
+event-hit = { $first } hits { $second }
+event-cushion = { $ball } meets a cushion
+event-potted = { $ball } is potted
+event-left-table = { $ball } leaves the table
+shot-numbered = Shot { $number }
+shot-title = Shot { $number }: { $events }
+view-shooter = behind the cue
+view-overhead = from above
+view-orbit = free
+view-follow = after the ball
+view-pocket = from the pocket
+
+## Window and files
+
+window-library-failed = the windowing library failed
+variable-not-set = { $name } is not set
+# $wayland, $x11: environment variables with their values.
+window-not-opened = no window can be opened ({ $wayland }, { $x11 }). On Debian or Ubuntu `apt install libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0` brings what X11 needs; `carom --headless` needs no display at all
+surface-outdated = stays outdated
+surface-lost = was lost
+surface-invalid = is not valid
+display-vulkan = Vulkan
+display-opengl = OpenGL
+display-software = software
+farm-not-started = it could not be started
+file-unwritable = { $path } cannot be written
+settings-no-folder = Settings cannot be saved: { $why }
+settings-too-long = it is longer than { $bytes } bytes
+# Over a table: the spaces place each word over its column.
+engine-table =
+    { "             30° cut at  reference   energy kept  CPU ms per  CPU ms for  dearest" }
+    { "             3 m/s, off  shots, off  in a break   simulated   a whole     10 ms," }
+    { "             by          (median)    (real: 76 %) second      break       CPU ms" }

@@ -8,6 +8,7 @@
 use std::time::{Duration, Instant};
 
 use carom_billiards::rules::RuleSet;
+use carom_text::text;
 use egui::{Context, Key, Modifiers};
 
 use crate::app::farm_notifications::FarmNotifier;
@@ -239,7 +240,8 @@ impl AppShell {
             AppIntent::NextAids => {
                 self.store.settings.aim_aids = self.store.settings.aim_aids.next();
                 let name = self.store.settings.aim_aids.name();
-                self.toasts.answer(format!("Aim aids: {name}"), now_secs);
+                self.toasts
+                    .answer(text!("aids-chosen", name = name), now_secs);
                 self.save(now_secs);
             }
             AppIntent::SaveView(number) => self.save_view(number.into(), session, now_secs),
@@ -262,7 +264,7 @@ impl AppShell {
         if let Some(saved) = self.store.settings.views.get_mut(place) {
             *saved = Some(session.viewpoint(now_secs));
             let key = self.input.bindings().words(Action::SavedView(place as u8));
-            let sentence = format!("Saved view {}: press {key} to recall it", place + 1);
+            let sentence = text!("view-saved", number = place + 1, key = key);
             self.toasts.answer(sentence, now_secs);
             self.save(now_secs);
             session.redraw();
@@ -276,8 +278,7 @@ impl AppShell {
             }
             _ => {
                 let key = self.input.bindings().words(Action::KeepView(place as u8));
-                let sentence =
-                    format!("View {} is empty: press {key} to save this view", place + 1);
+                let sentence = text!("view-empty", number = place + 1, key = key);
                 self.toasts.answer(sentence, now_secs);
                 session.redraw();
             }

@@ -9,6 +9,7 @@ use carom_billiards::game_match::{Match, MatchSave};
 use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
 use carom_farm::FarmConfig;
+use carom_text::text;
 use carom_tracer::ImageSize;
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalSize};
@@ -110,15 +111,13 @@ fn left(
     match played {
         Ok(Some(contest)) if contest.at_table().is_some() => {
             if contest.referee().rules() != RuleSet::Free {
-                notes.push(format!(
-                    "Resumed your match of {}; start another from the menu",
-                    contest.referee().info().name
-                ));
+                let game = contest.referee().info().name;
+                notes.push(text!("match-resumed", game = game));
             }
             return Ok(contest);
         }
         Ok(_) => {}
-        Err(why) => notes.push(format!("Cannot resume the unfinished match: {why}")),
+        Err(why) => notes.push(text!("match-not-resumed", why = why.to_string())),
     }
     play::free_table(TableScene::table().with_options(options), seed)
 }
@@ -164,20 +163,18 @@ fn panic_words(panic: &(dyn std::any::Any + Send)) -> &str {
     let words = panic.downcast_ref::<String>().map(String::as_str);
     words
         .or_else(|| panic.downcast_ref::<&str>().copied())
-        .unwrap_or("the windowing library failed")
+        .unwrap_or(text!("window-library-failed"))
 }
 
 fn no_display() -> String {
     let variable = |name: &str| match std::env::var(name) {
         Ok(value) => format!("{name}={value}"),
-        Err(_) => format!("{name} is not set"),
+        Err(_) => text!("variable-not-set", name = name),
     };
-    format!(
-        "no window can be opened ({}, {}). On Debian or Ubuntu `apt install libx11-xcb1 \
-         libxcursor1 libxi6 libxkbcommon-x11-0` brings what X11 needs; `carom --headless` \
-         needs no display at all",
-        variable("WAYLAND_DISPLAY"),
-        variable("DISPLAY")
+    text!(
+        "window-not-opened",
+        wayland = variable("WAYLAND_DISPLAY"),
+        x11 = variable("DISPLAY")
     )
 }
 
@@ -266,7 +263,7 @@ impl ApplicationHandler for App {
 impl App {
     fn open(&self, event_loop: &ActiveEventLoop) -> anyhow::Result<Screen> {
         let settings = self.shell.settings();
-        let attributes = Window::default_attributes().with_title("Carom");
+        let attributes = Window::default_attributes().with_title(text!("window-title"));
         let attributes = match self.size {
             Some(size) => attributes.with_inner_size(PhysicalSize::new(size.width, size.height)),
             None => {

@@ -13,6 +13,7 @@
 //! | another version, UDP blocked | as a lost node | the reason says what to do |
 
 use carom_farm::{NodeState, NodeStatus};
+use carom_text::text;
 use carom_tracer::DeviceKind;
 
 /// Remembers what was said.
@@ -85,9 +86,7 @@ impl FarmNotifier {
         }
         self.told_of_cpu = true;
         let threads = device.threads;
-        Some(format!(
-            "No GPU found: rendering on the CPU ({threads} threads), at lower resolution while things move"
-        ))
+        Some(text!("farm-cpu-only", threads = threads))
     }
 }
 
@@ -102,16 +101,19 @@ impl NodeNotice {
             return None;
         }
         let name = name(node);
-        let rest = if others {
-            "other nodes take over its tiles"
-        } else {
-            "the last frame stays until a node connects"
-        };
+        let others = if others { "yes" } else { "no" };
         let note = match (standing, self.was_ready) {
             (Availability::Ready, false) => None,
-            (Availability::Ready, true) => Some(format!("{name} is connected again")),
-            (Availability::Lost, true) => Some(format!("Lost {name} ({why}): {rest}")),
-            (Availability::Lost, false) => Some(format!("Cannot use {name} ({why}): {rest}")),
+            (Availability::Ready, true) => Some(text!("node-again", name = name)),
+            (Availability::Lost, true) => {
+                Some(text!("node-lost", name = name, why = why, others = others))
+            }
+            (Availability::Lost, false) => Some(text!(
+                "node-unusable",
+                name = name,
+                why = why,
+                others = others
+            )),
         };
         self.was_ready |= standing == Availability::Ready;
         note
@@ -127,9 +129,10 @@ impl NodeNotice {
         self.slow = share < if was_slow { SLOW_ENDS } else { SLOW };
         (self.slow && !was_slow).then(|| {
             let times = 1.0 / share;
-            format!(
-                "{} is {times:.0} times slower than the fastest node and gets fewer tiles",
-                name(node)
+            text!(
+                "node-slow",
+                name = name(node),
+                times = format!("{times:.0}")
             )
         })
     }
@@ -137,7 +140,11 @@ impl NodeNotice {
     fn doubted(&mut self, node: &NodeStatus) -> Option<String> {
         let was_doubted = std::mem::replace(&mut self.doubted, node.doubt.is_some());
         let doubt = node.doubt.as_ref().filter(|_| !was_doubted)?;
-        Some(format!("{}: {doubt}, and one of them is wrong", name(node)))
+        Some(text!(
+            "node-doubted",
+            name = name(node),
+            doubt = doubt.to_string()
+        ))
     }
 
     fn distanced(&mut self, node: &NodeStatus) -> Option<String> {
@@ -145,11 +152,8 @@ impl NodeNotice {
         let was_far = self.far;
         self.far = secs > if was_far { FAR_ENDS_SECS } else { FAR_SECS };
         (self.far && !was_far).then(|| {
-            format!(
-                "High latency to {} ({:.0} ms round trip): frames are requested earlier and may be less precise",
-                name(node),
-                secs * 1e3
-            )
+            let round_trip_ms = format!("{:.0}", secs * 1e3);
+            text!("node-far", name = name(node), ms = round_trip_ms)
         })
     }
 }
@@ -165,12 +169,9 @@ pub fn standing(nodes: &[NodeStatus]) -> Option<String> {
     });
     let lost: Vec<String> = lost.collect();
     if lost.is_empty() || lost.len() < nodes.len() {
-        return Some("Waiting for the first frame".to_owned());
+        return Some(text!("farm-waiting").to_owned());
     }
-    Some(format!(
-        "Rendering unavailable: no node is connected ({}). Retrying every 5 s; you can keep playing",
-        lost.join("; ")
-    ))
+    Some(text!("farm-no-node", nodes = lost.join("; ")))
 }
 
 /// The farm in a line: which nodes make the pictures, with their devices.
@@ -185,23 +186,24 @@ pub fn line(nodes: &[NodeStatus]) -> String {
             .as_ref()
             .map_or("", |info| info.device.name.as_str());
         match node.address.as_str() {
-            LOCAL => format!("this machine ({device})"),
+            LOCAL => text!("node-local-device", device = device),
             address => format!("{address} ({device})"),
         }
     });
     let names: Vec<String> = names.collect();
-    format!(
-        "{} of {} nodes: {}",
-        names.len(),
-        nodes.len(),
-        names.join(", ")
+    let (ready, all) = (names.len(), nodes.len());
+    text!(
+        "farm-nodes",
+        ready = ready,
+        all = all,
+        names = names.join(", ")
     )
 }
 
 fn name(node: &NodeStatus) -> &str {
     let name = node.info.as_ref().map_or("", |info| info.name.as_str());
     match (node.address.as_str(), name) {
-        (LOCAL, _) => "This machine",
+        (LOCAL, _) => text!("node-local"),
         (address, "") => address,
         (_, name) => name,
     }

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use carom_billiards::physics::{BallState, Clip, Recording, Shot};
 use carom_billiards::rules::RuleSet;
+use carom_text::text;
 use etcetera::BaseStrategy as _;
 
 use crate::app::mode::Mode;
@@ -126,7 +127,7 @@ impl ModeController {
         self.refresh_files();
         match ReplayPlayer::new(recording, game.table(), now_secs) {
             Some(player) => self.mode = Mode::Replay(Box::new(player)),
-            None => self.notify("No shot to replay yet".to_owned()),
+            None => self.notify(text!("replay-nothing-yet").to_owned()),
         }
     }
 
@@ -151,10 +152,7 @@ impl ModeController {
     /// Shows a recording of the game's table.
     pub fn view(&mut self, recording: Recording, game: &Game, now_secs: f64) {
         if recording.table != game.table().name() {
-            return self.notify(format!(
-                "Recorded on another table ({}): start the game with --replay and the file",
-                recording.table
-            ));
+            return self.notify(text!("replay-other-table", table = recording.table));
         }
         self.refresh_files();
         if let Some(player) = ReplayPlayer::new(recording, game.table(), now_secs) {
@@ -261,7 +259,7 @@ impl ModeController {
 
     fn save(&mut self, kind: RecordingKind, recording: &Recording) -> Result<()> {
         let path = self.recordings()?.save(kind, recording)?;
-        self.notify(format!("Saved as {}", path.display()));
+        self.notify(text!("saved-as", path = path.display().to_string()));
         self.refresh_files();
         Ok(())
     }

@@ -28,6 +28,8 @@ use std::path::Path;
 use anyhow::Context as _;
 use carom_billiards::physics::{Recording, Shot, Stroke, World};
 
+use carom_text::text;
+
 use crate::scene::table_scene::TableScene;
 
 /// Samples of one second.
@@ -106,7 +108,7 @@ pub fn write_shot(out: &Path, replay: Option<&Path>, speed_m_s: f64) -> anyhow::
         None => break_shot(speed_m_s)?,
     };
     let sound = of_shot(&shot);
-    let unwritable = || format!("{} cannot be written", out.display());
+    let unwritable = || text!("file-unwritable", path = out.display().to_string());
     let mut file = BufWriter::new(File::create(out).with_context(unwritable)?);
     let written = sound.write_wav(1.0, &mut file).and_then(|()| file.flush());
     written.with_context(unwritable)?;

@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use carom_text::text;
 use tempfile::TempPath;
 
 use super::Sound;
@@ -130,7 +131,7 @@ impl Playback {
     /// Plays through `output`; with none, nothing is heard.
     pub fn new(output: Option<SoundOutput>) -> Self {
         let words = match &output {
-            Some(output) => format!("Played by {}", output.name()),
+            Some(output) => text!("sound-by", name = output.name()),
             None => silence(),
         };
         let state = Arc::new(Mutex::new(words));
@@ -210,7 +211,11 @@ fn work(mut output: SoundOutput, requests: &Receiver<PlaybackRequest>, state: &M
         match output.start(sound(), at, volume) {
             Ok(started) => playing = Some(started),
             Err(error) => {
-                let words = format!("No sound: {}: {error}", output.name());
+                let words = text!(
+                    "sound-failed",
+                    name = output.name(),
+                    why = error.to_string()
+                );
                 *state.lock().unwrap_or_else(PoisonError::into_inner) = words;
             }
         }
@@ -264,10 +269,7 @@ impl Drop for PlayingSound {
 
 fn silence() -> String {
     let names: Vec<&str> = KNOWN.iter().map(|(name, _)| *name).collect();
-    format!(
-        "No sound: none of {} is installed. On Debian or Ubuntu `apt install alsa-utils` brings aplay",
-        names.join(", ")
-    )
+    text!("sound-none", programs = names.join(", "))
 }
 
 /// Players, and what they need to be told. The first three come with PipeWire, PulseAudio and ALSA,

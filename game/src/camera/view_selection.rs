@@ -1,6 +1,7 @@
 //! Selection of the camera's view, and how far it was turned.
 
 use carom_billiards::physics::Table;
+use carom_text::text;
 use glam::DVec3;
 
 use super::viewpoint::{Orbit, Viewpoint};
@@ -62,11 +63,11 @@ impl CameraView {
     /// For people, to follow "View:".
     pub fn name(self) -> &'static str {
         match self {
-            Self::Shooter => "behind the cue",
-            Self::Overhead => "from above",
-            Self::Orbit => "free",
-            Self::Follow => "after the ball",
-            Self::Pocket => "from the pocket",
+            Self::Shooter => text!("view-shooter"),
+            Self::Overhead => text!("view-overhead"),
+            Self::Orbit => text!("view-orbit"),
+            Self::Follow => text!("view-follow"),
+            Self::Pocket => text!("view-pocket"),
         }
     }
 

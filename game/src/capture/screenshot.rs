@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use carom_farm::{Farm, FileFormat, FrameSpec, Picture, PixelFormat, Still};
+use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use crate::capture::background::{CaptureProgress, CaptureSlot};
@@ -33,10 +34,7 @@ pub fn begin(
     let job = farm.still(scene, still)?;
     slot.begin(job.canceller(), progress, move || {
         let path = write(&job.wait()?, &folder)?;
-        Ok(format!(
-            "Saved the screenshot as {} and, with albedo, normal and depth, as .exr",
-            path.display()
-        ))
+        Ok(text!("screenshot-saved", path = path.display().to_string()))
     })
 }
 

@@ -2,6 +2,8 @@
 
 use carom_billiards::physics::{Clip, Shot};
 
+use carom_text::text;
+
 use super::timeline_events;
 
 /// Shots in the order in which they were played.
@@ -42,7 +44,7 @@ pub fn shot_title(number: u64, shot: &Shot) -> String {
         .map(|event| event.words)
         .take(TITLE_EVENTS_MAX)
         .collect();
-    format!("Shot {number}: {}", words.join(", "))
+    text!("shot-title", number = number, events = words.join(", "))
 }
 
 /// A long evening; older shots are forgotten.

@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use carom_billiards::physics::{Recording, Shot, Table};
 
+use carom_text::text;
+
 /// A folder that shots are recorded in.
 #[derive(Debug)]
 pub struct ShotRecorder {
@@ -31,7 +33,7 @@ impl ShotRecorder {
             return;
         }
         self.last = number;
-        let recording = Recording::of(table, format!("Shot {number}"), shot.clone());
+        let recording = Recording::of(table, text!("shot-numbered", number = number), shot.clone());
         let path = self.folder.join(format!("shot_{number:04}.carom"));
         if let Err(error) = recording.save(&path) {
             tracing::error!("{error}");

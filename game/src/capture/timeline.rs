@@ -2,6 +2,8 @@
 
 use carom_billiards::physics::{EventKind, Shot};
 
+use carom_text::text;
+
 /// Something that happened.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimelineEvent {
@@ -31,14 +33,16 @@ pub fn timeline_events(shot: &Shot) -> Vec<TimelineEvent> {
 /// None for what cannot be seen at a glance.
 fn words(kind: &EventKind) -> Option<String> {
     Some(match *kind {
-        EventKind::Strike { speed_m_s } => format!("the cue strikes at {speed_m_s:.1} m/s"),
-        EventKind::Miscue { .. } => "the tip slips off".to_owned(),
-        EventKind::BallBall { first, second, .. } => {
-            format!("{} hits {}", ball(first), ball(second))
+        EventKind::Strike { speed_m_s } => {
+            text!("event-strike", speed = format!("{speed_m_s:.1}"))
         }
-        EventKind::Cushion { ball: which, .. } => format!("{} meets a cushion", ball(which)),
-        EventKind::Pocketed { ball: which, .. } => format!("{} is potted", ball(which)),
-        EventKind::LeftTable { ball: which, .. } => format!("{} leaves the table", ball(which)),
+        EventKind::Miscue { .. } => text!("event-miscue").to_owned(),
+        EventKind::BallBall { first, second, .. } => {
+            text!("event-hit", first = ball(first), second = ball(second))
+        }
+        EventKind::Cushion { ball: which, .. } => text!("event-cushion", ball = ball(which)),
+        EventKind::Pocketed { ball: which, .. } => text!("event-potted", ball = ball(which)),
+        EventKind::LeftTable { ball: which, .. } => text!("event-left-table", ball = ball(which)),
         EventKind::Bounces { .. } | EventKind::Rolls { .. } | EventKind::Rests { .. } => {
             return None;
         }
@@ -46,10 +50,7 @@ fn words(kind: &EventKind) -> Option<String> {
 }
 
 fn ball(number: u8) -> String {
-    match number {
-        0 => "the cue ball".to_owned(),
-        number => format!("the {number}"),
-    }
+    text!("ball", number = number)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use carom_text::text;
 use carom_tracer::ImageSize;
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 use wgpu::CurrentSurfaceTexture as Current;
@@ -164,15 +165,15 @@ impl GpuDisplay {
             }
             // The window is hidden or busy: that is no failure, however long it lasts.
             Current::Timeout | Current::Occluded => return Ok(None),
-            Current::Outdated => "stays outdated",
+            Current::Outdated => text!("surface-outdated"),
             Current::Lost => {
                 self.surface = self
                     .instance
                     .create_surface(self.window.clone())
                     .map_err(DisplayFault::SurfaceLost)?;
-                "was lost"
+                text!("surface-lost")
             }
-            Current::Validation => "is not valid",
+            Current::Validation => text!("surface-invalid"),
         };
         self.failures += 1;
         if self.failures > FAILURES_MAX {

@@ -7,6 +7,7 @@ pub mod software;
 
 use std::sync::Arc;
 
+use carom_text::text;
 use carom_tracer::{ImageSize, SceneUpdate};
 use clap::ValueEnum;
 use egui::{ClippedPrimitive, TexturesDelta};
@@ -129,7 +130,7 @@ impl Display {
     pub fn name(&self) -> &str {
         match self {
             Self::Gpu(display) => display.name(),
-            Self::Software(_) => "software",
+            Self::Software(_) => text!("display-software"),
         }
     }
 
@@ -158,8 +159,8 @@ impl Display {
 impl Present {
     fn words(self) -> &'static str {
         match self {
-            Self::Vulkan => "Vulkan",
-            Self::Gl => "OpenGL",
+            Self::Vulkan => text!("display-vulkan"),
+            Self::Gl => text!("display-opengl"),
             Self::Software => "software",
         }
     }

@@ -5,6 +5,7 @@ use std::thread;
 use std::time::Duration;
 
 use carom_farm::{Farm, FarmConfig, NodeStatus};
+use carom_text::text;
 use carom_tracer::Scene;
 
 /// The farm. It starts beside the window: looking for a GPU takes a second.
@@ -32,7 +33,7 @@ impl FarmState {
             let _ = sender.send(farm);
         };
         match thread::Builder::new()
-            .name("farm start".to_owned())
+            .name("farm-start".to_owned())
             .spawn(start)
         {
             Ok(_) => Self::Starting {
@@ -49,7 +50,7 @@ impl FarmState {
             let started = match receiver.try_recv() {
                 Ok(started) => started.map_err(|error| error.to_string()),
                 Err(TryRecvError::Empty) => return None,
-                Err(TryRecvError::Disconnected) => Err("it could not be started".to_owned()),
+                Err(TryRecvError::Disconnected) => Err(text!("farm-not-started").to_owned()),
             };
             let scene = scene.take();
             let ready = started.and_then(|mut farm| {

@@ -202,10 +202,14 @@ impl Bindings {
         words
     }
 
-    /// Actions that nothing is bound to.
+    /// Actions that neither a key nor the mouse is bound to.
     pub fn unbound(&self) -> impl Iterator<Item = Action> {
+        let is_bound = |action: &Action| {
+            let mut bound = self.actions.iter().filter(|(_, to)| *to == action);
+            bound.any(|((_, trigger), _)| !matches!(trigger, Trigger::Gamepad(_)))
+        };
         let actions = ACTIONS.iter().map(|control| control.action);
-        actions.filter(|action| !self.actions.values().any(|bound| bound == action))
+        actions.filter(move |action| !is_bound(action))
     }
 }
 

@@ -1,6 +1,7 @@
 //! A cue ball in hand: carried over the table, put down where the rules and the other balls allow it.
 
 use carom_billiards::PlacementFault;
+use carom_text::text;
 use glam::DVec2;
 
 use crate::input::{AimIntent, StrokeIntent};
@@ -33,8 +34,7 @@ impl Game {
             return self.put_down();
         }
         let Some(at) = self.contest.cue_ball_in_hand() else {
-            self.notice =
-                Some("The cue ball is not in hand: it is played from where it lies".into());
+            self.notice = Some(text!("ball-not-in-hand").to_owned());
             return;
         };
         self.phase = TurnPhase::Placing(BallInHand {

@@ -30,6 +30,7 @@ use carom_billiards::physics::{
     self, AimContact, BallPose, BallState, Pocket, Shot, Stroke, Table, World,
 };
 use carom_billiards::rules::{Call, RuleSet};
+use carom_text::text;
 use carom_tracer::Camera;
 use glam::{DVec2, DVec3};
 
@@ -357,7 +358,7 @@ impl Game {
         if intent.is_adjustment() {
             return;
         }
-        self.notice = Some(format!("View: {}", self.views.view().name()));
+        self.notice = Some(text!("view-chosen", name = self.views.view().name()));
         if let TurnPhase::Watching(active) = &mut self.phase {
             active.turn(now, moment_secs);
         }
@@ -476,7 +477,7 @@ impl Game {
         let slipped =
             |event: &physics::Event| matches!(event.kind, physics::EventKind::Miscue { .. });
         if shot.events().iter().any(slipped) {
-            self.notice = Some("Miscue: the tip slipped off the ball".to_owned());
+            self.notice = Some(text!("miscue").to_owned());
         }
         (self.ai_turn, self.match_view) = (None, None);
         self.shots += 1;
@@ -516,7 +517,7 @@ impl Game {
 
     fn rack(&mut self) {
         if self.contest.referee().rules() != RuleSet::Free {
-            self.notice = Some("You cannot re-rack in a match. Esc → New game".into());
+            self.notice = Some(text!("no-re-rack").to_owned());
             return;
         }
         let table = self.contest.world().table().clone();
@@ -602,7 +603,7 @@ impl Game {
 pub fn free_table(table: Table, seed: u32) -> carom_billiards::Result<Match> {
     Match::new(MatchConfig {
         rules: RuleSet::Free,
-        players: vec![Player::Human("You".to_owned())],
+        players: vec![Player::Human(text!("player-you").to_owned())],
         target: 0,
         seed,
         table,

@@ -1,6 +1,7 @@
 //! Preview of the shot to come: by the code that will play it.
 
 use carom_billiards::physics::{self, AimLine, Shot, Stroke, World};
+use carom_text::text;
 use clap::ValueEnum;
 use glam::DVec3;
 
@@ -46,10 +47,10 @@ impl AimAids {
     /// For people.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Off => "no aids",
-            Self::Line => "cue line",
-            Self::Ghost => "ghost ball",
-            Self::Full => "full prediction",
+            Self::Off => text!("aids-off"),
+            Self::Line => text!("aids-line"),
+            Self::Ghost => text!("aids-ghost"),
+            Self::Full => text!("aids-full"),
         }
     }
 }

@@ -6,6 +6,7 @@ use std::rc::Rc;
 use carom_billiards::game_match::{Match, MatchView};
 use carom_billiards::physics::{self, AimContact};
 use carom_billiards::rules::{Call, Calls, RuleSet};
+use carom_text::text;
 use glam::DVec2;
 
 use crate::input::MatchIntent;
@@ -145,12 +146,8 @@ impl Game {
 
     /// Takes shots back, or plays those again, until a person is at the table.
     fn turn_back(&mut self, is_redo: bool) {
-        let (verb, done) = match is_redo {
-            false => ("undo", "Undid"),
-            true => ("redo", "Redid"),
-        };
         if matches!(self.phase, TurnPhase::Watching(_)) {
-            self.notice = Some(format!("Wait until the balls rest before you {verb}"));
+            self.notice = Some(text!(if is_redo { "redo-wait" } else { "undo-wait" }).to_owned());
             return;
         }
         self.ai_turn = None;
@@ -166,11 +163,8 @@ impl Game {
             }
         }
         self.begin_turn();
-        self.notice = Some(match taken {
-            0 => format!("Nothing to {verb}"),
-            1 => format!("{done} the last shot"),
-            shots => format!("{done} the last {shots} shots"),
-        });
+        let count = if is_redo { "redone" } else { "undone" };
+        self.notice = Some(text!(count, shots = taken));
     }
 
     fn ask(&mut self, purpose: AiTask) {
@@ -180,7 +174,7 @@ impl Game {
         match AiTurn::for_person(&self.contest, purpose) {
             Ok(ai_turn) => {
                 self.ai_turn = Some(ai_turn);
-                self.notice = Some("Looking for a shot …".to_owned());
+                self.notice = Some(text!("suggestion-search").to_owned());
             }
             Err(why) => self.notice = Some(why.to_string()),
         }

@@ -4,6 +4,8 @@ use std::fmt::Write as _;
 
 use carom_billiards::physics::Engine;
 
+use carom_text::text;
+
 /// An engine's row, each figure as it is shown.
 struct EngineCost {
     /// As `--physics` takes it.
@@ -57,26 +59,25 @@ const COSTS: [EngineCost; 8] = [
 /// The cost and error of one engine, in a sentence.
 pub fn engine_cost(engine: &Engine) -> String {
     let name = engine.to_string();
-    let description = match engine {
-        Engine::Exact => "Billiards laws from contact to contact".to_owned(),
-        Engine::Rapier(rapier) => format!("Plain rapier, {} steps a second", rapier.steps_per_sec),
+    let steps_per_sec = match engine {
+        Engine::Exact => 0,
+        Engine::Rapier(rapier) => rapier.steps_per_sec,
     };
     match COSTS.iter().find(|cost| cost.engine == name) {
-        Some(cost) => format!(
-            "{description}: a 30° cut is off by {}°, a usual shot by {} mm; {} ms of CPU for a break",
-            cost.cut_error_deg, cost.shot_error_mm, cost.break_ms,
+        Some(cost) => text!(
+            "engine-cost",
+            steps = steps_per_sec,
+            cut = cost.cut_error_deg,
+            shot = cost.shot_error_mm,
+            time = cost.break_ms
         ),
-        None => format!("{description}: `carom --help` says what others cost and lose"),
+        None => text!("engine-unmeasured", steps = steps_per_sec),
     }
 }
 
 /// The cost and error of all measured engines, a line each.
 pub fn engine_cost_table() -> String {
-    let mut table = String::from(
-        "             30° cut at  reference   energy kept  CPU ms per  CPU ms for  dearest\n\
-         \x20            3 m/s, off  shots, off  in a break   simulated   a whole     10 ms,\n\
-         \x20            by          (median)    (real: 76 %) second      break       CPU ms\n",
-    );
+    let mut table = format!("{}\n", text!("engine-table"));
     for cost in &COSTS {
         let _ = writeln!(
             table,

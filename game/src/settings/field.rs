@@ -1,6 +1,7 @@
 //! Each setting's name in the file, and how it is read and written.
 
 use carom_billiards::physics::Engine;
+use carom_text::text;
 use clap::ValueEnum;
 use glam::DVec3;
 use toml_edit::{Array, InlineTable, Value};
@@ -229,10 +230,10 @@ pub(super) fn bind(chosen: &[(Action, Vec<Trigger>)]) -> (Bindings, Vec<String>)
     let lost = bindings.unbound().filter(|action| !is_chosen(*action));
     warnings.extend(lost.map(|action| {
         let control = action.control();
-        format!(
-            "nothing is left for \"{}\": give [keys] {} a key",
-            control.does(),
-            control.name
+        text!(
+            "settings-no-key-left",
+            does = control.does(),
+            name = control.name
         )
     }));
     (bindings, warnings)

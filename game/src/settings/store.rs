@@ -4,6 +4,7 @@ use std::fs;
 use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 
+use carom_text::text;
 use etcetera::BaseStrategy as _;
 use toml_edit::{DocumentMut, Item, Value};
 
@@ -33,7 +34,7 @@ impl SettingsStore {
         match etcetera::base_strategy::choose_native_strategy() {
             Ok(folders) => Self::open(folders.config_dir().join("carom").join("settings.toml")),
             Err(error) => Self {
-                warnings: vec![format!("Settings cannot be saved: {error}")],
+                warnings: vec![text!("settings-no-folder", why = error.to_string())],
                 ..Self::default()
             },
         }
@@ -115,11 +116,12 @@ impl SettingsStore {
             };
             if let Err(wanted) = written {
                 let shown = item.to_string();
-                self.warnings.push(format!(
-                    "ignored [{}] {} = {}: it must be {wanted}",
-                    field.table,
-                    field.key,
-                    shown.trim()
+                self.warnings.push(text!(
+                    "settings-ignored",
+                    table = field.table,
+                    key = field.key,
+                    value = shown.trim(),
+                    wanted = wanted.to_string()
                 ));
             }
         }
@@ -166,15 +168,13 @@ impl SettingsStore {
         }
         let said = unknown
             .into_iter()
-            .map(|name| format!("unknown setting {name}: left unchanged"));
+            .map(|name| text!("settings-unknown", name = name));
         self.warnings.extend(said);
     }
 
     fn give_up(&mut self, why: String) {
         self.is_broken = true;
-        self.warnings.push(format!(
-            "it cannot be read, so the defaults apply (it is kept as settings.broken.toml when a setting changes): {why}"
-        ));
+        self.warnings.push(text!("settings-broken", why = why));
     }
 
     fn enter_changes(&mut self) {
@@ -211,8 +211,9 @@ fn read(path: &Path) -> std::io::Result<String> {
         .take(BYTES_MAX + 1)
         .read_to_string(&mut text)?;
     if text.len() as u64 > BYTES_MAX {
-        return Err(std::io::Error::other(format!(
-            "it is longer than {BYTES_MAX} bytes"
+        return Err(std::io::Error::other(text!(
+            "settings-too-long",
+            bytes = BYTES_MAX
         )));
     }
     Ok(text)

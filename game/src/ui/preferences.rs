@@ -90,10 +90,12 @@ fn threads(ui: &mut Ui, threads: &mut u16) {
     ui.vertical(|ui| {
         let cores = available_parallelism().map_or(1, |cores| cores.get() as u16);
         let max = cores.max(*threads).min(Settings::THREADS_MAX);
-        let slider = Slider::new(threads, 0..=max).custom_formatter(|count, _| match count {
-            0.0 => text!("setting-threads-all").to_owned(),
-            count => count.to_string(),
-        });
+        let slider = Slider::new(threads, 0..=max)
+            .custom_formatter(|count, _| match count {
+                0.0 => text!("setting-threads-all").to_owned(),
+                count => count.to_string(),
+            })
+            .text(text!("setting-threads-count"));
         ui.add(slider);
         explain(ui, &text!("setting-threads-about", count = *threads));
     });

@@ -29,26 +29,47 @@ const NOT_SHOWN: &[(&str, &str)] = &[
         "src/input/key.rs",
         "the names of keys, which are those of the settings file",
     ),
+    ("src/capture/video/ffmpeg.rs", "arguments of ffmpeg"),
+    (
+        "src/scene/scene_builder/cushions.rs",
+        "names of objects and materials",
+    ),
+    (
+        "src/scene/scene_builder/materials.rs",
+        "names of objects and materials",
+    ),
+    (
+        "src/scene/scene_builder/room.rs",
+        "names of objects and materials",
+    ),
     ("src/scene/table_args.rs", "the help of the command line"),
 ];
 
-/// Macros whose sentences a developer reads: a log, or a fault of the program itself.
-const FOR_DEVELOPERS: &[&str] = &[
+/// Macros whose sentences no window shows: of logs, the command line, faults of the program, and ends of a sentence.
+const MACROS_NOT_SHOWN: &[&str] = &[
+    "anyhow",
     "assert",
     "assert_eq",
     "assert_ne",
+    "bail",
     "debug",
     "debug_assert",
     "debug_assert_eq",
+    "ensure",
+    "eprintln",
     "error",
     "include_bytes",
     "include_str",
     "info",
     "panic",
+    "println",
     "todo",
     "unreachable",
     "warn",
 ];
+
+/// Functions whose strings no window shows: faults of the program, and ends of a sentence.
+const FUNCTIONS_NOT_SHOWN: &[&str] = &["context", "expect", "with_context"];
 
 /// What one source says and asks for.
 #[derive(Default)]
@@ -260,8 +281,8 @@ fn collect(tokens: TokenStream, found: &mut Literals) {
                     if bang == 1 && name == "text" {
                         ask(group, found);
                         at += 2;
-                    } else if (bang == 1 && FOR_DEVELOPERS.contains(&name.as_str()))
-                        || (bang == 0 && name == "expect")
+                    } else if (bang == 1 && MACROS_NOT_SHOWN.contains(&name.as_str()))
+                        || (bang == 0 && FUNCTIONS_NOT_SHOWN.contains(&name.as_str()))
                     {
                         at += 1 + bang;
                     }
@@ -317,7 +338,7 @@ fn is_punct(token: Option<&TokenTree>, c: char) -> bool {
 
 fn is_cfg_test(attribute: &Group) -> bool {
     let text = attribute.stream().to_string().replace(' ', "");
-    text == "cfg(test)"
+    text.starts_with("cfg(test)") || text.starts_with("cfg(all(test,")
 }
 
 /// Strings of an error that begin with a capital letter: sentences for the player. The others end a sentence

@@ -1,6 +1,7 @@
 //! The session's interface over the picture: the cue and its aim, pages, sentences, statistics.
 
 use carom_billiards::physics::BallBody;
+use carom_text::text;
 use egui::{LayerId, Painter, Rect};
 
 use super::GameSession;
@@ -135,7 +136,7 @@ impl GameSession {
     /// where it is held, how far a screenshot is.
     pub fn standing_notices(&self) -> Vec<String> {
         let farm = match self.pipeline.farm() {
-            FarmState::Failed(why) => Some(format!("Rendering unavailable: {why}")),
+            FarmState::Failed(why) => Some(text!("farm-failed", why = why.as_str())),
             FarmState::Ready(farm) if self.pipeline.scheduler().stats().pictures > 0 => {
                 farm_notifications::standing(&farm.nodes())
             }
@@ -148,12 +149,10 @@ impl GameSession {
         let ball_in_hand = self.game.ball_in_hand();
         let fault = ball_in_hand.and_then(|ball_in_hand| ball_in_hand.verdict.err());
         let refused = fault.map(|fault| fault.to_string());
-        let carried = ball_in_hand.map(|_| CARRIED.to_owned());
+        let carried = ball_in_hand.map(|_| text!("ball-carried").to_owned());
         refused.or(carried).or_else(|| {
             let percent = self.screenshot.percent()?;
-            Some(format!(
-                "Rendering the screenshot: {percent} %. Its key cancels it"
-            ))
+            Some(text!("screenshot-progress", percent = percent))
         })
     }
 
@@ -213,5 +212,3 @@ impl GameSession {
         room
     }
 }
-
-const CARRIED: &str = "The cue ball follows the mouse: click to put it down";

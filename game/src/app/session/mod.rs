@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use carom_billiards::game_match::Match;
 use carom_billiards::physics::{Engine, Recording, Shot};
 use carom_farm::{Balancing, Distribution, FarmConfig, NodeStatus};
+use carom_text::text;
 use carom_tracer::ImageSize;
 
 use crate::app::autosave::Autosave;
@@ -227,11 +228,11 @@ impl GameSession {
     pub fn take_screenshot(&mut self, now_secs: f64) {
         if self.screenshot.percent().is_some() {
             self.screenshot.cancel();
-            return self.modes.notify("The screenshot was cancelled".to_owned());
+            return self.modes.notify(text!("screenshot-cancelled").to_owned());
         }
         let update = self.scene_at(ViewTime::Now(now_secs));
         let Some(farm) = self.pipeline.farm_mut() else {
-            return self.modes.notify(NOTHING_RENDERS.to_owned());
+            return self.modes.notify(text!("screenshot-no-farm").to_owned());
         };
         if self.pixels.pixels() == 0 {
             return;
@@ -252,7 +253,7 @@ impl GameSession {
         self.is_dirty = true;
         if self.film.percent().is_some() {
             self.film.cancel();
-            return self.modes.notify("The film was cancelled".to_owned());
+            return self.modes.notify(text!("film-cancelled").to_owned());
         }
         let Mode::Replay(player) = self.modes.mode() else {
             return;
@@ -272,7 +273,7 @@ impl GameSession {
             max_depth: self.style.balls.max_depth(),
         };
         let Some(farm) = self.pipeline.farm_mut() else {
-            return self.modes.notify(NOTHING_RENDERS.to_owned());
+            return self.modes.notify(text!("screenshot-no-farm").to_owned());
         };
         let scene = self.table_scene.scene();
         let slot = &mut self.film;
@@ -405,7 +406,7 @@ impl GameSession {
     /// The farm in a line.
     pub fn farm_line(&self) -> String {
         match self.pipeline.farm() {
-            FarmState::Failed(why) => format!("Rendering unavailable: {why}"),
+            FarmState::Failed(why) => text!("farm-failed", why = why.as_str()),
             _ => farm_notifications::line(&self.nodes()),
         }
     }
@@ -489,4 +490,3 @@ impl GameSession {
 
 /// Where recordings of the statistics go, in the folder that the game was begun in.
 const STATS_FOLDER: &str = "carom-stats";
-const NOTHING_RENDERS: &str = "There is nothing yet that could render a picture";

@@ -1,5 +1,6 @@
 //! The session's part of a frame, one method for each step, in the order in which they are called.
 
+use carom_text::text;
 use carom_tracer::SceneUpdate;
 
 use super::GameSession;
@@ -84,12 +85,13 @@ impl GameSession {
         let percents = [self.screenshot.percent(), self.film.percent()];
         self.is_dirty |= percents != self.capture_percents;
         self.capture_percents = percents;
-        for (slot, name) in [
-            (&mut self.screenshot, "Screenshot"),
-            (&mut self.film, "Film"),
+        for (slot, failed) in [
+            (&mut self.screenshot, "screenshot-failed"),
+            (&mut self.film, "film-failed"),
         ] {
             if let Some(outcome) = slot.poll() {
-                let sentence = outcome.unwrap_or_else(|why| format!("{name} failed: {why:#}"));
+                let sentence =
+                    outcome.unwrap_or_else(|why| text!(failed, why = format!("{why:#}")));
                 self.modes.notify(sentence);
             }
         }

@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::Context as _;
 use carom_billiards::physics::Shot;
 use carom_farm::{Farm, Film};
+use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use super::{VideoTarget, save};
@@ -84,7 +85,8 @@ impl ReplayFilm {
             let saved = save(&frames, sound, FRAMES_PER_SEC, &target, &mut || true);
             frames.remove()?;
             saved.context("the film")?;
-            Ok(format!("Saved the film as {}", target.path().display()))
+            let path = target.path().display().to_string();
+            Ok(text!("film-saved", path = path))
         })
     }
 }
