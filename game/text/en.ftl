@@ -38,7 +38,11 @@ new-game-person-about = You take turns with mouse and keys
 # $level: easy, medium, hard or expert.
 new-game-computer = Computer, { $level }
 # A heading over numbers to choose from. $unit: what is counted, as racks or points.
-new-game-first-to = First to, { $unit }
+new-game-first-to = First to how many { $unit ->
+    [racks] racks
+    [frames] frames
+   *[points] points
+}
 new-game-begin = Begin
 
 # Names of people who play.
@@ -802,3 +806,202 @@ engine-table =
     { "             30° cut at  reference   energy kept  CPU ms per  CPU ms for  dearest" }
     { "             3 m/s, off  shots, off  in a break   simulated   a whole     10 ms," }
     { "             by          (median)    (real: 76 %) second      break       CPU ms" }
+
+## Fouls: each follows "fouled: "
+
+foul-scratch = the cue ball fell into a pocket
+foul-cue-ball-off = the cue ball left the table
+foul-no-ball-hit = the cue ball touched no ball
+foul-wrong-ball = { $hit } was hit first; legal was { $on }
+foul-no-rail = no ball reached a cushion after the contact
+foul-ball-off = { $ball } left the table
+foul-double-hit = the tip met the cue ball twice, so close to { $ball }
+foul-behind-head-string = { $ball } lies behind the head string, which the cue ball had to cross first
+foul-weak-break = the break drove { $driven } balls to a cushion; it takes { $needed }, or a ball potted
+foul-wrong-pot = { $ball } was potted, and was not on
+foul-jump = the cue ball jumped over { $ball }
+foul-push-stroke = the cue ball touched { $ball } and was played into it
+foul-free-ball-snooker = the next player is snookered behind { $ball }, the free ball
+
+## Choices
+
+choice-accept = Play the balls as they lie
+choice-return = Let the other player shoot
+choice-rerack-return = Rack again and let the other player break
+choice-rerack = Rack again and break
+choice-take-in-hand = Take the cue ball in hand
+choice-spot-balls = Set up the balls that touch
+
+## Verdicts: the name of the player who played is put before those that begin with a small letter
+
+on-any-but-8 = any ball but the 8
+eight-off-table = the 8 left the table
+eight-too-early = the 8 fell before the group was cleared
+eight-on-foul = the 8 fell on a foul
+eight-on-safety = the 8 fell on a safety
+eight-wrong-pocket = the 8 fell into a pocket that was not called
+eight-as-called = The 8 fell as called
+eight-took = took { $group } { $sign }
+eight-lost = lost the rack: { $why }
+eight-weak-break = broke illegally: { $balls } balls reached a cushion, it takes 4 or a ball potted
+eight-open = The table is open
+eight-spotted = The 8 is spotted
+on-any = any ball
+turn-passes-safety = A safety was called: the turn passes
+turn-passes-pocket = { $ball } was called in { $pocket }: it did not fall there, the turn passes
+turn-passes-no-call = No ball and pocket were called, and none were obvious: the turn passes
+state-points = { $points } points
+state-attempt = attempt { $attempt } of { $all }
+state-run = break { $run }
+state-fouls = fouls in a row: { $fouls }
+verdict-chose = chose to { $choice }
+verdict-fouls-warning = { $fouls } fouls in a row: one more is punished
+verdict-fouls-punished = { $fouls } fouls in a row
+verdict-reached = reached { $points } points
+verdict-in-hand = Ball in hand { $area }
+verdict-fouled = fouled: { $reasons }
+verdict-points-to-other = { $points } points to the other player
+verdict-scored = scored { $points }, a break of { $run }
+verdict-frame-over = Frame over, { $first } to { $second }
+verdict-tie = A tie: the black is spotted again, and the next score or foul decides
+verdict-free-ball = Free ball
+on-red = a red
+on-colour = a colour
+on-free-ball = { $on }, with a free ball
+nine-won = The 9 fell on a legal shot
+nine-spotted = The 9 is spotted
+nine-push-out = A push-out: the other player decides who shoots
+straight-three-fouls = Three fouls in a row: all balls are racked, and the same player breaks
+straight-spotted = Spotted: { $balls }
+straight-fourteen = Fourteen balls are racked again
+carom-scored = scored a point by { $cushions } cushions
+carom-too-few = { $cushions } cushions before the second ball: it takes { $needed }
+free-spotted = { $ball } left the table and is spotted
+free-cue-ball-lost = The cue ball is lost: put it where you like
+free-clear = The table is clear
+verdict-missed = missed
+verdict-no-room = There is no room for { $ball }
+
+## Places on the table
+
+area-anywhere = anywhere on the table
+area-kitchen = behind the head string
+area-d = in the D
+pocket = a pocket
+# As seen from the head of the table.
+pocket-named = { $along ->
+    [side] { $across ->
+        [left] the left side pocket
+       *[right] the right side pocket
+    }
+    [foot] { $across ->
+        [left] the left foot corner
+       *[right] the right foot corner
+    }
+   *[head] { $across ->
+        [left] the left head corner
+       *[right] the right head corner
+    }
+}
+
+## Games
+
+game-free = Free table
+game-eight = 8-ball
+game-nine = 9-ball
+game-straight = Straight pool
+game-snooker = Snooker
+game-three-cushion = Three-cushion
+game-line-up = Line-up
+game-spot-shots = Spot shots
+game-position-play = Position play
+game-daily-shot = Daily shot
+ball-snooker = { $number ->
+    [16] the yellow
+    [17] the green
+    [18] the brown
+    [19] the blue
+    [20] the pink
+    [21] the black
+   *[other] a red
+}
+ball-carom = { $number ->
+    [1] the other cue ball
+   *[2] the red
+}
+group-solids = solids
+group-stripes = stripes
+level-easy = easy
+level-medium = medium
+level-hard = hard
+level-expert = expert
+
+## Match
+
+goal-racks = { $target ->
+    [1] one rack
+   *[other] first to { $target } racks
+}
+goal-frames = { $target ->
+    [1] one frame
+   *[other] first to { $target } frames
+}
+goal-points = { $target ->
+    [1] one point
+   *[other] first to { $target } points
+}
+goal-attempts = { $target ->
+    [1] one attempt
+   *[other] { $target } attempts
+}
+call-safety = a safety
+call-push-out = a push-out
+call-pot = { $ball } in { $pocket }
+result-points = { $name } made { $score } of { $most } points
+result-won = { $name } won the match
+prompt-free = Play as you like
+prompt-break = Break
+prompt-on = You are on { $on }
+prompt-in-hand = { $prompt }. Ball in hand { $area }
+# $call, $potted: what was called and what fell, `none` for nothing.
+log-shot = { $number }. { $player }{ $call ->
+    [none] {""}
+   *[other] {" "}called { $call }
+}: { $potted ->
+    [none] no ball potted
+   *[other] potted { $potted }
+}
+log-next = Next: { $player }
+player-computer = Computer ({ $level })
+player-numbered = Player { $number }
+
+## Suggestions
+
+hint-put-at-mark = put the cue ball at the mark
+intention = { $name } will { $target }
+intention-choice = { $name }: { $choice }
+hint-play = play { $call }
+hint-break = break
+hint-safe-off = play safe off { $ball }
+hint-hit = hit { $ball }
+hint-safe-cushions = play safe by the cushions
+hint-cushions = play by the cushions
+tip = { $place ->
+    [low] tip low, { $speed } m/s
+    [high] tip high, { $speed } m/s
+    [left] tip on the left, { $speed } m/s
+    [right] tip on the right, { $speed } m/s
+    [low-left] tip low on the left, { $speed } m/s
+    [low-right] tip low on the right, { $speed } m/s
+    [high-left] tip high on the left, { $speed } m/s
+    [high-right] tip high on the right, { $speed } m/s
+   *[middle] tip in the middle, { $speed } m/s
+}
+
+## Refusals
+
+place-not-on-cloth = The cue ball must lie on the cloth, clear of the cushions
+place-touches = The cue ball must not touch another ball
+layout-not-free-table = Balls are laid on the free table: the menu begins one
+hint-match-over = The match is over: there is no shot to suggest
+place-outside = The cue ball is in hand { $area }

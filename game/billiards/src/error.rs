@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use carom_text::text;
 use glam::{DVec2, DVec3};
 
 /// The crate's result.
@@ -404,22 +405,22 @@ pub enum FileFault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PlacementFault {
     /// It does not lie on the cloth there.
-    #[error("The cue ball must lie on the cloth, clear of the cushions")]
+    #[error("{}", text!("place-not-on-cloth"))]
     NotOnCloth,
     /// It is in hand elsewhere.
-    #[error("The cue ball is in hand {area}")]
+    #[error("{}", text!("place-outside", area = *area))]
     OutsideArea {
         /// Where it is in hand, to follow "in hand".
         area: &'static str,
     },
     /// It touches another ball there.
-    #[error("The cue ball must not touch another ball")]
+    #[error("{}", text!("place-touches"))]
     Touches {
         /// The ball.
         ball: u8,
     },
     /// It is not in hand.
-    #[error("The cue ball is not in hand: it is played from where it lies")]
+    #[error("{}", text!("ball-not-in-hand"))]
     NotInHand,
 }
 
@@ -465,10 +466,10 @@ pub enum RuleFault {
         pockets: usize,
     },
     /// Balls are laid only on the free table.
-    #[error("Balls are laid on the free table: the menu begins one")]
+    #[error("{}", text!("layout-not-free-table"))]
     NotFreeTable,
     /// No shot is left to suggest.
-    #[error("The match is over: there is no shot to suggest")]
+    #[error("{}", text!("hint-match-over"))]
     NothingToSuggest,
     /// The match was over before this step.
     #[error("the match was over before it")]

@@ -1,5 +1,6 @@
 //! The computer's strengths, by name.
 
+use carom_text::text;
 use serde::{Deserialize, Serialize};
 
 /// How well the computer plays.
@@ -25,10 +26,10 @@ impl Level {
     /// Its name.
     pub fn display_text(self) -> &'static str {
         match self {
-            Self::Easy => "easy",
-            Self::Medium => "medium",
-            Self::Hard => "hard",
-            Self::Expert => "expert",
+            Self::Easy => text!("level-easy"),
+            Self::Medium => text!("level-medium"),
+            Self::Hard => text!("level-hard"),
+            Self::Expert => text!("level-expert"),
         }
     }
 }

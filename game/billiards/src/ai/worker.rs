@@ -34,7 +34,7 @@ impl AiWorker {
             let _ = sender.send(think(&position, &skill, seed, &stopped));
         };
         thread::Builder::new()
-            .name("computer player".to_owned())
+            .name("computer-player".to_owned())
             .spawn(run)
             .map_err(Error::NoThread)?;
         Ok(Self { decision, stop })

@@ -5,6 +5,8 @@
 //!                                        └────── carry_out ─► Stroke, Shot ─(watched)─► finish
 //! ```
 
+use carom_text::text;
+
 use super::{Match, Player};
 use crate::ai::{AiWorker, Decision, Level, Skill};
 use crate::physics::{AimContact, Shot, Stroke, predict};
@@ -50,7 +52,7 @@ impl Match {
             }
         }
         if decision.place.is_some() {
-            parts.push("put the cue ball at the mark".to_owned());
+            parts.push(text!("hint-put-at-mark").to_owned());
         }
         parts.push(self.target_text(decision));
         parts.push(tip_text(&decision.stroke));
@@ -63,18 +65,25 @@ impl Match {
         let player = self.at_table().filter(|player| player.level().is_some());
         let name = player.map_or(Player::Computer(Self::HINT_LEVEL).name(), Player::name);
         match decision.choice.filter(|&choice| gives_away(choice)) {
-            Some(choice) => format!("{name}: {}", choice.display_text().to_lowercase()),
-            None => format!("{name} will {}", self.target_text(decision)),
+            Some(choice) => {
+                let choice = choice.display_text().to_lowercase();
+                text!("intention-choice", name = name, choice = choice)
+            }
+            None => text!(
+                "intention",
+                name = name,
+                target = self.target_text(decision)
+            ),
         }
     }
 
     /// What the stroke is for, as a verb with its object.
     fn target_text(&self, decision: &Decision) -> String {
         if let Some(call @ (Call::Pot { .. } | Call::PushOut)) = decision.aim {
-            return format!("play {}", self.call_text(call));
+            return text!("hint-play", call = self.call_text(call));
         }
         if self.referee().is_break() && self.referee().rules() != RuleSet::ThreeCushion {
-            return "break".to_owned();
+            return text!("hint-break").to_owned();
         }
         let is_safety = decision.aim == Some(Call::Safety);
         let mut world = self.world().clone();
@@ -87,12 +96,12 @@ impl Match {
             Some(AimContact::Ball { number, .. }) => {
                 let ball = self.referee().rules().ball_name(number);
                 match is_safety {
-                    true => format!("play safe off {ball}"),
-                    false => format!("hit {ball}"),
+                    true => text!("hint-safe-off", ball = ball),
+                    false => text!("hint-hit", ball = ball),
                 }
             }
-            _ if is_safety => "play safe by the cushions".to_owned(),
-            _ => "play by the cushions".to_owned(),
+            _ if is_safety => text!("hint-safe-cushions").to_owned(),
+            _ => text!("hint-cushions").to_owned(),
         }
     }
 
@@ -131,18 +140,20 @@ fn gives_away(choice: Choice) -> bool {
 
 /// How the tip meets the ball, and how hard.
 fn tip_text(stroke: &Stroke) -> String {
-    let side = |value: f64, less: &str, more: &str| match value {
-        v if v < -TOUCH_MIN => format!(" {less}"),
-        v if v > TOUCH_MIN => format!(" {more}"),
-        _ => String::new(),
+    let side = |value: f64, words: [&'static str; 3]| match value {
+        v if v < -TOUCH_MIN => words[0],
+        v if v > TOUCH_MIN => words[2],
+        _ => words[1],
     };
-    let height = side(stroke.vertical, "low", "high");
-    let width = side(stroke.side, "on the left", "on the right");
-    let place = match (height.as_str(), width.as_str()) {
-        ("", "") => " in the middle".to_owned(),
-        _ => format!("{height}{width}"),
+    let height = side(stroke.vertical, ["low", "middle", "high"]);
+    let width = side(stroke.side, ["left", "middle", "right"]);
+    let place = match (height, width) {
+        (height, "middle") => height.to_owned(),
+        ("middle", width) => width.to_owned(),
+        (height, width) => format!("{height}-{width}"),
     };
-    format!("tip{place}, {:.1} m/s", stroke.speed_m_s)
+    let speed = format!("{:.1}", stroke.speed_m_s);
+    text!("tip", place = place, speed = speed)
 }
 
 fn sentence(parts: &[String]) -> String {

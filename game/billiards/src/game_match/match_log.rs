@@ -1,5 +1,7 @@
 //! The log of a match: who played, what was called, what fell, what came of it, and whose turn it is.
 
+use carom_text::text;
+
 use super::Match;
 use crate::rules::{self, Call, Verdict};
 
@@ -13,16 +15,21 @@ impl Match {
         verdict: &Verdict,
     ) {
         let number = self.now.shots;
-        let mut line = format!("{number}. {}", self.players[player]);
-        if let Some(call) = call {
-            line += &format!(" called {}", self.call_text(call));
-        }
+        let call = call.map_or_else(|| NONE.to_owned(), |call| self.call_text(call));
         let rules = self.referee().rules();
         let names: Vec<String> = potted.iter().map(|&ball| rules.ball_name(ball)).collect();
-        line += &match names.as_slice() {
-            [] => ": no ball potted".to_owned(),
-            names => format!(": potted {}", names.join(", ")),
+        let potted = match names.is_empty() {
+            true => NONE.to_owned(),
+            false => names.join(", "),
         };
+        let name = self.players[player].to_string();
+        let line = text!(
+            "log-shot",
+            number = number,
+            player = name,
+            call = call,
+            potted = potted
+        );
         self.now.log.push(line);
         self.log_choice(player, verdict);
     }
@@ -35,7 +42,7 @@ impl Match {
         let turn = self.referee().turn();
         self.now.log.push(match self.referee().winner() {
             Some(winner) => self.result_text(winner),
-            None => format!("Next: {}", self.players[turn]),
+            None => text!("log-next", player = self.players[turn].to_string()),
         });
         let extra = self.now.log.len().saturating_sub(LOG_MAX);
         self.now.log.drain(..extra);
@@ -52,6 +59,8 @@ impl Match {
     }
 }
 
+/// What the log's message takes for no call, or no ball.
+const NONE: &str = "none";
 /// As many lines as anyone would scroll through.
 const LOG_MAX: usize = 4000;
 

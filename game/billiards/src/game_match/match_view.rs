@@ -1,5 +1,7 @@
 //! The view of a match: everything that is shown of it.
 
+use carom_text::text;
+
 use super::Match;
 use crate::rules::{BallGroup, Call, Choice, PlacementArea, RuleSet};
 
@@ -91,12 +93,7 @@ impl Match {
         MatchView {
             rules: referee.rules(),
             title: info.name,
-            goal: match referee.target() {
-                1 if referee.rules().is_drill() => "one attempt".to_owned(),
-                target if referee.rules().is_drill() => format!("{target} attempts"),
-                1 => format!("one {}", info.unit.trim_end_matches('s')),
-                target => format!("first to {target} {}", info.unit),
-            },
+            goal: text!(&format!("goal-{}", info.unit), target = referee.target()),
             players: (0..self.players.len())
                 .map(|i| self.player_view(i))
                 .collect(),
@@ -122,12 +119,16 @@ impl Match {
     /// A call in words.
     pub fn call_text(&self, call: Call) -> String {
         match call {
-            Call::Safety => "a safety".to_owned(),
-            Call::PushOut => "a push-out".to_owned(),
+            Call::Safety => text!("call-safety").to_owned(),
+            Call::PushOut => text!("call-push-out").to_owned(),
             Call::Pot { ball, pocket } => {
                 let ball = self.referee().rules().ball_name(ball);
                 match pocket {
-                    Some(pocket) => format!("{ball} in {}", self.layout.pocket_name(pocket)),
+                    Some(pocket) => text!(
+                        "call-pot",
+                        ball = ball,
+                        pocket = self.layout.pocket_name(pocket)
+                    ),
                     None => ball,
                 }
             }
@@ -155,8 +156,8 @@ impl Match {
         let name = self.players[winner].name();
         let score = self.referee().scores()[winner];
         match self.referee().points_max() {
-            Some(most) => format!("{name} made {score} of {most} points"),
-            None => format!("{name} won the match"),
+            Some(most) => text!("result-points", name = name, score = score, most = most),
+            None => text!("result-won", name = name),
         }
     }
 
@@ -165,18 +166,21 @@ impl Match {
         if let Some(winner) = referee.winner() {
             return self.result_text(winner);
         }
-        let mut prompt = format!(
-            "You are on {}",
-            referee.legal_targets_text(&self.ball_positions())
-        );
-        if referee.rules() == RuleSet::Free {
-            prompt = "Play as you like".to_owned();
+        let prompt = if referee.rules() == RuleSet::Free {
+            text!("prompt-free").to_owned()
         } else if referee.is_break() {
-            prompt = "Break".to_owned();
+            text!("prompt-break").to_owned()
+        } else {
+            let on = referee.legal_targets_text(&self.ball_positions());
+            text!("prompt-on", on = on)
+        };
+        match referee.ball_in_hand_area() {
+            Some(area) => text!(
+                "prompt-in-hand",
+                prompt = prompt,
+                area = area.display_text()
+            ),
+            None => prompt,
         }
-        if let Some(area) = referee.ball_in_hand_area() {
-            prompt += &format!(". Ball in hand {}", area.display_text());
-        }
-        prompt
     }
 }

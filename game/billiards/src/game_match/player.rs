@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use carom_text::text;
 use serde::{Deserialize, Serialize};
 
 use crate::PlayersFault;
@@ -23,7 +24,7 @@ impl Player {
     pub fn name(&self) -> String {
         match self {
             Self::Human(name) => name.clone(),
-            Self::Computer(level) => format!("Computer ({})", level.display_text()),
+            Self::Computer(level) => text!("player-computer", level = level.display_text()),
         }
     }
 
@@ -45,7 +46,7 @@ impl Player {
         if let Ok(people) = text.parse::<usize>() {
             return match people {
                 1..=PLAYERS_MAX => Ok((1..=people)
-                    .map(|i| Self::Human(format!("Player {i}")))
+                    .map(|i| Self::Human(text!("player-numbered", number = i)))
                     .collect()),
                 _ => Err(PlayersFault::Count {
                     players: people,
@@ -55,7 +56,7 @@ impl Player {
         }
         let mut players: Vec<Self> = text.split(',').map(str::parse).collect::<Result<_, _>>()?;
         if let [Self::Computer(_)] = players[..] {
-            players.insert(0, Self::Human("You".to_owned()));
+            players.insert(0, Self::Human(text!("player-you").to_owned()));
         }
         if players.len() > PLAYERS_MAX {
             return Err(PlayersFault::TooMany {

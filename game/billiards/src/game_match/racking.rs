@@ -2,6 +2,8 @@
 
 use std::collections::HashSet;
 
+use carom_text::text;
+
 use super::{Match, MatchAction};
 use crate::physics::{BallState, Engine, Laws, Table, World};
 use crate::rng::CounterRng;
@@ -56,7 +58,7 @@ impl Match {
         }
         for p in left {
             let name = self.now.referee.rules().ball_name(p.ball);
-            self.now.log.push(format!("There is no room for {name}"));
+            self.now.log.push(text!("verdict-no-room", ball = name));
         }
     }
 

@@ -1,5 +1,6 @@
 //! The two groups of 8-ball.
 
+use carom_text::text;
 use serde::{Deserialize, Serialize};
 
 /// A player's seven balls.
@@ -34,8 +35,8 @@ impl BallGroup {
     /// Its name.
     pub fn display_text(self) -> &'static str {
         match self {
-            Self::Solids => "solids",
-            Self::Stripes => "stripes",
+            Self::Solids => text!("group-solids"),
+            Self::Stripes => text!("group-stripes"),
         }
     }
 

@@ -7,6 +7,7 @@
 //! | position play | three balls, cue ball in hand | one a ball in order, until a miss |
 //! | daily shot | a ball that can be potted between three others | three, two, one by attempt |
 
+use carom_text::text;
 use glam::DVec2;
 
 use crate::rng::CounterRng;
@@ -91,7 +92,7 @@ impl Referee {
             return self.end_drill();
         }
         if made == 0 && !verdict.is_foul() {
-            verdict.add_line("missed");
+            verdict.add_line(text!("verdict-missed"));
         }
         // Each day has one shot; other attempts are drawn anew.
         self.lay_drill(self.rules() != RuleSet::DailyShot, verdict);

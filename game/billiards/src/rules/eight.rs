@@ -1,5 +1,7 @@
 //! 8-ball (WPA 3).
 
+use carom_text::text;
+
 use super::{
     ball_group::BallGroup,
     call::Call,
@@ -8,6 +10,7 @@ use super::{
     layout::{BallPositions, PlacementArea},
     rack_state::Eight,
     referee::{Game, JudgedShot, Referee},
+    ruleset::RuleSet,
     verdict::{Choice, Verdict},
 };
 
@@ -34,8 +37,8 @@ impl Eight {
     /// What is on, in words.
     pub(crate) fn legal_targets_text(self, positions: &BallPositions, player: usize) -> String {
         match self.group(player) {
-            None => "any ball but the 8".to_owned(),
-            Some(_) if self.legal_targets(positions, player) == [8] => "the 8".to_owned(),
+            None => text!("on-any-but-8").to_owned(),
+            Some(_) if self.legal_targets(positions, player) == [8] => RuleSet::Eight.ball_name(8),
             Some(group) => group.display_text().to_owned(),
         }
     }
@@ -82,7 +85,11 @@ impl Referee {
         };
         let first = if self.turn() == 0 { own } else { own.other() };
         self.set_game(Game::Eight(Eight { first: Some(first) }));
-        verdict.add_line(format!("took {} {}", own.display_text(), own.glyph()));
+        verdict.add_line(text!(
+            "eight-took",
+            group = own.display_text(),
+            sign = own.glyph()
+        ));
     }
 
     fn eight_is_gone(&self, shot: &JudgedShot<'_>) -> bool {
@@ -94,26 +101,26 @@ impl Referee {
     fn judge_the_eight(&mut self, was_on: bool, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let player = self.turn();
         let lost = if shot.report.off_table().any(|ball| ball == 8) {
-            Some("the 8 left the table")
+            Some(text!("eight-off-table"))
         } else if !was_on {
-            Some("the 8 fell before the group was cleared")
+            Some(text!("eight-too-early"))
         } else if verdict.is_foul() {
-            Some("the 8 fell on a foul")
+            Some(text!("eight-on-foul"))
         } else if shot.call == Some(Call::Safety) {
-            Some("the 8 fell on a safety")
+            Some(text!("eight-on-safety"))
         } else if shot.called_pot() != Some(8) {
-            Some("the 8 fell into a pocket that was not called")
+            Some(text!("eight-wrong-pocket"))
         } else {
             None
         };
         match lost {
             None => {
                 verdict.pots = vec![8];
-                verdict.add_line("The 8 fell as called");
+                verdict.add_line(text!("eight-as-called"));
                 self.win_rack(player, verdict);
             }
             Some(why) => {
-                verdict.add_line(format!("lost the rack: {why}"));
+                verdict.add_line(text!("eight-lost", why = why));
                 self.win_rack(self.other(), verdict);
             }
         }
@@ -143,10 +150,7 @@ impl Referee {
             verdict.goes_on = true;
             self.offer(&[Choice::Accept, Choice::Rerack]);
         } else if is_weak {
-            verdict.add_line(format!(
-                "broke illegally: {} balls reached a cushion, it takes 4 or a ball potted",
-                report.balls_to_rails()
-            ));
+            verdict.add_line(text!("eight-weak-break", balls = report.balls_to_rails()));
             self.end_break();
             self.pass();
             self.offer(&[Choice::Accept, Choice::Rerack, Choice::RerackReturn]);
@@ -154,13 +158,13 @@ impl Referee {
             self.end_break();
             verdict.goes_on = !potted.is_empty();
             if verdict.goes_on {
-                verdict.add_line("The table is open");
+                verdict.add_line(text!("eight-open"));
             } else {
                 self.pass();
             }
         }
         if eight_gone {
-            verdict.add_line("The 8 is spotted");
+            verdict.add_line(text!("eight-spotted"));
             self.spot(shot, verdict, 8, shot.layout.foot_spot());
         }
         verdict.pots = if verdict.is_foul() {
@@ -173,7 +177,7 @@ impl Referee {
     /// What is a foul on the break: no ball need be hit first, none be called (WPA 3.3).
     fn break_fouls(&self, shot: &JudgedShot<'_>) -> Vec<Foul> {
         let all: Vec<u8> = (1..=15).collect();
-        let mut fouls = self.standard_fouls(shot, &all, "any ball");
+        let mut fouls = self.standard_fouls(shot, &all, text!("on-any"));
         fouls.retain(|foul| *foul != Foul::NoRail);
         fouls
     }
@@ -184,17 +188,16 @@ impl Referee {
             return;
         }
         match shot.call {
-            Some(Call::Safety) => verdict.add_line("A safety was called: the turn passes"),
+            Some(Call::Safety) => verdict.add_line(text!("turn-passes-safety")),
             Some(Call::Pot {
                 ball,
                 pocket: Some(pocket),
-            }) => verdict.add_line(format!(
-                "{} was called in {}: it did not fall there, the turn passes",
-                capital(&self.rules().ball_name(ball)),
-                shot.layout.pocket_name(pocket)
+            }) => verdict.add_line(text!(
+                "turn-passes-pocket",
+                ball = capital(&self.rules().ball_name(ball)),
+                pocket = shot.layout.pocket_name(pocket)
             )),
-            _ => verdict
-                .add_line("No ball and pocket were called, and none were obvious: the turn passes"),
+            _ => verdict.add_line(text!("turn-passes-no-call")),
         }
     }
 }
@@ -202,7 +205,6 @@ impl Referee {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rules::RuleSet;
     use crate::rules::test_shots::{TestTable, call, hit, off, pot, rail};
 
     /// Player 1 is on solids, at the table.

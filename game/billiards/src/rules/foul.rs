@@ -1,5 +1,6 @@
 //! Fouls, in words with the reason, and those that games have in common.
 
+use carom_text::text;
 use serde::{Deserialize, Serialize};
 
 use super::ruleset::RuleSet;
@@ -73,34 +74,28 @@ impl Foul {
     pub fn display_text(&self, rules: RuleSet) -> String {
         let name = |ball: &u8| rules.ball_name(*ball);
         match self {
-            Self::Scratch => "the cue ball fell into a pocket".to_owned(),
-            Self::CueBallOff => "the cue ball left the table".to_owned(),
-            Self::NoBallHit => "the cue ball touched no ball".to_owned(),
+            Self::Scratch => text!("foul-scratch").to_owned(),
+            Self::CueBallOff => text!("foul-cue-ball-off").to_owned(),
+            Self::NoBallHit => text!("foul-no-ball-hit").to_owned(),
             Self::WrongBall { hit, on } => {
-                format!("{} was hit first; legal was {on}", name(hit))
+                text!("foul-wrong-ball", hit = name(hit), on = on.as_str())
             }
-            Self::NoRail => "no ball reached a cushion after the contact".to_owned(),
-            Self::BallOff { ball } => format!("{} left the table", name(ball)),
+            Self::NoRail => text!("foul-no-rail").to_owned(),
+            Self::BallOff { ball } => text!("foul-ball-off", ball = name(ball)),
             Self::DoubleHit { ball } => {
-                format!("the tip met the cue ball twice, so close to {}", name(ball))
+                text!("foul-double-hit", ball = name(ball))
             }
-            Self::BehindHeadString { ball } => format!(
-                "{} lies behind the head string, which the cue ball had to cross first",
-                name(ball)
-            ),
-            Self::WeakBreak { driven, needed } => format!(
-                "the break drove {driven} balls to a cushion; it takes {needed}, or a ball potted"
-            ),
-            Self::WrongPot { ball } => format!("{} was potted, and was not on", name(ball)),
-            Self::Jump { ball } => format!("the cue ball jumped over {}", name(ball)),
+            Self::BehindHeadString { ball } => text!("foul-behind-head-string", ball = name(ball)),
+            Self::WeakBreak { driven, needed } => {
+                text!("foul-weak-break", driven = *driven, needed = *needed)
+            }
+            Self::WrongPot { ball } => text!("foul-wrong-pot", ball = name(ball)),
+            Self::Jump { ball } => text!("foul-jump", ball = name(ball)),
             Self::PushStroke { ball } => {
-                format!("the cue ball touched {} and was played into it", name(ball))
+                text!("foul-push-stroke", ball = name(ball))
             }
             Self::FreeBallSnooker { ball } => {
-                format!(
-                    "the next player is snookered behind {}, the free ball",
-                    name(ball)
-                )
+                text!("foul-free-ball-snooker", ball = name(ball))
             }
         }
     }

@@ -1,5 +1,7 @@
 //! The free table: no rules, and nothing that stops the play.
 
+use carom_text::text;
+
 use super::{
     referee::{JudgedShot, Referee},
     spots::own_spot,
@@ -13,9 +15,9 @@ impl Referee {
         self.end_break();
         verdict.pots.clone_from(&potted);
         for ball in report.off_table().filter(|&ball| ball != 0) {
-            verdict.add_line(format!(
-                "{} left the table and is spotted",
-                capital(&self.rules().ball_name(ball))
+            verdict.add_line(text!(
+                "free-spotted",
+                ball = capital(&self.rules().ball_name(ball))
             ));
             self.spot(
                 shot,
@@ -25,10 +27,10 @@ impl Referee {
             );
         }
         if report.lost_cue_ball() {
-            verdict.add_line("The cue ball is lost: put it where you like");
+            verdict.add_line(text!("free-cue-ball-lost"));
         }
         if !report.after.iter().any(|p| p.ball != 0) && verdict.moves.is_empty() {
-            verdict.add_line("The table is clear");
+            verdict.add_line(text!("free-clear"));
             self.rack_again(verdict);
         }
         verdict.goes_on = !potted.is_empty() && !report.lost_cue_ball();

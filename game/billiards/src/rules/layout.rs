@@ -1,5 +1,6 @@
 //! The layout of a table: its marks, areas for the cue ball, and spotting.
 
+use carom_text::text;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -33,9 +34,9 @@ impl PlacementArea {
     /// In words, to follow "the cue ball is in hand".
     pub fn display_text(self) -> &'static str {
         match self {
-            Self::Anywhere => "anywhere on the table",
-            Self::Kitchen => "behind the head string",
-            Self::D => "in the D",
+            Self::Anywhere => text!("area-anywhere"),
+            Self::Kitchen => text!("area-kitchen"),
+            Self::D => text!("area-d"),
         }
     }
 }
@@ -201,7 +202,7 @@ impl TableLayout {
     /// The name of a pocket, as seen from the head of the table.
     pub fn pocket_name(&self, pocket: usize) -> String {
         let Some(at) = self.pockets.get(pocket) else {
-            return "a pocket".to_owned();
+            return text!("pocket").to_owned();
         };
         let along = if at.x.abs() < 0.2 * self.length_m {
             "side"
@@ -211,10 +212,7 @@ impl TableLayout {
             "head"
         };
         let across = if at.y > 0.0 { "left" } else { "right" };
-        match along {
-            "side" => format!("the {across} side pocket"),
-            end => format!("the {across} {end} corner"),
-        }
+        text!("pocket-named", across = across, along = along)
     }
 }
 

@@ -1,5 +1,7 @@
 //! 9-ball (WPA 2).
 
+use carom_text::text;
+
 use super::{
     call::Call,
     foul::Foul,
@@ -45,12 +47,12 @@ impl Referee {
         let nine_off = potted.contains(&9) || report.off_table().any(|ball| ball == 9);
         if nine_off && !verdict.is_foul() && !is_push {
             verdict.pots = potted;
-            verdict.add_line("The 9 fell on a legal shot");
+            verdict.add_line(text!("nine-won"));
             self.count_foul(false, verdict);
             return self.win_rack(self.turn(), verdict);
         }
         if nine_off {
-            verdict.add_line("The 9 is spotted");
+            verdict.add_line(text!("nine-spotted"));
             self.spot(shot, verdict, 9, shot.layout.foot_spot());
         }
         if verdict.is_foul() {
@@ -60,7 +62,7 @@ impl Referee {
             self.pass();
             self.take_in_hand(PlacementArea::Anywhere);
         } else if is_push {
-            verdict.add_line("A push-out: the other player decides who shoots");
+            verdict.add_line(text!("nine-push-out"));
             self.count_foul(false, verdict);
             self.pass();
             self.offer(&[Choice::Accept, Choice::Return]);

@@ -1,5 +1,6 @@
 //! The referee: whose turn it is, what counts, what follows from a shot.
 
+use carom_text::text;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -206,14 +207,14 @@ impl Referee {
     pub fn legal_targets_text(&self, positions: &BallPositions) -> String {
         match self.game {
             Game::Eight(eight) if !self.is_break => eight.legal_targets_text(positions, self.turn),
-            Game::Drill(_) if self.drill_targets(positions).len() > 1 => "any ball".to_owned(),
+            Game::Drill(_) if self.drill_targets(positions).len() > 1 => text!("on-any").to_owned(),
             Game::Nine(_) | Game::Drill(_) => match Nine::legal_targets(positions).first() {
                 Some(&ball) => self.rules.ball_name(ball),
-                None => "any ball".to_owned(),
+                None => text!("on-any").to_owned(),
             },
             Game::Snooker(snooker) => snooker.legal_targets_text(positions),
-            Game::ThreeCushion if self.is_break => "the red".to_owned(),
-            _ => "any ball".to_owned(),
+            Game::ThreeCushion if self.is_break => self.rules.ball_name(2),
+            _ => text!("on-any").to_owned(),
         }
     }
 
@@ -224,18 +225,18 @@ impl Referee {
             words.push(format!("{} {}", group.glyph(), group.display_text()));
         }
         if let Game::Snooker(snooker) = self.game {
-            words.push(format!("{} points", snooker.points[player]));
+            words.push(text!("state-points", points = snooker.points[player]));
         }
         if let Game::Drill(drill) = self.game {
             let attempt = (drill.attempts + 1).min(self.target);
-            words.push(format!("attempt {attempt} of {}", self.target));
+            words.push(text!("state-attempt", attempt = attempt, all = self.target));
         }
         if let (Some(run), true) = (self.run(), player == self.turn) {
-            words.push(format!("break {run}"));
+            words.push(text!("state-run", run = run));
         }
         let fouls = self.fouls_in_row[player];
         if self.info().fouls_in_row.is_some() && fouls > 0 {
-            words.push(format!("fouls in a row: {fouls}"));
+            words.push(text!("state-fouls", fouls = fouls));
         }
         words.join(", ")
     }
@@ -307,7 +308,10 @@ impl Referee {
         }
         self.options.clear();
         let mut verdict = Verdict::default();
-        verdict.add_line(format!("chose to {}", uncapital(choice.display_text())));
+        verdict.add_line(text!(
+            "verdict-chose",
+            choice = uncapital(choice.display_text())
+        ));
         match choice {
             Choice::Accept => {}
             Choice::Return => {
@@ -399,12 +403,12 @@ impl Referee {
             return false;
         };
         if *count + 1 == most {
-            verdict.add_line(format!("{count} fouls in a row: one more is punished"));
+            verdict.add_line(text!("verdict-fouls-warning", fouls = *count));
         }
         let punished = *count >= most;
         if punished {
             *count = 0;
-            verdict.add_line(format!("{most} fouls in a row"));
+            verdict.add_line(text!("verdict-fouls-punished", fouls = most));
         }
         punished
     }
@@ -414,7 +418,7 @@ impl Referee {
         self.scores[player] += points;
         if self.scores[player] >= self.target as i32 {
             self.winner = Some(player);
-            verdict.add_line(format!("reached {} points", self.scores[player]));
+            verdict.add_line(text!("verdict-reached", points = self.scores[player]));
         }
     }
 
@@ -468,7 +472,7 @@ impl Referee {
             verdict.moves.push(BallPosition { ball: 0, at });
         }
         if self.rules != RuleSet::Free {
-            verdict.add_line(format!("Ball in hand {}", area.display_text()));
+            verdict.add_line(text!("verdict-in-hand", area = area.display_text()));
         }
     }
 }

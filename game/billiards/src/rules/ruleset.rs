@@ -1,5 +1,6 @@
 //! The table of rules: a row for each game.
 
+use carom_text::text;
 use serde::{Deserialize, Serialize};
 
 use super::layout::PlacementArea;
@@ -70,7 +71,7 @@ pub struct RuleInfo {
     pub fouls_in_row: Option<u8>,
     /// What a match is played to, unless a player says otherwise.
     pub target: u32,
-    /// What is counted.
+    /// What is counted: `racks`, `frames`, `points` or `attempts`, of which the texts `goal-…` and `target-…` are.
     pub unit: &'static str,
 }
 
@@ -87,27 +88,25 @@ impl RuleSet {
 
     /// The game's row.
     pub fn info(self) -> RuleInfo {
-        RULE_INFOS[self as usize].clone()
+        let row = RULE_INFOS[self as usize].clone();
+        RuleInfo {
+            name: text!(row.name),
+            ..row
+        }
     }
 
     /// A ball's name, with its article.
     pub fn ball_name(self, ball: u8) -> String {
         match (self, ball) {
-            (_, 0) => "the cue ball".to_owned(),
-            (Self::Snooker, 1..=15) => "a red".to_owned(),
-            (Self::Snooker, 16..=21) => format!("the {}", COLOURS[usize::from(ball) - 16]),
-            (Self::ThreeCushion, 1) => "the other cue ball".to_owned(),
-            (Self::ThreeCushion, 2) => "the red".to_owned(),
-            _ => format!("the {ball}"),
+            (Self::Snooker, 1..=21) => text!("ball-snooker", number = ball),
+            (Self::ThreeCushion, 1..=2) => text!("ball-carom", number = ball),
+            _ => text!("ball", number = ball),
         }
     }
 }
 
-/// Names of snooker's balls 16 to 21, which are worth 2 to 7.
-const COLOURS: [&str; 6] = ["yellow", "green", "brown", "blue", "pink", "black"];
-
 const FREE: RuleInfo = RuleInfo {
-    name: "Free table",
+    name: "game-free",
     source: "",
     table: "nine_foot",
     players: 1..=2,
@@ -141,19 +140,19 @@ const DRILL: RuleInfo = RuleInfo {
 const RULE_INFOS: [RuleInfo; 10] = [
     FREE,
     RuleInfo {
-        name: "8-ball",
+        name: "game-eight",
         source: "WPA 3",
         calls: Calls::Pocket,
         ..POOL
     },
     RuleInfo {
-        name: "9-ball",
+        name: "game-nine",
         source: "WPA 2",
         fouls_in_row: Some(3),
         ..POOL
     },
     RuleInfo {
-        name: "Straight pool",
+        name: "game-straight",
         source: "WPA 4",
         after_loss: PlacementArea::Kitchen,
         after_foul: None,
@@ -165,7 +164,7 @@ const RULE_INFOS: [RuleInfo; 10] = [
         ..POOL
     },
     RuleInfo {
-        name: "Snooker",
+        name: "game-snooker",
         source: "WPBSA 3",
         table: "snooker",
         players: 2..=2,
@@ -176,7 +175,7 @@ const RULE_INFOS: [RuleInfo; 10] = [
         ..FREE
     },
     RuleInfo {
-        name: "Three-cushion",
+        name: "game-three-cushion",
         source: "UMB 83",
         table: "carom",
         players: 2..=2,
@@ -186,24 +185,24 @@ const RULE_INFOS: [RuleInfo; 10] = [
         ..FREE
     },
     RuleInfo {
-        name: "Line-up",
+        name: "game-line-up",
         start: Some(PlacementArea::Anywhere),
         target: 1,
         ..DRILL
     },
     RuleInfo {
-        name: "Spot shots",
+        name: "game-spot-shots",
         target: 10,
         ..DRILL
     },
     RuleInfo {
-        name: "Position play",
+        name: "game-position-play",
         start: Some(PlacementArea::Anywhere),
         target: 5,
         ..DRILL
     },
     RuleInfo {
-        name: "Daily shot",
+        name: "game-daily-shot",
         target: 3,
         ..DRILL
     },

@@ -1,5 +1,7 @@
 //! The fouls that the games of pool have in common.
 
+use carom_text::text;
+
 use super::{
     foul::Foul,
     layout::{BallPosition, PlacementArea},
@@ -72,7 +74,7 @@ impl Referee {
         if !reasons.is_empty() {
             verdict
                 .lines
-                .insert(0, format!("fouled: {}", reasons.join("; ")));
+                .insert(0, text!("verdict-fouled", reasons = reasons.join("; ")));
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Straight pool, 14.1 continuous (WPA 4).
 
+use carom_text::text;
 use glam::DVec2;
 
 use super::{
@@ -22,7 +23,7 @@ impl Referee {
         let (report, player) = (shot.report, self.turn());
         let is_break = self.is_break();
         let all: Vec<u8> = (1..=15).collect();
-        verdict.fouls = self.standard_fouls(shot, &all, "any ball");
+        verdict.fouls = self.standard_fouls(shot, &all, text!("on-any"));
         let potted = report.potted();
         let called = shot
             .called_pot()
@@ -56,8 +57,7 @@ impl Referee {
             return;
         }
         if three {
-            verdict
-                .add_line("Three fouls in a row: all balls are racked, and the same player breaks");
+            verdict.add_line(text!("straight-three-fouls"));
             return self.rack_again(verdict);
         }
         if !verdict.goes_on {
@@ -105,7 +105,7 @@ impl Referee {
         }
         if !balls.is_empty() {
             let names: Vec<String> = balls.iter().map(u8::to_string).collect();
-            verdict.add_line(format!("Spotted: {}", names.join(", ")));
+            verdict.add_line(text!("straight-spotted", balls = names.join(", ")));
         }
     }
 
@@ -143,7 +143,7 @@ impl Referee {
         if let (Some(ball), Some(at)) = (last_ball, last_at.or(last.map(|p| p.at))) {
             verdict.moves.push(BallPosition { ball, at });
         }
-        verdict.add_line("Fourteen balls are racked again");
+        verdict.add_line(text!("straight-fourteen"));
         match cue_at {
             CuePlace::Stays => {}
             CuePlace::Kitchen => self.take_in_hand(PlacementArea::Kitchen),

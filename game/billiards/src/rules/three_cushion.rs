@@ -3,6 +3,7 @@
 //! The cue ball of the player at the table is ball 0, the other player's 1, the red 2: when the turn
 //! passes, 0 and 1 change places ([`super::Verdict::swaps_cue_balls`]).
 
+use carom_text::text;
 use glam::DVec2;
 
 use super::{
@@ -33,7 +34,7 @@ impl Referee {
         // The first shot of a match is played on the red (UMB 23).
         let hit = report.first_hit();
         if let (true, Some(hit)) = (self.is_break() && hit != Some(2), hit) {
-            let on = "the red".to_owned();
+            let on = self.rules().ball_name(2);
             verdict.fouls.push(Foul::WrongBall { hit, on });
         }
         self.add_foul_line(verdict);
@@ -41,11 +42,11 @@ impl Referee {
         let cushions = cushions_before_second(report);
         let made = cushions.is_some_and(|cushions| cushions >= CUSHIONS);
         match cushions {
-            Some(cushions) if made => {
-                verdict.add_line(format!("scored a point by {cushions} cushions"))
-            }
-            Some(cushions) => verdict.add_line(format!(
-                "{cushions} cushions before the second ball: it takes {CUSHIONS}"
+            Some(cushions) if made => verdict.add_line(text!("carom-scored", cushions = cushions)),
+            Some(cushions) => verdict.add_line(text!(
+                "carom-too-few",
+                cushions = cushions,
+                needed = CUSHIONS
             )),
             None => {}
         }

@@ -1,5 +1,6 @@
 //! The verdict of a referee on a shot.
 
+use carom_text::text;
 use serde::{Deserialize, Serialize};
 
 use super::{foul::Foul, layout::BallPositions};
@@ -60,12 +61,12 @@ impl Choice {
     /// For a button.
     pub fn display_text(self) -> &'static str {
         match self {
-            Self::Accept => "Play the balls as they lie",
-            Self::Return => "Let the other player shoot",
-            Self::Rerack => "Rack again and break",
-            Self::RerackReturn => "Rack again and let the other player break",
-            Self::TakeInHand => "Take the cue ball in hand",
-            Self::SpotBalls => "Set up the balls that touch",
+            Self::Accept => text!("choice-accept"),
+            Self::Return => text!("choice-return"),
+            Self::Rerack => text!("choice-rerack"),
+            Self::RerackReturn => text!("choice-rerack-return"),
+            Self::TakeInHand => text!("choice-take-in-hand"),
+            Self::SpotBalls => text!("choice-spot-balls"),
         }
     }
 }

@@ -5,6 +5,7 @@
 
 mod targets;
 
+use carom_text::text;
 use glam::DVec2;
 
 use super::{
@@ -34,7 +35,7 @@ impl Referee {
             verdict.points = -penalty(aim, &verdict.fouls);
             snooker.points[1 - player] -= verdict.points;
             snooker.run = 0;
-            verdict.add_line(format!("{} points to the other player", -verdict.points));
+            verdict.add_line(text!("verdict-points-to-other", points = -verdict.points));
         } else {
             verdict.points = aim.score(&shot.report.potted());
             verdict.pots = shot.report.potted();
@@ -46,9 +47,10 @@ impl Referee {
                 0
             };
             if verdict.goes_on {
-                verdict.add_line(format!(
-                    "scored {}, a break of {}",
-                    verdict.points, snooker.run
+                verdict.add_line(text!(
+                    "verdict-scored",
+                    points = verdict.points,
+                    run = snooker.run
                 ));
             }
         }
@@ -186,14 +188,14 @@ impl Referee {
             return true;
         }
         let winner = usize::from(second > first);
-        verdict.add_line(format!("Frame over, {first} to {second}"));
+        verdict.add_line(text!("verdict-frame-over", first = first, second = second));
         verdict.moves.clear();
         self.win_rack(winner, verdict);
         true
     }
 
     fn tie(&mut self, snooker: Snooker, layout: &TableLayout, verdict: &mut Verdict) {
-        verdict.add_line("A tie: the black is spotted again, and the next score or foul decides");
+        verdict.add_line(text!("verdict-tie"));
         // The referee draws lots for who plays first: the seed stands for them.
         if self.seed().is_multiple_of(2) {
             self.pass();
@@ -231,7 +233,7 @@ impl Referee {
         };
         if snookered {
             snooker.free_ball = true;
-            verdict.add_line("Free ball");
+            verdict.add_line(text!("verdict-free-ball"));
         }
         self.offer(&[Choice::Accept, Choice::Return]);
     }

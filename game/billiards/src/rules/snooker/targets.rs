@@ -1,5 +1,7 @@
 //! The ball on in snooker, what a stroke has to hit, and what it is worth.
 
+use carom_text::text;
+
 use crate::rules::{
     call::Call, layout::BallPositions, rack_state::Snooker, referee::JudgedShot, ruleset::RuleSet,
 };
@@ -62,12 +64,12 @@ impl Snooker {
     /// What is on, in words.
     pub(crate) fn legal_targets_text(self, positions: &BallPositions) -> String {
         let on = match self.ball_on(positions) {
-            TargetSet::Red => "a red".to_owned(),
-            TargetSet::Colour => "a colour".to_owned(),
+            TargetSet::Red => text!("on-red").to_owned(),
+            TargetSet::Colour => text!("on-colour").to_owned(),
             TargetSet::Last(colour) => RuleSet::Snooker.ball_name(colour),
         };
         if self.free_ball {
-            format!("{on}, with a free ball")
+            text!("on-free-ball", on = on)
         } else {
             on
         }
@@ -139,8 +141,8 @@ impl ShotTarget {
                 RuleSet::Snooker.ball_name(ball)
             }
             (TargetSet::Last(ball), None) => RuleSet::Snooker.ball_name(ball),
-            (TargetSet::Red, None) => "a red".to_owned(),
-            (TargetSet::Colour, None) => "a colour".to_owned(),
+            (TargetSet::Red, None) => text!("on-red").to_owned(),
+            (TargetSet::Colour, None) => text!("on-colour").to_owned(),
         }
     }
 }
