@@ -7,6 +7,7 @@ use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::{Engine, Recording, Table, TableOptions};
 use carom_billiards::rules::RuleSet;
 use carom_farm::{Balancing, FarmConfig, FrameRange, LocalNode};
+use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::{Parser, Subcommand, ValueEnum as _};
 
@@ -241,11 +242,18 @@ impl Args {
         let rules = self.rules.unwrap_or_default();
         let players = match (&self.players, rules) {
             (Some(list), _) => Player::list(list)?,
-            (None, RuleSet::Free) => vec![Player::Human("You".to_owned())],
-            (None, rules) if rules.is_drill() => vec![Player::Human("You".to_owned())],
+            (None, RuleSet::Free) => vec![Player::Human(text!("player-you").to_owned())],
+            (None, rules) if rules.is_drill() => {
+                vec![Player::Human(text!("player-you").to_owned())]
+            }
             (None, _) => Player::list("ai")?,
         };
         let own = MatchConfig::new(rules, players, self.seed)?;
+        // The same for everybody, unless another table is asked for.
+        let options = match rules {
+            RuleSet::DailyShot => self.table.options(),
+            _ => options,
+        };
         let table = match self.replay {
             Some(_) => self.table_and_recording()?.0,
             None => self.table.of(own.table, options),

@@ -25,6 +25,8 @@ menu-practice = Practice
 
 # After a match; a drill is tried again.
 menu-rematch = Rematch
+# The best score of a drill so far.
+menu-drill-best = Your best: { $score }
 menu-try-again = Try again
 menu-back-to-table = Back to the table
 
@@ -38,10 +40,10 @@ new-game-person-about = You take turns with mouse and keys
 # $level: easy, medium, hard or expert.
 new-game-computer = Computer, { $level }
 # A heading over numbers to choose from. $unit: what is counted, as racks or points.
-new-game-first-to = First to how many { $unit ->
-    [racks] racks
-    [frames] frames
-   *[points] points
+new-game-first-to = { $unit ->
+    [racks] Racks to win
+    [frames] Frames to win
+   *[points] Points to win
 }
 new-game-begin = Begin
 
@@ -154,19 +156,19 @@ setting-brightness-daylight-about = Twice the light, for displays in daylight
 
 setting-quality = While things move
 setting-quality-smooth = Smooth
-setting-quality-smooth-about = 60 pictures a second where 426x240 pixels allow it
+setting-quality-smooth-about = 60 frames a second where 426x240 pixels allow it
 setting-quality-balanced = Balanced
-setting-quality-balanced-about = 60 a second where they are fine enough, else 30: twice the paths
+setting-quality-balanced-about = 60 a second where they are fine enough, else 30: twice the samples
 setting-quality-fine = Fine
-setting-quality-fine-about = 15 a second: four times the paths, a seventh of the error
+setting-quality-fine-about = 15 a second: four times the samples, a seventh of the error
 
 setting-threads = CPU threads
 setting-threads-all = All
 setting-threads-count = Threads
 # $count: threads that the player has chosen.
 setting-threads-about = { $count ->
-    [0] One a core, which is fastest. Counts from the next start
-   *[other] Fewer than cores leave some to other programs. Counts from the next start
+    [0] One per core, which is fastest. Takes effect at the next start
+   *[other] Leaves the other cores to other programs. Takes effect at the next start
 }
 setting-resolution = Resolution
 setting-resolution-half = Half
@@ -226,12 +228,14 @@ files-none = Nothing saved yet
 match-thinking = { $player } is thinking …
 # $title: the name of the game, $goal: what wins it.
 match-game = { $title }, { $goal }
+# The score of a drill and the most that it can be.
+match-score-of = { $score } of { $most }
 # $state: the player's group and the like, may be empty; $balls: numbers of the balls that are left.
 match-left = { $state } · left: { $balls }
 match-call = Call
 match-called = { $call } (called)
 match-called-by-aim = { $call } (by your aim)
-match-nothing-called = Nothing yet: aim at a pot or click a pocket, else your turn ends even if a ball drops
+match-nothing-called = No call yet: aim at a pot or click a pocket, or your turn ends even if a ball drops
 match-safety = Safety
 match-push-out = Push-out
 match-next-call = { $keys }: next
@@ -372,7 +376,6 @@ control-replay-speed-1 = normal speed
 control-replay-speed-2 = a quarter of normal speed
 control-replay-speed-3 = a tenth of normal speed
 
-# ---- statistics ----
 
 ## Balls
 
@@ -386,7 +389,6 @@ ball = { $number ->
 
 # $name: what the gamepad calls itself.
 gamepad-connected = Gamepad connected: { $name }
-# ---- statistics ----
 
 ## Statistics
 
@@ -486,7 +488,7 @@ stats-freeze = Freeze
 stats-freeze-about = Freeze the charts at the newest frame. Click a chart to choose another frame.
 stats-previous-about = Previous frame.
 stats-next-about = Next frame.
-stats-resume = Go on
+stats-resume = Resume
 stats-resume-about = Resume live charts.
 stats-frozen = Frozen at frame { $frame }
 
@@ -682,10 +684,10 @@ view-empty = View { $number } is empty: press { $key } to save this view
 screenshot-cancelled = The screenshot was cancelled
 film-cancelled = The film was cancelled
 farm-failed = Rendering unavailable: { $why }
-screenshot-no-farm = There is nothing yet that could render a picture
+screenshot-no-farm = Nothing can render yet: the farm is starting
 screenshot-failed = Screenshot failed: { $why }
 film-failed = Film failed: { $why }
-screenshot-progress = Rendering the screenshot: { $percent } %. Its key cancels it
+screenshot-progress = Rendering the screenshot: { $percent } %. Press its key again to cancel it
 ball-carried = The cue ball follows the mouse: click to put it down
 match-resumed = Resumed your match of { $game }; start another from the menu
 match-not-resumed = Cannot resume the unfinished match: { $why }
@@ -725,7 +727,7 @@ sound-none = No sound: none of { $programs } is installed. On Debian or Ubuntu `
 settings-no-key-left = nothing is left for "{ $does }": give [keys] { $name } a key
 settings-ignored = ignored [{ $table }] { $key } = { $value }: it must be { $wanted }
 settings-unknown = unknown setting { $name }: left unchanged
-settings-broken = it cannot be read, so the defaults apply (it is kept as settings.broken.toml when a setting changes): { $why }
+settings-broken = it cannot be read, so the defaults apply; it is kept as settings.broken.toml when a setting changes: { $why }
 # $steps: physics steps a second, 0 for the exact engine.
 engine-cost = { $steps ->
     [0] Billiards laws from contact to contact
@@ -807,7 +809,7 @@ engine-table =
     { "             3 m/s, off  shots, off  in a break   simulated   a whole     10 ms," }
     { "             by          (median)    (real: 76 %) second      break       CPU ms" }
 
-## Fouls: each follows "fouled: "
+## Fouls, each to follow "fouled: "
 
 foul-scratch = the cue ball fell into a pocket
 foul-cue-ball-off = the cue ball left the table
@@ -832,9 +834,8 @@ choice-rerack = Rack again and break
 choice-take-in-hand = Take the cue ball in hand
 choice-spot-balls = Set up the balls that touch
 
-## Verdicts: the name of the player who played is put before those that begin with a small letter
+## Verdicts. Before those that begin with a small letter the name of the player who played is put.
 
-on-any-but-8 = any ball but the 8
 eight-off-table = the 8 left the table
 eight-too-early = the 8 fell before the group was cleared
 eight-on-foul = the 8 fell on a foul
@@ -846,7 +847,6 @@ eight-lost = lost the rack: { $why }
 eight-weak-break = broke illegally: { $balls } balls reached a cushion, it takes 4 or a ball potted
 eight-open = The table is open
 eight-spotted = The 8 is spotted
-on-any = any ball
 turn-passes-safety = A safety was called: the turn passes
 turn-passes-pocket = { $ball } was called in { $pocket }: it did not fall there, the turn passes
 turn-passes-no-call = No ball and pocket were called, and none were obvious: the turn passes
@@ -865,22 +865,27 @@ verdict-scored = scored { $points }, a break of { $run }
 verdict-frame-over = Frame over, { $first } to { $second }
 verdict-tie = A tie: the black is spotted again, and the next score or foul decides
 verdict-free-ball = Free ball
-on-red = a red
-on-colour = a colour
-on-free-ball = { $on }, with a free ball
 nine-won = The 9 fell on a legal shot
 nine-spotted = The 9 is spotted
 nine-push-out = A push-out: the other player decides who shoots
 straight-three-fouls = Three fouls in a row: all balls are racked, and the same player breaks
 straight-spotted = Spotted: { $balls }
 straight-fourteen = Fourteen balls are racked again
-carom-scored = scored a point by { $cushions } cushions
+carom-scored = scored a point off { $cushions } cushions
 carom-too-few = { $cushions } cushions before the second ball: it takes { $needed }
 free-spotted = { $ball } left the table and is spotted
 free-cue-ball-lost = The cue ball is lost: put it where you like
 free-clear = The table is clear
 verdict-missed = missed
 verdict-no-room = There is no room for { $ball }
+
+## The balls that may be hit first, to follow "legal was" and "You are on"
+
+on-any-but-8 = any ball but the 8
+on-any = any ball
+on-red = a red
+on-colour = a colour
+on-free-ball = { $on }, with a free ball
 
 ## Places on the table
 

@@ -29,7 +29,16 @@
 //! # Ok::<(), carom_billiards::Error>(())
 //! ```
 
+#![cfg_attr(
+    test,
+    allow(
+        clippy::disallowed_methods,
+        reason = "tests compare with the system's functions"
+    )
+)]
+
 pub mod ai;
+mod deterministic_math;
 mod error;
 mod file_format;
 pub mod game_match;

@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 
 use glam::DQuat;
 
+use crate::deterministic_math::{cos, log, sin_cos};
+
 /// A sequence of draws.
 #[derive(Clone, Debug)]
 pub struct CounterRng {
@@ -31,8 +33,8 @@ impl CounterRng {
 
     /// Normally distributed with mean 0 and deviation 1 (Box and Muller, 1958).
     pub fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
-        radius * (TAU * self.unit()).cos()
+        let radius = (-2.0 * log(1.0 - self.unit())).sqrt();
+        radius * cos(TAU * self.unit())
     }
 
     /// Fisher and Yates.
@@ -45,13 +47,14 @@ impl CounterRng {
 
     /// Uniform over all rotations: Shoemake, "Uniform random rotations", Graphics Gems III.
     pub fn rotation(&mut self) -> DQuat {
-        let (radius, first, second) = (self.unit(), TAU * self.unit(), TAU * self.unit());
+        let radius = self.unit();
+        let [first, second] = [self.unit(), self.unit()].map(|turn| sin_cos(TAU * turn));
         let (low, high) = ((1.0 - radius).sqrt(), radius.sqrt());
         DQuat::from_xyzw(
-            low * first.sin(),
-            low * first.cos(),
-            high * second.sin(),
-            high * second.cos(),
+            low * first.0,
+            low * first.1,
+            high * second.0,
+            high * second.1,
         )
         .normalize()
     }

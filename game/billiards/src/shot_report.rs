@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::deterministic_math::{cos, tan, unit_at};
 use crate::physics::{BallState, EventKind, Nose, Shot, Stroke, Table, World};
 use crate::rules::{BallPosition, BallPositions, ShotEvent, ShotReport, TableLayout};
 
@@ -160,18 +161,18 @@ fn double_hit(
     let (cue_ball, object) = (find(&balls, 0)?, find(&balls, ball)?);
     let gap = gap_m(&cue_ball, &object);
     let height_m = cue_ball.body.radius_m * (1.0 + stroke.vertical);
-    let reach_m = FOLLOW_M.min(height_m / stroke.elevation_rad.tan().max(1e-9));
+    let reach_m = FOLLOW_M.min(height_m / tan(stroke.elevation_rad).max(1e-9));
     if !(FROZEN_M..reach_m).contains(&gap) {
         return None;
     }
-    let forward = DVec2::from_angle(stroke.direction_rad).extend(0.0);
+    let forward = unit_at(stroke.direction_rad).extend(0.0);
     let struck = find(&shot.states_at(0.0), 0)?.velocity.length();
     let mass_share = cue_ball.body.mass_kg / world.laws().cue.mass_kg;
     let cue_m_s = stroke.speed_m_s - mass_share * struck;
     let after = find(&shot.states_at(contact_secs), 0)?
         .velocity
         .dot(forward);
-    (after < cue_m_s * stroke.elevation_rad.cos()).then_some(ball)
+    (after < cue_m_s * cos(stroke.elevation_rad)).then_some(ball)
 }
 
 /// Balls and cushions this close touch: a tenth of a millimetre.

@@ -21,6 +21,11 @@
 //!
 //! `physics.rs` has the laws themselves, every stroke at random, absurd strokes and layouts.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests need no digits that all systems share"
+)]
+
 use std::f64::consts::PI;
 
 use carom_billiards::Error;

@@ -1,5 +1,10 @@
 //! Files and shots of earlier versions: they still load, and play to the same bits.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests need no digits that all systems share"
+)]
+
 use std::path::{Path, PathBuf};
 
 use carom_billiards::game_match::{Match, MatchSave, TurnRecord};

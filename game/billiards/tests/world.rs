@@ -1,5 +1,10 @@
 //! The physical world beyond the cloth: balls in the air, rims, rails, tables and unequal balls.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests need no digits that all systems share"
+)]
+
 use carom_billiards::Error;
 use carom_billiards::physics::{
     BallBallLaw, BallBody, BallLayout, BallState, BounceLaw, CLUSTER_SPEED_M_S, CushionLaw, Event,

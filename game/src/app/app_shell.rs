@@ -390,6 +390,9 @@ impl AppShell {
         self.steer(session, now_secs);
         let is_over = session.is_over();
         if is_over && !self.has_result {
+            let view = session.match_hud().view;
+            let score = view.players[0].score.max(0) as u32;
+            self.store.settings.note_drill(view.rules, score);
             self.open(Page::Result, session, now_secs);
         }
         self.has_result = is_over;

@@ -4,18 +4,18 @@
 use carom_tracer::{ImageSize, RenderSettings};
 use clap::ValueEnum;
 
-/// What is given up first where the farm cannot make pictures that are both many and fine.
+/// What is given up first where the farm cannot make frames that are both many and fine.
 ///
-/// Twice the time for a picture is twice the paths, and four times the paths of a pixel have 7 times
+/// Twice the time for a frame is twice the samples, and four times the samples of a pixel have 7 times
 /// less squared error (relMSE 1.7e-3 at 4, 2.4e-4 at 16: `carom-farm compare` prints it).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum QualityPreference {
-    /// 60 pictures a second where 426x240 pixels allow it
+    /// 60 frames a second where 426x240 pixels allow it
     Smooth,
-    /// 60 a second where they are fine enough, else 30: twice the paths
+    /// 60 a second where they are fine enough, else 30: twice the samples
     #[default]
     Balanced,
-    /// 15 a second: four times the paths, a seventh of the error
+    /// 15 a second: four times the samples, a seventh of the error
     Fine,
 }
 

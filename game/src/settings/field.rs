@@ -61,6 +61,9 @@ pub const FIELDS: &[SettingsField] = &[
     field("picture", "resolution", |s| name(&s.resolution), |s, v| choice(v).map(|x| s.resolution = x)),
     field("picture", "threads", |s| i64::from(s.threads).into(), |s, v| threads(v).map(|n| s.threads = n)),
     field("picture", "brightness", |s| name(&s.brightness), |s, v| choice(v).map(|x| s.brightness = x)),
+    field("drills", "line-up", |s| i64::from(s.drill_bests[0]).into(), |s, v| points(v).map(|n| s.drill_bests[0] = n)),
+    field("drills", "spot-shots", |s| i64::from(s.drill_bests[1]).into(), |s, v| points(v).map(|n| s.drill_bests[1] = n)),
+    field("drills", "position-play", |s| i64::from(s.drill_bests[2]).into(), |s, v| points(v).map(|n| s.drill_bests[2] = n)),
     field("views", "view-1", |s| view(s.views[0]), |s, v| seen(v).map(|at| s.views[0] = at)),
     field("views", "view-2", |s| view(s.views[1]), |s, v| seen(v).map(|at| s.views[1] = at)),
     field("views", "view-3", |s| view(s.views[2]), |s, v| seen(v).map(|at| s.views[2] = at)),
@@ -70,19 +73,23 @@ pub const FIELDS: &[SettingsField] = &[
 
 fn edge(value: &Value) -> Result<u32, SettingFault> {
     let [min, max] = Settings::WINDOW_EDGE;
-    let edge = value.as_integer().and_then(|edge| u32::try_from(edge).ok());
-    let fits = edge.filter(|edge| (min..=max).contains(edge));
-    fits.ok_or(SettingFault::WholeNumber { min, max })
+    whole(value, min, max)
 }
 
 fn threads(value: &Value) -> Result<u16, SettingFault> {
-    let max = Settings::THREADS_MAX;
-    let threads = value.as_integer().and_then(|n| u16::try_from(n).ok());
-    let fits = threads.filter(|n| *n <= max);
-    fits.ok_or(SettingFault::WholeNumber {
-        min: 0,
-        max: max.into(),
-    })
+    whole(value, 0, Settings::THREADS_MAX.into()).map(|threads| threads as u16)
+}
+
+fn points(value: &Value) -> Result<u32, SettingFault> {
+    whole(value, 0, POINTS_MAX)
+}
+
+fn whole(value: &Value, min: u32, max: u32) -> Result<u32, SettingFault> {
+    let number = value
+        .as_integer()
+        .and_then(|number| u32::try_from(number).ok());
+    let fits = number.filter(|number| (min..=max).contains(number));
+    fits.ok_or(SettingFault::WholeNumber { min, max })
 }
 
 fn switch(value: &Value) -> Result<bool, SettingFault> {
@@ -182,11 +189,33 @@ const fn part(
 const VIEW_PARTS: [ViewpointPart; 6] = [
     part("x", [-4.0, 4.0], |at| at.focus.x, |at, x| at.focus.x = x),
     part("y", [-4.0, 4.0], |at| at.focus.y, |at, y| at.focus.y = y),
-    part("bearing-deg", [-180.0, 180.0], |at| wrap_rad(at.bearing_rad).to_degrees(), |at, deg| at.bearing_rad = deg.to_radians()),
-    part("pitch-deg", [1.0, 90.0], |at| at.pitch_rad.to_degrees(), |at, deg| at.pitch_rad = deg.to_radians()),
-    part("distance-m", [0.5, 7.0], |at| at.distance_m, |at, m| at.distance_m = m),
-    part("fov-deg", [20.0, 160.0], |at| at.fov_x_deg, |at, deg| at.fov_x_deg = deg),
+    part(
+        "bearing-deg",
+        [-180.0, 180.0],
+        |at| wrap_rad(at.bearing_rad).to_degrees(),
+        |at, deg| at.bearing_rad = deg.to_radians(),
+    ),
+    part(
+        "pitch-deg",
+        [1.0, 90.0],
+        |at| at.pitch_rad.to_degrees(),
+        |at, deg| at.pitch_rad = deg.to_radians(),
+    ),
+    part(
+        "distance-m",
+        [0.5, 7.0],
+        |at| at.distance_m,
+        |at, m| at.distance_m = m,
+    ),
+    part(
+        "fov-deg",
+        [20.0, 160.0],
+        |at| at.fov_x_deg,
+        |at, deg| at.fov_x_deg = deg,
+    ),
 ];
+/// More than any drill gives.
+const POINTS_MAX: u32 = 10_000;
 const VIEW_DIGITS: f64 = 1e4;
 
 /// What an action is bound to, as it is written.

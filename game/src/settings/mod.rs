@@ -20,6 +20,7 @@ pub use field::{FIELDS, SettingsField};
 pub use store::SettingsStore;
 
 use carom_billiards::physics::{Engine, PocketSize, TableOptions, TableSpeed};
+use carom_billiards::rules::RuleSet;
 
 use crate::camera::{SAVED_MAX, Viewpoint};
 use crate::frame::quality::{QualityPreference, Resolution};
@@ -67,6 +68,8 @@ pub struct Settings {
     pub threads: u16,
     /// Loudness, 0 to 1.
     pub volume: f64,
+    /// Best scores of the drills, in the order of [`Settings::DRILLS`].
+    pub drill_bests: [u32; 3],
     /// Views that the player has saved, by their places.
     pub views: [Option<Viewpoint>; SAVED_MAX],
     /// Which balls are marked.
@@ -82,6 +85,8 @@ impl Settings {
     pub const TEXT_SCALE: [f64; 2] = [0.75, 2.5];
     /// Smallest and largest edge of the window, points.
     pub const WINDOW_EDGE: [u32; 2] = [320, 16_384];
+    /// Drills whose best scores are kept; that of the daily shot is one of its day.
+    pub const DRILLS: [RuleSet; 3] = [RuleSet::LineUp, RuleSet::SpotShots, RuleSet::PositionPlay];
     /// Most CPU threads.
     pub const THREADS_MAX: u16 = 1024;
 }
@@ -94,6 +99,20 @@ impl Settings {
             cloth: self.cloth,
             cue: self.cue,
             brightness: self.brightness,
+        }
+    }
+
+    /// The best score of a drill; none of other games.
+    pub fn drill_best(&self, rules: RuleSet) -> Option<u32> {
+        let place = Self::DRILLS.iter().position(|drill| *drill == rules)?;
+        Some(self.drill_bests[place])
+    }
+
+    /// Keeps the score of a drill that is over if it is the best.
+    pub fn note_drill(&mut self, rules: RuleSet, score: u32) {
+        if let Some(place) = Self::DRILLS.iter().position(|drill| *drill == rules) {
+            let best = &mut self.drill_bests[place];
+            *best = score.max(*best);
         }
     }
 
@@ -126,6 +145,7 @@ impl Default for Settings {
             resolution: Resolution::default(),
             threads: 0,
             volume: 0.7,
+            drill_bests: [0; 3],
             views: [None; SAVED_MAX],
             ball_marks: BallMarks::default(),
             mouse: MouseSettings::default(),

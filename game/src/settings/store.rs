@@ -323,6 +323,7 @@ mod tests {
             quality: crate::frame::quality::QualityPreference::Fine,
             resolution: crate::frame::quality::Resolution::Half,
             threads: 3,
+            drill_bests: [7, 0, 12],
             volume: 0.0,
             views: [Some(a_view()), None, None, Some(a_view())],
             ball_marks: crate::play::BallMarks::Off,

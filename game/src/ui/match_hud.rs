@@ -103,7 +103,7 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
             let is_turn = index == view.turn && view.winner.is_none();
             let row = Vec2::new(column.available_width(), ROW);
             column.allocate_ui_with_layout(row, layout, |ui| {
-                side(ui, player, is_turn, index == 0);
+                side(ui, player, view.points_max, is_turn, index == 0);
             });
         }
     });
@@ -144,7 +144,7 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
 }
 
 /// A player: a mark for who is at the table, the name, the score, the group in words, the balls left.
-fn side(ui: &mut Ui, player: &PlayerView, is_turn: bool, is_left: bool) {
+fn side(ui: &mut Ui, player: &PlayerView, points_max: Option<u32>, is_turn: bool, is_left: bool) {
     let name = match (is_turn, is_left) {
         (false, _) => player.name.clone(),
         (true, true) => format!("▶ {}", player.name),
@@ -157,7 +157,11 @@ fn side(ui: &mut Ui, player: &PlayerView, is_turn: bool, is_left: bool) {
         name
     };
     ui.label(name);
-    ui.label(RichText::new(player.score.to_string()).heading());
+    let score = match points_max {
+        Some(most) => text!("match-score-of", score = player.score, most = most),
+        None => player.score.to_string(),
+    };
+    ui.label(RichText::new(score).heading());
     let mut state = player.state.clone();
     if !player.left.is_empty() {
         let left: Vec<String> = player.left.iter().map(u8::to_string).collect();

@@ -13,7 +13,7 @@ use super::new_game::NewGame;
 pub use super::page::{MenuInput, Page};
 use super::{keys, new_game, preferences, theme};
 use crate::input::{AppIntent, Intent, MatchIntent, PracticeIntent, ReplayIntent, Trigger};
-use crate::settings::SettingsStore;
+use crate::settings::{Settings, SettingsStore};
 
 /// The pages over the table: those that led to the open one, and that one.
 #[derive(Clone, Debug, Default)]
@@ -108,7 +108,9 @@ impl Menu {
                 Page::Welcome => scrolled.show(ui, |ui| self.welcome(ui, is_fresh)).inner,
                 Page::Result => {
                     scrolled
-                        .show(ui, |ui| self.result(ui, is_fresh, input.view))
+                        .show(ui, |ui| {
+                            self.result(ui, is_fresh, input.view, &store.settings)
+                        })
                         .inner
                 }
                 Page::NewGame => {
@@ -216,12 +218,21 @@ impl Menu {
     }
 
     /// How the match ended, and what may come next.
-    fn result(&mut self, ui: &mut Ui, is_fresh: bool, view: &MatchView) -> Option<MenuCommand> {
+    fn result(
+        &mut self,
+        ui: &mut Ui,
+        is_fresh: bool,
+        view: &MatchView,
+        settings: &Settings,
+    ) -> Option<MenuCommand> {
         title(ui, &view.prompt);
         ui.vertical_centered(|ui| {
             let scores = view.players.iter();
             let scores = scores.map(|player| format!("{} {}", player.name, player.score));
             ui.label(scores.collect::<Vec<_>>().join(" · "));
+            if let Some(best) = settings.drill_best(view.rules) {
+                ui.label(text!("menu-drill-best", score = best));
+            }
             if let Some(banner) = &view.banner {
                 ui.label(RichText::new(banner).color(theme::FAINT).small());
             }

@@ -51,6 +51,11 @@ impl NewGame {
             (_, None) => vec![human(text!("player-1")), human(text!("player-2"))],
         };
         let own = MatchConfig::new(self.rules, players, seed)?;
+        // The same for everybody, whatever table each likes.
+        let options = match self.rules {
+            RuleSet::DailyShot => TableOptions::default(),
+            _ => options,
+        };
         Match::new(MatchConfig {
             target: self.target,
             table: own.table.with_options(options),
@@ -190,7 +195,12 @@ mod tests {
                     let begun = game.begin(9, options).unwrap();
                     assert_eq!(begun.referee().rules(), rules);
                     let table = begun.world().table();
-                    assert_eq!(table, &table.with_options(options));
+                    // The daily shot is the same for everybody.
+                    let wanted = match rules {
+                        RuleSet::DailyShot => TableOptions::default(),
+                        _ => options,
+                    };
+                    assert_eq!(table, &table.with_options(wanted));
                 }
             }
         }

@@ -235,7 +235,7 @@ fn frozen_frames_stay_and_can_be_stepped_from() {
     harness.get_by_label(">").click();
     harness.run_steps(2);
     assert_eq!(frozen(&harness), Some(PICTURES - 1));
-    harness.get_by_label("Go on").click();
+    harness.get_by_label("Resume").click();
     harness.run_steps(2);
     assert_eq!(frozen(&harness), None);
     take(&mut harness.state_mut().stats, PICTURES + 60);

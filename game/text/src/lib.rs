@@ -48,7 +48,7 @@ macro_rules! text {
 
 /// Why a translation cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub enum Error {
+pub enum TranslationError {
     /// A file that cannot be read.
     #[error("cannot read the translation {}: {fault}", path.display())]
     Unreadable {
@@ -75,8 +75,8 @@ pub enum Error {
 /// # Errors
 ///
 /// A file that cannot be read or parsed, or a call after the first text.
-pub fn load_translation(path: &Path) -> Result<(), Error> {
-    let unreadable = |fault| Error::Unreadable {
+pub fn load_translation(path: &Path) -> Result<(), TranslationError> {
+    let unreadable = |fault| TranslationError::Unreadable {
         path: path.to_owned(),
         fault,
     };
@@ -87,11 +87,11 @@ pub fn load_translation(path: &Path) -> Result<(), Error> {
         ))));
     }
     let source = fs::read_to_string(path).map_err(unreadable)?;
-    let texts = Texts::new(Some(source)).map_err(|fault| Error::Syntax {
+    let texts = Texts::new(Some(source)).map_err(|fault| TranslationError::Syntax {
         path: path.to_owned(),
         fault,
     })?;
-    TEXTS.set(texts).map_err(|_| Error::TooLate)
+    TEXTS.set(texts).map_err(|_| TranslationError::TooLate)
 }
 
 /// The text of an identifier without arguments; empty for an unknown one and for one with arguments.

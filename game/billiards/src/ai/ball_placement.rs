@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use super::{Position, pot_candidates::pot_candidates, skill::Skill};
+use crate::deterministic_math::unit_at;
 use crate::rules::{BallPosition, BallPositions, PlacementArea};
 
 /// The best place for the cue ball: behind a ball that is on, in line with a pocket or a little off it,
@@ -44,7 +45,7 @@ fn placement_candidates(position: &Position, others: &BallPositions, on: &[u8]) 
                 continue;
             };
             for turn_deg in [0.0f64, 15.0, -15.0, 35.0, -35.0] {
-                let way = DVec2::from_angle(turn_deg.to_radians()).rotate(way);
+                let way = unit_at(turn_deg.to_radians()).rotate(way);
                 placement_candidates.extend(DISTANCES_M.map(|distance| object.at + distance * way));
             }
         }

@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 use glam::DVec2;
 
 use super::Position;
+use crate::deterministic_math::{angle_of, asin};
 use crate::physics::Stroke;
 use crate::rng::CounterRng;
 use crate::rules::RuleSet;
@@ -74,8 +75,8 @@ fn carom(bearing_rad: f64, i: u32, rng: &mut CounterRng) -> Stroke {
 /// The direction in which the cue ball meets a ball: in its middle for 0, on its right edge for 1.
 fn towards(cue: DVec2, target: DVec2, reach: f64, thin: f64) -> f64 {
     let way = target - cue;
-    let half = (reach / way.length().max(reach)).asin();
-    way.to_angle() - 0.97 * thin * half
+    let half = asin(reach / way.length().max(reach));
+    angle_of(way) - 0.97 * thin * half
 }
 
 /// Hard and full where a break should spread the balls, soft and thin where it should not.

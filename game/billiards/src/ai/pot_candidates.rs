@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use super::skill::Skill;
+use crate::deterministic_math::{angle_of, exp};
 use crate::rules::{BallPosition, TableLayout};
 
 /// A straight way from the cue ball by an object ball to a pocket, clear of other balls.
@@ -72,7 +73,7 @@ fn pot_candidate(
     is_clear.then(|| PotCandidate {
         ball: object.ball,
         pocket,
-        bearing_rad: to_ghost.to_angle(),
+        bearing_rad: angle_of(to_ghost),
         to_pocket,
         lever,
         length_m: to_ghost.length() + way.length(),
@@ -110,7 +111,7 @@ fn within(deviations: f64) -> f64 {
     let square = 0.5 * deviations * deviations;
     let a = 0.147;
     let inner = -square * (4.0 / std::f64::consts::PI + a * square) / (1.0 + a * square);
-    (1.0 - inner.exp()).max(0.0).sqrt()
+    (1.0 - exp(inner)).max(0.0).sqrt()
 }
 
 /// Cuts of more than 80° are left out.

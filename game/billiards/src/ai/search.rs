@@ -12,6 +12,7 @@ use super::{
     pot_candidates::{PotCandidate, pot_candidates},
     skill::Skill,
 };
+use crate::deterministic_math::angle_between;
 use crate::physics::{AimContact, Stroke, predict};
 use crate::rng::CounterRng;
 use crate::rules::{Call, Calls, Choice, RuleSet};
@@ -248,7 +249,7 @@ impl ShotSearch<'_> {
             if number != line.ball || way == DVec2::ZERO {
                 return None;
             }
-            let off = line.to_pocket.angle_to(way);
+            let off = angle_between(line.to_pocket, way);
             if off.abs() < AIMED_RAD {
                 break;
             }

@@ -16,6 +16,8 @@ pub struct MatchView {
     pub goal: String,
     /// The players, in the order of their turns.
     pub players: Vec<PlayerView>,
+    /// The most points of a drill; none in a match.
+    pub points_max: Option<u32>,
     /// Index of the player at the table.
     pub turn: usize,
     /// What the player at the table is to do, a sentence.
@@ -97,6 +99,7 @@ impl Match {
             players: (0..self.players.len())
                 .map(|i| self.player_view(i))
                 .collect(),
+            points_max: referee.points_max(),
             turn: referee.turn(),
             prompt: self.prompt(),
             banner: self.now.banner.clone(),

@@ -7,7 +7,8 @@
 
 use glam::DVec3;
 
-use super::{ball::BallBody, deterministic_math::exp};
+use super::ball::BallBody;
+use crate::deterministic_math::exp;
 
 /// The law of ball–ball contacts.
 #[derive(Clone, Copy, Debug, PartialEq)]

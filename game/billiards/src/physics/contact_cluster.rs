@@ -13,8 +13,8 @@ use glam::DVec3;
 use super::{
     ball::BallBody,
     ball_ball::{BallBallLaw, Twist},
-    deterministic_math::exp,
 };
+use crate::deterministic_math::exp;
 
 /// Two balls in touch, by their place in a list of twists.
 #[derive(Clone, Copy, Debug)]

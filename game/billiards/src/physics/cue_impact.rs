@@ -10,11 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Result, StrokeFault};
 
-use super::{
-    ball::BallBody,
-    ball_ball::Twist,
-    deterministic_math::{atan2, hypot, sin_cos, turned},
-};
+use super::{ball::BallBody, ball_ball::Twist};
+use crate::deterministic_math::{atan2, hypot, sin_cos, turned};
 
 /// The player's blow to the cue ball.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -43,7 +43,6 @@ mod contact_time;
 mod cue_impact;
 mod cushion;
 mod cushion_edge;
-mod deterministic_math;
 mod engine;
 mod event;
 mod event_engine;

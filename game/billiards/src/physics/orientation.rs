@@ -7,7 +7,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::deterministic_math::rotation;
+use crate::deterministic_math::rotation;
 
 /// The orientation over one phase.
 #[derive(Clone, Debug)]

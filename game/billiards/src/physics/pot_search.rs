@@ -20,11 +20,11 @@ use super::{
     aim_line::{AimContact, predict},
     ball::BallState,
     cue_impact::Stroke,
-    deterministic_math::{angle_of, atan2},
     event::EventKind,
     shot::Shot,
     world::World,
 };
+use crate::deterministic_math::{angle_of, atan2};
 
 /// A stroke that pots a ball.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,7 +6,8 @@ use glam::{DQuat, DVec2};
 
 use crate::rng::pcg4d;
 
-use super::{ball::BallState, deterministic_math::unit_at, table::Table};
+use super::{ball::BallState, table::Table};
+use crate::deterministic_math::unit_at;
 
 /// The balls of a game and where they lie.
 #[derive(Clone, Debug, PartialEq)]

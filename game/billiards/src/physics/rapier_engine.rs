@@ -20,7 +20,6 @@ use super::{
     ball::{BallBody, BallState, Phase},
     ball_in_motion::ON_RAIL_RADII,
     cloth::Cloth,
-    deterministic_math::exp,
     engine::Rapier,
     event::{Event, EventKind},
     event_engine::{FrameCallback, SHOT_SECS_MAX, SimulatedShot, Until},
@@ -28,6 +27,7 @@ use super::{
     table::{Pocket, Table},
     trajectory::{Segment, Trajectory},
 };
+use crate::deterministic_math::{angle_of, exp};
 
 pub(crate) struct RapierEngine<'a> {
     table: &'a Table,
@@ -358,7 +358,7 @@ fn cushion_shapes(table: &Table) -> Vec<ColliderBuilder> {
         let middle = nose.from() + 0.5 * along - CUSHION_HALF_DEPTH_M * nose.normal();
         ColliderBuilder::cuboid(0.5 * along.length(), CUSHION_HALF_DEPTH_M, half_height)
             .translation(middle.extend(half_height))
-            .rotation(DVec3::Z * along.to_angle())
+            .rotation(DVec3::Z * angle_of(along))
     });
     let posts = table.jaws().iter().map(|jaw| {
         ColliderBuilder::cylinder(half_height, jaw.radius_m)

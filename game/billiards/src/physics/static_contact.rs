@@ -14,11 +14,11 @@ use super::{
         QuadraticPath, direction, leaves_circle, reaches_plane, reaches_point, reaches_ring,
     },
     cushion_edge::CushionEdge,
-    deterministic_math::hypot,
     event::Surface,
     jaw_contact::JawSolid,
     table::{Cushion, JOINT_SLACK_M, Nose, Pocket, Rails, Table},
 };
+use crate::deterministic_math::hypot;
 
 /// A part of the table that does not move, by its index in the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

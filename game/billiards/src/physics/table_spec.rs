@@ -19,9 +19,9 @@ use crate::{Result, TableFault};
 
 use super::{
     ball::BallBody,
-    deterministic_math::{sin_cos, tan},
     table::{Circle, Cushion, Pocket, Rails, Table, TableParts},
 };
+use crate::deterministic_math::{sin_cos, tan};
 
 /// The dimensions of a table, as its file holds them.
 #[derive(Clone, Debug, Deserialize)]

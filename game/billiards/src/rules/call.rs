@@ -4,6 +4,7 @@ use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use super::layout::TableLayout;
+use crate::deterministic_math::{angle_between, atan};
 
 /// What a player says before a shot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,10 +26,10 @@ pub enum Call {
 /// The call that is obvious from the aim (WPA 1.6): the first ball, which lies at `at` and will leave
 /// along `direction`, and the pocket that it makes for; none if it makes for none.
 pub fn infer(layout: &TableLayout, ball: u8, at: DVec2, direction: DVec2) -> Option<Call> {
-    let off = |center: &DVec2| direction.angle_to(*center - at).abs();
+    let off = |center: &DVec2| angle_between(direction, *center - at).abs();
     let straight = |center: &DVec2| {
         let distance = center.distance(at).max(1e-6);
-        off(center) <= (MOUTH_RADII * layout.radius_m / distance).atan()
+        off(center) <= atan(MOUTH_RADII * layout.radius_m / distance)
     };
     let pockets = layout.pockets.iter().enumerate();
     let (pocket, _) = pockets

@@ -10,6 +10,7 @@
 use carom_text::text;
 use glam::DVec2;
 
+use crate::deterministic_math::angle_between;
 use crate::rng::CounterRng;
 
 use super::{
@@ -172,7 +173,7 @@ fn has_plain_pot(layout: &TableLayout, positions: &BallPositions) -> bool {
         let is_side = pocket.x.abs() < 0.2 * layout.length_m;
         let is_open = !is_side || way.y.abs() > SIDE_COS;
         is_open
-            && (ghost - cue).angle_to(way).abs() < CUT_RAD_MAX
+            && angle_between(ghost - cue, way).abs() < CUT_RAD_MAX
             && cue.distance(ghost).max(object.distance(pocket)) < 0.5 * layout.length_m
             && layout.is_clear(positions, (cue, ghost), room, |ball| ball > 1)
             && layout.is_clear(positions, (object, pocket), room, |ball| ball > 1)

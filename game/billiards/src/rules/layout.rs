@@ -5,6 +5,7 @@ use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
 use crate::PlacementFault;
+use crate::deterministic_math::unit_at;
 
 /// A ball that lies on the table: its number and its centre seen from above, in m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -113,7 +114,7 @@ impl TableLayout {
         let step = 0.5 * self.cue_radius_m;
         let ring = |i: u32| {
             let angle = f64::from(i % 16) * std::f64::consts::TAU / 16.0;
-            home + DVec2::from_angle(angle) * (step * f64::from(i.div_ceil(16)))
+            home + unit_at(angle) * (step * f64::from(i.div_ceil(16)))
         };
         (0..16 * RINGS)
             .map(ring)

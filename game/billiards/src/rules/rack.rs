@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec2;
 
+use crate::deterministic_math::unit_at;
 use crate::rng::CounterRng;
 
 use super::{
@@ -113,7 +114,7 @@ fn triangle(
         })
     });
     let mut moved = |at: DVec2| {
-        let offset = 0.25 * GAP_M * DVec2::from_angle(TAU * rng.unit());
+        let offset = 0.25 * GAP_M * unit_at(TAU * rng.unit());
         apex + pitch * at + rng.unit() * offset
     };
     order

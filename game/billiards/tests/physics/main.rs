@@ -1,5 +1,10 @@
 //! The simulation: its laws, whole shots, and aiming.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests need no digits that all systems share"
+)]
+
 mod aiming;
 mod handover;
 mod laws;

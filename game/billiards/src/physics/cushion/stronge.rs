@@ -10,11 +10,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
 
-use crate::physics::{
-    ball::BallBody,
-    ball_ball::Twist,
-    deterministic_math::{acos, cos, sin_cos},
-};
+use crate::deterministic_math::{acos, cos, sin_cos};
+use crate::physics::{ball::BallBody, ball_ball::Twist};
 
 /// A compliant cushion.
 #[derive(Clone, Copy, Debug, PartialEq)]

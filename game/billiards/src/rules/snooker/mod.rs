@@ -17,6 +17,7 @@ use super::{
     spots::own_spot,
     verdict::{Choice, Verdict},
 };
+use crate::deterministic_math::{asin, unit_at};
 use targets::{BLACK, ShotTarget, TargetSet, YELLOW, is_colour, value};
 
 impl Referee {
@@ -257,9 +258,9 @@ fn is_snookered(
         }
         // The centre of a cue ball that just grazes the target: the tangents' points.
         let along = (distance * distance - reach * reach).sqrt();
-        let half = (reach / distance).asin();
+        let half = asin(reach / distance);
         [half, -half].into_iter().all(|turn| {
-            let graze = cue_ball + DVec2::from_angle(turn).rotate(way / distance) * along;
+            let graze = cue_ball + unit_at(turn).rotate(way / distance) * along;
             layout.is_clear(positions, (cue_ball, graze), layout.cue_radius_m, blocks)
         })
     };

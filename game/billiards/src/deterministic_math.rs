@@ -2,12 +2,12 @@
 //!
 //! Addition, multiplication, division and roots are rounded alike everywhere; sines, exponentials
 //! and their kin are what each system's library makes of them, and a shot is chaotic: a last bit
-//! decides where a break ends. Those of the pure Rust `libm` have one source for all. The
-//! simulation uses no others.
+//! decides where a break ends. Those of the pure Rust `libm` have one source for all. Simulation, rules
+//! and computer players use no others: `clippy.toml` forbids them.
 
 use glam::{DQuat, DVec2, DVec3};
 
-pub(crate) use libm::{acos, atan2, cos, exp, hypot, tan};
+pub(crate) use libm::{acos, asin, atan, atan2, cos, exp, hypot, log, tan};
 
 /// Sine and cosine.
 pub(crate) fn sin_cos(angle_rad: f64) -> (f64, f64) {
@@ -23,6 +23,11 @@ pub(crate) fn unit_at(angle_rad: f64) -> DVec2 {
 /// The angle of a vector from +x in rad, -π to π.
 pub(crate) fn angle_of(vector: DVec2) -> f64 {
     atan2(vector.y, vector.x)
+}
+
+/// The angle by which a vector is turned anticlockwise to point as another does, in rad, -π to π.
+pub(crate) fn angle_between(from: DVec2, to: DVec2) -> f64 {
+    atan2(from.perp_dot(to), from.dot(to))
 }
 
 /// A vector turned about the vertical, anticlockwise from above.
