@@ -313,3 +313,110 @@ fn the_mouse_turns_as_far_and_as_the_settings_say() {
     assert!((quick_turn - 2.5 * turn).abs() < 1e-12);
     assert!((quick_pitch + 2.5 * pitch).abs() < 1e-12);
 }
+
+fn stick(control: GamepadControl, deflection: f64) -> Event {
+    Event::Stick {
+        control,
+        deflection,
+    }
+}
+
+fn press_on_gamepad(input: &mut Input, control: GamepadControl, pressed: bool) -> Option<Intent> {
+    input.handle(Event::Gamepad { control, pressed })
+}
+
+fn turned(intents: &[Intent]) -> f64 {
+    let of = |intent: &Intent| match intent {
+        Intent::Aim(AimIntent::Turn(rad)) => *rad,
+        other => panic!("{other:?}"),
+    };
+    intents.iter().map(of).sum()
+}
+
+#[test]
+fn a_stick_turns_the_aim_by_its_deflection_and_the_time() {
+    let mut input = Input::default();
+    let [left, right, ..] = GamepadControl::LEFT_STICK_TO;
+    assert_eq!(input.handle(stick(left, 1.0)), None);
+    assert!(input.is_steering());
+    let full = turned(&input.elapse(0.05));
+    input.handle(stick(left, 0.5));
+    let half = turned(&input.elapse(0.05));
+    assert!((full - 4.0 * half).abs() < 1e-12 && full > 0.0);
+    // In many short frames as in one long one.
+    let short: f64 = (0..10).map(|_| turned(&input.elapse(0.005))).sum();
+    assert!((short - half).abs() < 1e-12);
+    press_on_gamepad(&mut input, GamepadControl::LEFT_TRIGGER, true);
+    assert!(
+        (turned(&input.elapse(0.05)) - 0.1 * half).abs() < 1e-12,
+        "fine control"
+    );
+    press_on_gamepad(&mut input, GamepadControl::LEFT_TRIGGER, false);
+    input.handle(stick(left, 0.0));
+    input.handle(stick(right, 1.0));
+    assert!((turned(&input.elapse(0.05)) + full).abs() < 1e-12);
+    input.handle(stick(right, 0.0));
+    assert!(!input.is_steering() && input.elapse(0.05).is_empty());
+}
+
+#[test]
+fn a_stick_pressed_past_its_middle_makes_no_step_of_its_own() {
+    let mut input = Input::default();
+    let [left, ..] = GamepadControl::LEFT_STICK_TO;
+    assert_eq!(press_on_gamepad(&mut input, left, true), None);
+    // Bound to something that is done once, it is.
+    let mut bindings = Bindings::default();
+    bindings
+        .rebind(Trigger::Gamepad(left), Action::NextView)
+        .unwrap();
+    let mut input = Input::new(bindings);
+    let next = Some(Intent::Camera(CameraIntent::NextView));
+    assert_eq!(press_on_gamepad(&mut input, left, true), next);
+    assert!(input.elapse(0.05).is_empty());
+}
+
+#[test]
+fn a_button_of_a_gamepad_steps_at_once_and_repeats_when_held() {
+    let mut input = Input::default();
+    let up = GamepadControl::PAD[2];
+    assert!(press_on_gamepad(&mut input, up, true).is_some());
+    assert!(input.elapse(0.1).is_empty());
+    let repeated: usize = (0..10).map(|_| input.elapse(0.1).len()).sum();
+    assert!(repeated >= 6, "{repeated}");
+    assert_eq!(press_on_gamepad(&mut input, up, false), None);
+    assert!(input.elapse(0.1).is_empty());
+}
+
+#[test]
+fn a_trigger_of_a_gamepad_charges_and_strikes() {
+    let mut input = Input::default();
+    let trigger = GamepadControl::RIGHT_TRIGGER;
+    let begun = Some(Intent::Stroke(StrokeIntent::BeginCharge));
+    assert_eq!(press_on_gamepad(&mut input, trigger, true), begun);
+    let struck = Some(Intent::Stroke(StrokeIntent::Release));
+    assert_eq!(press_on_gamepad(&mut input, trigger, false), struck);
+}
+
+#[test]
+fn a_stick_carries_the_ball_in_hand_and_a_puts_it_down() {
+    let mut input = Input::default();
+    input.set_carrying(true);
+    input.handle(Event::Pointer(DVec2::new(100.0, 100.0)));
+    let [_, right, _, down] = GamepadControl::LEFT_STICK_TO;
+    input.handle(stick(right, 1.0));
+    input.handle(stick(down, 1.0));
+    let [Intent::Match(MatchIntent::Point(at))] = input.elapse(0.1)[..] else {
+        panic!("one place");
+    };
+    assert!(at.x > 100.0 && at.y > 100.0 && at.x == at.y, "{at}");
+    let put = Some(Intent::Match(MatchIntent::Put));
+    assert_eq!(press_on_gamepad(&mut input, GamepadControl::A, true), put);
+}
+
+#[test]
+fn a_window_without_focus_lets_go_of_a_gamepad() {
+    let mut input = Input::default();
+    input.handle(stick(GamepadControl::LEFT_STICK_TO[0], 1.0));
+    input.handle(Event::FocusLost);
+    assert!(!input.is_steering());
+}
