@@ -2,8 +2,7 @@
 //!
 //! `en.ftl` beside this crate's manifest holds all of them in the syntax of
 //! [Project Fluent](https://projectfluent.org/fluent/guide/), so that a translator needs that file alone. A translation
-//! is a file of the same identifiers, loaded by [`load_translation`] before the first text is asked for; what it lacks
-//! stays English.
+//! is a file of the same identifiers, loaded by [`load_translation`]; what it lacks stays English.
 //!
 //! ```
 //! use carom_text::text;
@@ -19,7 +18,7 @@
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{LazyLock, PoisonError, RwLock};
 
 pub use fluent_bundle::FluentValue;
 use fluent_bundle::concurrent::FluentBundle;
@@ -65,16 +64,12 @@ pub enum TranslationError {
         /// Its first error.
         fault: String,
     },
-    /// A translation loaded too late.
-    #[error("a translation has to be loaded before the first text is shown")]
-    TooLate,
 }
 
-/// Loads a translation, a Fluent file of UTF-8 text up to 1 MiB; to be called at most once, before any text is asked for.
+/// Loads a translation, a Fluent file of UTF-8 text up to 1 MiB, for all texts that are asked for from now on.
 ///
 /// # Errors
-///
-/// A file that cannot be read or parsed, or a call after the first text.
+/// A file that cannot be read or parsed.
 pub fn load_translation(path: &Path) -> Result<(), TranslationError> {
     let unreadable = |fault| TranslationError::Unreadable {
         path: path.to_owned(),
@@ -91,7 +86,8 @@ pub fn load_translation(path: &Path) -> Result<(), TranslationError> {
         path: path.to_owned(),
         fault,
     })?;
-    TEXTS.set(texts).map_err(|_| TranslationError::TooLate)
+    *TEXTS.write().unwrap_or_else(PoisonError::into_inner) = Some(Box::leak(Box::new(texts)));
+    Ok(())
 }
 
 /// The text of an identifier without arguments; empty for an unknown one and for one with arguments.
@@ -107,15 +103,19 @@ pub fn format<const N: usize>(id: &str, values: [(&'static str, FluentValue<'_>)
     texts().resolve(id, &args).0
 }
 
-static TEXTS: OnceLock<Texts> = OnceLock::new();
+/// Texts are never freed, so that those without arguments last as long as the program.
+static TEXTS: RwLock<Option<&'static Texts>> = RwLock::new(None);
 
 fn texts() -> &'static Texts {
-    TEXTS.get_or_init(|| Texts::new(None).expect("the English texts are valid: a test reads them"))
+    static ENGLISH: LazyLock<Texts> =
+        LazyLock::new(|| Texts::new(None).expect("the English texts are valid: a test reads them"));
+    let translated = *TEXTS.read().unwrap_or_else(PoisonError::into_inner);
+    translated.unwrap_or_else(|| &ENGLISH)
 }
 
 struct Texts {
     bundle: FluentBundle<FluentResource>,
-    /// Those without arguments, ready to be drawn; made once and never freed.
+    /// Those without arguments, ready to be drawn.
     plain: HashMap<String, &'static str>,
 }
 

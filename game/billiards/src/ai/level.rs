@@ -23,6 +23,16 @@ impl Level {
     /// All levels, weakest first.
     pub const ALL: [Self; 4] = [Self::Easy, Self::Medium, Self::Hard, Self::Expert];
 
+    /// Its name on the command line and in results.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Easy => "easy",
+            Self::Medium => "medium",
+            Self::Hard => "hard",
+            Self::Expert => "expert",
+        }
+    }
+
     /// Its name.
     pub fn display_text(self) -> &'static str {
         match self {

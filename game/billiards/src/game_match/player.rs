@@ -77,9 +77,7 @@ impl FromStr for Player {
             return Ok(Self::Computer(Level::default()));
         }
         if let Some(level) = text.strip_prefix("ai:") {
-            let level = Level::ALL
-                .into_iter()
-                .find(|known| known.display_text() == level);
+            let level = Level::ALL.into_iter().find(|known| known.key() == level);
             return level
                 .map(Self::Computer)
                 .ok_or_else(|| PlayersFault::UnknownLevel {

@@ -80,7 +80,7 @@ impl RoundRobin {
             wins[second][first] = result.players[1].wins;
             results.push(result);
         }
-        let name = |level: &Level| level.display_text().to_owned();
+        let name = |level: &Level| level.key().to_owned();
         let names = self.levels.iter().map(name);
         let ratings = names
             .zip(ratings(&wins))

@@ -125,7 +125,7 @@ impl Match {
 impl TournamentResult {
     fn new(rules: RuleSet, levels: [Level; 2]) -> Self {
         let side = |level: Level| PlayerTally {
-            name: level.display_text().to_owned(),
+            name: level.key().to_owned(),
             wins: 0,
             shots: 0,
             fouls: 0,
