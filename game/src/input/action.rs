@@ -181,18 +181,6 @@ impl Action {
     /// them, a tenth when the player wants fine ones. Nothing for actions that are held or that need
     /// the pointer.
     pub(super) fn intent(self, steps: f64) -> Option<Intent> {
-        let pitch = |sign: f64| {
-            Intent::Camera(CameraIntent::Orbit {
-                yaw_rad: 0.0,
-                pitch_rad: sign * steps * PITCH_STEP_RAD,
-            })
-        };
-        let turn = |sign: f64| {
-            Intent::Camera(CameraIntent::Orbit {
-                yaw_rad: sign * steps * YAW_STEP_RAD,
-                pitch_rad: 0.0,
-            })
-        };
         let tip = |x: f64, y: f64| {
             Intent::Aim(AimIntent::MoveTip(
                 glam::DVec2::new(x, y) * steps * TIP_STEP_RADII,
@@ -207,14 +195,6 @@ impl Action {
             Self::TipRight => tip(1.0, 0.0),
             Self::CueUp => Intent::Aim(AimIntent::Elevate(steps * ELEVATION_STEP_RAD)),
             Self::CueDown => Intent::Aim(AimIntent::Elevate(-steps * ELEVATION_STEP_RAD)),
-            Self::LookDown => pitch(1.0),
-            Self::LookUp => pitch(-1.0),
-            Self::LookLeft => turn(1.0),
-            Self::LookRight => turn(-1.0),
-            Self::ZoomIn => Intent::Camera(CameraIntent::Zoom(ZOOM_STEP.powf(-steps))),
-            Self::ZoomOut => Intent::Camera(CameraIntent::Zoom(ZOOM_STEP.powf(steps))),
-            Self::NextView => Intent::Camera(CameraIntent::NextView),
-            Self::Overhead => Intent::Camera(CameraIntent::Overhead),
             Self::SavedView(place) => Intent::App(AppIntent::RecallView(place)),
             Self::KeepView(place) => Intent::App(AppIntent::SaveView(place)),
             Self::PowerUp => Intent::Aim(AimIntent::ChangePower(steps * POWER_STEP)),
@@ -250,12 +230,38 @@ impl Action {
                     .replay_control(steps)
                     .map(|control| Intent::Replay(ReplayIntent::Control(control)));
             }
+            Self::LookDown
+            | Self::LookUp
+            | Self::LookLeft
+            | Self::LookRight
+            | Self::ZoomIn
+            | Self::ZoomOut
+            | Self::NextView
+            | Self::Overhead => return self.camera_intent(steps).map(Intent::Camera),
             Self::AimAtPointer
             | Self::Fine
             | Self::Stroke
             | Self::Charge
             | Self::Swing
             | Self::Orbit => return None,
+        })
+    }
+
+    fn camera_intent(self, steps: f64) -> Option<CameraIntent> {
+        let orbit = |yaw: f64, pitch: f64| CameraIntent::Orbit {
+            yaw_rad: yaw * steps * YAW_STEP_RAD,
+            pitch_rad: pitch * steps * PITCH_STEP_RAD,
+        };
+        Some(match self {
+            Self::LookDown => orbit(0.0, 1.0),
+            Self::LookUp => orbit(0.0, -1.0),
+            Self::LookLeft => orbit(1.0, 0.0),
+            Self::LookRight => orbit(-1.0, 0.0),
+            Self::ZoomIn => CameraIntent::Zoom(ZOOM_STEP.powf(-steps)),
+            Self::ZoomOut => CameraIntent::Zoom(ZOOM_STEP.powf(steps)),
+            Self::NextView => CameraIntent::NextView,
+            Self::Overhead => CameraIntent::Overhead,
+            _ => return None,
         })
     }
 

@@ -191,10 +191,7 @@ fn is_text(string: &str) -> bool {
     let mut initial = bare.chars();
     let is_label = initial.next().is_some_and(char::is_uppercase)
         && initial.next().is_some_and(char::is_lowercase);
-    is_label
-        || words
-            .windows(2)
-            .any(|pair| pair.iter().all(|word| is_word(word)))
+    is_label || words.windows(2).any(|pair| pair.iter().all(is_word))
 }
 
 /// Every message of the English file with the arguments that it names.
