@@ -73,7 +73,11 @@ pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> any
         session.view(recording);
     }
     let applied = settings.settings.clone();
-    let mut shell = AppShell::new(settings, Playback::new(SoundOutput::of_system()));
+    let playback = Playback::new(SoundOutput::of_system());
+    if playback.is_silent() {
+        notes.push(playback.state());
+    }
+    let mut shell = AppShell::new(settings, playback);
     for note in notes {
         shell.notify(note, 0.0);
     }

@@ -151,6 +151,11 @@ impl Playback {
         }
     }
 
+    /// Whether there is nothing that could play a sound.
+    pub fn is_silent(&self) -> bool {
+        self.requests.is_none()
+    }
+
     /// How sound is played, or why there is none: a sentence for the settings.
     pub fn state(&self) -> String {
         self.state
@@ -363,6 +368,6 @@ mod tests {
         let speaker = Playback::new(None);
         speaker.play(Instant::now(), 1.0, sound);
         speaker.stop();
-        assert!(speaker.state().contains("apt install alsa-utils"));
+        assert!(speaker.is_silent() && speaker.state().contains("apt install alsa-utils"));
     }
 }

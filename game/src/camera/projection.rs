@@ -59,6 +59,14 @@ impl Projection {
         (depth > NEAR_M).then(|| self.focal / depth)
     }
 
+    /// Whether a sphere hides a point: it stands before it, or around it.
+    pub fn is_hidden(&self, p: DVec3, center: DVec3, radius_m: f64) -> bool {
+        let way = p - self.basis.eye;
+        let along = (center - self.basis.eye).dot(way) / way.length_squared();
+        let nearest = self.basis.eye + way * along.min(1.0);
+        along > 0.0 && nearest.distance_squared(center) < radius_m * radius_m
+    }
+
     /// The point at height `z` metres that is seen at `film`; nothing above the horizon.
     pub fn world_from_film(&self, film: DVec2, z: f64) -> Option<DVec3> {
         let offset = (film - 0.5 * self.film) / self.focal;
@@ -102,6 +110,26 @@ mod tests {
                 film.distance(DVec2::new(x, y)) < 2e-3,
                 "{film} for {x}, {y}"
             );
+        }
+    }
+
+    #[test]
+    fn a_sphere_hides_what_is_behind_and_in_it() {
+        let projection = Projection::new(&view().camera(), 640.0, 360.0);
+        let at = |distance_m: f64, aside_m: f64| {
+            let basis = &projection.basis;
+            basis.eye + distance_m * basis.forward + aside_m * basis.right
+        };
+        let center = at(2.0, 0.0);
+        for (p, hidden) in [
+            (at(1.0, 0.0), false),
+            (at(1.95, 0.0), true),
+            (at(3.0, 0.0), true),
+            (at(3.0, 0.14), true),
+            (at(3.0, 0.16), false),
+            (at(-3.0, 0.0), false),
+        ] {
+            assert_eq!(projection.is_hidden(p, center, 0.1), hidden, "{p}");
         }
     }
 

@@ -347,6 +347,11 @@ impl Game {
         }
     }
 
+    /// The view that is chosen.
+    pub fn view(&self) -> CameraView {
+        self.views.view()
+    }
+
     /// Turns the camera, or chooses another view.
     pub fn look(&mut self, intent: CameraIntent, now_secs: f64) {
         let moment_secs = match &self.phase {

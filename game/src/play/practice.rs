@@ -15,7 +15,7 @@ use crate::{PracticeFault, Result};
 /// A command of the practice page.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PracticeCommand {
-    /// Clip a ball into the hand at this place of the table, m.
+    /// Take the ball at this place of the table, m, into the hand.
     Grab(DVec2),
     /// Move it there.
     Drag(DVec2),
@@ -23,7 +23,7 @@ pub enum PracticeCommand {
     LetGo,
     /// Put another ball on the table.
     Add(u8),
-    /// Clip one off it.
+    /// Take one off it.
     TakeAway(u8),
     /// Save the layout as a file.
     Save,

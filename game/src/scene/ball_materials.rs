@@ -27,11 +27,7 @@ impl BallSet {
     /// have no numbers and no stripes.
     pub fn material(self, rules: RuleSet, number: u8) -> Material {
         let is_numbered = !matches!(rules, RuleSet::Snooker | RuleSet::ThreeCushion);
-        let colour = match rules {
-            RuleSet::Snooker => snooker_colour(number),
-            RuleSet::ThreeCushion => carom_colour(number),
-            _ => colour(number),
-        };
+        let colour = ball_colour(rules, number);
         let is_striped = is_numbered && number > 8;
         let number = if is_numbered { number } else { 0 };
         match self {
@@ -109,6 +105,15 @@ fn tinted_metal(colour: Vec3, alpha: f32) -> Material {
         eta: Vec3::ONE,
         k,
         alpha,
+    }
+}
+
+/// Albedo of a ball's own colour in a game, linear Rec. 709; 0 is the cue ball.
+pub fn ball_colour(rules: RuleSet, number: u8) -> Vec3 {
+    match rules {
+        RuleSet::Snooker => snooker_colour(number),
+        RuleSet::ThreeCushion => carom_colour(number),
+        _ => colour(number),
     }
 }
 

@@ -1,12 +1,13 @@
 //! Aim line and ghost ball, projected into the picture by the current camera.
 
 use carom_billiards::physics::{AimContact, AimLine};
-use carom_billiards::rules::{PlacementArea, TableLayout};
-use egui::{Color32, Painter, Pos2, Rect, Stroke};
-use glam::{DVec2, DVec3};
+use carom_billiards::rules::{PlacementArea, RuleSet, TableLayout};
+use egui::{Color32, Painter, Pos2, Rect, Rgba, Stroke};
+use glam::{DVec2, DVec3, Vec3};
 
 use crate::camera::Projection;
 use crate::play::{AimAids, BallPath, ShotPreview};
+use crate::scene::ball_materials::ball_colour;
 
 /// Draws into `screen`, the window in points, which the projection's film covers.
 #[derive(Clone, Copy)]
@@ -19,6 +20,18 @@ pub struct AimOverlay<'a> {
     pub projection: &'a Projection,
     /// Radius of a ball, metres.
     pub ball_radius_m: f64,
+    /// The game, which colours the balls.
+    pub rules: RuleSet,
+    /// Balls that hide the ways behind them: centres and radii, metres.
+    pub balls: &'a [(DVec3, f64)],
+}
+
+/// A piece of a ball's way that is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct WayPiece {
+    ends: [DVec3; 2],
+    /// How far the ball is on its way, 0 to 1.
+    share: f64,
 }
 
 impl AimOverlay<'_> {
@@ -35,13 +48,15 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// A ball's way to where it rests, ringed, or to its pocket, crossed.
+    /// A ball's way in the ball's colour, fading, to where it rests, ringed, or to its pocket, crossed.
     fn whole_way(&self, way: &BallPath) {
-        let (color, width) = match way.number {
-            0 => (GUIDE, 1.8),
-            _ => (OBJECT, 1.4),
-        };
-        self.path(&way.path, Stroke::new(width, color));
+        let width = if way.number == 0 { 1.8 } else { 1.6 };
+        for piece in self.seen_pieces(way) {
+            let color = way_color(self.rules, way.number, piece.share);
+            let [from, to] = piece.ends;
+            self.segment(from, to, Stroke::new(width, color));
+        }
+        let color = way_color(self.rules, way.number, 0.5);
         let Some(end) = way.path.last() else {
             return;
         };
@@ -62,11 +77,33 @@ impl AimOverlay<'_> {
         }
     }
 
+    /// The pieces of a way that no ball hides.
+    fn seen_pieces(&self, way: &BallPath) -> Vec<WayPiece> {
+        let lengths = way.path.windows(2).map(|pair| pair[0].distance(pair[1]));
+        let whole_m: f64 = lengths.sum();
+        let mut gone_m = 0.0;
+        let mut pieces = Vec::with_capacity(way.path.len());
+        for pair in way.path.windows(2) {
+            let middle = 0.5 * (pair[0] + pair[1]);
+            let share = gone_m / whole_m.max(f64::MIN_POSITIVE);
+            gone_m += pair[0].distance(pair[1]);
+            let hides = |(center, radius_m): &(DVec3, f64)| {
+                self.projection.is_hidden(middle, *center, *radius_m)
+            };
+            if !self.balls.iter().any(hides) {
+                let ends = [pair[0], pair[1]];
+                pieces.push(WayPiece { ends, share });
+            }
+        }
+        pieces
+    }
+
     /// What the cue ball meets, and where both go from there.
     fn contact(&self, line: &AimLine, aids: AimAids) {
         let ways = aids == AimAids::Ghost;
         match line.contact {
             AimContact::Ball {
+                number,
                 ghost,
                 object,
                 object_direction,
@@ -75,7 +112,7 @@ impl AimOverlay<'_> {
             } => {
                 self.ball(ghost);
                 if ways {
-                    let stroke = Stroke::new(2.0, OBJECT);
+                    let stroke = Stroke::new(2.0, way_color(self.rules, number, 0.0));
                     self.way(object, object_direction, OBJECT_WAY_M, stroke);
                     self.way(ghost, cue_direction, CUE_WAY_M, Stroke::new(1.6, GUIDE));
                 }
@@ -216,6 +253,19 @@ impl AimOverlay<'_> {
     }
 }
 
+/// The colour of a ball's way after a share of it: the ball's own, light enough for the cloth, and fading.
+fn way_color(rules: RuleSet, number: u8, share: f64) -> Color32 {
+    let [r, g, b] = ball_colour(rules, number)
+        .lerp(Vec3::ONE, WHITENED)
+        .to_array();
+    let alpha = 1.0 - FADED * share as f32;
+    Rgba::from_rgb(r, g, b).multiply(alpha).into()
+}
+
+/// How much white is mixed into the colour of a way: the 8's black and the 2's blue would not be seen.
+const WHITENED: f32 = 0.2;
+/// How much of a way's colour is gone at its end.
+const FADED: f32 = 0.75;
 const ARC: u32 = 24;
 const LEGAL: Color32 = Color32::from_rgb(120, 230, 160);
 const LEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(20, 60, 35, 90);
@@ -228,5 +278,65 @@ const OBJECT_WAY_M: f64 = 0.35;
 const CUE_WAY_M: f64 = 0.2;
 const FILM_MAX: f64 = 20_000.0;
 const GUIDE: Color32 = Color32::from_rgba_premultiplied(200, 200, 195, 200);
-const OBJECT: Color32 = Color32::from_rgba_premultiplied(220, 185, 80, 220);
 const GHOST: Color32 = Color32::from_rgba_premultiplied(40, 40, 40, 40);
+
+#[cfg(test)]
+mod tests {
+    use carom_tracer::{Camera, Lens};
+    use egui::{Context, LayerId};
+
+    use super::*;
+
+    /// What is drawn of a way along x at y = 0, seen from the side, with a ball of 0.1 m at `center`.
+    fn pieces(center: DVec3) -> Vec<WayPiece> {
+        let camera = Camera {
+            eye: Vec3::new(0.0, -3.0, 0.0),
+            target: Vec3::ZERO,
+            up: Vec3::Z,
+            fov_x_deg: 60.0,
+            lens: Lens::default(),
+        };
+        let painter = Painter::new(Context::default(), LayerId::background(), Rect::EVERYTHING);
+        let overlay = AimOverlay {
+            painter: &painter,
+            screen: Rect::EVERYTHING,
+            projection: &Projection::new(&camera, 640.0, 360.0),
+            ball_radius_m: 0.1,
+            rules: RuleSet::Eight,
+            balls: &[(center, 0.1)],
+        };
+        overlay.seen_pieces(&BallPath {
+            number: 3,
+            path: (0..=100)
+                .map(|i| DVec3::X * (0.01 * f64::from(i)))
+                .collect(),
+            stays: true,
+        })
+    }
+
+    #[test]
+    fn ways_are_hidden_behind_balls() {
+        let seen = pieces(DVec3::new(0.5, -0.001, 0.0));
+        let xs = seen.iter().map(|piece| piece.ends[0].x);
+        let hidden = 100 - xs.clone().count();
+        assert!((19..=21).contains(&hidden), "{hidden}");
+        assert!(xs.clone().all(|x| (x - 0.495).abs() > 0.09));
+        assert_eq!(
+            pieces(DVec3::new(0.5, 1.0, 0.0)).len(),
+            100,
+            "a ball behind the way"
+        );
+    }
+
+    #[test]
+    fn ways_have_the_colours_of_their_balls_and_fade() {
+        let seen = pieces(DVec3::Z);
+        assert!(seen.is_sorted_by(|a, b| a.share < b.share) && seen[99].share > 0.98);
+        let alpha = |share| way_color(RuleSet::Eight, 3, share).a();
+        assert!(alpha(0.0) == 255 && alpha(1.0) < 80 && alpha(0.5) < alpha(0.2));
+        let solids: Vec<_> = (0..=8).map(|n| way_color(RuleSet::Eight, n, 0.0)).collect();
+        for (i, color) in solids.iter().enumerate() {
+            assert!(!solids[..i].contains(color), "{i}");
+        }
+    }
+}

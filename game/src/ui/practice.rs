@@ -22,15 +22,22 @@ pub fn panel(
         let mut command = None;
         theme::frame().show(ui, |ui| {
             ui.set_width(ui.available_width().min(WIDTH));
-            ui.label(match practice.held().and_then(|held| held.fault) {
+            let words = match practice.held().and_then(|held| held.fault) {
                 Some(fault) => fault.to_string(),
                 None => text!("practice-how").to_owned(),
+            };
+            ui.horizontal_wrapped(|ui| {
+                ui.label(RichText::new(text!("menu-practice-table")).strong());
+                ui.label(words);
             });
             let lying = practice.numbers();
             ui.horizontal_wrapped(|ui| {
+                // All in a row, where the window is wide enough.
+                ui.spacing_mut().item_spacing.x = 4.0;
+                ui.spacing_mut().button_padding.x = 8.0;
                 for number in 0..=NUMBER_MAX {
                     let is_there = lying.contains(&number);
-                    if ui.selectable_label(is_there, words(number)).clicked() {
+                    if ui.selectable_label(is_there, ball_words(number)).clicked() {
                         command = Some(if is_there {
                             PracticeCommand::TakeAway(number)
                         } else {
@@ -113,7 +120,7 @@ pub fn ring(overlay: &AimOverlay<'_>, practice: &Practice) {
         .text(above, Align2::CENTER_BOTTOM, sign, font, color);
 }
 
-fn words(number: u8) -> String {
+fn ball_words(number: u8) -> String {
     match number {
         0 => text!("practice-cue-ball").to_owned(),
         number => number.to_string(),

@@ -1,6 +1,7 @@
 //! The session's interface over the picture: the cue and its aim, pages, sentences, statistics.
 
 use carom_billiards::physics::BallBody;
+use carom_billiards::rules::RuleSet;
 use carom_text::text;
 use egui::{LayerId, Painter, Rect};
 
@@ -72,6 +73,8 @@ impl GameSession {
                     screen,
                     projection: &projection,
                     ball_radius_m: BallBody::default().radius_m,
+                    rules: RuleSet::Free,
+                    balls: &[],
                 };
                 ui::practice::ring(&overlay, practice);
                 let command = ui::practice::panel(ctx, layout, practice, modes.files());
@@ -101,7 +104,19 @@ impl GameSession {
         let camera = self.viewpoint(now_secs).camera_in(self.game.table());
         let film = self.game.framing().film;
         let projection = Projection::new(&camera, film.x, film.y);
+        let table = self.game.table();
+        let radius_m = |number: u8| match number {
+            0 => table.cue_ball().radius_m,
+            _ => table.ball().radius_m,
+        };
+        let balls = self.game.contest().world().balls();
+        let balls: Vec<_> = balls
+            .iter()
+            .map(|ball| (ball.position, radius_m(ball.number)))
+            .collect();
         let overlay = ui::aim::AimOverlay {
+            rules: self.game.contest().referee().rules(),
+            balls: &balls,
             painter,
             screen: self.screen(),
             projection: &projection,

@@ -54,6 +54,10 @@ pub struct GameSession {
     /// The window.
     pixels: ImageSize,
     last_advance_secs: f64,
+    /// Whether a table was being laid when the simulation was last advanced.
+    was_practising: bool,
+    /// Whether that is why it is seen from above.
+    is_raised_for_practice: bool,
     /// Since when play stands still, and how long it has before.
     paused_secs: Option<f64>,
     lost_secs: f64,
@@ -88,6 +92,8 @@ impl GameSession {
             table_scene,
             pixels: ImageSize::new(0, 0),
             last_advance_secs: 0.0,
+            was_practising: false,
+            is_raised_for_practice: false,
             paused_secs: None,
             lost_secs: 0.0,
             draw_secs: 0.0,

@@ -4,7 +4,8 @@ use carom_text::text;
 use carom_tracer::SceneUpdate;
 
 use super::GameSession;
-use crate::app::mode::{ModeView, ViewTime};
+use crate::app::mode::{Mode, ModeView, ViewTime};
+use crate::camera::{CameraIntent, CameraView};
 use crate::display::DisplayFrame;
 use crate::frame::pipeline::FinishedFrame;
 use crate::frame::scheduler::ViewTarget;
@@ -21,6 +22,7 @@ impl GameSession {
         self.last_advance_secs = now_secs;
         self.game.tick(now_secs, dt_secs);
         self.modes.tick(now_secs);
+        self.raise_for_practice(now_secs);
         self.is_dirty |= self.is_moving();
         if self.was_thinking != self.game.is_thinking() {
             self.was_thinking = self.game.is_thinking();
@@ -28,6 +30,24 @@ impl GameSession {
         }
         self.record_shot();
         self.autosave.update(self.game.contest());
+    }
+
+    /// Shows a table that is being laid from above: behind the cue half of it is out of sight.
+    fn raise_for_practice(&mut self, now_secs: f64) {
+        let is_practising = matches!(self.modes.mode(), Mode::Practice(_));
+        if is_practising == self.was_practising {
+            return;
+        }
+        self.was_practising = is_practising;
+        let from = match is_practising {
+            true => CameraView::Shooter,
+            false => CameraView::Overhead,
+        };
+        let turns = self.game.view() == from && (is_practising || self.is_raised_for_practice);
+        self.is_raised_for_practice = is_practising && turns;
+        if turns {
+            self.game.look(CameraIntent::Overhead, now_secs);
+        }
     }
 
     /// Keeps the shot that is played for the first time.

@@ -1,6 +1,7 @@
 use carom_farm::LocalNode;
 
 use super::*;
+use crate::camera::CameraView;
 use crate::play::free_table;
 
 fn session() -> GameSession {
@@ -54,4 +55,22 @@ fn a_resolution_is_a_share_of_the_window_and_of_nothing_else() {
     session.set_resolution(Resolution::Half);
     session.resize(ImageSize::new(0, 0));
     assert_eq!(session.pipeline.scheduler().sharpest().pixels(), 0);
+}
+
+#[test]
+fn a_table_that_is_laid_is_seen_from_above_and_the_game_as_before() {
+    let mut session = session();
+    for (first, laid) in [
+        (CameraView::Shooter, CameraView::Overhead),
+        (CameraView::Follow, CameraView::Follow),
+    ] {
+        while session.game.view() != first {
+            session.look(CameraIntent::NextView, 0.0);
+        }
+        for expected in [laid, first] {
+            session.practice(PracticeIntent::Toggle);
+            session.advance_simulation(0.1);
+            assert_eq!(session.game.view(), expected);
+        }
+    }
 }
