@@ -3,7 +3,7 @@
 use super::{Action, BindingContext, Trigger};
 
 /// A button of a gamepad, or a direction of one of its sticks: its label as settings and help show it, one of
-/// those of [`GamepadControl::all`]. Buttons are named as on an Xbox controller, whatever is printed on them.
+/// [`GamepadControl::all`]. Buttons are named as on an Xbox controller, whatever is printed on them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct GamepadControl(&'static str);
 
