@@ -550,17 +550,15 @@ impl Game {
     }
 
     fn aim_view(&self) -> Viewpoint {
-        let is_placing = matches!(self.phase, TurnPhase::Placing(_));
+        // Nobody aims while the cue ball is put down, and once the match is over.
+        let is_wide =
+            matches!(self.phase, TurnPhase::Placing(_)) || self.contest.at_table().is_none();
         self.views.viewpoint(&ViewContext {
             table: self.table(),
-            ball: self.cue_ball().filter(|_| !is_placing),
-            bearing_rad: if is_placing {
-                0.0
-            } else {
-                self.aim.bearing_rad
-            },
+            ball: self.cue_ball().filter(|_| !is_wide),
+            bearing_rad: if is_wide { 0.0 } else { self.aim.bearing_rad },
             pocket: self.pocket_ahead(),
-            is_wide: is_placing,
+            is_wide,
             framing: self.framing,
         })
     }

@@ -576,3 +576,30 @@ fn a_person_is_advised_and_can_let_the_computer_play() {
     }
     assert_eq!(game.contest().turns().len(), 1);
 }
+
+#[test]
+fn the_whole_table_is_seen_once_a_match_is_over() {
+    let players = Player::list("Ada").unwrap();
+    let config = MatchConfig::new(RuleSet::SpotShots, players, 3).unwrap();
+    let mut game = Game::of(
+        Match::new(MatchConfig {
+            target: 1,
+            ..config
+        })
+        .unwrap(),
+    );
+    strike(&mut game, 0.05, 0.0);
+    let mut now = watch(&mut game, 0.0);
+    assert!(game.contest().at_table().is_none(), "a miss ends the drill");
+    for _ in 0..100 {
+        now += 0.1;
+        game.tick(now, 0.1);
+    }
+    let seen = game.viewpoint(0.0);
+    let wanted = Viewpoint::overview(game.table(), 0.0).framed(&game.framing());
+    assert!(seen.focus.distance(wanted.focus) < 0.01, "{seen:?}");
+    assert!(
+        (seen.distance_m - wanted.distance_m).abs() < 0.05,
+        "{seen:?}"
+    );
+}
