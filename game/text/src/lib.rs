@@ -132,10 +132,12 @@ impl Texts {
             .into_iter()
             .flatten()
         {
-            let resource = FluentResource::try_new(source).map_err(|(_, faults)| {
-                faults
-                    .first()
-                    .map_or_else(String::new, |fault| fault.to_string())
+            let resource = FluentResource::try_new(source).map_err(|(resource, faults)| {
+                let told = faults.first().map(|fault| {
+                    let before = resource.source().get(..fault.pos.start).unwrap_or_default();
+                    format!("line {}: {fault}", 1 + before.matches('\n').count())
+                });
+                told.unwrap_or_default()
             })?;
             for entry in resource.entries() {
                 if let ast::Entry::Message(message) = entry {
@@ -199,9 +201,12 @@ mod tests {
                 .to_string()
         };
         assert!(refusal(&path).contains("de.ftl"));
-        fs::write(&path, "menu quit = Beenden").expect("a file");
+        fs::write(&path, "menu-back = Zurück\nmenu quit = Beenden").expect("a file");
         let said = refusal(&path);
-        assert!(said.contains("de.ftl") && said.contains("syntax"), "{said}");
+        assert!(
+            said.contains("de.ftl") && said.contains("syntax: line 2"),
+            "{said}"
+        );
         fs::write(&path, vec![b'#'; TRANSLATION_MAX as usize + 1]).expect("a file");
         assert!(refusal(&path).contains("1048577 bytes"));
     }
