@@ -386,7 +386,9 @@ impl AppShell {
             self.input = Input::new(self.store.settings.bindings.clone());
         }
         self.input.set_mouse(self.store.settings.mouse);
-        session.set_paused(self.menu.page().is_some(), now_secs);
+        // Under the result card the camera goes on to the whole table.
+        let pauses = self.menu.page().is_some_and(|page| page != Page::Result);
+        session.set_paused(pauses, now_secs);
         self.steer(session, now_secs);
         let is_over = session.is_over();
         if is_over && !self.has_result {
