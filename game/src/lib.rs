@@ -19,6 +19,7 @@ pub mod display;
 mod error;
 pub mod frame;
 pub mod input;
+pub mod particles;
 pub mod play;
 pub mod scene;
 pub mod settings;

@@ -320,6 +320,8 @@ mod tests {
             pockets: PocketSize::Tight,
             table_speed: TableSpeed::Fast,
             physics: "rapier-240".parse().unwrap(),
+            particle_precision: carom_billiards::physics::ParticlePrecision::Fine,
+            particles: crate::particles::ParticleDetail::All,
             quality: crate::frame::quality::QualityPreference::Fine,
             resolution: crate::frame::quality::Resolution::Half,
             threads: 3,

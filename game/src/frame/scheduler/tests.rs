@@ -24,6 +24,7 @@ fn scene_at(x: f64) -> SceneUpdate {
     SceneUpdate {
         camera: Some(camera),
         poses: Vec::new(),
+        ..SceneUpdate::default()
     }
 }
 
