@@ -67,6 +67,7 @@ mod node_status;
 pub mod pacing;
 mod picture;
 pub mod prelude;
+pub mod quality;
 mod stats;
 mod still;
 mod submission;

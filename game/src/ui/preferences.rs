@@ -211,10 +211,10 @@ mod tests {
     use carom_billiards::physics::{PocketSize, TableSpeed};
 
     use super::*;
-    use crate::frame::quality::{QualityPreference, Resolution};
     use crate::play::{AimAids, BallMarks};
     use crate::scene::ball_materials::BallSet;
     use crate::scene::table_style::{Brightness, ClothColour, CueStyle};
+    use carom_farm::quality::{QualityPreference, Resolution};
 
     /// The sentence of each choice is that of the command line.
     fn check<T: ValueEnum>(key: &str) {

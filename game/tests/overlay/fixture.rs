@@ -1,9 +1,9 @@
 //! A farm of five nodes that never was: three hundred pictures, first divided in equal parts, then by
 //! the nodes' speeds; the last node is lost.
 
-use carom::frame::quality::{QUALITY_LEVELS, QualityPreference};
 use carom::ui::stats::frame_record::FrameSample;
 use carom::ui::stats::{Stats, StatsInput, StatsLevel};
+use carom_farm::quality::{QUALITY_LEVELS, QualityPreference};
 use carom_farm::{
     Algorithm, Balancing, Delivery, Distribution, FrameStats, LatencySplit, NodeIndex, NodeInfo,
     NodeState, NodeStatus,

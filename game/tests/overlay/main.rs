@@ -8,9 +8,9 @@ mod pictures;
 
 use std::collections::BTreeSet;
 
-use carom::frame::quality::QualityPreference;
 use carom::ui::stats::{Stats, StatsCommand, StatsLevel};
 use carom::ui::theme;
+use carom_farm::quality::QualityPreference;
 use carom_farm::{Algorithm, Distribution};
 use egui::accesskit::Role;
 use egui::{Pos2, Rect, Vec2};

@@ -1,6 +1,7 @@
 //! The bench of the statistics overlay: CPU time of a redraw with 64 nodes and 8,160 tiles.
 
 use anyhow::Context as _;
+use carom_farm::quality::{QUALITY_LEVELS, QualityPreference};
 use carom_farm::{Balancing, Distribution, Frame};
 use carom_testkit::simulator::{FarmPlan, NetworkConditions, NodePlan, SimulationReport, run};
 use carom_tracer::ImageSize;
@@ -10,7 +11,6 @@ use egui::{Context, LayerId, Pos2, RawInput, Rect, Vec2};
 use serde::Serialize;
 
 use crate::timing::{median, ms_since};
-use carom::frame::quality::{QUALITY_LEVELS, QualityPreference};
 use carom::ui::stats::frame_record::FrameSample;
 use carom::ui::stats::maps::{MapKind, Maps};
 use carom::ui::stats::{Stats, StatsInput, StatsLevel, gantt};

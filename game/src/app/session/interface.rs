@@ -2,6 +2,7 @@
 
 use carom_billiards::physics::BallBody;
 use carom_billiards::rules::RuleSet;
+use carom_farm::quality::QUALITY_LEVELS;
 use carom_text::text;
 use egui::{LayerId, Painter, Rect};
 
@@ -11,7 +12,6 @@ use crate::app::mode::Mode;
 use crate::camera::Projection;
 use crate::capture::replay::ReplayCommand;
 use crate::frame::farm_startup::FarmState;
-use crate::frame::quality::QUALITY_LEVELS;
 use crate::input::Bindings;
 use crate::play::BallMarks;
 use crate::ui;

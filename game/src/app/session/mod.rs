@@ -9,6 +9,7 @@ use std::path::PathBuf;
 
 use carom_billiards::game_match::Match;
 use carom_billiards::physics::{Engine, Recording, Shot};
+use carom_farm::quality::{QualityPreference, Resolution};
 use carom_farm::{Balancing, Distribution, FarmConfig, NodeStatus};
 use carom_text::text;
 use carom_tracer::ImageSize;
@@ -25,7 +26,6 @@ use crate::capture::video::replay_film::{self, ReplayFilm};
 use crate::frame::farm_startup::FarmState;
 use crate::frame::opening_still::OpeningStill;
 use crate::frame::pipeline::FramePipeline;
-use crate::frame::quality::{QualityPreference, Resolution};
 use crate::input::{AimIntent, MatchIntent, PracticeIntent, ReplayIntent, StrokeIntent};
 use crate::play::{AimAids, BallMarks, CueView, Game, ShotClock};
 use crate::scene::table_scene::TableScene;

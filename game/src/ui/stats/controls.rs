@@ -1,6 +1,7 @@
 //! Controls beside the running charts: how pictures are divided, which map is over the picture,
 //! and whether the charts stand still.
 
+use carom_farm::quality::{QUALITY_LEVELS, QualityPreference};
 use carom_farm::{Algorithm, Balancing, Distribution};
 use carom_text::text;
 use egui::{ComboBox, Ui};
@@ -10,7 +11,6 @@ use super::maps::MapKind;
 use super::recorder::Recorder;
 use super::value_label::{figure, ms, percent};
 use super::{Stats, StatsCommand, StatsInput, StatsLevel, palette};
-use crate::frame::quality::{QUALITY_LEVELS, QualityPreference};
 use crate::ui::theme;
 
 /// Algorithm, map, freeze, and what the recording does.

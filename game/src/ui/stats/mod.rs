@@ -31,6 +31,7 @@ mod value_label;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use carom_farm::quality::{QUALITY_LEVELS, QualityLevel, QualityPreference};
 use carom_farm::{Balancing, Distribution, NodeStatus};
 use carom_tracer::ImageSize;
 use egui::{Context, Rect};
@@ -41,7 +42,6 @@ use self::history::History;
 use self::maps::Maps;
 use self::recorder::Recorder;
 use self::summary::StatsSummary;
-use crate::frame::quality::{QUALITY_LEVELS, QualityLevel, QualityPreference};
 
 /// How much is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]

@@ -2,13 +2,13 @@
 //! time.
 
 use carom_tracer::{ImageSize, RenderSettings};
-use clap::ValueEnum;
 
 /// What is given up first where the farm cannot make frames that are both many and fine.
 ///
 /// Twice the time for a frame is twice the samples, and four times the samples of a pixel have 7 times
 /// less squared error (relMSE 1.7e-3 at 4, 2.4e-4 at 16: `carom-farm compare` prints it).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum QualityPreference {
     /// 60 frames a second where 426x240 pixels allow it
     Smooth,
@@ -20,7 +20,8 @@ pub enum QualityPreference {
 }
 
 /// Pixels of the sharpest picture that is traced, along an edge of the window.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Resolution {
     /// Half of the window's along each edge: a quarter of the work, soft edges
     Half,
@@ -268,8 +269,8 @@ const fn denoised(scale: f64, samples: u32) -> QualityLevel {
 /// What the denoiser takes of a processor for a pixel, in paths; a GPU's is learned.
 const FILTER_PATHS: f64 = 2.0;
 
-/// Where the farm cannot keep [`SMOOTH_PERIOD_SECS`]: in between, pictures are moved by
-/// [`crate::frame::reprojection`].
+/// Where the farm cannot keep [`SMOOTH_PERIOD_SECS`]: in between, an application can move pictures by
+/// [`carom_tracer::reproject`].
 pub const STEADY_PERIOD_SECS: f64 = 1.0 / 30.0;
 /// For those who would rather see fewer and finer ones.
 const FINE_PERIOD_SECS: f64 = 1.0 / 15.0;
