@@ -4,9 +4,9 @@ use std::process::ExitCode;
 
 use carom::args::{Args, Command};
 use carom::capture::headless;
-use carom::display::Present;
 use carom::{app, audio};
 use carom_farm::FarmConfig;
+use carom_window::display::Present;
 use clap::Parser as _;
 use mimalloc::MiMalloc;
 

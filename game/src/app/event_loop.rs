@@ -11,6 +11,8 @@ use carom_billiards::rules::RuleSet;
 use carom_farm::FarmConfig;
 use carom_text::text;
 use carom_tracer::ImageSize;
+use carom_window::display::Present;
+use carom_window::theme;
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalSize};
 use winit::event::WindowEvent;
@@ -27,12 +29,10 @@ use crate::args::Args;
 use crate::audio::Playback;
 use crate::audio::playback::SoundOutput;
 use crate::capture::ShotRecorder;
-use crate::display::Present;
 use crate::input::Event;
 use crate::play;
 use crate::scene::table_scene::TableScene;
 use crate::settings::{Settings, SettingsStore};
-use crate::ui;
 
 /// Plays in a window until it is closed.
 ///
@@ -329,7 +329,7 @@ impl App {
 
     fn follow_size(&mut self, screen: &Screen) {
         let pixels = screen.window.inner_size();
-        ui::theme::set_scale(&screen.egui, screen.text_scale(self.shell.settings()));
+        theme::set_scale(&screen.egui, screen.text_scale(self.shell.settings()));
         self.session
             .resize(ImageSize::new(pixels.width, pixels.height));
     }

@@ -3,16 +3,17 @@
 use std::sync::Arc;
 
 use anyhow::anyhow;
+use carom_window::display::{Display, Present, UiFrame};
+use carom_window::input_batches::passes;
+use carom_window::theme;
 use egui_winit::State as EguiState;
 use winit::event_loop::ActiveEventLoop;
 use winit::window::Window;
 
 use crate::app::app_shell::AppShell;
 use crate::app::session::GameSession;
-use crate::display::{Display, Present, UiFrame};
 use crate::input::Event;
 use crate::settings::Settings;
-use crate::ui::{self, input_batches::passes};
 
 /// An open window, and egui's state, whose textures live in the display.
 pub(super) struct Screen {
@@ -69,7 +70,7 @@ impl Screen {
 
     /// Looks as the settings want it.
     pub(super) fn apply_theme(&self, settings: &Settings) {
-        ui::theme::apply(
+        theme::apply(
             &self.egui,
             self.text_scale(settings),
             settings.reduced_motion,
@@ -81,7 +82,7 @@ impl Screen {
         let size = self.window.inner_size();
         let points = egui::vec2(size.width as f32, size.height as f32);
         let points = points / self.window.scale_factor() as f32;
-        ui::theme::fitting_scale(settings.text_scale as f32, points)
+        theme::fitting_scale(settings.text_scale as f32, points)
     }
 
     /// Gives a page a press of a key, as a gamepad means it.

@@ -1,12 +1,13 @@
 //! The page over a table that is being laid: balls follow the pointer, others come and go.
 
 use carom_text::text;
+use carom_window::theme;
 use egui::{Align2, Color32, Context, FontId, RichText, Stroke};
 use glam::{DVec2, DVec3};
 
 use super::aim::AimOverlay;
 use super::layout::Layout;
-use super::{replay, theme};
+use super::replay;
 use crate::camera::Projection;
 use crate::capture::SavedRecording;
 use crate::play::practice::{Practice, PracticeCommand};

@@ -4,11 +4,11 @@ use std::thread::available_parallelism;
 
 use carom_billiards::physics::Engine;
 use carom_text::text;
+use carom_window::theme;
 use clap::ValueEnum;
 use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
 use super::page::{MenuInput, Page};
-use super::theme;
 use crate::input::MouseSettings;
 use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table};
 

@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
+use carom_window::theme;
 use egui::{Align2, Context, ScrollArea};
 
 use super::layout::Layout;
-use super::theme;
 
 /// The sentences on show.
 #[derive(Clone, Debug, Default)]

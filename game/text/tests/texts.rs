@@ -10,7 +10,7 @@ use fluent_syntax::ast::{
 use proc_macro2::{Delimiter, Group, TokenStream, TokenTree};
 
 /// Where the texts of the interface are shown from.
-const SHOWN_BY: [&str; 2] = ["src", "billiards/src"];
+const SHOWN_BY: [&str; 3] = ["src", "billiards/src", "../farm/window/src"];
 
 /// Files whose sentences no window shows, each with what reads them.
 const NOT_SHOWN: &[(&str, &str)] = &[

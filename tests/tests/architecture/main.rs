@@ -89,13 +89,22 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         ],
     ),
     (
-        &["winit", "egui", "egui_winit", "egui_wgpu", "softbuffer"],
+        &["winit", "egui", "egui_winit"],
         &[
+            "farm/window/",
             "game/src/",
             "game/tests/",
             "game/examples/",
             "farm/examples/",
             "tests/bench/",
+        ],
+    ),
+    (
+        &["egui_wgpu", "softbuffer"],
+        &[
+            "farm/window/src/display/",
+            "farm/window/tests/",
+            "farm/examples/",
         ],
     ),
     (&["gilrs"], &["game/src/app/gamepads.rs"]),
@@ -107,9 +116,8 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         &["wgpu"],
         &[
             "tracer/src/gpu/",
-            "game/src/",
-            "game/tests/",
-            "tests/bench/",
+            "farm/window/src/display/",
+            "farm/window/tests/",
         ],
     ),
     (
@@ -139,6 +147,10 @@ const LAYERS: &[(&[&str], &[&str])] = &[
     (&["carom_billiards"], &["game/", "tests/"]),
     (&["carom_mpm"], &["game/", "tests/"]),
     (&["carom_protocol"], &["protocol/", "farm/", "tests/"]),
+    (
+        &["carom_window"],
+        &["farm/window/", "game/", "tests/bench/"],
+    ),
     (
         &["carom::"],
         &["game/src/", "game/tests/", "game/examples/", "tests/bench/"],
@@ -207,6 +219,7 @@ fn product_depends_on_no_bench_or_test_kit() {
         "tracer",
         "protocol",
         "farm",
+        "farm/window",
         "game",
         "game/billiards",
         "game/mpm",

@@ -4,6 +4,7 @@ use carom_billiards::physics::BallBody;
 use carom_billiards::rules::RuleSet;
 use carom_farm::quality::QUALITY_LEVELS;
 use carom_text::text;
+use carom_window::stats::{StatsCommand, StatsInput};
 use egui::{LayerId, Painter, Rect};
 
 use super::GameSession;
@@ -16,7 +17,6 @@ use crate::input::Bindings;
 use crate::play::BallMarks;
 use crate::ui;
 use crate::ui::layout::{Layout, Panels};
-use crate::ui::stats::{StatsCommand, StatsInput};
 
 impl GameSession {
     /// Draws the statistics, and what is marked on the table, with egui; the part of the window that is

@@ -13,6 +13,7 @@ use carom_farm::quality::{QualityPreference, Resolution};
 use carom_farm::{Balancing, Distribution, FarmConfig, NodeStatus};
 use carom_text::text;
 use carom_tracer::ImageSize;
+use carom_window::stats::Stats;
 
 use crate::app::autosave::Autosave;
 use crate::app::farm_notifications;
@@ -31,7 +32,6 @@ use crate::play::{AimAids, BallMarks, CueView, Game, ShotClock};
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::TableStyle;
 use crate::ui::match_hud::MatchHud;
-use crate::ui::stats::Stats;
 
 /// A game in progress. Times are seconds since the program began.
 pub struct GameSession {

@@ -23,8 +23,8 @@ use carom_farm::{
     Submission,
 };
 use carom_tracer::{ImageSize, ObjectPose, RenderSettings, SceneUpdate, Tile};
+use carom_window::display::DisplayFrame;
 
-use crate::display::DisplayFrame;
 use crate::frame::accumulation::AccumulatedFrame;
 use crate::frame::opening_still::OpeningStill;
 use crate::play::ShotClock;

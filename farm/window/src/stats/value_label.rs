@@ -4,7 +4,7 @@ use egui::text::{LayoutJob, TextFormat};
 use egui::{Color32, FontId, Label, Response, Sense, Ui};
 
 use super::glossary::Term;
-use crate::ui::theme::{ALARM, FAINT, INK};
+use crate::theme::{ALARM, FAINT, INK};
 
 /// Writes a figure; under the pointer its definition shows.
 pub(super) fn figure(ui: &mut Ui, term: &Term, value: &str) -> Response {

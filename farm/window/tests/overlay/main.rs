@@ -8,10 +8,10 @@ mod pictures;
 
 use std::collections::BTreeSet;
 
-use carom::ui::stats::{Stats, StatsCommand, StatsLevel};
-use carom::ui::theme;
 use carom_farm::quality::QualityPreference;
 use carom_farm::{Algorithm, Distribution};
+use carom_window::stats::{Stats, StatsCommand, StatsLevel};
+use carom_window::theme;
 use egui::accesskit::Role;
 use egui::{Pos2, Rect, Vec2};
 use egui_kittest::Harness;
@@ -189,7 +189,7 @@ fn the_numbers_are_those_of_the_pictures() {
 
 #[test]
 fn every_number_has_a_tooltip_that_defines_it() {
-    let meanings: BTreeSet<&str> = carom::ui::stats::glossary::ALL
+    let meanings: BTreeSet<&str> = carom_window::stats::glossary::ALL
         .iter()
         .map(|term| term.meaning())
         .collect();

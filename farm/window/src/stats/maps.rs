@@ -9,7 +9,7 @@ use egui::{
 
 use super::frame_record::{Detail, FrameRecord};
 use super::palette;
-use crate::ui::theme::INK;
+use crate::theme::INK;
 
 /// What is drawn over the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -7,7 +7,7 @@ use super::StatsInput;
 use super::glossary as terms;
 use super::summary::StatsSummary;
 use super::value_label::{figure, figure_or_alarm, ms};
-use crate::ui::theme;
+use crate::theme;
 
 /// Draws how smooth, how late and how sharp the picture is, who makes it, and what is wrong with that.
 pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) {
@@ -59,7 +59,7 @@ pub(super) const LATE: f64 = 1.5;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ui::stats::summary::NodeSummary;
+    use crate::stats::summary::NodeSummary;
 
     fn summary(nodes: &[(&str, bool)]) -> StatsSummary {
         let node = |&(name, is_ready): &(&str, bool)| NodeSummary {

@@ -11,7 +11,7 @@ use super::maps::MapKind;
 use super::recorder::Recorder;
 use super::value_label::{figure, ms, percent};
 use super::{Stats, StatsCommand, StatsInput, StatsLevel, palette};
-use crate::ui::theme;
+use crate::theme;
 
 /// Algorithm, map, freeze, and what the recording does.
 pub(super) fn show(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {

@@ -88,19 +88,6 @@ fn fonts() -> FontDefinitions {
     fonts
 }
 
-/// Gives a test's context this look in its first frame, in which nothing can be drawn yet; then says so.
-#[cfg(test)]
-pub(super) fn is_dressed(ctx: &Context) -> bool {
-    let id = egui::Id::unique("dressed");
-    let was = ctx.data(|data| data.get_temp(id)).unwrap_or(false);
-    if !was {
-        apply(ctx, 1.0, false);
-        ctx.data_mut(|data| data.insert_temp(id, true));
-        ctx.request_repaint();
-    }
-    was
-}
-
 /// What panels over the picture stand on.
 pub fn frame() -> Frame {
     Frame::new()

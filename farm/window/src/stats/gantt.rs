@@ -8,7 +8,7 @@ use egui::{Align2, Color32, FontId, Pos2, Rect, Sense, Shape, Ui, Vec2};
 use super::frame_record::FrameRecord;
 use super::palette;
 use super::value_label::ms;
-use crate::ui::theme::{ALARM, FAINT, INK};
+use crate::theme::{ALARM, FAINT, INK};
 
 /// Draws a picture's chart, as wide as there is room.
 pub fn show(ui: &mut Ui, record: &FrameRecord) {

@@ -14,7 +14,7 @@ use super::{
     Stats, StatsInput, StatsLevel, charts, compact, controls, gantt, plain_words, prediction_plot,
     status_line,
 };
-use crate::ui::theme;
+use crate::theme;
 
 /// Draws what the level asks for; the part of the screen that it leaves free.
 pub(super) fn draw(stats: &mut Stats, ctx: &Context, input: &StatsInput<'_>) -> Rect {

@@ -1,8 +1,6 @@
 //! A farm of five nodes that never was: three hundred pictures, first divided in equal parts, then by
 //! the nodes' speeds; the last node is lost.
 
-use carom::ui::stats::frame_record::FrameSample;
-use carom::ui::stats::{Stats, StatsInput, StatsLevel};
 use carom_farm::quality::{QUALITY_LEVELS, QualityPreference};
 use carom_farm::{
     Algorithm, Balancing, Delivery, Distribution, FrameStats, LatencySplit, NodeIndex, NodeInfo,
@@ -10,6 +8,8 @@ use carom_farm::{
 };
 use carom_tracer::sampling::uniforms;
 use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, TileGrid, TileRange};
+use carom_window::stats::frame_record::FrameSample;
+use carom_window::stats::{Stats, StatsInput, StatsLevel};
 
 pub(crate) const SIZE: ImageSize = ImageSize::new(640, 360);
 pub(crate) const PICTURES: u64 = 300;

@@ -8,7 +8,7 @@ use super::frame_record::{FrameRecord, NodeRecord};
 use super::glossary::{self as terms, Term};
 use super::summary::{NodeSummary, StatsSummary};
 use super::value_label::ms;
-use crate::ui::theme::{ACCENT, ALARM, INK};
+use crate::theme::{ACCENT, ALARM, INK};
 
 /// The table's text.
 #[derive(Debug, Default)]

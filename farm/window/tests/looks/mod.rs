@@ -6,9 +6,9 @@
 use std::fs::File;
 use std::path::Path;
 
-use carom::display::UiFrame;
-use carom::display::raster::{Canvas, Rasterizer};
-use carom::ui::theme;
+use carom_window::display::UiFrame;
+use carom_window::display::raster::{Canvas, Rasterizer};
+use carom_window::theme;
 use egui::{Context, RawInput, Rect, Ui, Vec2};
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use carom::ui::stats::StatsLevel;
-use carom::ui::stats::maps::MapKind;
+use carom_window::stats::StatsLevel;
+use carom_window::stats::maps::MapKind;
 
 use crate::fixture::{input, nodes, overlay};
 use crate::looks::{Gpu, Look};

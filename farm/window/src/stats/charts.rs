@@ -9,7 +9,7 @@ use super::frame_record::FrameRecord;
 use super::glossary::{self as terms, Term};
 use super::palette;
 use super::value_label::{explained, marked, ms};
-use crate::ui::theme::{FAINT, INK};
+use crate::theme::{FAINT, INK};
 
 /// The tops of the charts' scales; they do not follow every spike down at once.
 #[derive(Clone, Copy, Debug, Default)]

@@ -7,7 +7,7 @@ use super::frame_record::FrameRecord;
 use super::glossary as terms;
 use super::palette;
 use super::value_label::{explained, ms};
-use crate::ui::theme::{FAINT, INK};
+use crate::theme::{FAINT, INK};
 
 /// Predicted against actual response of each node, both on the same logarithmic scale: what lies
 /// below the line came later than predicted.
