@@ -88,7 +88,7 @@ pub use farm::Farm;
 pub use film::{Film, FilmFormat, FilmFrames, FilmJob, FilmProgress, FrameRange};
 pub use frame::{Frame, FrameSpec, Pixels};
 pub use job::Canceller;
-pub use live::{Live, LiveView};
+pub use live::{Live, LiveFrame, LiveView};
 pub use node_status::{NodeIndex, NodeState, NodeStatus};
 pub use picture::{FileFormat, Picture};
 pub use stats::{Delivery, FrameStats, LatencySplit, NodeEffort};
