@@ -791,8 +791,8 @@ view-pocket = from the pocket
 
 window-library-failed = the windowing library failed
 variable-not-set = { $name } is not set
-# $wayland, $x11: environment variables with their values.
-window-not-opened = no window can be opened ({ $wayland }, { $x11 }). On Debian or Ubuntu `apt install libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0` brings what X11 needs; `carom --headless` needs no display at all
+# $wayland, $x11: environment variables with their values. $instead: a command.
+window-not-opened = no window can be opened ({ $wayland }, { $x11 }). On Debian or Ubuntu `apt install libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0` brings what X11 needs; `{ $instead }` needs no display at all
 surface-outdated = stays outdated
 surface-lost = was lost
 surface-invalid = is not valid
