@@ -101,8 +101,8 @@ impl Live {
     }
 
     /// With drafts while things change: denoised, and of as few pixels as it takes to come as often as
-    /// is preferred, see [`crate::quality`]. Once nothing changes, samples gather at the full size, and
-    /// take the draft's place when there are [`Live::DRAFT_SAMPLES`]. Default: none, so that a change
+    /// is preferred, see [`crate::quality`]. Once nothing changes, samples gather at the full size, in
+    /// larger frames where they are quick, and take the draft's place when there are [`Live::DRAFT_SAMPLES`]. Default: none, so that a change
     /// shows with the first samples of the full size.
     #[must_use]
     pub fn drafts(self, preference: QualityPreference) -> Self {
@@ -388,11 +388,11 @@ impl LiveRun {
         render.set_frame_samples(settings.samples);
         while !render.is_done() && !cancelled.is_cancelled() {
             render.submit_through(&mut self.submitter, &self.scene)?;
-            let Some(stats) = self.accept(&mut render, &mut film)? else {
+            let Some(frame) = self.accept(&mut render, &mut film)? else {
                 continue;
             };
             if let Some(quality) = &mut self.shared.lock().quality {
-                quality.observe(size.pixels(), &settings, spec.size, stats.busy_secs);
+                quality.observe(size.pixels(), &settings, spec.size, frame.stats.busy_secs);
             }
             self.show(&film);
         }
@@ -415,7 +415,8 @@ impl LiveRun {
         };
         let mut film = Film::new(spec.size);
         let mut render = AccumulatedRender::new(spec, Priority::Interactive);
-        render.set_frame_samples(self.live.samples_per_frame);
+        let mut frame_samples = self.live.samples_per_frame;
+        render.set_frame_samples(frame_samples);
         while !render.is_done() && !cancelled.is_cancelled() {
             let is_shown = has_draft || render.samples_done() > 0;
             let (has_changed, is_paused) = {
@@ -434,39 +435,47 @@ impl LiveRun {
             } else if !has_changed || is_waiting {
                 render.submit_through(&mut self.submitter, &self.scene)?;
             }
-            let came = self.accept(&mut render, &mut film)?;
-            if came.is_some() && render.samples_done() >= shown_from {
+            let Some(frame) = self.accept(&mut render, &mut film)? else {
+                continue;
+            };
+            if render.samples_done() >= shown_from {
                 self.show(&film);
+            }
+            // What changes next is seen in a draft: until then, larger frames are less transport.
+            let is_quick = frame.samples == frame_samples && frame.stats.busy_secs < QUICK_SECS;
+            if has_draft && is_quick {
+                frame_samples = (2 * frame_samples).min(FRAME_SAMPLES_MAX);
+                render.set_frame_samples(frame_samples);
             }
         }
         render.cancel(&mut self.submitter);
         Ok(())
     }
 
-    /// Adds the next frame up, if one comes soon, and returns how it was made.
+    /// Adds the next frame up, if one comes soon.
     fn accept(
         &mut self,
         render: &mut AccumulatedRender,
         film: &mut Film,
-    ) -> Result<Option<FrameStats>, Error> {
+    ) -> Result<Option<LiveFrame>, Error> {
         let frame = self.submitter.wait_frame(POLL_INTERVAL);
         let Some(batch) = frame.and_then(|frame| render.accept(frame)) else {
             self.submitter.check_nodes()?;
             return Ok(None);
         };
         batch.add_to(film)?;
-        let stats = batch.frame.stats;
+        let frame = LiveFrame {
+            id: batch.frame.id,
+            size: batch.frame.size,
+            samples: batch.samples,
+            stats: batch.frame.stats,
+        };
         let mut state = self.shared.lock();
         if state.frames.len() == LiveView::FRAMES_MAX {
             state.frames.pop_front();
         }
-        state.frames.push_back(LiveFrame {
-            id: batch.frame.id,
-            size: batch.frame.size,
-            samples: batch.samples,
-            stats: stats.clone(),
-        });
-        Ok(Some(stats))
+        state.frames.push_back(frame.clone());
+        Ok(Some(frame))
     }
 
     fn show(&mut self, film: &Film) {
@@ -507,6 +516,10 @@ fn spec(update: &SceneUpdate, size: ImageSize, settings: RenderSettings) -> Fram
     }
 }
 
+/// Frames that keep a node busy for less are doubled.
+const QUICK_SECS: f64 = 0.03;
+/// Samples of a pixel in a frame that has been doubled.
+const FRAME_SAMPLES_MAX: u32 = 64;
 /// How long to wait for a frame before looking at what has changed.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// How long a view that is finished sleeps at most: a change wakes it.
