@@ -1,11 +1,10 @@
-//! Sentences that come and go under the board: what changed, never anything that must be answered.
+//! Sentences that come and go over the picture: what changed, never anything that must be answered.
 
 use std::collections::VecDeque;
 
-use carom_window::theme;
-use egui::{Align2, Context, ScrollArea};
+use egui::{ScrollArea, Ui};
 
-use super::layout::Layout;
+use crate::theme;
 
 /// The sentences on show.
 #[derive(Clone, Debug, Default)]
@@ -67,22 +66,21 @@ impl Toasts {
         ends.reduce(f64::min)
     }
 
-    /// Draws them at the top of what is free, under what is to be known as long as it lasts.
-    pub fn draw(&self, ctx: &Context, layout: &mut Layout, standing: &[String]) {
-        let lines = self.lines.iter().map(|toast| &toast.sentence);
-        let sentences: Vec<&String> = standing.iter().chain(lines).collect();
-        if sentences.is_empty() {
-            return;
-        }
-        layout.dock(ctx, "notes", Align2::CENTER_TOP, |ui| {
-            theme::frame().show(ui, |ui| {
-                ui.set_max_width(WIDTH.min(ui.available_width()));
-                let height = 0.6 * ui.available_height();
-                ScrollArea::vertical().max_height(height).show(ui, |ui| {
-                    for sentence in sentences {
-                        ui.label(sentence);
-                    }
-                });
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// Draws them under what is to be known as long as it lasts.
+    pub fn show(&self, ui: &mut Ui, standing: &[String]) {
+        theme::frame().show(ui, |ui| {
+            ui.set_max_width(WIDTH.min(ui.available_width()));
+            let height = 0.6 * ui.available_height();
+            ScrollArea::vertical().max_height(height).show(ui, |ui| {
+                let lines = self.lines.iter().map(|toast| &toast.sentence);
+                for sentence in standing.iter().chain(lines) {
+                    ui.label(sentence);
+                }
             });
         });
     }

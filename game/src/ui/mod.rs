@@ -13,4 +13,3 @@ mod page;
 pub mod practice;
 mod preferences;
 pub mod replay;
-pub mod toasts;

@@ -91,6 +91,8 @@ const LAYERS: &[(&[&str], &[&str])] = &[
     (
         &["winit", "egui", "egui_winit"],
         &[
+            "farm/viewer/src/",
+            "farm/viewer/tests/",
             "farm/window/",
             "game/src/",
             "game/tests/",
@@ -149,7 +151,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
     (&["carom_protocol"], &["protocol/", "farm/", "tests/"]),
     (
         &["carom_window"],
-        &["farm/window/", "game/", "tests/bench/"],
+        &["farm/viewer/", "farm/window/", "game/", "tests/bench/"],
     ),
     (
         &["carom::"],
@@ -219,6 +221,7 @@ fn product_depends_on_no_bench_or_test_kit() {
         "tracer",
         "protocol",
         "farm",
+        "farm/viewer",
         "farm/window",
         "game",
         "game/billiards",

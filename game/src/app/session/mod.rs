@@ -13,10 +13,10 @@ use carom_farm::quality::{QualityPreference, Resolution};
 use carom_farm::{Balancing, Distribution, FarmConfig, NodeStatus};
 use carom_text::text;
 use carom_tracer::ImageSize;
+use carom_window::notifications;
 use carom_window::stats::Stats;
 
 use crate::app::autosave::Autosave;
-use crate::app::farm_notifications;
 use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::app::mode_controller::ModeController;
 use crate::camera::{CameraIntent, Viewpoint};
@@ -413,7 +413,7 @@ impl GameSession {
     pub fn farm_line(&self) -> String {
         match self.pipeline.farm() {
             FarmState::Failed(why) => text!("farm-failed", why = why.as_str()),
-            _ => farm_notifications::line(&self.nodes()),
+            _ => notifications::line(&self.nodes()),
         }
     }
 
