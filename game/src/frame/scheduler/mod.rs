@@ -17,16 +17,16 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use carom_farm::pacing::{FrameSchedule, LeadTime, PresentationQueue};
+use carom_farm::quality::{Quality, QualityLevel, QualityPreference, Resolution};
 use carom_farm::{
     AccumulatedRender, Frame, FrameId, FrameSpec, PixelFormat, Pixels, Priority, SampleBatch,
     Submission,
 };
 use carom_tracer::{ImageSize, ObjectPose, RenderSettings, SceneUpdate, Tile};
+use carom_window::display::DisplayFrame;
 
-use crate::display::DisplayFrame;
 use crate::frame::accumulation::AccumulatedFrame;
 use crate::frame::opening_still::OpeningStill;
-use crate::frame::quality::{Quality, QualityLevel, QualityPreference, Resolution};
 use crate::play::ShotClock;
 use crate::scene::scene_builder::EXPOSURE;
 

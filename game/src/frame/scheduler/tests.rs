@@ -1,13 +1,13 @@
 //! The scheduler with a farm on virtual time.
 
 use carom_farm::FrameStats;
+use carom_farm::quality::{SMOOTH_PERIOD_SECS, STEADY_PERIOD_SECS};
 use carom_tracer::sampling::uniforms;
 use carom_tracer::{Camera, Lens};
 use glam::Vec3;
 
 use super::*;
 use crate::frame::accumulation::Accumulator;
-use crate::frame::quality::{SMOOTH_PERIOD_SECS, STEADY_PERIOD_SECS};
 use crate::play::ShotClock;
 
 const WINDOW: ImageSize = ImageSize::new(64, 36);
