@@ -3,6 +3,7 @@
 
 mod cpu;
 mod denoise;
+mod environments;
 mod extremes;
 mod gpu;
 mod images;
@@ -11,5 +12,6 @@ mod materials;
 mod meshes;
 mod reference;
 mod scenes;
+mod textures;
 mod tracers;
 mod vectors;
