@@ -9,10 +9,10 @@ use carom_tracer::{AreaLight, Camera, Material, Mesh, Scene};
 use crate::error::Error;
 
 /// Endings of the names of files that [`open_scene`] opens, in lower case.
-pub const SCENE_FILES: [&str; 3] = ["json", "obj", "ply"];
+pub const SCENE_FILES: [&str; 5] = ["json", "gltf", "glb", "obj", "ply"];
 
 /// The scene of a file, by the ending of its name: JSON as [`carom_tracer::scene::file`] has it, also
-/// without an ending; or a mesh (OBJ, which has y upright, or PLY, which has z), in grey, under a sky
+/// without an ending, glTF 2.0, or a mesh (OBJ, which has y upright, or PLY, which has z), in grey, under a sky
 /// and a lamp, with the camera so far away that all of it is seen.
 ///
 /// # Errors
@@ -25,7 +25,7 @@ pub fn open_scene(path: impl AsRef<Path>) -> Result<Scene, Error> {
         message,
     };
     let up = match ending.as_deref().map(|ending| ending.to_str()) {
-        None | Some(Some("json")) => return Ok(Scene::load(path)?),
+        None | Some(Some("json" | "gltf" | "glb")) => return Ok(Scene::load(path)?),
         Some(Some("obj")) => Vec3::Y,
         Some(Some("ply")) => Vec3::Z,
         _ => {

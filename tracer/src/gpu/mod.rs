@@ -21,6 +21,7 @@ mod denoise;
 mod device;
 mod features;
 mod frame;
+mod image_buffers;
 mod layout;
 mod mesh_buffer;
 mod pipeline;
