@@ -136,6 +136,22 @@ setting-pockets-standard-about = As the table's rules have it
 setting-pockets-wide = Wide
 setting-pockets-wide-about = 10 % wider: 5 inches in the corners of a 9-foot table
 
+setting-particle-precision = Sand, snow, jelly, water
+setting-particle-precision-coarse = Coarse
+setting-particle-precision-coarse-about = Cells of 15 mm: a third of the time, coarse grains
+setting-particle-precision-standard = Standard
+setting-particle-precision-standard-about = Cells of 10 mm
+setting-particle-precision-fine = Fine
+setting-particle-precision-fine-about = Cells of 7.5 mm: three times the time, fine grains
+
+setting-particles = Dust
+setting-particles-off = Off
+setting-particles-off-about = No dust
+setting-particles-some = Some
+setting-particles-some-about = A quarter of the dust: up to 400 specks of chalk at a stroke
+setting-particles-all = All
+setting-particles-all-about = All of the dust: up to 1600 specks of chalk at a stroke
+
 setting-table-speed = Table speed of the next game
 setting-table-speed-slow = Slow
 setting-table-speed-slow-about = Heavy or worn cloth: a ball rolls three quarters as far
@@ -266,6 +282,17 @@ lesson-suggest = Press { $suggest } for a suggested shot, then { $strike } to st
 ## Practice
 
 practice-how = Drag the balls. Click a number to add or remove its ball
+practice-paint = Paint the cloth with
+practice-sand = Sand
+practice-snow = Snow
+practice-jelly = Jelly
+practice-water = Water
+practice-sweep = Sweep
+practice-tricks = Trick tables
+practice-sand-trap = Sand trap
+practice-snow-patch = Snow patch
+practice-jelly-bumper = Jelly bumper
+practice-spilled-drink = Spilled drink
 practice-play = Play
 practice-save = Save this layout
 practice-discard = Discard changes

@@ -50,8 +50,8 @@ pub use image::RadianceImage;
 pub use scalar::ScalarTracer;
 pub use scene::{
     AreaLight, Axis, Camera, ClothMarks, CsgSolid, Cuboid, Environment, Lens, Material, Medium,
-    Mesh, Object, ObjectHandle, ObjectPose, Plane, ProceduralTexture, Scene, SceneIdentity,
-    SceneUpdate, Shape, Sights, Sphere, Stripe, Subtraction,
+    Mesh, Object, ObjectHandle, ObjectPose, ParticleCloud, Plane, ProceduralTexture, Scene,
+    SceneIdentity, SceneUpdate, Shape, Sights, Sphere, Stripe, Subtraction,
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRange};

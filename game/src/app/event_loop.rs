@@ -67,6 +67,7 @@ pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> any
     session.set_resolution(chosen.resolution);
     session.set_aids(chosen.aim_aids);
     session.set_ball_marks(chosen.ball_marks);
+    session.set_particle_precision(chosen.particle_precision);
     session.set_instant_camera(chosen.reduced_motion);
     if let Some(folder) = &args.record {
         session.record(ShotRecorder::new(folder.clone())?);
@@ -138,6 +139,7 @@ fn store(args: &Args) -> SettingsStore {
     store.with_override(|settings| {
         settings.ball_set = args.ball_set.unwrap_or(settings.ball_set);
         settings.cloth = args.cloth.unwrap_or(settings.cloth);
+        settings.particles = args.particles.unwrap_or(settings.particles);
         settings.pockets = args.table.pockets.unwrap_or(settings.pockets);
         settings.table_speed = args.table.table_speed.unwrap_or(settings.table_speed);
         settings.physics = args.physics.unwrap_or(settings.physics);
@@ -270,6 +272,7 @@ impl App {
         self.session.set_resolution(now.resolution);
         self.session.set_aids(now.aim_aids);
         self.session.set_ball_marks(now.ball_marks);
+        self.session.set_particle_precision(now.particle_precision);
         self.session.set_instant_camera(now.reduced_motion);
         if now.style() != before.style()
             && let Err(error) = self.session.set_style(now.style())

@@ -50,12 +50,14 @@ impl Reprojector {
         picture: &'a DisplayFrame,
         now: &SceneUpdate,
     ) -> &'a DisplayFrame {
-        if picture.update == *now {
+        let is_now =
+            |update: &SceneUpdate| (update.camera, &update.poses) == (now.camera, &now.poses);
+        if is_now(&picture.update) {
             self.moved = None;
             return picture;
         }
         let done =
-            |moved: &ReprojectedFrame| moved.of == picture.serial && moved.picture.update == *now;
+            |moved: &ReprojectedFrame| moved.of == picture.serial && is_now(&moved.picture.update);
         if !self.moved.as_ref().is_some_and(done) {
             self.moved = self.moved(picture, now);
         }
@@ -104,10 +106,11 @@ impl Reprojector {
             .as_ref()
             .is_none_or(|(of, _)| *of != picture.serial)
         {
-            self.scene.apply(&picture.update).ok()?;
+            self.scene.apply(&bodies(&picture.update)).ok()?;
             self.from = Some((picture.serial, View::new(&self.scene, picture.size)));
         }
-        self.scene.apply(now).ok()?;
+        let now = bodies(now);
+        self.scene.apply(&now).ok()?;
         let size = moved_size(picture.size, self.threads);
         let to = View::new(&self.scene, size);
         let (_, from) = self.from.as_ref()?;
@@ -120,9 +123,18 @@ impl Reprojector {
                 serial: SERIALS_FIRST + self.count,
                 size,
                 rgba: reprojected.pixels,
-                update: now.clone(),
+                update: now,
             },
         })
+    }
+}
+
+/// An update without its particles: they stay where they were on what is behind them.
+fn bodies(update: &SceneUpdate) -> SceneUpdate {
+    SceneUpdate {
+        camera: update.camera,
+        poses: update.poses.clone(),
+        particles: Vec::new(),
     }
 }
 
@@ -169,6 +181,7 @@ mod tests {
         SceneUpdate {
             camera: Some(camera),
             poses: Vec::new(),
+            ..SceneUpdate::default()
         }
     }
 

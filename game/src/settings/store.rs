@@ -320,6 +320,8 @@ mod tests {
             pockets: PocketSize::Tight,
             table_speed: TableSpeed::Fast,
             physics: "rapier-240".parse().unwrap(),
+            particle_precision: carom_billiards::physics::ParticlePrecision::Fine,
+            particles: crate::particles::ParticleDetail::All,
             quality: carom_farm::quality::QualityPreference::Fine,
             resolution: carom_farm::quality::Resolution::Half,
             threads: 3,

@@ -8,15 +8,18 @@ mod construction;
 pub mod file;
 mod mesh;
 pub mod mesh_file;
+mod particles;
 pub mod validate;
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 pub use construction::{Cuboid, ObjectHandle, Plane, SceneIdentity, Sphere};
 pub use mesh::Mesh;
+pub use particles::ParticleCloud;
 
 /// Everything that can be seen, and from where.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -438,12 +441,27 @@ pub struct Stripe {
 }
 
 /// What differs from frame to frame: a few hundred bytes that describe a whole picture.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneUpdate {
     /// The frame's camera; the scene's own if absent.
     pub camera: Option<Camera>,
     /// Objects that are elsewhere than the scene has them.
     pub poses: Vec<ObjectPose>,
+    /// Dust, grains and drops: at most [`validate::CLOUDS_MAX`] of [`validate::PARTICLES_MAX`] together.
+    pub particles: Vec<ParticleCloud>,
+}
+
+/// Without particles as it was before there were any: checkpoints know pictures by this text.
+impl fmt::Debug for SceneUpdate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut fields = f.debug_struct("SceneUpdate");
+        fields.field("camera", &self.camera);
+        fields.field("poses", &self.poses);
+        if !self.particles.is_empty() {
+            fields.field("particles", &self.particles);
+        }
+        fields.finish()
+    }
 }
 
 impl SceneUpdate {
@@ -454,6 +472,12 @@ impl SceneUpdate {
             camera: Some(camera),
             ..self
         }
+    }
+
+    /// With these particles.
+    #[must_use]
+    pub fn particles(self, particles: Vec<ParticleCloud>) -> Self {
+        Self { particles, ..self }
     }
 
     /// With an object here, see [`Scene::pose`].

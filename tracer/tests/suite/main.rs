@@ -9,6 +9,7 @@ mod images;
 mod laws;
 mod materials;
 mod meshes;
+mod particles;
 mod reference;
 mod scenes;
 mod tracers;

@@ -8,7 +8,7 @@ mod tests;
 use std::path::PathBuf;
 
 use carom_billiards::game_match::Match;
-use carom_billiards::physics::{Engine, Recording, Shot};
+use carom_billiards::physics::{Engine, ParticlePrecision, Recording, Shot};
 use carom_farm::quality::{QualityPreference, Resolution};
 use carom_farm::{Balancing, Distribution, FarmConfig, NodeStatus};
 use carom_text::text;
@@ -268,9 +268,7 @@ impl GameSession {
         let replay = Mode::Replay(Box::new(player.restarted()));
         let updates = replay_film::moments(&shot).map(|moment_secs| {
             let view = replay.view(&self.game, ViewTime::Moment(moment_secs));
-            let camera = view.camera(self.game.table());
-            self.table_scene
-                .update(camera, &view.poses, view.cue.as_ref())
+            view.update(&self.table_scene)
         });
         let film = ReplayFilm {
             updates: updates.collect(),
@@ -296,6 +294,11 @@ impl GameSession {
     pub fn set_aids(&mut self, aids: AimAids) {
         self.game.set_aids(aids);
         self.is_dirty = true;
+    }
+
+    /// How finely what is laid on the table from now on is simulated.
+    pub fn set_particle_precision(&mut self, precision: ParticlePrecision) {
+        self.game.set_particle_precision(precision);
     }
 
     /// Sets which balls are marked.

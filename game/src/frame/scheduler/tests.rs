@@ -24,6 +24,7 @@ fn scene_at(x: f64) -> SceneUpdate {
     SceneUpdate {
         camera: Some(camera),
         poses: Vec::new(),
+        ..SceneUpdate::default()
     }
 }
 
@@ -435,6 +436,7 @@ fn a_still_ends_when_the_view_moves_or_the_balls_lie_elsewhere() {
         }
         bench.scheduler.show_still(still);
         bench.step(&ViewTarget::Live(scene_at(first)));
+        bench.now_secs += SETTLE_SECS;
         let target = ViewTarget::Live(scene_at(then));
         let coarse = (0..500).any(|_| {
             bench.step(&target);
