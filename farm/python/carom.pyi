@@ -57,7 +57,8 @@ class Scene:
 
     def __new__(cls, source: _SceneLike) -> Self:
         """A scene from a dictionary in the format of scene files (`tracer/src/scene/file.rs`), in which NumPy arrays
-        stand for lists, from the path of such a file, or from another scene, which is copied.
+        stand for lists, from the path of such a file or of one of glTF 2.0 (`.gltf`, `.glb`), or from another scene, which is
+        copied. Textures and environment maps of dictionaries are base64 (`{"encoded": ...}`).
 
         Raises ValueError if it breaks a rule of scenes, with the object and the value.
         """
@@ -82,9 +83,10 @@ class Scene:
         material: str,
         *,
         normals: ArrayLike | None = None,
+        uvs: ArrayLike | None = None,
     ) -> None:
         """Adds n positions (n times 3) and m triangles (m times 3 indices), of a material that the scene has; shaded
-        with a normal for each position if there are any."""
+        with a normal for each position if there are any, and textured by texture coordinates (n times 2)."""
     def add_mesh_file(self, name: str, path: str | PathLike[str], material: str) -> None:
         """Adds the mesh of an OBJ or PLY file."""
 

@@ -9,10 +9,10 @@ use carom_billiards::rules::RuleSet;
 use carom_farm::{Balancing, FarmConfig, FrameRange, LocalNode};
 use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings};
+use carom_window::display::Present;
 use clap::{Parser, Subcommand, ValueEnum as _};
 
 use crate::capture::video::{VideoTarget, VideoView};
-use crate::display::Present;
 use crate::particles::ParticleDetail;
 use crate::play::tournament::MatchArgs;
 use crate::play::tricks::TrickTable;

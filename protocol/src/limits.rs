@@ -7,8 +7,11 @@ pub const CONTROL_BYTES_MAX: usize = 64 * 1024;
 pub const TRACE_BYTES_MAX: usize =
     CONTROL_BYTES_MAX + 6 * carom_tracer::scene::validate::PARTICLES_MAX;
 /// Bytes of a scene message: 131,072 objects with the longest names have 22 MB, a million triangles with half as many
-/// vertices and their normals 21 MB.
+/// vertices and their normals 21 MB, a dozen photographs as JPEG files of 2048 pixels a side 20 MB.
 pub const SCENE_BYTES_MAX: usize = 24 * 1024 * 1024;
+/// Bytes that the textures of a peer's scene take once they are decoded: forty of 2048 texels a side with all their levels
+/// of detail. A megabyte of PNG may hold a gigabyte, and a node keeps [`SCENES_KEPT_MAX`] scenes of a player.
+pub const SCENE_TEXTURE_BYTES_MAX: u64 = 1 << 30;
 /// Poses in an update: fewer than 64 balls lie on any table.
 pub const POSES_MAX: usize = 64;
 /// Pixels along a tile's edge: larger ones balance badly.

@@ -2,10 +2,12 @@
 
 mod cone;
 mod data;
+mod environment;
 mod material;
 mod mesh;
 #[cfg(test)]
 mod tests;
+mod texture;
 
 use std::sync::OnceLock;
 
@@ -16,15 +18,22 @@ use self::cone::Cone;
 pub use self::data::{
     AreaLightData, BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER,
     CSG_FACE_INNER_BOX, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame, CsgBoxData, CsgFaceData,
-    DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_CLOTH,
-    PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData,
-    SphereData, TriangleData, TriangleNormals,
+    DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
+    PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    RectangleData, SphereData, TriangleData, TriangleNormals, TriangleUvs,
 };
+pub use self::environment::{CompiledEnvironment, EnvironmentSample};
 use self::material::material_data;
 pub use self::mesh::CompiledMeshes;
+#[cfg(feature = "gpu")]
+pub(crate) use self::texture::SRGB_LINEAR;
+pub use self::texture::{
+    CompiledTextures, MaterialTextureData, TextureData, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+};
 use crate::bvh::{Bounds, Bvh};
 use crate::scene::{
-    AreaLight, Camera, CsgSolid, ObjectPose, ParticleCloud, Scene, SceneUpdate, Shape, Subtraction,
+    AreaLight, Camera, CsgSolid, Material, ObjectPose, ParticleCloud, Scene, SceneUpdate, Shape,
+    Subtraction,
 };
 use crate::{Error, ImageSize, SceneError};
 
@@ -34,8 +43,10 @@ use crate::{Error, ImageSize, SceneError};
 pub struct CompiledScene {
     /// The camera that the next picture is taken with.
     pub camera: Camera,
-    /// Radiance of rays that leave the scene.
+    /// Radiance of rays that leave the scene where there is no environment map.
     pub environment: Vec3,
+    /// Its environment map.
+    pub environment_map: CompiledEnvironment,
     /// Balls: the scene's, then particles of the update.
     pub spheres: Vec<SphereData>,
     /// Axis-aligned boxes.
@@ -54,6 +65,8 @@ pub struct CompiledScene {
     pub area_lights: Vec<AreaLightData>,
     /// Materials; primitives hold indices.
     pub materials: Vec<MaterialData>,
+    /// Image textures of the materials.
+    pub textures: CompiledTextures,
     /// Per object of the scene: its shape's array and its place in it.
     pub primitives: Vec<Primitive>,
     /// When rays find primitives by a BVH.
@@ -137,9 +150,15 @@ impl CompiledScene {
     /// [`Error::InvalidScene`] with the first rule that the scene breaks.
     pub fn new(scene: &Scene) -> Result<Self, Error> {
         scene.validate()?;
+        let materials = scene.materials.values();
         let mut compiled = Self {
             camera: scene.camera,
             environment: scene.environment.radiance,
+            environment_map: CompiledEnvironment::new(
+                scene.environment_map.as_ref(),
+                scene.environment.radiance,
+                !scene.area_lights.is_empty(),
+            )?,
             spheres: Vec::new(),
             boxes: Vec::new(),
             discs: Vec::new(),
@@ -149,6 +168,7 @@ impl CompiledScene {
             meshes: CompiledMeshes::default(),
             area_lights: area_lights(&scene.area_lights),
             materials: scene.materials.values().map(material_data).collect(),
+            textures: CompiledTextures::new(&scene.textures, materials.map(Material::textures))?,
             primitives: Vec::with_capacity(scene.objects.len()),
             bvh_use: BvhUse::default(),
             bvhs: Default::default(),
@@ -456,6 +476,14 @@ impl CompiledScene {
                 && sphere.radius > 0.0
                 && heights.all(|height| height >= 1.5 * sphere.radius),
         )
+    }
+
+    /// The probability with which light sampling aims at an area light rather than at the environment.
+    pub(crate) fn area_light_probability(&self) -> f64 {
+        match self.area_lights.is_empty() {
+            true => 1.0,
+            false => 1.0 - f64::from(self.environment_map.probability),
+        }
     }
 
     /// How many primitives of a shape there are.

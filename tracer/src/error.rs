@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use glam::{Quat, Vec3};
+use glam::{Quat, Vec2, Vec3};
 
 use crate::text::{SENTENCE_BYTES_MAX, printable};
 use crate::{ImageSize, Tile};
@@ -282,6 +282,61 @@ pub enum SceneError {
         /// Its value.
         value: Vec3,
     },
+    /// A mesh has another number of texture coordinates than of vertices.
+    #[error(
+        "its mesh has {uvs} texture coordinates for {vertices} vertices: give it one each, or none"
+    )]
+    TextureCoordinates {
+        /// Texture coordinates of the mesh.
+        uvs: usize,
+        /// Vertices of the mesh.
+        vertices: usize,
+    },
+    /// A texture coordinate is too large or no number.
+    #[error("texture coordinate {index} of its mesh is {value}: each must be within ±{max}")]
+    TextureCoordinate {
+        /// Index into the mesh's texture coordinates.
+        index: usize,
+        /// Its value.
+        value: Vec2,
+        /// The largest that is allowed.
+        max: f32,
+    },
+    /// A texture cannot be read.
+    #[error("texture {index} `{name}`: {fault}")]
+    Texture {
+        /// Index into the scene's textures.
+        index: usize,
+        /// Its name.
+        name: String,
+        /// Why not.
+        fault: String,
+    },
+    /// Text or bytes are no glTF that can be drawn.
+    #[error("{0}")]
+    Gltf(String),
+    /// An environment map cannot be read.
+    #[error("the environment map: {0}")]
+    EnvironmentMap(String),
+    /// Textures take too much memory.
+    #[error("its textures take {bytes} bytes once decoded: at most {max} are allowed")]
+    TextureBytes {
+        /// What they take.
+        bytes: u64,
+        /// The most that is allowed.
+        max: u64,
+    },
+    /// A material has a texture that does not exist.
+    #[error("its texture {index} is not among the scene's {count}")]
+    UnknownTexture {
+        /// Index of the texture.
+        index: u32,
+        /// Textures of the scene.
+        count: usize,
+    },
+    /// A textured material is on a surface without texture coordinates.
+    #[error("its material `{0}` has textures, which need a mesh with texture coordinates")]
+    TexturedShape(String),
     /// A rectangle's edges are not at right angles.
     #[error("its half_u {half_u} and half_v {half_v} must be at right angles")]
     Skew {

@@ -181,7 +181,7 @@ impl RadianceImage {
 
 /// Scan lines in increasing order: tiles are written as threads finish them, so that the bytes of
 /// equal pictures differ from run to run.
-const ENCODING: openexr::Encoding = openexr::Encoding::SMALL_LOSSLESS;
+pub(crate) const ENCODING: openexr::Encoding = openexr::Encoding::SMALL_LOSSLESS;
 
 fn refused(path: &Path, error: exr::error::Error) -> Error {
     let message = match error {

@@ -6,14 +6,16 @@
 //! SceneUpdate ─────────┘  TraceJob ──┘      (CPU, GPU)
 //! ```
 //!
-//! The crate knows no network, no window and no clock. Its features `gpu` (compute shaders) and
-//! `image-io` (PNG and EXR files) are on by default.
+//! The crate knows no network, no window and no clock. Its features `gpu` (compute shaders),
+//! `image-io` (image files, and with them textures and environment maps) and `gltf` (glTF 2.0 files) are on by default.
 
 pub mod aov;
 pub mod bvh;
 pub mod compiled;
 pub mod cpu;
 pub mod denoise;
+#[cfg(feature = "image-io")]
+pub mod environment_file;
 pub mod error;
 pub mod film;
 pub mod fresnel;
@@ -34,6 +36,8 @@ pub mod sheen;
 pub mod simd;
 pub mod text;
 pub mod texture;
+#[cfg(feature = "image-io")]
+pub mod texture_file;
 pub mod tile;
 pub mod tonemap;
 pub mod tracer;
@@ -49,9 +53,10 @@ pub use gpu::GpuTracer;
 pub use image::RadianceImage;
 pub use scalar::ScalarTracer;
 pub use scene::{
-    AreaLight, Axis, Camera, ClothMarks, CsgSolid, Cuboid, Environment, Lens, Material, Medium,
-    Mesh, Object, ObjectHandle, ObjectPose, ParticleCloud, Plane, ProceduralTexture, Scene,
-    SceneIdentity, SceneUpdate, Shape, Sights, Sphere, Stripe, Subtraction,
+    AreaLight, Axis, Camera, ClothMarks, ColorSpace, CsgSolid, Cuboid, Environment, EnvironmentMap,
+    ImageSource, ImageTexture, Lens, Material, MaterialTextures, Medium, Mesh, Object,
+    ObjectHandle, ObjectPose, ParticleCloud, Plane, ProceduralTexture, Scene, SceneIdentity,
+    SceneUpdate, Shape, Sights, Sphere, Stripe, Subtraction, Wrap,
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRange};

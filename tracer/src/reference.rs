@@ -4,12 +4,14 @@
 //!
 //! The other tracers agree with it in the mean. From [`crate::scalar`] it takes leaves alone:
 //! intersection, and evaluation and sampling of a BSDF. Its lights, media and weights are its own,
+//! it sees the finest level of image textures,
 //! and its random numbers are independent: any plain generator will do.
 
 use glam::DVec3;
 
 use crate::CompiledScene;
 use crate::compiled::{AreaLightData, MaterialData, Primitive};
+use crate::scalar::environment::environment_radiance;
 use crate::scalar::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
 use crate::scalar::triangle::visible_shading_normal;
 use crate::scalar::{medium::uniform_direction, scatter::Scatter};
@@ -28,7 +30,14 @@ pub fn radiance(
     let mut bsdf_pdf = None;
     for depth in 0..=max_depth {
         let Some(hit) = intersect_from(scene, &ray, ray_origin) else {
-            return radiance + beta * scene.environment.as_dvec3();
+            let map = &scene.environment_map;
+            let weight = match bsdf_pdf {
+                Some(pdf) if !map.is_empty() => {
+                    power_heuristic(pdf, map.pdf(ray.direction) * choice(scene))
+                }
+                _ => 1.0,
+            };
+            return radiance + beta * weight * environment_radiance(scene, ray.direction);
         };
         let enclosing = ray_origin.filter(|ray_origin| ray_origin.is_inside);
         if let Some(medium) = enclosing.and_then(|body| scene.material_of(body.primitive)) {
@@ -53,7 +62,7 @@ pub fn radiance(
             break;
         }
         let vertex = SurfaceVertex::new(scene, &ray, hit);
-        radiance += beta * direct_light(scene, &vertex, random);
+        radiance += beta * (vertex.bsdf.emission() + direct_light(scene, &vertex, random));
         let sample = (vertex.bsdf).sample(vertex.wo, vertex.n, [(); 4].map(|()| random()));
         if vertex.is_below(sample.wi) {
             break;
@@ -74,9 +83,13 @@ fn direct_light(
     vertex: &SurfaceVertex,
     random: &mut dyn FnMut() -> f64,
 ) -> DVec3 {
-    let index = (random() * scene.area_lights.len() as f64) as usize;
+    let lights = scene.area_lights.len() + usize::from(!scene.environment_map.is_empty());
+    let index = (random() * lights as f64) as usize;
     let Some(light) = scene.area_lights.get(index) else {
-        return DVec3::ZERO;
+        return match lights {
+            0 => DVec3::ZERO,
+            _ => environment_light(scene, vertex, random),
+        };
     };
     let [u, v] = (light.half_edges()).map(|half| (2.0 * random() - 1.0) * vector(half));
     let to_light = vector(light.center) + u + v - vertex.hit.point;
@@ -95,11 +108,36 @@ fn direct_light(
     }
 }
 
+/// Light sampling of the environment map, by its density.
+fn environment_light(
+    scene: &CompiledScene,
+    vertex: &SurfaceVertex,
+    random: &mut dyn FnMut() -> f64,
+) -> DVec3 {
+    let chosen = scene.environment_map.sample_direction([random(), random()]);
+    let (origin, direction) = (vertex.hit.point, chosen.wi);
+    let ray_origin = vertex.ray_origin(direction);
+    let nearest = intersect_from(scene, &Ray { origin, direction }, Some(ray_origin));
+    if nearest.is_some() || ray_origin.is_inside || vertex.is_below(direction) {
+        return DVec3::ZERO;
+    }
+    let (f, bsdf_pdf) = vertex.bsdf.eval(vertex.wo, direction, vertex.n);
+    let inverse_pdf = chosen.inverse_pdf / choice(scene);
+    let weight = 1.0 / (1.0 + (bsdf_pdf * inverse_pdf).powi(2));
+    f * chosen.radiance * (direction.dot(vertex.n).abs() * weight * inverse_pdf)
+}
+
+/// The probability of each light.
+fn choice(scene: &CompiledScene) -> f64 {
+    let map = usize::from(!scene.environment_map.is_empty());
+    1.0 / (scene.area_lights.len() + map) as f64
+}
+
 /// Density of light sampling per solid angle, for a light met at distance `t`; none from behind.
 fn light_pdf(scene: &CompiledScene, light: &AreaLightData, ray: &Ray, t: f64) -> Option<f64> {
     let cosine = -ray.direction.dot(vector(light.normal));
     let area = 4.0 * f64::from(light.length_u) * f64::from(light.length_v);
-    (cosine > 0.0).then(|| t * t / (cosine * area * scene.area_lights.len() as f64))
+    (cosine > 0.0).then(|| t * t * choice(scene) / (cosine * area))
 }
 
 /// Weight of a sample of density `chosen` where another technique has density `other`.
@@ -149,7 +187,7 @@ impl SurfaceVertex {
                 visible_shading_normal(side * hit.shading_n, n, wo)
             },
             is_inside,
-            bsdf: Scatter::new(scene, &hit, is_inside),
+            bsdf: Scatter::new(scene, &hit, is_inside, 0.0),
             hit,
         }
     }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use carom_farm::carom_tracer::tonemap::srgb8;
 use carom_farm::carom_tracer::{Camera, Mesh, Object, Scene, Shape};
-use carom_farm::glam::Vec3;
+use carom_farm::glam::{Vec2, Vec3};
 use carom_farm::{Error, Farm, FarmConfig, LocalNode, Picture, Still};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::create_exception;
@@ -62,7 +62,8 @@ impl PyScene {
         };
     }
 
-    #[pyo3(signature = (name, positions, triangles, material, *, normals = None))]
+    #[pyo3(signature = (name, positions, triangles, material, *, normals = None, uvs = None))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
     fn add_mesh(
         &mut self,
         name: String,
@@ -70,10 +71,14 @@ impl PyScene {
         triangles: &Bound<'_, PyAny>,
         material: String,
         normals: Option<&Bound<'_, PyAny>>,
+        uvs: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let mut mesh = Mesh::new(vectors(positions, "positions")?, corners(triangles)?);
         if let Some(normals) = normals {
             mesh = mesh.normals(vectors(normals, "normals")?);
+        }
+        if let Some(uvs) = uvs {
+            mesh = mesh.uvs(pairs(uvs, "uvs")?);
         }
         self.add(name, material, mesh)
     }
@@ -138,17 +143,30 @@ fn scene_of(source: &Bound<'_, PyAny>) -> PyResult<Scene> {
 
 /// An array of n times 3 numbers, of any type that NumPy converts.
 fn vectors(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Vec3>> {
-    let array = converted(array, "float32")?;
-    let array: PyReadonlyArray2<'_, f32> = array.extract().map_err(|_| not_by_three(name))?;
-    let rows = array.as_array();
-    if rows.ncols() != 3 {
-        return Err(not_by_three(name));
-    }
-    Ok(rows
-        .rows()
+    Ok(rows::<3>(array, name)?
         .into_iter()
-        .map(|row| Vec3::new(row[0], row[1], row[2]))
+        .map(Vec3::from)
         .collect())
+}
+
+/// An array of n times 2 numbers.
+fn pairs(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Vec2>> {
+    Ok(rows::<2>(array, name)?
+        .into_iter()
+        .map(Vec2::from)
+        .collect())
+}
+
+fn rows<const N: usize>(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[f32; N]>> {
+    let refused = || wrong(format!("{name} must be an array of n times {N}"));
+    let array = converted(array, "float32")?;
+    let array: PyReadonlyArray2<'_, f32> = array.extract().map_err(|_| refused())?;
+    let rows = array.as_array();
+    if rows.ncols() != N {
+        return Err(refused());
+    }
+    let row = |row: numpy::ndarray::ArrayView1<'_, f32>| std::array::from_fn(|column| row[column]);
+    Ok(rows.rows().into_iter().map(row).collect())
 }
 
 fn corners(array: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {

@@ -5,8 +5,7 @@ use std::thread::available_parallelism;
 
 use carom_tracer::reproject::View;
 use carom_tracer::{CompiledScene, Error, ImageSize, Scene, SceneUpdate, Tile};
-
-use crate::display::DisplayFrame;
+use carom_window::display::DisplayFrame;
 
 /// Moves pictures. Costs [`NEW_PIXEL_NANOS`] and [`MOVED_PIXEL_NANOS`] of processor time, on all threads, and nothing
 /// while the newest picture is of the present.

@@ -16,6 +16,7 @@ mod field;
 mod particle_cost;
 mod store;
 
+use carom_farm::quality::{QualityPreference, Resolution};
 pub use engine_cost::{engine_cost, engine_cost_table};
 pub use field::{FIELDS, SettingsField};
 pub use particle_cost::particle_cost;
@@ -25,7 +26,6 @@ use carom_billiards::physics::{Engine, ParticlePrecision, PocketSize, TableOptio
 use carom_billiards::rules::RuleSet;
 
 use crate::camera::{SAVED_MAX, Viewpoint};
-use crate::frame::quality::{QualityPreference, Resolution};
 use crate::input::{Bindings, MouseSettings};
 use crate::particles::ParticleDetail;
 use crate::play::{AimAids, BallMarks};

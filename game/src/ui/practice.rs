@@ -2,6 +2,7 @@
 
 use carom_billiards::physics::ParticleMaterial;
 use carom_text::text;
+use carom_window::theme;
 use clap::ValueEnum as _;
 use egui::{Align2, Color32, Context, FontId, RichText, Stroke, Ui};
 use glam::{DVec2, DVec3};
@@ -9,7 +10,7 @@ use glam::{DVec2, DVec3};
 use super::aim::AimOverlay;
 use super::layout::Layout;
 use super::preferences::value_name;
-use super::{replay, theme};
+use super::replay;
 use crate::camera::Projection;
 use crate::capture::SavedRecording;
 use crate::play::practice::{Practice, PracticeCommand};

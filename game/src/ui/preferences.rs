@@ -4,11 +4,11 @@ use std::thread::available_parallelism;
 
 use carom_billiards::physics::Engine;
 use carom_text::text;
+use carom_window::theme;
 use clap::ValueEnum;
 use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
 use super::page::{MenuInput, Page};
-use super::theme;
 use crate::input::MouseSettings;
 use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table, particle_cost};
 
@@ -216,11 +216,11 @@ mod tests {
     use carom_billiards::physics::{ParticlePrecision, PocketSize, TableSpeed};
 
     use super::*;
-    use crate::frame::quality::{QualityPreference, Resolution};
     use crate::particles::ParticleDetail;
     use crate::play::{AimAids, BallMarks};
     use crate::scene::ball_materials::BallSet;
     use crate::scene::table_style::{Brightness, ClothColour, CueStyle};
+    use carom_farm::quality::{QualityPreference, Resolution};
 
     /// The sentence of each choice is that of the command line.
     fn check<T: ValueEnum>(key: &str) {

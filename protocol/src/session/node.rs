@@ -12,7 +12,7 @@ use crate::codec;
 use crate::error::{Error, Reason};
 use crate::limits::{
     CONTROL_QUEUED_MAX, NODE_NAME_BYTES_MAX, REQUESTS_QUEUED_MAX, REQUESTS_REFUSED_KEPT,
-    SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
+    SCENE_TEXTURE_BYTES_MAX, SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
 };
 use crate::message::{
     FrameId, NodeInfo, NodeLoad, Refusal, RefusalReason, RequestId, RequestReport, SceneHash,
@@ -73,12 +73,24 @@ impl ReceivedScene {
     }
 
     fn new(hash: SceneHash, scene: Scene) -> Self {
-        let scene = match scene.validate() {
+        let scene = match check_scene(&scene) {
             Ok(()) => Ok(Arc::new(scene)),
-            Err(error) => Err(printable(&error.to_string(), SENTENCE_BYTES_MAX)),
+            Err(sentence) => Err(printable(&sentence, SENTENCE_BYTES_MAX)),
         };
         Self { hash, scene }
     }
+}
+
+/// Whether a node draws a scene, or a sentence.
+fn check_scene(scene: &Scene) -> Result<(), String> {
+    scene.validate().map_err(|error| error.to_string())?;
+    let bytes = scene.texture_bytes().map_err(|fault| fault.to_string())?;
+    if bytes <= SCENE_TEXTURE_BYTES_MAX {
+        return Ok(());
+    }
+    Err(format!(
+        "its textures take {bytes} bytes once decoded: a node keeps at most {SCENE_TEXTURE_BYTES_MAX}"
+    ))
 }
 
 /// A request that a copy has begun and whose control packet has not come.

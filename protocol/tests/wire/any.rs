@@ -9,8 +9,9 @@ use carom_protocol::{
     message::VERSION,
 };
 use carom_tracer::{
-    Camera, DeviceInfo, DeviceKind, Environment, ImageSize, Lens, Material, Object, ObjectPose,
-    RenderSettings, Scene, SceneUpdate, Shape, TileGrid, TileRange,
+    Camera, DeviceInfo, DeviceKind, Environment, ImageSize, ImageTexture, Lens, Material,
+    MaterialTextures, Mesh, Object, ObjectPose, RenderSettings, Scene, SceneUpdate, Shape,
+    TileGrid, TileRange,
 };
 use glam::{Quat, Vec3};
 use proptest::prelude::*;
@@ -175,11 +176,24 @@ fn camera(eye: Vec3) -> Camera {
 }
 
 fn scene() -> impl Strategy<Value = Scene> {
-    (0..40usize, "[a-zé]{0,30}").prop_map(|(count, name)| {
+    let file = prop::collection::vec(any::<u8>(), 0..300);
+    (0..40usize, "[a-zé]{0,30}", file).prop_map(|(count, name, file)| {
         let mut scene = balls(count);
         if let Some(object) = scene.objects.first_mut() {
-            object.name = name;
+            object.name.clone_from(&name);
         }
+        let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+        let uvs = corners
+            .iter()
+            .map(|corner| 3.0 * corner.truncate())
+            .collect();
+        let mesh = Mesh::new(corners, vec![[0, 1, 2]]).uvs(uvs);
+        let base_color = Some(scene.add_texture(ImageTexture::new(name, file)));
+        let textures = MaterialTextures {
+            base_color,
+            ..MaterialTextures::default()
+        };
+        scene.add(mesh, Material::rough([0.5; 3], 0.4).textured(textures));
         scene
     })
 }

@@ -2,10 +2,12 @@
 //! workspace runs them too; each panics if a law is broken.
 
 mod files;
+mod images;
 mod scenes;
 mod wire;
 
 pub use files::*;
+pub use images::*;
 pub use scenes::*;
 pub use wire::*;
 
@@ -13,7 +15,7 @@ pub use wire::*;
 pub type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
 
 /// All targets that crates have in public; `datagrams` is in `fuzz_targets/` alone.
-pub const TARGETS: [Target; 11] = [
+pub const TARGETS: [Target; 14] = [
     ("to_node", to_node, to_node_seeds),
     ("to_client", to_client, to_client_seeds),
     ("tile_codec", tile_codec, tile_codec_seeds),
@@ -25,4 +27,7 @@ pub const TARGETS: [Target; 11] = [
     ("traced_scene", traced_scene, traced_scene_seeds),
     ("recording", recording, recording_seeds),
     ("match_save", match_save, match_save_seeds),
+    ("texture", texture, texture_seeds),
+    ("environment", environment, environment_seeds),
+    ("gltf", gltf, gltf_seeds),
 ];

@@ -140,12 +140,12 @@ pub struct TriangleData {
     pub normals: u32,
     /// The last corner, metres.
     pub c: [f32; 3],
-    /// 0.
-    pub padding: u32,
+    /// Index of its texture coordinates in [`super::CompiledMeshes::uvs`]; [`TriangleData::FLAT`] for none.
+    pub uvs: u32,
 }
 
 impl TriangleData {
-    /// [`TriangleData::normals`] of a facet.
+    /// [`TriangleData::normals`] of a facet, [`TriangleData::uvs`] of one without.
     pub const FLAT: u32 = u32::MAX;
 
     /// Its corners, metres.
@@ -170,6 +170,23 @@ pub struct TriangleNormals {
     pub c: [f32; 3],
     /// 0.
     pub padding2: u32,
+}
+
+/// Texture coordinates at the corners of a triangle.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct TriangleUvs {
+    /// At [`TriangleData::a`].
+    pub a: [f32; 2],
+    /// At [`TriangleData::b`].
+    pub b: [f32; 2],
+    /// At [`TriangleData::c`].
+    pub c: [f32; 2],
+    /// Side of a square of texture over that of the square of surface that it covers, m⁻¹; 0 of a triangle without
+    /// area.
+    pub density: f32,
+    /// 0.
+    pub padding: u32,
 }
 
 /// An area light, as a rectangle that emits along its normal.
@@ -217,6 +234,9 @@ pub const KIND_CONDUCTOR: u32 = 1;
 /// [`MaterialData::kind`] of a dielectric.
 pub const KIND_DIELECTRIC: u32 = 2;
 
+/// [`MaterialData::kind`] of glTF's material.
+pub const KIND_METALLIC_ROUGHNESS: u32 = 3;
+
 /// [`MaterialData::pattern`] of plain and striped materials.
 pub const PATTERN_NONE: u32 = 0;
 /// [`MaterialData::pattern`] of numbered balls.
@@ -244,20 +264,21 @@ pub struct MaterialData {
     pub stripe_half_width: f32,
     /// `1 / (η² (1 − F_dr,int))`.
     pub diffuse_scale: f32,
-    /// [`KIND_LAYERED`], [`KIND_CONDUCTOR`] or [`KIND_DIELECTRIC`].
+    /// [`KIND_LAYERED`], [`KIND_CONDUCTOR`], [`KIND_DIELECTRIC`] or [`KIND_METALLIC_ROUGHNESS`].
     pub kind: u32,
-    /// GGX width α; 0 where smooth.
+    /// GGX width α; 0 where smooth. Textures multiply its square root.
     pub alpha: f32,
     /// The rate of the exponential law that distances inside are drawn from, m⁻¹; 0 where nothing
     /// scatters.
     pub majorant: f32,
-    /// Index of refraction of a metal, real part.
+    /// Index of refraction of a metal, real part. Of glTF's material thrice the reflectance towards the normal of what is
+    /// no metal.
     pub eta: [f32; 3],
     /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`], [`PATTERN_PLANKS`], [`PATTERN_CLOTH`] or
     /// [`PATTERN_CUE`]. The rings of wood and the butt of a cue have the stripe's albedo; a cloth has the x of
     /// its spots there.
     pub pattern: u32,
-    /// Imaginary part.
+    /// Imaginary part. Of glTF's material the radiance that it emits.
     pub k: [f32; 3],
     /// A ball's number.
     pub number: u32,
@@ -271,8 +292,8 @@ pub struct MaterialData {
     pub sheen_roughness: f32,
     /// Strength of a cloth's sheen, over 2π.
     pub sheen: [f32; 3],
-    /// 0.
-    pub padding0: u32,
+    /// Share of metal of glTF's material.
+    pub metallic: f32,
     /// Spacing of sights, 0 for none, and their x in end rails and y in side rails, metres; 0 where there
     /// are no mitred rails. Of a cloth the x of its line and the radius of its D.
     pub sights: [f32; 3],

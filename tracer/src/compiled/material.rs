@@ -4,8 +4,8 @@ use bytemuck::Zeroable as _;
 use glam::Vec3;
 
 use super::{
-    KIND_CONDUCTOR, KIND_DIELECTRIC, MaterialData, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE,
-    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS, MaterialData, PATTERN_CLOTH,
+    PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::validate::ALPHA_SMOOTH_MAX;
@@ -65,6 +65,25 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             alpha: rough_alpha(alpha),
             ..medium.map_or_else(MaterialData::zeroed, |medium| medium_data(&medium))
         },
+        Material::MetallicRoughness {
+            base_color,
+            metallic,
+            roughness,
+            ior,
+            emission,
+            textures: _,
+        } => {
+            let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
+            MaterialData {
+                kind: KIND_METALLIC_ROUGHNESS,
+                albedo: base_color.to_array(),
+                metallic,
+                alpha: roughness * roughness,
+                eta: [f0; 3],
+                k: emission.to_array(),
+                ..MaterialData::zeroed()
+            }
+        }
     }
 }
 

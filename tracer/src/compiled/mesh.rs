@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bytemuck::Zeroable as _;
 use glam::{DQuat, DVec3, Vec3};
 
-use super::data::{TriangleData, TriangleNormals};
+use super::data::{TriangleData, TriangleNormals, TriangleUvs};
 use crate::scene::{Mesh, ObjectPose};
 
 /// The meshes of a scene. Their triangles are shared with copies of it and with what back ends have laid out,
@@ -20,6 +20,8 @@ pub struct CompiledMeshes {
     pub triangles: Arc<Vec<TriangleData>>,
     /// Vertex normals of those that have some.
     pub normals: Arc<Vec<TriangleNormals>>,
+    /// Texture coordinates of those that have some.
+    pub uvs: Arc<Vec<TriangleUvs>>,
     /// The largest sum of a vertex's coordinates, each without its sign, in metres.
     pub reach: f32,
     placed: Vec<PlacedMesh>,
@@ -50,12 +52,17 @@ impl CompiledMeshes {
         let directions: Vec<Vec3> = (mesh.normals.iter())
             .map(|n| (world_from_mesh * n.as_dvec3().normalize()).as_vec3())
             .collect();
-        let added = mesh.triangles.iter().zip(normals as u32..);
-        let added = added.map(|(corners, normals)| {
+        let uvs = self.uvs.len();
+        let added = mesh.triangles.iter().zip(0u32..);
+        let added = added.map(|(corners, index)| {
             let [a, b, c] = corners.map(|corner| points[corner as usize].to_array());
             let normals = match directions.is_empty() {
                 true => TriangleData::FLAT,
-                false => normals,
+                false => normals as u32 + index,
+            };
+            let uvs = match mesh.uvs.is_empty() {
+                true => TriangleData::FLAT,
+                false => uvs as u32 + index,
             };
             TriangleData {
                 a,
@@ -63,7 +70,7 @@ impl CompiledMeshes {
                 c,
                 material,
                 normals,
-                padding: 0,
+                uvs,
             }
         });
         Arc::make_mut(&mut self.triangles).extend(added);
@@ -78,6 +85,13 @@ impl CompiledMeshes {
                 }
             });
             Arc::make_mut(&mut self.normals).extend(added);
+        }
+        if !mesh.uvs.is_empty() {
+            let added = mesh
+                .triangles
+                .iter()
+                .map(|corners| triangle_uvs(mesh, corners));
+            Arc::make_mut(&mut self.uvs).extend(added);
         }
         let base = ObjectPose {
             object,
@@ -210,6 +224,25 @@ impl Movement {
     fn direction(&self, v: [f32; 3]) -> [f32; 3] {
         let direction = self.turn * Vec3::from(v).as_dvec3();
         direction.as_vec3().to_array()
+    }
+}
+
+fn triangle_uvs(mesh: &Mesh, corners: &[u32; 3]) -> TriangleUvs {
+    let [a, b, c] = corners.map(|corner| mesh.positions[corner as usize].as_dvec3());
+    let [ta, tb, tc] = corners.map(|corner| mesh.uvs[corner as usize].as_dvec2());
+    let area = (b - a).cross(c - a).length();
+    let covered = (tb - ta).perp_dot(tc - ta).abs();
+    let density = if area > 0.0 {
+        (covered / area).sqrt()
+    } else {
+        0.0
+    };
+    TriangleUvs {
+        a: ta.as_vec2().to_array(),
+        b: tb.as_vec2().to_array(),
+        c: tc.as_vec2().to_array(),
+        density: density.min(f64::from(f32::MAX)) as f32,
+        padding: 0,
     }
 }
 

@@ -111,7 +111,8 @@ impl Prepared {
         let met = !ended;
         let id = met.select(nearest.id, Word::splat(simd, 0));
         let distance = met.select(nearest.distance, Float::splat(simd, 1.0));
-        let hit = (self.surfaces).hit(simd, rays.origin, direction, distance, id);
+        let footprint = self.footprint;
+        let hit = (self.surfaces).hit(simd, rays.origin, direction, distance, id, footprint);
         let bsdf = Bsdf::new(simd, &hit, -direction);
         self.surface_aovs(simd, met, id, &hit, &bsdf, length / distance, emitted)
     }
@@ -165,7 +166,7 @@ impl Prepared {
             return black;
         }
         let escaped = mask & nearest.id.simd_eq(NONE);
-        let environment = Vec3x::splat(simd, self.environment);
+        let environment = self.environment.radiance(simd, direction, escaped);
         let lit = mask & !escaped;
         if !lit.any_true() {
             return Vec3x::select(escaped, environment, black);

@@ -381,6 +381,12 @@ impl<S: Simd> Complex<S> {
     }
 }
 
+/// The argument of a complex number, in (−π, π], within 3e-7.
+#[inline(always)]
+pub(super) fn argument<S: Simd>(simd: S, re: Float<S>, im: Float<S>) -> Float<S> {
+    Complex { re, im }.argument(simd)
+}
+
 /// tan(π/8).
 const TAN_EIGHTH_TURN: f32 = 0.414_213_57;
 

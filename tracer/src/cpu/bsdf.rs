@@ -6,6 +6,7 @@ use fearless_simd::prelude::*;
 
 use super::fresnel::fresnel;
 use super::lanes::{Float, Mask, Vec3x};
+use super::metallic_roughness::MetallicRoughness;
 use super::microfacet::MicrofacetBsdf;
 use super::sampling::{BsdfSample, cosine_hemisphere};
 use super::sheen::Sheen;
@@ -29,6 +30,7 @@ pub(super) struct Bsdf<S: Simd> {
     any_coated: bool,
     microfacet: Option<MicrofacetBsdf<S>>,
     sheen: Option<Sheen<S>>,
+    metallic_roughness: Option<MetallicRoughness<S>>,
 }
 
 impl<S: Simd> Bsdf<S> {
@@ -50,6 +52,7 @@ impl<S: Simd> Bsdf<S> {
             any_coated: coated.any_true(),
             microfacet: hit.microfacet,
             sheen: hit.sheen,
+            metallic_roughness: hit.metallic_roughness,
         };
         if bsdf.any_coated {
             let zero = Float::splat(simd, 0.0);
@@ -82,7 +85,12 @@ impl<S: Simd> Bsdf<S> {
         if let Some(sheen) = &self.sheen {
             f_cos = f_cos + sheen.evaluate(simd, self.normal, self.wo, wi) * cos_i;
         }
-        let pdf = diffuse * (1.0 - self.specular_share);
+        let mut pdf = diffuse * (1.0 - self.specular_share);
+        if let Some(surface) = &self.metallic_roughness {
+            let (rough, rough_pdf) = surface.evaluate(simd, self.normal, self.wo, wi);
+            f_cos = Vec3x::select(surface.lanes, rough, f_cos);
+            pdf = surface.lanes.select(rough_pdf, pdf);
+        }
         let Some(microfacet) = &self.microfacet else {
             return (f_cos, pdf);
         };
@@ -95,7 +103,7 @@ impl<S: Simd> Bsdf<S> {
     }
 
     /// Draws a direction by `u[1]` and `u[2]`, which choose between coat and base too; `u[0]` chooses
-    /// the lobe of a dielectric. Sets the lanes whose ray goes on inside one in `inside`. A direction below the surface
+    /// the lobe of a dielectric and of glTF's material. Sets the lanes whose ray goes on inside one in `inside`. A direction below the surface
     /// of a triangle that is shaded with another normal has no weight.
     #[inline(always)]
     pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> BsdfSample<S> {
@@ -128,6 +136,12 @@ impl<S: Simd> Bsdf<S> {
             scattered.weight = Vec3x::select(lanes, glossy.weight, scattered.weight);
             scattered.pdf = lanes.select(glossy.pdf, scattered.pdf);
         }
+        if let Some(surface) = &self.metallic_roughness {
+            let rough = surface.sample(simd, self.normal, self.wo, u);
+            scattered.wi = Vec3x::select(surface.lanes, rough.wi, scattered.wi);
+            scattered.weight = Vec3x::select(surface.lanes, rough.weight, scattered.weight);
+            scattered.pdf = surface.lanes.select(rough.pdf, scattered.pdf);
+        }
         if let Some(geometric) = self.geometric {
             let below = geometric.dot(scattered.wi).simd_lt(0.0);
             let black = Vec3x::splat(simd, [0.0; 3]);
@@ -158,9 +172,13 @@ impl<S: Simd> Bsdf<S> {
     /// The lanes whose base is diffuse.
     #[inline(always)]
     pub(super) fn layered(&self, simd: S) -> Mask<S> {
-        match &self.microfacet {
+        let layered = match &self.microfacet {
             Some(microfacet) => !microfacet.lanes(),
             None => Mask::splat(simd, true),
+        };
+        match &self.metallic_roughness {
+            Some(surface) => layered & !surface.lanes,
+            None => layered,
         }
     }
 
@@ -178,7 +196,10 @@ impl<S: Simd> Bsdf<S> {
 
     /// Reflectance of a diffuse base; 1 of metals and dielectrics, which show others.
     #[inline(always)]
-    pub(super) fn albedo(&self, simd: S, albedo: Vec3x<S>) -> Vec3x<S> {
+    pub(super) fn albedo(&self, simd: S, mut albedo: Vec3x<S>) -> Vec3x<S> {
+        if let Some(surface) = &self.metallic_roughness {
+            albedo = Vec3x::select(surface.lanes, surface.albedo(), albedo);
+        }
         match &self.microfacet {
             Some(microfacet) => {
                 Vec3x::select(microfacet.lanes(), Vec3x::splat(simd, [1.0; 3]), albedo)

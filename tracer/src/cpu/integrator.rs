@@ -1,8 +1,8 @@
 //! The path tracer as stages over a stream: extend, shade, connect, until all paths have ended.
 //!
 //! Next-event estimation towards the area lights and directions from the BSDF are weighed by the power
-//! heuristic (Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, §9.2);
-//! the environment is found by the BSDF's directions alone.
+//! heuristic (Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, §9.2); so are those
+//! towards an environment map. A constant environment is found by the BSDF's directions alone.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -10,6 +10,7 @@ use fearless_simd::{i32x16, prelude::*};
 
 use super::area_light::{AreaLights, LightSample};
 use super::bsdf::Bsdf;
+use super::environment::Environment;
 use super::geometry::Geometry;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::microfacet::{SCATTERED, untagged};
@@ -29,19 +30,23 @@ use crate::{ImageSize, RenderSettings};
 /// A scene for one picture, laid out for the lanes.
 pub(super) struct Prepared {
     camera: CameraFrame,
-    pub(super) environment: [f32; 3],
+    pub(super) environment: Environment,
     pub(super) geometry: Geometry,
     pub(super) surfaces: Surfaces,
     pub(super) area_lights: AreaLights,
     has_coat: bool,
+    /// How wide the surface is that a pixel sees at a distance of 1 m, in metres.
+    pub(super) footprint: f32,
     pub(super) settings: RenderSettings,
 }
 
 impl Prepared {
     pub(super) fn new(scene: &CompiledScene, size: ImageSize, settings: RenderSettings) -> Self {
+        let camera = scene.camera_frame(size);
         Self {
-            camera: scene.camera_frame(size),
-            environment: scene.environment.to_array(),
+            footprint: glam::Vec3::from(camera.dx).length(),
+            camera,
+            environment: Environment::new(scene),
             geometry: Geometry::new(scene),
             surfaces: Surfaces::new(scene),
             area_lights: AreaLights::new(&scene.area_lights),
@@ -79,7 +84,7 @@ impl Prepared {
                 #[inline(always)]
                 || self.shade(simd, stream, depth),
             );
-            if !self.area_lights.is_empty() {
+            if self.samples_light() {
                 // One call for both lobes: two would be two copies of the traversal.
                 let lobes = 1 + usize::from(self.samples_coat_reflection(depth));
                 for lobe in [OTHER, MIRROR].into_iter().take(lobes) {
@@ -99,10 +104,15 @@ impl Prepared {
         rays
     }
 
+    /// Whether there are directions in which light is looked for.
+    fn samples_light(&self) -> bool {
+        !self.area_lights.is_empty() || self.environment.probability() > 0.0
+    }
+
     /// Whether area lights that a coat reflects are looked up: of denoised pictures the first hits' mirrors
     /// are traced apart.
     fn samples_coat_reflection(&self, depth: u32) -> bool {
-        self.has_coat && (depth > 0 || !self.settings.denoise)
+        self.has_coat && !self.area_lights.is_empty() && (depth > 0 || !self.settings.denoise)
     }
 
     /// Whether what paths meet is noted for the filter. They keep their places then, also those that
@@ -121,6 +131,7 @@ impl Prepared {
     #[inline(always)]
     fn generate<S: Simd>(&self, simd: S, stream: &mut Stream) {
         let one = Float::splat(simd, 1.0);
+        stream.has_sampled_pdf = self.environment.probability() > 0.0;
         for StreamPacket { at, .. } in packets(stream.len) {
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
@@ -133,6 +144,10 @@ impl Prepared {
             stream.beta.store(at, Vec3x::new(one, one, one));
             stream.radiance.store(at, Vec3x::splat(simd, [0.0; 3]));
             store(&mut stream.pdf, at, Float::splat(simd, f32::INFINITY));
+            if stream.has_sampled_pdf {
+                let infinite = Float::splat(simd, f32::INFINITY);
+                store(&mut stream.sampled_pdf, at, infinite);
+            }
             store_words(&mut stream.primitive, at, Word::splat(simd, NONE));
         }
     }
@@ -279,8 +294,12 @@ impl Prepared {
         id: Word<S>,
     ) -> Vec3x<S> {
         let beta = stream.beta.load(simd, at);
-        let environment = beta.scale(Vec3x::splat(simd, self.environment));
         let escaped = id.simd_eq(NONE);
+        let direction = stream.direction.load(simd, at);
+        let sampled_pdf = || load(simd, &stream.sampled_pdf, at);
+        let environment =
+            (self.environment).radiance_with_mis(simd, direction, escaped, sampled_pdf);
+        let environment = beta.scale(environment);
         if escaped.all_true() || self.area_lights.is_empty() {
             return environment;
         }
@@ -288,7 +307,7 @@ impl Prepared {
         let lit = id.simd_ge(first) & !escaped;
         let light = lit.select(id - first, Word::splat(simd, 0));
         let emission = self.area_lights.emission(simd, light);
-        let cos_light = -stream.direction.load(simd, at).dot(emission.normal);
+        let cos_light = -direction.dot(emission.normal);
         let pdf = load(simd, &stream.pdf, at);
         // An area light that does not shine has no brightness: 0 / 0.
         // ∞ of a mirror gives a weight of 1, 0 of a coat's mirror one of 0: its light has been
@@ -366,8 +385,9 @@ impl Prepared {
             let tag = alive.select(tag, Word::splat(simd, 0));
             let direction = stream.direction.load(simd, at);
             let distance = load(simd, &stream.distance, at);
+            let footprint = if depth == 0 { self.footprint } else { 0.0 };
             let (hit, regularised) =
-                self.regularised_hit(simd, stream, at, direction, distance, tag);
+                self.regularised_hit(simd, stream, at, direction, distance, tag, footprint);
             let bsdf = Bsdf::new(simd, &hit, -direction);
             if self.records_aovs_at(depth) {
                 let (inverse_depth, emitted) = stream.load_emission(simd, at);
@@ -375,30 +395,48 @@ impl Prepared {
                 stream.store_aovs(at, aovs);
             }
             let beta = stream.beta.load(simd, at);
+            if let Some(surface) = &hit.metallic_roughness {
+                let emitting = alive & surface.lanes;
+                let black = Vec3x::splat(simd, [0.0; 3]);
+                let emission = Vec3x::select(emitting, beta.scale(surface.emission), black);
+                let radiance = stream.radiance.load(simd, at);
+                stream.radiance.store(at, radiance + emission);
+            }
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
             let seed = self.settings.seed;
             let mut light_weight_sum = Float::splat(simd, 0.0);
-            if !self.area_lights.is_empty() {
-                let u = pair(pixel, sample, block_light(depth), seed);
-                let light = self.area_lights.sample(simd, hit.position, u);
-                light_weight_sum = light.light_weight_sum;
-                rays += self.queue_shadow_rays(
-                    simd,
-                    stream,
-                    at,
-                    alive,
-                    depth,
-                    &hit,
-                    &bsdf,
-                    tag,
-                    &light,
-                    regularised,
-                );
+            if self.samples_light() {
+                let mut u = pair(pixel, sample, block_light(depth), seed);
+                let aimed = self.aim_at_environment(simd, &hit, &mut u);
+                if self.area_lights.is_empty() {
+                    self.queue_no_shadow_rays(simd, stream, at, &hit);
+                } else {
+                    let mut light = self.area_lights.sample(simd, hit.position, u);
+                    self.weigh_beside_environment(&hit, &mut light);
+                    light_weight_sum = light.light_weight_sum;
+                    rays += self.queue_shadow_rays(
+                        simd,
+                        stream,
+                        at,
+                        alive,
+                        depth,
+                        &hit,
+                        &bsdf,
+                        tag,
+                        &light,
+                        regularised,
+                    );
+                }
+                if let Some(aimed) = aimed {
+                    self.queue_environment_shadow_ray(
+                        simd, stream, at, alive, aimed, &hit, &bsdf, u,
+                    );
+                }
             }
             let [u1, u2] = pair(pixel, sample, block_scatter(depth), seed);
             let mut u0 = u1;
-            if hit.microfacet.is_some() {
+            if hit.microfacet.is_some() || hit.metallic_roughness.is_some() {
                 [u0, _] = pair(pixel, sample, block_choice(depth), seed);
             }
             let mut inside = Mask::splat(simd, false);
@@ -406,6 +444,9 @@ impl Prepared {
             stream.origin.store(at, hit.position);
             stream.direction.store(at, scattered.wi);
             stream.beta.store(at, beta.scale(scattered.weight));
+            if stream.has_sampled_pdf {
+                store(&mut stream.sampled_pdf, at, scattered.pdf);
+            }
             let pdf = weighed(scattered.pdf, light_weight_sum);
             let diffuse = bsdf.layered(simd) & pdf.simd_gt(0.0);
             let mut pdf = with_spread(pdf, regularised | diffuse);
@@ -460,8 +501,103 @@ impl Prepared {
         rays
     }
 
+    /// The lanes that aim at the environment rather than at an area light, and what is left of `u` for either; none
+    /// without an environment map. Lanes that were scattered inside bodies aim at area lights alone.
+    #[inline(always)]
+    fn aim_at_environment<S: Simd>(
+        &self,
+        simd: S,
+        hit: &Hit<S>,
+        u: &mut [Float<S>; 2],
+    ) -> Option<Mask<S>> {
+        if self.environment.probability() == 0.0 {
+            return None;
+        }
+        let (mut aimed, mut rest) = self.environment.choose(simd, u[0]);
+        if let Some(microfacet) = &hit.microfacet {
+            rest = microfacet.is_scattered().select(u[0], rest);
+            aimed &= !microfacet.is_scattered();
+        }
+        u[0] = rest;
+        Some(aimed)
+    }
+
+    /// Area lights are aimed at less often where the environment is too.
+    #[inline(always)]
+    fn weigh_beside_environment<S: Simd>(&self, hit: &Hit<S>, light: &mut LightSample<S>) {
+        let probability = 1.0 - self.environment.probability();
+        if probability == 1.0 {
+            return;
+        }
+        let simd = light.inverse_pdf.token();
+        let mut factor = Float::splat(simd, 1.0 / probability);
+        if let Some(microfacet) = &hit.microfacet {
+            let one = Float::splat(simd, 1.0);
+            factor = microfacet.is_scattered().select(one, factor);
+        }
+        light.inverse_pdf *= factor;
+        light.inverse_density *= factor;
+        light.light_weight_sum *= factor;
+    }
+
+    #[inline(always)]
+    fn queue_no_shadow_rays<S: Simd>(&self, simd: S, stream: &mut Stream, at: usize, hit: &Hit<S>) {
+        let zero = Float::splat(simd, 0.0);
+        for shadow in &mut stream.shadows {
+            store(&mut shadow.distance, at, zero);
+            shadow.origin.store(at, hit.position);
+        }
+    }
+
+    /// Next-event estimation: a shadow ray towards a random direction of the environment, in place of those that are
+    /// queued in lanes that are `aimed` at it.
+    #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one packet's values, all in registers"
+    )]
+    fn queue_environment_shadow_ray<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        at: usize,
+        alive: Mask<S>,
+        aimed: Mask<S>,
+        hit: &Hit<S>,
+        bsdf: &Bsdf<S>,
+        u: [Float<S>; 2],
+    ) {
+        let Some(drawn) = self.environment.sample(simd, u) else {
+            return;
+        };
+        let cos_i = hit.normal.dot(drawn.wi);
+        let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, drawn.wi, cos_i);
+        let weight = power_heuristic(bsdf_pdf * drawn.inverse_density) * drawn.inverse_density;
+        let mut lit = alive & bsdf.sees(cos_i);
+        if let Some(geometric) = hit.geometric {
+            lit &= geometric.dot(drawn.wi).simd_ge(0.0);
+        }
+        let shadow = &mut stream.shadows[OTHER];
+        let before = shadow.direction.load(simd, at);
+        (shadow.direction).store(at, Vec3x::select(aimed, drawn.wi, before));
+        let beta = stream.beta.load(simd, at);
+        let light = beta.scale(f_cos).scale(drawn.radiance) * weight;
+        let before = shadow.radiance.load(simd, at);
+        (shadow.radiance).store(at, Vec3x::select(aimed, light, before));
+        let distance = lit.select(Float::splat(simd, f32::MAX), Float::splat(simd, 0.0));
+        let before = load(simd, &shadow.distance, at);
+        store(&mut shadow.distance, at, aimed.select(distance, before));
+        let before = load_words(simd, &shadow.light, at);
+        let none = Word::splat(simd, NONE);
+        store_words(&mut shadow.light, at, aimed.select(none, before));
+    }
+
     /// The surfaces that a packet's rays have met, their mirrors mollified in the lanes returned.
     #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one packet's values, all in registers"
+    )]
     fn regularised_hit<S: Simd>(
         &self,
         simd: S,
@@ -470,12 +606,16 @@ impl Prepared {
         direction: Vec3x<S>,
         distance: Float<S>,
         tag: Word<S>,
+        footprint: f32,
     ) -> (Hit<S>, Mask<S>) {
         let origin = stream.origin.load(simd, at);
-        let mut hit = self.surfaces.hit(simd, origin, direction, distance, tag);
+        let mut hit = (self.surfaces).hit(simd, origin, direction, distance, tag, footprint);
         let regularised = regularised(simd, stream, at);
         if let Some(microfacet) = &mut hit.microfacet {
             microfacet.regularise(regularised);
+        }
+        if let Some(surface) = &mut hit.metallic_roughness {
+            surface.regularise(regularised);
         }
         (hit, regularised)
     }

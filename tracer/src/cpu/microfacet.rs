@@ -12,7 +12,9 @@ use super::lanes::{Float, Mask, Vec3x, Word};
 use super::rays::INSIDE;
 use super::rows::Rows;
 use super::sampling::{BsdfSample, basis, sin_cos_turns, uniform_direction};
-use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, MaterialData};
+use crate::compiled::{
+    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
+};
 use crate::regularisation::ALPHA_MIN;
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -38,7 +40,11 @@ pub(super) fn untagged<S: Simd>(id: Word<S>) -> Word<S> {
 
 pub(super) fn microfacet_row(material: &MaterialData) -> MicrofacetRow {
     let mut row = [0.0; 16];
-    row[KIND] = material.kind as f32;
+    // glTF's material is met apart.
+    row[KIND] = match material.kind {
+        KIND_METALLIC_ROUGHNESS => KIND_LAYERED,
+        kind => kind,
+    } as f32;
     row[ALPHA] = material.alpha;
     row[IOR] = material.ior;
     row[MAJORANT] = material.majorant;
@@ -147,7 +153,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
         let h = normalize(wo + Vec3x::select(reflected, wi, wi * self.eta));
         let h = Vec3x::select(h.dot(normal).simd_lt(0.0), -h, h);
         let (o, i) = (wo.dot(h), -wi.dot(h));
-        let seen = self.ggx(normal, h) * self.visibility(cos_o);
+        let seen = ggx(self.alpha, normal, h) * self.visibility(cos_o);
         let shadowing = self.visibility(cos_i.abs()) * cos_i.abs();
 
         let quarter = seen * 0.25;
@@ -186,7 +192,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
         let mut h = normal;
         if self.rough.any_true() {
-            let drawn = self.sample_visible(simd, normal, wo, u[1], u[2]);
+            let drawn = sample_visible(simd, self.alpha, normal, wo, u[1], u[2]);
             h = Vec3x::select(self.rough, drawn, normal);
         }
         let cos_h = wo.dot(h);
@@ -235,41 +241,9 @@ impl<S: Simd> MicrofacetBsdf<S> {
         Vec3x::select(self.rough, Vec3x::splat(simd, [0.0; 3]), reflectance)
     }
 
-    /// The sine is measured rather than the cosine, of which nothing is left near 1.
-    #[inline(always)]
-    fn ggx(&self, normal: Vec3x<S>, h: Vec3x<S>) -> Float<S> {
-        let cos = h.dot(normal);
-        let sine2 = (h - normal * cos).length_squared();
-        let alpha2 = self.alpha * self.alpha;
-        let root = (alpha2 * cos).mul_add(cos, sine2);
-        alpha2 * FRAC_1_PI / (root * root)
-    }
-
     #[inline(always)]
     fn visibility(&self, cos: Float<S>) -> Float<S> {
-        let alpha2 = self.alpha * self.alpha;
-        2.0 / (cos + ((1.0 - alpha2) * cos).mul_add(cos, alpha2).sqrt())
-    }
-
-    #[inline(always)]
-    fn sample_visible(
-        &self,
-        simd: S,
-        normal: Vec3x<S>,
-        wo: Vec3x<S>,
-        u1: Float<S>,
-        u2: Float<S>,
-    ) -> Vec3x<S> {
-        let (t, b) = basis(simd, normal);
-        let (x, y, z) = (wo.dot(t), wo.dot(b), wo.dot(normal));
-        let stretched = normalize(Vec3x::new(self.alpha * x, self.alpha * y, z));
-        let z = (1.0 - u1) * (1.0 + stretched.z) - stretched.z;
-        let sine = (1.0 - z * z).max(0.0).sqrt();
-        let (sin, cos) = sin_cos_turns(u2);
-        let cap = Vec3x::new(sine * cos, sine * sin, z) + stretched;
-        let h = Vec3x::new(self.alpha * cap.x, self.alpha * cap.y, cap.z.max(0.0));
-        let h = normalize(h);
-        t.mul_add(h.x, b.mul_add(h.y, normal * h.z))
+        visibility(self.alpha, cos)
     }
 
     /// [`crate::fresnel::fresnel_conductor`] by channel.
@@ -296,7 +270,43 @@ impl<S: Simd> MicrofacetBsdf<S> {
     }
 }
 
+/// The sine is measured rather than the cosine, of which nothing is left near 1.
 #[inline(always)]
-fn normalize<S: Simd>(v: Vec3x<S>) -> Vec3x<S> {
+pub(super) fn ggx<S: Simd>(alpha: Float<S>, normal: Vec3x<S>, h: Vec3x<S>) -> Float<S> {
+    let cos = h.dot(normal);
+    let sine2 = (h - normal * cos).length_squared();
+    let alpha2 = alpha * alpha;
+    let root = (alpha2 * cos).mul_add(cos, sine2);
+    alpha2 * FRAC_1_PI / (root * root)
+}
+
+#[inline(always)]
+pub(super) fn visibility<S: Simd>(alpha: Float<S>, cos: Float<S>) -> Float<S> {
+    let alpha2 = alpha * alpha;
+    2.0 / (cos + ((1.0 - alpha2) * cos).mul_add(cos, alpha2).sqrt())
+}
+
+#[inline(always)]
+pub(super) fn sample_visible<S: Simd>(
+    simd: S,
+    alpha: Float<S>,
+    normal: Vec3x<S>,
+    wo: Vec3x<S>,
+    u1: Float<S>,
+    u2: Float<S>,
+) -> Vec3x<S> {
+    let (t, b) = basis(simd, normal);
+    let (x, y, z) = (wo.dot(t), wo.dot(b), wo.dot(normal));
+    let stretched = normalize(Vec3x::new(alpha * x, alpha * y, z));
+    let z = (1.0 - u1) * (1.0 + stretched.z) - stretched.z;
+    let sine = (1.0 - z * z).max(0.0).sqrt();
+    let (sin, cos) = sin_cos_turns(u2);
+    let cap = Vec3x::new(sine * cos, sine * sin, z) + stretched;
+    let h = normalize(Vec3x::new(alpha * cap.x, alpha * cap.y, cap.z.max(0.0)));
+    t.mul_add(h.x, b.mul_add(h.y, normal * h.z))
+}
+
+#[inline(always)]
+pub(super) fn normalize<S: Simd>(v: Vec3x<S>) -> Vec3x<S> {
     v * (1.0 / v.length_squared().sqrt())
 }

@@ -18,6 +18,9 @@ pub(super) struct Stream {
     /// Density of the last direction per solid angle times the area lights' `light_weight_sum` where it began; ∞
     /// if all light along it counts, −∞ if so and it began where the path was scattered inside a body.
     pub(super) pdf: Box<[f32]>,
+    /// The density itself, where there is an environment map.
+    pub(super) sampled_pdf: Box<[f32]>,
+    pub(super) has_sampled_pdf: bool,
     /// Distance along the ray to what it hit; of a camera's ray until then, the length of its
     /// direction before that was made 1.
     pub(super) distance: Box<[f32]>,
@@ -92,6 +95,8 @@ impl Stream {
             beta: Triple::new(rows),
             radiance: Triple::new(rows),
             pdf: vec![0.0; rows].into_boxed_slice(),
+            sampled_pdf: vec![0.0; rows].into_boxed_slice(),
+            has_sampled_pdf: false,
             distance: vec![0.0; rows].into_boxed_slice(),
             primitive: words(),
             film: words(),
@@ -197,6 +202,9 @@ impl Stream {
         }
         for column in [&mut self.pdf, &mut self.distance] {
             pack_floats(simd, column, packet.at, mask, to);
+        }
+        if self.has_sampled_pdf {
+            pack_floats(simd, &mut self.sampled_pdf, packet.at, mask, to);
         }
         for column in [
             &mut self.primitive,

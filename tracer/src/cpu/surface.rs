@@ -4,6 +4,7 @@ use fearless_simd::prelude::*;
 
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::medium::FreeFlight;
+use super::metallic_roughness::{MetallicRoughness, MetallicRoughnessRow, metallic_roughness_row};
 use super::microfacet::{MicrofacetBsdf, MicrofacetRow, SCATTERED, microfacet_row, untagged};
 use super::rays::{INSIDE, inverse};
 use super::refracted_nee::{NeeBoundaryRow, nee_boundary_row};
@@ -11,10 +12,11 @@ use super::rows::Rows;
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
-use super::triangle::TriangleSurfaces;
+use super::triangle::{TriangleHit, TriangleSurfaces};
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
-    CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData, PATTERN_NONE,
+    CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
+    PATTERN_NONE,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids; after them one per material, for
@@ -28,6 +30,8 @@ pub(super) struct Surfaces {
     texture: Vec<TextureRow>,
     /// Some cloth has a sheen.
     sheen: Vec<SheenRow>,
+    /// Empty without glTF's material.
+    metallic_roughness: Vec<MetallicRoughnessRow>,
     /// Paths go on inside of bodies and need to know what fills them.
     pub(super) has_dielectric: bool,
     /// Empty if no ball allows refracted NEE.
@@ -78,6 +82,8 @@ pub(super) struct Hit<S: Simd> {
     pub(super) microfacet: Option<MicrofacetBsdf<S>>,
     /// Cloth, if any lane met one.
     pub(super) sheen: Option<Sheen<S>>,
+    /// glTF's material, if any lane met it.
+    pub(super) metallic_roughness: Option<MetallicRoughness<S>>,
 }
 
 impl Surfaces {
@@ -133,6 +139,7 @@ impl Surfaces {
             microfacet: microfacet_rows(scene),
             texture: texture_rows(scene),
             sheen: sheen_rows(scene),
+            metallic_roughness: metallic_roughness_rows(scene),
             has_dielectric: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
             nee_boundaries: nee_boundary_rows(scene),
         }
@@ -144,6 +151,20 @@ impl Surfaces {
             return None;
         }
         Sheen::new(simd, &self.sheen, id)
+    }
+
+    #[inline(always)]
+    fn metallic_roughness_at<S: Simd>(
+        &self,
+        simd: S,
+        id: Word<S>,
+        triangles: Option<&TriangleHit<S>>,
+    ) -> Option<MetallicRoughness<S>> {
+        if self.metallic_roughness.is_empty() {
+            return None;
+        }
+        let textures = triangles.and_then(|triangles| triangles.textures.as_ref());
+        MetallicRoughness::new(simd, &self.metallic_roughness, id, textures)
     }
 
     /// The flight of the rays inside dielectrics, whose ids are in `start`, towards a boundary at
@@ -162,7 +183,8 @@ impl Surfaces {
     }
 
     /// The surface of the primitive in `tag` at `distance` along the ray, or the point inside it
-    /// where the path was scattered.
+    /// where the path was scattered. At a distance of 1 m a ray sees as much of it as `footprint`, in metres; 0 for
+    /// the finest level of textures.
     #[inline(always)]
     pub(super) fn hit<S: Simd>(
         &self,
@@ -171,13 +193,14 @@ impl Surfaces {
         direction: Vec3x<S>,
         distance: Float<S>,
         tag: Word<S>,
+        footprint: f32,
     ) -> Hit<S> {
         let (mut id, mut within, mut microfacet) = (tag, Mask::splat(simd, false), None);
         if !self.microfacet.is_empty() {
             id = untagged(tag);
             within = (tag & INSIDE).simd_ne(0);
         }
-        let triangles = self.triangles.hit(simd, origin, direction, id);
+        let triangles = self.triangles.hit(simd, origin, direction, id, footprint);
         if let Some(triangles) = &triangles {
             id = triangles.row;
         }
@@ -212,7 +235,7 @@ impl Surfaces {
         if let Some(triangles) = &triangles {
             position = Vec3x::select(triangles.lanes, triangles.position, position);
             normal = Vec3x::select(triangles.lanes, triangles.normal, normal);
-            geometric = self.triangles.has_normals().then_some(triangles.geometric);
+            geometric = (self.triangles.has_shading_normals()).then_some(triangles.geometric);
         }
         if let Some(microfacet) = &microfacet {
             let inside = direction.mul_add(distance, origin);
@@ -239,6 +262,7 @@ impl Surfaces {
             diffuse_scale: rows.number(simd, DIFFUSE_SCALE),
             microfacet,
             sheen: self.sheen_at(simd, id),
+            metallic_roughness: self.metallic_roughness_at(simd, id, triangles.as_ref()),
         }
     }
 }
@@ -261,7 +285,8 @@ fn materials(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
 }
 
 fn microfacet_rows(scene: &CompiledScene) -> Vec<MicrofacetRow> {
-    if scene.materials.iter().all(|m| m.kind == KIND_LAYERED) {
+    let is_other = |m: &MaterialData| matches!(m.kind, KIND_LAYERED | KIND_METALLIC_ROUGHNESS);
+    if scene.materials.iter().all(is_other) {
         return Vec::new();
     }
     materials(scene).map(microfacet_row).collect()
@@ -306,6 +331,13 @@ fn sheen_rows(scene: &CompiledScene) -> Vec<SheenRow> {
     materials(scene)
         .map(|m| [m.sheen[0], m.sheen[1], m.sheen[2], m.sheen_roughness])
         .collect()
+}
+
+fn metallic_roughness_rows(scene: &CompiledScene) -> Vec<MetallicRoughnessRow> {
+    if (scene.materials.iter()).all(|m| m.kind != KIND_METALLIC_ROUGHNESS) {
+        return Vec::new();
+    }
+    materials(scene).map(metallic_roughness_row).collect()
 }
 
 fn row(

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use fearless_simd::prelude::*;
 
 use super::bvh16::Bvh16;
+use super::image_texture::{LaneHit, TextureColumns, TextureLanes, TriangleTextures};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rays::{HitMask, Nearest, Rays};
 use super::sampling::basis;
@@ -210,6 +211,7 @@ impl Triangles {
 pub(super) struct TriangleSurfaces {
     triangles: Arc<Vec<TriangleData>>,
     normals: Arc<Vec<TriangleNormals>>,
+    textures: TriangleTextures,
     /// The id of the first triangle, and the number of them.
     ids: [u32; 2],
     /// The row of the first material.
@@ -227,6 +229,8 @@ pub(super) struct TriangleHit<S: Simd> {
     pub(super) normal: Vec3x<S>,
     /// The surface's own, on that side; 0 in lanes of facets and other shapes.
     pub(super) geometric: Vec3x<S>,
+    /// Of lanes whose materials have some, if any can.
+    pub(super) textures: Option<TextureLanes<S>>,
 }
 
 impl TriangleSurfaces {
@@ -235,14 +239,15 @@ impl TriangleSurfaces {
         Self {
             triangles: Arc::clone(&scene.meshes.triangles),
             normals: Arc::clone(&scene.meshes.normals),
+            textures: TriangleTextures::new(scene),
             ids: [first, scene.meshes.triangles.len() as u32],
             rows_first,
         }
     }
 
-    /// Whether some have vertex normals.
-    pub(super) fn has_normals(&self) -> bool {
-        !self.normals.is_empty()
+    /// Whether some may be shaded with another normal than their own.
+    pub(super) fn has_shading_normals(&self) -> bool {
+        !self.normals.is_empty() || !self.textures.is_empty()
     }
 
     /// The triangles that rays meet, whose ids have no tags; none if they meet other shapes alone.
@@ -253,11 +258,12 @@ impl TriangleSurfaces {
         origin: Vec3x<S>,
         direction: Vec3x<S>,
         id: Word<S>,
+        footprint: f32,
     ) -> Option<TriangleHit<S>> {
         let [first, count] = self.ids;
         // Those before the first wrap round.
         let is_met = count > 0 && (id - first).simd_lt(count).any_true();
-        is_met.then(|| self.hit_some(simd, origin, direction, id))
+        is_met.then(|| self.hit_some(simd, origin, direction, id, footprint))
     }
 
     #[inline(never)]
@@ -267,6 +273,7 @@ impl TriangleSurfaces {
         origin: Vec3x<S>,
         direction: Vec3x<S>,
         id: Word<S>,
+        footprint: f32,
     ) -> TriangleHit<S> {
         simd.vectorize(
             #[inline(always)]
@@ -288,10 +295,25 @@ impl TriangleSurfaces {
                     position: point_above(corners, weights, normal),
                     normal,
                     geometric: Vec3x::splat(simd, [0.0; 3]),
+                    textures: None,
                 };
-                let smooth = Mask::from_bitmask(simd, columns.smooth);
+                let mut smooth = Mask::from_bitmask(simd, columns.smooth);
+                let mut interpolated = normal;
                 if smooth.any_true() {
-                    let interpolated = interpolate([vector(9), vector(12), vector(15)], weights);
+                    interpolated = interpolate([vector(9), vector(12), vector(15)], weights);
+                }
+                if !self.textures.is_empty() {
+                    let n_out = out_normal(smooth, interpolated, corners);
+                    let distance = (hit.position - origin).length_squared().sqrt();
+                    let footprint = distance * footprint;
+                    let looked_up = self.look_up(id, weights, footprint, n_out, normal);
+                    hit.textures = Some(looked_up.lanes(simd));
+                    let mapped = Mask::from_bitmask(simd, looked_up.mapped);
+                    let [x, y, z] = looked_up.normals.map(|n| Float::load_array(simd, n));
+                    interpolated = Vec3x::select(mapped, Vec3x::new(x, y, z), interpolated);
+                    smooth |= mapped;
+                }
+                if smooth.any_true() {
                     let shading = visible_normal(simd, interpolated, normal, -direction);
                     hit.normal = Vec3x::select(smooth, shading, normal);
                     hit.geometric = Vec3x::select(smooth, normal, hit.geometric);
@@ -299,6 +321,37 @@ impl TriangleSurfaces {
                 hit
             },
         )
+    }
+
+    /// What textures give each lane.
+    fn look_up<S: Simd>(
+        &self,
+        id: Word<S>,
+        weights: [Float<S>; 3],
+        footprint_m: Float<S>,
+        n_out: Vec3x<S>,
+        n: Vec3x<S>,
+    ) -> TextureColumns {
+        let ids = id.to_array();
+        let weights = weights.map(Float::<S>::to_array);
+        let footprint_m = footprint_m.to_array();
+        let [n_out, n] = [n_out, n].map(|v| [v.x.to_array(), v.y.to_array(), v.z.to_array()]);
+        let vector = |v: &[[f32; LANES]; 3], lane: usize| glam::Vec3::from(v.map(|c| c[lane]));
+        let mut columns = TextureColumns::NONE;
+        for (lane, id) in ids.into_iter().enumerate() {
+            let Some(triangle) = self.triangles.get(id.wrapping_sub(self.ids[0]) as usize) else {
+                continue;
+            };
+            let hit = LaneHit {
+                triangle,
+                weights: weights.map(|weight| weight[lane]),
+                footprint_m: footprint_m[lane],
+                n_out: vector(&n_out, lane),
+                n: vector(&n, lane),
+            };
+            self.textures.look_up(&mut columns, lane, &hit);
+        }
+        columns
     }
 
     fn columns(&self, ids: [u32; LANES]) -> TriangleColumns {
@@ -349,15 +402,32 @@ fn load<S: Simd>(simd: S, numbers: &[[f32; LANES]; 18], first: usize) -> Vec3x<S
     )
 }
 
-/// The unit normal of a triangle, on the side that a ray comes from.
+/// The unit normal that the corners of a triangle go round.
 #[inline(always)]
-fn facet_normal<S: Simd>(direction: Vec3x<S>, [a, b, c]: [Vec3x<S>; 3]) -> Vec3x<S> {
+fn wound_normal<S: Simd>([a, b, c]: [Vec3x<S>; 3]) -> Vec3x<S> {
     let (u, v) = (b - a, c - a);
-    let normal = unit(Vec3x::new(
+    unit(Vec3x::new(
         u.y * v.z - u.z * v.y,
         u.z * v.x - u.x * v.z,
         u.x * v.y - u.y * v.x,
-    ));
+    ))
+}
+
+/// The unit normal to shade with, out of the surface.
+#[inline(always)]
+fn out_normal<S: Simd>(
+    smooth: Mask<S>,
+    interpolated: Vec3x<S>,
+    corners: [Vec3x<S>; 3],
+) -> Vec3x<S> {
+    let is_some = smooth & interpolated.length_squared().simd_gt(0.0);
+    Vec3x::select(is_some, unit(interpolated), wound_normal(corners))
+}
+
+/// The unit normal of a triangle, on the side that a ray comes from.
+#[inline(always)]
+fn facet_normal<S: Simd>(direction: Vec3x<S>, corners: [Vec3x<S>; 3]) -> Vec3x<S> {
+    let normal = wound_normal(corners);
     let behind = normal.dot(direction).simd_gt(0.0);
     Vec3x::select(behind, -normal, normal)
 }

@@ -2,8 +2,9 @@
 
 use crate::bvh::Bvh;
 use crate::compiled::{
-    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, MaterialData,
-    PATTERN_NONE, PATTERN_NUMBER, ShapeKind, SphereData,
+    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CompiledScene, CsgBoxData, CsgFaceData, KIND_CONDUCTOR,
+    KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData, PATTERN_NONE,
+    PATTERN_NUMBER, ShapeKind, SphereData,
 };
 use crate::gpu::coplanar;
 
@@ -142,6 +143,12 @@ pub(crate) struct Features {
     pub(crate) triangles: u32,
     /// Those with vertex normals.
     pub(crate) smooth_triangles: u32,
+    /// Those with texture coordinates, if any material has a texture.
+    pub(crate) uv_triangles: u32,
+    /// Image textures, if any material has one.
+    pub(crate) textures: u32,
+    /// Pixels across and down the environment map; 0 without.
+    pub(crate) environment_map: [u32; 2],
     pub(crate) area_lights: u32,
     /// At least 1: an array has no length of 0.
     pub(crate) materials: u32,
@@ -163,6 +170,8 @@ pub(crate) struct Features {
     pub(crate) has_microfacet: bool,
     /// Some material is a dielectric.
     pub(crate) has_dielectric: bool,
+    /// Some material is that of glTF.
+    pub(crate) has_metallic_roughness: bool,
     /// Some ball may allow refracted NEE: its material is a smooth dielectric and scatters light inside.
     pub(crate) has_refracted_nee: bool,
     pub(crate) output: KernelOutput,
@@ -173,11 +182,13 @@ pub(crate) struct Features {
     pub(crate) discs_coplanar: bool,
     /// The same of area lights.
     pub(crate) area_lights_coplanar: bool,
-    /// Some area light may be before the face of another.
+    /// Some area light may be before the face of another, or before the environment.
     pub(crate) area_lights_occlude: bool,
     /// Solid angles in metres would leave the range of f32.
     pub(crate) area_lights_scaled: bool,
     pub(crate) memory: SceneMemory,
+    /// Blocks of pixels that a workgroup traces.
+    pub(crate) workgroup_blocks: u32,
 }
 
 impl Features {
@@ -193,6 +204,15 @@ impl Features {
             csg_boxes: scene.csg_boxes.len() as u32,
             triangles: scene.meshes.triangles.len() as u32,
             smooth_triangles: scene.meshes.normals.len() as u32,
+            environment_map: [scene.environment_map.width, scene.environment_map.height],
+            uv_triangles: match scene.textures.is_empty() || scene.meshes.uvs.is_empty() {
+                true => 0,
+                false => scene.meshes.uvs.len() as u32,
+            },
+            textures: match scene.textures.is_empty() || scene.meshes.uvs.is_empty() {
+                true => 0,
+                false => scene.textures.images.len() as u32,
+            },
             area_lights: scene.area_lights.len() as u32,
             materials: scene.materials.len().max(1) as u32,
             bvhs: ShapeKind::ALL.map(|shape| bvh(scene, shape).is_some()),
@@ -205,17 +225,29 @@ impl Features {
             has_number: any(|material| material.pattern == PATTERN_NUMBER),
             has_wood: any(|m| !matches!(m.pattern, PATTERN_NONE | PATTERN_NUMBER)),
             has_sheen: any(|material| material.sheen != [0.0; 3]),
-            has_microfacet: any(|material| material.kind != KIND_LAYERED),
+            has_microfacet: any(|m| matches!(m.kind, KIND_CONDUCTOR | KIND_DIELECTRIC)),
             has_dielectric: any(|material| material.kind == KIND_DIELECTRIC),
+            has_metallic_roughness: any(|m| m.kind == KIND_METALLIC_ROUGHNESS),
             has_refracted_nee: has_refracted_nee(scene),
             output: KernelOutput::Radiance,
             is_compensated: needs_compensation(scene),
             discs_coplanar: coplanar::discs_coplanar(scene),
             area_lights_coplanar: coplanar::area_lights_coplanar(scene),
-            area_lights_occlude: coplanar::area_lights_occlude(scene),
+            area_lights_occlude: coplanar::area_lights_occlude(scene)
+                || !(scene.environment_map.is_empty() || scene.area_lights.is_empty()),
             area_lights_scaled: needs_scale(scene),
             memory: SceneMemory::Uniform,
+            workgroup_blocks: 1,
         }
+    }
+
+    /// Whether a workgroup keeps CSG boxes in its own memory: at most half of the 16 KiB that are everywhere,
+    /// beside its pixels.
+    pub(crate) const fn copies_csg(&self) -> bool {
+        const BYTES_MAX: usize = 8 << 10;
+        let bytes = self.csg_faces as usize * size_of::<CsgFaceData>()
+            + self.csg_boxes as usize * size_of::<CsgBoxData>();
+        self.workgroup_blocks > 1 && self.csg_boxes > 0 && bytes <= BYTES_MAX
     }
 
     /// How many primitives of a shape there are.
@@ -228,6 +260,16 @@ impl Features {
             ShapeKind::CsgFace => self.csg_faces,
             ShapeKind::Triangle => self.triangles,
         }
+    }
+
+    /// Whether there is an environment map.
+    pub(crate) const fn has_environment_map(&self) -> bool {
+        self.environment_map[0] > 0
+    }
+
+    /// Whether some triangle may be shaded with another normal than its own.
+    pub(crate) const fn has_shading_normals(&self) -> bool {
+        self.smooth_triangles > 0 || self.uv_triangles > 0
     }
 
     /// The shapes whose primitives have numbers in kernels: triangles only where there are some.

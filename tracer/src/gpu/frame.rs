@@ -8,7 +8,9 @@ use crate::Error;
 use crate::gpu::denoise::FilterBuffers;
 use crate::gpu::device::Device;
 use crate::gpu::features::KernelOutput;
-use crate::gpu::layout::{DispatchData, MESH_BINDING, SceneHeader, TileEntry};
+use crate::gpu::layout::{
+    DispatchData, ENVIRONMENT_BINDING, MESH_BINDING, SceneHeader, TEXTURE_BINDING, TileEntry,
+};
 use crate::gpu::mesh_buffer::SceneUpload;
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
@@ -37,6 +39,10 @@ pub(crate) struct FrameBuffers {
     scene_bytes: u64,
     /// The present scene's triangles.
     mesh: Option<Arc<wgpu::Buffer>>,
+    /// Image textures of the scene.
+    textures: Option<Arc<wgpu::Buffer>>,
+    /// Its environment map.
+    environment_map: Option<Arc<wgpu::Buffer>>,
     /// A slot for each pass of a submission.
     uniforms: wgpu::Buffer,
     pub(super) tiles: wgpu::Buffer,
@@ -60,10 +66,11 @@ pub(crate) struct Pass<'a> {
     pub(crate) uniforms: Vec<u8>,
 }
 
-/// Workgroups of a pass over a chunk's blocks, one each.
-pub(crate) fn groups(blocks: u32) -> [u32; 2] {
-    let columns = blocks.min(GROUPS_X_MAX);
-    [columns, blocks.div_ceil(columns.max(1))]
+/// Workgroups of a pass over a chunk's blocks, `workgroup_blocks` each.
+pub(crate) fn groups(blocks: u32, workgroup_blocks: u32) -> [u32; 2] {
+    let groups = blocks.div_ceil(workgroup_blocks);
+    let columns = groups.min(GROUPS_X_MAX);
+    [columns, groups.div_ceil(columns.max(1))]
 }
 
 /// Measures passes by the device's own clock.
@@ -121,6 +128,8 @@ impl FrameBuffers {
             scene: buffer(wgpu, size_of::<SceneHeader>() as u64, SCENE_USAGE),
             scene_bytes: 0,
             mesh: None,
+            textures: None,
+            environment_map: None,
             uniforms: buffer(
                 wgpu,
                 SLOT_BYTES * PASSES_MAX as u64,
@@ -151,8 +160,15 @@ impl FrameBuffers {
         use wgpu::BufferUsages as Usage;
         let entries: &[u8] = cast_slice(&chunk.entries);
         let sums_bytes = SUM_BYTES * chunk.pixels;
-        let SceneUpload { bytes: scene, mesh } = scene;
+        let SceneUpload {
+            bytes: scene,
+            mesh,
+            textures,
+            environment_map,
+        } = scene;
+        self.environment_map.clone_from(environment_map);
         self.mesh.clone_from(mesh);
+        self.textures.clone_from(textures);
         self.scene_bytes = scene.len() as u64;
         device.guarded(|wgpu| {
             reserve(wgpu, &mut self.scene, scene.len() as u64, SCENE_USAGE);
@@ -191,6 +207,14 @@ impl FrameBuffers {
         ];
         if kernel.has_mesh {
             entries.extend(self.mesh.as_ref().map(|mesh| whole(MESH_BINDING, mesh)));
+        }
+        if kernel.has_textures {
+            let textures = self.textures.as_ref();
+            entries.extend(textures.map(|textures| whole(TEXTURE_BINDING, textures)));
+        }
+        if kernel.has_environment_map {
+            let map = self.environment_map.as_ref();
+            entries.extend(map.map(|map| whole(ENVIRONMENT_BINDING, map)));
         }
         wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("trace"),

@@ -6,7 +6,7 @@ use glam::Vec3;
 use crate::bvh::{BvhNode, LEAF, leaves};
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
-    MaterialData, RectangleData, ShapeKind, SphereData, TriangleData, TriangleNormals,
+    MaterialData, RectangleData, ShapeKind, SphereData, TriangleData, TriangleNormals, TriangleUvs,
 };
 use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features, SceneMemory};
@@ -94,6 +94,10 @@ pub(crate) struct SphereLeaf {
 
 /// The binding of [`mesh_bytes`].
 pub(crate) const MESH_BINDING: u32 = 9;
+/// The binding of a scene's image textures.
+pub(crate) const TEXTURE_BINDING: u32 = 10;
+/// The binding of a scene's environment map.
+pub(crate) const ENVIRONMENT_BINDING: u32 = 11;
 /// Set in the number of a leaf.
 pub(crate) const BVH_LEAF: u32 = 1 << 31;
 
@@ -258,7 +262,8 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
 pub(crate) fn mesh_bytes_len(features: &Features) -> u64 {
     let triangles = features.triangles as usize * size_of::<TriangleData>();
     let normals = features.smooth_triangles as usize * size_of::<TriangleNormals>();
-    (triangles + normals + finders_bytes(features, ShapeKind::Triangle)) as u64
+    let uvs = features.uv_triangles as usize * size_of::<TriangleUvs>();
+    (triangles + normals + uvs + finders_bytes(features, ShapeKind::Triangle)) as u64
 }
 
 /// The scene's triangles as the kernel's `MeshData`.
@@ -266,7 +271,11 @@ pub(crate) fn mesh_bytes(scene: &CompiledScene) -> Vec<u8> {
     let meshes = &scene.meshes;
     let triangles: &[u8] = cast_slice(&meshes.triangles);
     let finders = finders(scene, ShapeKind::Triangle);
-    [triangles, cast_slice(&meshes.normals), &finders].concat()
+    let uvs: &[u8] = match scene.textures.is_empty() {
+        true => &[],
+        false => cast_slice(&meshes.uvs),
+    };
+    [triangles, cast_slice(&meshes.normals), uvs, &finders].concat()
 }
 
 /// What rays find the primitives of a shape by.

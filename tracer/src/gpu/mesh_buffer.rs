@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use crate::compiled::TriangleData;
 use crate::gpu::device::Device;
 use crate::gpu::features::Features;
+use crate::gpu::image_buffers::ImageBuffers;
 use crate::gpu::layout::{mesh_bytes, mesh_bytes_len, scene_bytes};
 use crate::{CompiledScene, Error, ImageSize};
 
@@ -14,12 +15,17 @@ pub(crate) struct SceneUpload {
     pub(crate) bytes: Vec<u8>,
     /// See [`mesh_bytes`]; none without triangles.
     pub(crate) mesh: Option<Arc<wgpu::Buffer>>,
+    /// Image textures; none without any.
+    pub(crate) textures: Option<Arc<wgpu::Buffer>>,
+    /// The environment map, if there is one.
+    pub(crate) environment_map: Option<Arc<wgpu::Buffer>>,
 }
 
 /// Buffers of the scenes that were traced last.
 #[derive(Default)]
 pub(crate) struct MeshBuffers {
     kept: Mutex<Vec<MeshBuffer>>,
+    images: ImageBuffers,
 }
 
 struct MeshBuffer {
@@ -36,7 +42,7 @@ impl MeshBuffers {
     /// What is to be uploaded with a picture of `scene`.
     ///
     /// # Errors
-    /// [`Error::InvalidScene`] as [`scene_bytes`] says; [`Error::Device`] if the triangles do not fit.
+    /// [`Error::InvalidScene`] as [`scene_bytes`] says; [`Error::Device`] if triangles or pictures do not fit.
     pub(crate) fn upload(
         &self,
         device: &Device,
@@ -46,6 +52,8 @@ impl MeshBuffers {
         Ok(SceneUpload {
             bytes: scene_bytes(scene, size)?,
             mesh: self.of(device, scene)?,
+            textures: self.images.textures(device, scene)?,
+            environment_map: self.images.environment_map(device, scene)?,
         })
     }
 

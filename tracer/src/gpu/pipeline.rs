@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::Error;
 use crate::gpu::device::Device;
 use crate::gpu::features::{Features, SceneMemory};
-use crate::gpu::layout::MESH_BINDING;
+use crate::gpu::layout::{ENVIRONMENT_BINDING, MESH_BINDING, TEXTURE_BINDING};
 use crate::gpu::shader;
 
 /// A compiled kernel and the layout of what it reads and writes.
@@ -15,6 +15,12 @@ pub(crate) struct Kernel {
     pub(crate) layout: wgpu::BindGroupLayout,
     /// Whether it reads triangles.
     pub(crate) has_mesh: bool,
+    /// Blocks of pixels that a workgroup traces.
+    pub(crate) workgroup_blocks: u32,
+    /// Whether it reads image textures.
+    pub(crate) has_textures: bool,
+    /// Whether it reads an environment map.
+    pub(crate) has_environment_map: bool,
 }
 
 /// Kernels by the features of their scenes.
@@ -70,6 +76,16 @@ pub(crate) fn compile(
             let mesh = wgpu::BufferBindingType::Storage { read_only: true };
             entries.push(entry(MESH_BINDING, mesh));
         }
+        let has_textures = features.textures > 0;
+        if has_textures {
+            let textures = wgpu::BufferBindingType::Storage { read_only: true };
+            entries.push(entry(TEXTURE_BINDING, textures));
+        }
+        let has_environment_map = features.has_environment_map();
+        if has_environment_map {
+            let map = wgpu::BufferBindingType::Storage { read_only: true };
+            entries.push(entry(ENVIRONMENT_BINDING, map));
+        }
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("trace"),
             entries: &entries,
@@ -85,7 +101,7 @@ pub(crate) fn compile(
             module: &module,
             entry_point: Some("trace"),
             compilation_options: wgpu::PipelineCompilationOptions {
-                // The workgroup's sum of rays begins at 0.
+                // The workgroup's sum of rays and what it knows of its threads begin at 0.
                 zero_initialize_workgroup_memory: true,
                 ..Default::default()
             },
@@ -95,6 +111,9 @@ pub(crate) fn compile(
             pipeline,
             layout,
             has_mesh,
+            workgroup_blocks: features.workgroup_blocks,
+            has_textures,
+            has_environment_map,
         }
     })
 }
@@ -103,7 +122,8 @@ pub(crate) fn compile(
 #[expect(
     unsafe_code,
     reason = "every index is a loop's counter or a candidate's bit below an array's length, a \
-              material's index that `layout::scene_bytes` checks, or a tile's pixel in buffers sized for the tiles; \
+              material's index that `layout::scene_bytes` checks, a texel that is clamped to its level of a texture, or a \
+              pixel of an environment map that is clamped to it, a tile's pixel in buffers sized for the tiles; \
               every loop has a bound; nothing is divided by a variable that may be 0"
 )]
 fn shader_module(device: &wgpu::Device, source: String) -> wgpu::ShaderModule {

@@ -5,20 +5,24 @@ use std::fmt::Write as _;
 use crate::bvh::{self, DEPTH_MAX, LEAF, SLACK};
 use crate::compiled::{
     AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX,
-    CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, PATTERN_CLOTH, PATTERN_CUE,
-    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData, TriangleData,
+    CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS,
+    MaterialTextureData, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    ShapeKind, SphereData, TriangleData, WRAP_CLAMP, WRAP_REPEAT,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
-use crate::gpu::layout::{BVH_LEAF, MESH_BINDING, SPHERE_SLACK};
+use crate::gpu::layout::{
+    BVH_LEAF, ENVIRONMENT_BINDING, MESH_BINDING, SPHERE_SLACK, TEXTURE_BINDING,
+};
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{
     BELOW_1, BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SCRAMBLE, SURVIVAL_PER_THROUGHPUT,
 };
+use crate::scalar::metallic_roughness::ALPHA_LEAST;
 use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
 
-/// Pixels along the edge of the block that a workgroup traces.
+/// Pixels along the edge of a block, of which a workgroup traces one or some.
 pub(crate) const BLOCK_EDGE: u32 = 8;
 
 /// The kernel for scenes of `features`.
@@ -26,8 +30,14 @@ pub(crate) fn source(features: &Features) -> String {
     let mut text = constants(features);
     text += &scene_declaration(features);
     text += &mesh_declaration(features);
+    text += &texture_declaration(features);
+    text += &environment_declaration(features);
     for part in parts(features) {
-        text += &with_shading_normals(features, part);
+        let part = with_wrappers(features, part);
+        text += &match features.copies_csg() {
+            true => part.replace("scene.csg_", "copied_csg_"),
+            false => part,
+        };
     }
     for shape in features.shapes() {
         text += &find_part(shape, features.has_bvh(shape));
@@ -58,6 +68,13 @@ fn parts(features: &Features) -> Vec<&'static str> {
             include_str!("shaders/area_light_sample.wgsl"),
         ],
     });
+    if features.area_lights > 0 || features.has_environment_map() {
+        parts.push(include_str!("shaders/argument.wgsl"));
+    }
+    parts.push(match features.has_environment_map() {
+        true => ENVIRONMENT_MAP,
+        false => include_str!("shaders/environment_stub.wgsl"),
+    });
     parts.push(match features.has_coat {
         true => include_str!("shaders/bsdf_plastic.wgsl"),
         false => include_str!("shaders/bsdf_diffuse.wgsl"),
@@ -66,6 +83,17 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/microfacet.wgsl"),
         false => include_str!("shaders/bsdf_layered.wgsl"),
     });
+    if features.has_microfacet || features.has_metallic_roughness {
+        parts.push(include_str!("shaders/ggx.wgsl"));
+    }
+    if features.has_metallic_roughness {
+        parts.push(METALLIC_ROUGHNESS);
+        parts.push(include_str!("shaders/texture_factors.wgsl"));
+        parts.push(match features.textures {
+            0 => include_str!("shaders/texture_factors_stub.wgsl"),
+            _ => include_str!("shaders/image_texture.wgsl"),
+        });
+    }
     parts.push(match features.has_sheen {
         true => include_str!("shaders/sheen.wgsl"),
         false => include_str!("shaders/sheen_stub.wgsl"),
@@ -83,17 +111,37 @@ fn parts(features: &Features) -> Vec<&'static str> {
         false => include_str!("shaders/refracted_nee_stub.wgsl"),
     });
     if features.triangles > 0 {
-        parts.push(match features.smooth_triangles {
-            0 => include_str!("shaders/triangle_flat.wgsl"),
-            _ => include_str!("shaders/triangle_smooth.wgsl"),
-        });
+        parts.extend(triangle_normal_parts(features));
     }
+    parts.push(match features.copies_csg() {
+        true => include_str!("shaders/csg_copy.wgsl"),
+        false => include_str!("shaders/csg_copy_stub.wgsl"),
+    });
     parts.push(include_str!("shaders/aov.wgsl"));
     parts.push(include_str!("shaders/path.wgsl"));
     parts.push(include_str!("shaders/block.wgsl"));
     parts.push(include_str!("shaders/kernel.wgsl"));
     parts
 }
+
+fn triangle_normal_parts(features: &Features) -> Vec<&'static str> {
+    if !features.has_shading_normals() {
+        return vec![include_str!("shaders/triangle_flat.wgsl")];
+    }
+    let mut parts = vec![SHADING_NORMAL];
+    parts.push(match features.smooth_triangles {
+        0 => include_str!("shaders/triangle_facets.wgsl"),
+        _ => include_str!("shaders/triangle_smooth.wgsl"),
+    });
+    if features.uv_triangles == 0 {
+        parts.push(include_str!("shaders/triangle_unmapped.wgsl"));
+    }
+    parts
+}
+
+const ENVIRONMENT_MAP: &str = include_str!("shaders/environment_map.wgsl");
+const SHADING_NORMAL: &str = include_str!("shaders/shading_normal.wgsl");
+const METALLIC_ROUGHNESS: &str = include_str!("shaders/metallic_roughness.wgsl");
 
 fn shape_part(shape: ShapeKind) -> &'static str {
     match shape {
@@ -134,8 +182,7 @@ fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
 /// Numbers that Rust owns.
 fn constants(features: &Features) -> String {
     let mut text = format!(
-        "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
-         const SOLID_ANGLE_MIN: f32 = {};\n\
+        "const SOLID_ANGLE_MIN: f32 = {};\n\
          const COMPENSATED: bool = {};\n\
          const DISCS_COPLANAR: bool = {};\n\
          const AREA_LIGHTS_COPLANAR: bool = {};\n\
@@ -149,6 +196,10 @@ fn constants(features: &Features) -> String {
          const HAS_STRIPE: bool = {};\n\
          const HAS_DIELECTRIC: bool = {};\n\
          const HAS_REFRACTED_NEE: bool = {};\n\
+         const HAS_METALLIC_ROUGHNESS: bool = {};\n\
+         const HAS_ENVIRONMENT_MAP: bool = {};\n\
+         const SAMPLES_LIGHT: bool = {};\n\
+         const ALPHA_LEAST: f32 = {ALPHA_LEAST:?};\n\
          const REFRACTED_NEE_STEPS: u32 = {}u;\n\
          const HAS_NUMBER: bool = {};\n\
          const HAS_WOOD: bool = {};\n\
@@ -167,6 +218,9 @@ fn constants(features: &Features) -> String {
         features.has_stripe,
         features.has_dielectric,
         features.has_refracted_nee,
+        features.has_metallic_roughness,
+        features.has_environment_map(),
+        features.area_lights > 0 || features.has_environment_map(),
         SphereData::REFRACTED_NEE_STEPS,
         features.has_number,
         features.has_wood,
@@ -181,6 +235,7 @@ fn constants(features: &Features) -> String {
             output as u32
         );
     }
+    text += &workgroup_constants(features.workgroup_blocks);
     text += &sampling_constants();
     text += &kinds();
     let floats = KernelOutput::Aovs.floats();
@@ -202,6 +257,14 @@ fn constants(features: &Features) -> String {
         "const AREA_LIGHT_FIRST: u32 = {first}u;\nconst AREA_LIGHT_COUNT: u32 = {lights}u;"
     );
     text
+}
+
+/// Pixels of a block, and blocks of a workgroup.
+pub(crate) fn workgroup_constants(workgroup_blocks: u32) -> String {
+    format!(
+        "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
+         const WORKGROUP_BLOCKS: u32 = {workgroup_blocks}u;\n"
+    )
 }
 
 /// Numbers of [`crate::sampling`].
@@ -232,7 +295,8 @@ fn kinds() -> String {
          const CSG_FACE_APEX_CONE: u32 = {CSG_FACE_APEX_CONE}u;\n\
          const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
          const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
-         const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n"
+         const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n\
+         const KIND_METALLIC_ROUGHNESS: u32 = {KIND_METALLIC_ROUGHNESS}u;\n"
     )
 }
 
@@ -311,20 +375,85 @@ fn mesh_declaration(features: &Features) -> String {
     if normals > 0 {
         _ = writeln!(text, "    normals: array<TriangleNormals, {normals}>,");
     }
+    if features.uv_triangles > 0 {
+        let count = features.uv_triangles;
+        _ = writeln!(text, "    uvs: array<TriangleUvs, {count}>,");
+    }
     text += &finders_declaration(features, ShapeKind::Triangle);
     text + "}\n@group(0) @binding("
         + &MESH_BINDING.to_string()
         + ") var<storage, read> mesh: MeshData;\n"
 }
 
-/// A part of a kernel for meshes with vertex normals: `triangle_smooth.wgsl` has functions around two of others.
-fn with_shading_normals(features: &Features, part: &str) -> String {
-    let is_smooth = part == include_str!("shaders/triangle_smooth.wgsl");
-    if features.smooth_triangles == 0 || is_smooth {
-        return part.to_owned();
+/// The image textures of the scene, as [`crate::gpu::image_buffers`] lays them out; nothing without any.
+fn texture_declaration(features: &Features) -> String {
+    let Features {
+        textures,
+        materials,
+        ..
+    } = features;
+    if *textures == 0 {
+        return String::new();
     }
-    part.replace("fn direct_light(", "fn bare_direct_light(")
-        .replace("fn bsdf_sample(", "fn bare_bsdf_sample(")
+    format!(
+        "const NO_TEXTURE: u32 = {}u;\n\
+         const WRAP_REPEAT: u32 = {WRAP_REPEAT}u;\n\
+         const WRAP_CLAMP: u32 = {WRAP_CLAMP}u;\n\
+         struct TextureMemory {{\n    \
+         images: array<TextureData, {textures}>,\n    \
+         materials: array<MaterialTextureData, {materials}>,\n    \
+         srgb: array<f32, 256>,\n    \
+         texels: array<u32>,\n}}\n\
+         @group(0) @binding({TEXTURE_BINDING}) var<storage, read> textures: TextureMemory;\n",
+        MaterialTextureData::NONE
+    )
+}
+
+/// The environment map, as [`crate::gpu::image_buffers`] lays it out; nothing without.
+fn environment_declaration(features: &Features) -> String {
+    if !features.has_environment_map() {
+        return String::new();
+    }
+    let [width, height] = features.environment_map;
+    format!(
+        "const ENVIRONMENT_WIDTH: u32 = {width}u;\n\
+         const ENVIRONMENT_HEIGHT: u32 = {height}u;\n\
+         struct EnvironmentMemory {{\n    \
+         turn: f32,\n    \
+         probability: f32,\n    \
+         numbers: array<f32>,\n}}\n\
+         @group(0) @binding({ENVIRONMENT_BINDING}) var<storage, read> environment_map: EnvironmentMemory;\n"
+    )
+}
+
+/// A part of a kernel with functions of other parts around its own: those of `shading_normal.wgsl`, and within those of
+/// `metallic_roughness.wgsl` and `environment_map.wgsl`.
+fn with_wrappers(features: &Features, part: &str) -> String {
+    let mut text = part.to_owned();
+    if features.has_metallic_roughness && part != METALLIC_ROUGHNESS && part != SHADING_NORMAL {
+        for name in [
+            "bsdf_at",
+            "bsdf_regularised",
+            "bsdf_is_layered",
+            "bsdf_albedo",
+            "bsdf_mirror",
+            "bsdf_eval",
+            "bsdf_sample",
+            "shade",
+            "first_hit",
+        ] {
+            text = text.replace(&format!("fn {name}("), &format!("fn plain_{name}("));
+        }
+    }
+    if features.has_environment_map() && part != ENVIRONMENT_MAP && part != SHADING_NORMAL {
+        text = text.replace("fn direct_light(", "fn area_direct_light(");
+    }
+    if features.has_shading_normals() && part != SHADING_NORMAL {
+        for name in ["direct_light", "bsdf_sample"] {
+            text = text.replace(&format!("fn {name}("), &format!("fn bare_{name}("));
+        }
+    }
+    text
 }
 
 /// The nearest surface along a ray, and whether anything is in the way of one to an area light.
@@ -358,8 +487,11 @@ fn traverse(features: &Features) -> String {
 fn surface_at(features: &Features) -> String {
     let mut text =
         String::from("fn bare_surface_at(ray: Ray, hit: Hit, is_within: bool) -> Surface {\n");
-    if features.smooth_triangles > 0 {
+    if features.has_shading_normals() {
         text += "    geometric_normal = vec3f(0.0);\n";
+    }
+    if features.textures > 0 {
+        text += "    texture_factors = NO_TEXTURES;\n";
     }
     for shape in features.shapes() {
         let (name, constant) = (shape.function(), shape.constant());
@@ -399,7 +531,7 @@ mod tests {
     use super::*;
     use crate::compiled::{
         AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData, MaterialData,
-        RectangleData, SphereData, TriangleNormals,
+        RectangleData, SphereData, TextureData, TriangleNormals, TriangleUvs,
     };
     use crate::gpu::layout::{
         BoxBound, BvhNodeData, DispatchData, SceneHeader, SphereBound, SphereLeaf, TileEntry,
@@ -417,6 +549,9 @@ mod tests {
         materials: 20,
         triangles: 12,
         smooth_triangles: 7,
+        environment_map: [16, 8],
+        uv_triangles: 5,
+        textures: 3,
         bvhs: [true, false, true, true, false, true],
         has_coat: true,
         has_stripe: true,
@@ -426,6 +561,7 @@ mod tests {
         has_sheen: true,
         has_microfacet: true,
         has_dielectric: true,
+        has_metallic_roughness: true,
         has_refracted_nee: true,
         output: KernelOutput::Radiance,
         is_compensated: true,
@@ -434,6 +570,7 @@ mod tests {
         area_lights_occlude: true,
         area_lights_scaled: true,
         memory: SceneMemory::Uniform,
+        workgroup_blocks: 16,
     };
 
     /// Every choice of parts; constants alternate.
@@ -457,6 +594,16 @@ mod tests {
                 csg_boxes: i / 2 % 2,
                 triangles: if i % 4 < 2 { 5 + i % 7 } else { 0 },
                 smooth_triangles: if i % 4 < 2 { i % 3 } else { 0 },
+                uv_triangles: if i % 4 < 2 && i % 5 == 3 {
+                    1 + i % 2
+                } else {
+                    0
+                },
+                textures: if i % 4 < 2 && i % 5 == 3 {
+                    1 + i % 4
+                } else {
+                    0
+                },
                 has_coat: i >> 4 & 1 == 1,
                 memory: [SceneMemory::Uniform, SceneMemory::Storage][(i >> 5 & 1) as usize],
                 area_lights: i >> 6,
@@ -467,7 +614,9 @@ mod tests {
                 has_wood: i % 13 < 7,
                 has_sheen: i % 17 < 8,
                 has_microfacet: i % 7 < 4,
+                environment_map: [i % 3 * 4, i % 3 * 2],
                 has_dielectric: i % 7 < 2,
+                has_metallic_roughness: i % 5 > 2,
                 has_refracted_nee: i & 1 == 1 && i >> 6 > 0 && i % 7 == 1,
                 output: KernelOutput::ALL[i as usize % 3],
                 is_compensated: i % 5 < 2,
@@ -475,6 +624,7 @@ mod tests {
                 area_lights_coplanar: i % 13 < 6,
                 area_lights_occlude: i >> 6 > 1 && i % 3 == 1,
                 area_lights_scaled: i % 19 < 9,
+                workgroup_blocks: [1, 4, 16][i as usize % 3],
             }
         })
     }
@@ -516,7 +666,13 @@ mod tests {
     fn kernels_of_scenes_without_meshes_have_nothing_of_them() {
         for features in variants().filter(|features| features.triangles == 0) {
             let text = source(&features).to_lowercase();
-            for word in ["triangle", "mesh", "geometric_normal"] {
+            for word in [
+                "triangle",
+                "mesh",
+                "geometric_normal",
+                "image_texture",
+                "texel",
+            ] {
                 assert!(!text.contains(word), "{word}: {features:?}");
             }
         }
@@ -536,7 +692,7 @@ mod tests {
     }
 
     #[rustfmt::skip]
-    fn layouts_in_rust() -> [Layout; 18] {
+    fn layouts_in_rust() -> [Layout; 21] {
         [
             layout!(SphereData, center radius stripe_axis material number_axis allows_refracted_nee),
             layout!(BoxData, min material max),
@@ -544,14 +700,17 @@ mod tests {
             layout!(CsgFaceData, a kind b material),
             layout!(DiscData, center radius normal material),
             layout!(RectangleData, center material half_u inv_u2 half_v inv_v2 normal),
-            layout!(TriangleData, a material b normals c),
+            layout!(TriangleData, a material b normals c uvs),
             layout!(TriangleNormals, a b c),
+            layout!(TriangleUvs, a b c density),
+            layout!(TextureData, first width height levels is_srgb wrap_u wrap_v),
+            layout!(MaterialTextureData, base_color metallic_roughness normal emission),
             layout!(AreaLightData,
                 center brightness axis_u length_u axis_v length_v normal radiance),
             layout!(MaterialData,
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha majorant
-                eta pattern k number extinction grain_axis scattering sheen_roughness sheen sights
-                scale),
+                eta pattern k number extinction grain_axis scattering sheen_roughness sheen
+                metallic sights scale),
             layout!(SphereBound, center power),
             layout!(BvhNodeData,
                 left_center left left_half right right_center right_half),

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::environment::environment_radiance;
 use super::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
 use super::{PathTracer, Vertex, camera_ray};
 use crate::compiled::Primitive;
@@ -50,7 +51,7 @@ impl PathTracer<'_> {
             sum.emission += self.emission(ray, hit.as_ref());
             return;
         };
-        let vertex = Vertex::new(self.scene, ray, &hit);
+        let vertex = Vertex::new(self.scene, ray, &hit, self.footprint_m(&hit));
         let axis = vector(self.frame.dx)
             .cross(-vector(self.frame.dy))
             .normalize();
@@ -76,7 +77,7 @@ impl PathTracer<'_> {
     /// Light of the area light or the environment that a ray ends in.
     fn emission(&self, ray: &Ray, met: Option<&Hit>) -> DVec3 {
         match met.map(|hit| (hit, hit.primitive)) {
-            None => self.scene.environment.as_dvec3(),
+            None => environment_radiance(self.scene, ray.direction),
             Some((hit, Primitive::AreaLight(light))) if ray.direction.dot(hit.n) < 0.0 => {
                 vector(self.scene.area_lights[light as usize].radiance)
             }

@@ -152,7 +152,7 @@ impl Dielectric {
     }
 }
 
-fn reflect(wo: DVec3, h: DVec3) -> DVec3 {
+pub(super) fn reflect(wo: DVec3, h: DVec3) -> DVec3 {
     2.0 * wo.dot(h) * h - wo
 }
 
@@ -193,7 +193,7 @@ pub fn sample_visible(alpha: f64, wo: DVec3, n: DVec3, u1: f64, u2: f64) -> DVec
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::bsdf::basis;
     use super::*;
     use crate::sampling::uniforms;
@@ -275,7 +275,7 @@ mod tests {
 
     /// Cells of (cos θ, φ) over the sphere; directions of weight 0, reflected below
     /// the horizon or refracted above it, have no density.
-    fn assert_drawn(
+    pub(in crate::scalar) fn assert_drawn(
         n: DVec3,
         density: impl Fn(DVec3) -> f64,
         sample: impl Fn([f64; 4]) -> BsdfSample,

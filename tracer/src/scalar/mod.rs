@@ -29,8 +29,9 @@
 //!    the same point is aimed at by the path refracted at the boundary, if
 //!    that counts as a scattering that is left: a point that light falls on from `spread` per
 //!    solid angle.
-//! 4. **Scattering** (block `block_scatter(k)`). Metals and dielectrics: [`microfacet`], whose choice
-//!    to reflect takes `u[0]` of `block_choice(k)`. Others: with `F` the Fresnel reflectance seen
+//! 4. **Scattering** (block `block_scatter(k)`). A surface that emits adds `beta · emission`, at camera rays too. Metals and
+//!    dielectrics: [`microfacet`], whose choice to reflect takes `u[0]` of `block_choice(k)`, as that of
+//!    [`mod@metallic_roughness`]. Others: with `F` the Fresnel reflectance seen
 //!    from `wo` and `a` the channel mean of the albedo at the hit, the mirror is chosen if `u[0]` is
 //!    below `p = F / (F + (1−F)·a)` (0 where `F` is 0), with weight `F/p`. Else `u[0]` is stretched
 //!    to [0, 1) again and `wi` drawn by the cosine: `(√u[0]·cos 2πu[1], √u[0]·sin 2πu[1],
@@ -42,7 +43,9 @@
 //! chance alone after the mirror, 7.5e-4; the balance heuristic, 1.1e-3. What would cost more than
 //! it is worth: every area light at each scattering, 2.6e-4 for 3.75 rays.
 //!
-//! The environment is found by scattering alone. From the second vertex on, paths outside of bodies that would bring
+//! A constant environment is found by scattering alone. An environment map is aimed at instead of an area light with
+//! probability [`CompiledEnvironment::probability`] by `u[0]` of `block_light(k)`, which is then stretched to [0, 1) again, and
+//! weighed in the same way; what coats and media lead to it counts in full. From the second vertex on, paths outside of bodies that would bring
 //! little light are ended by Russian roulette ([`crate::sampling::SURVIVAL_PER_THROUGHPUT`]). There is no clamping; a
 //! sample that is not finite counts as black and is reported.
 //!
@@ -52,12 +55,16 @@ mod aov;
 pub mod area_light;
 pub mod bsdf;
 pub mod csg;
+pub mod environment;
 pub mod intersect;
 pub mod medium;
+pub mod metallic_roughness;
 pub mod microfacet;
+mod normal_map;
 mod ray;
 pub mod refracted_nee;
 pub mod scatter;
+mod textured;
 pub mod triangle;
 
 use std::f64::consts::{PI, TAU};
@@ -66,6 +73,8 @@ use std::sync::atomic::Ordering;
 use glam::DVec3;
 use rayon::prelude::*;
 
+#[cfg(doc)]
+use crate::compiled::CompiledEnvironment;
 use crate::compiled::{AreaLightData, CameraFrame, Primitive, SphereData};
 use crate::denoise::{
     DenoiseInput, DenoiseInputTile, DenoiseSource, FilterMemory, SampleSums, trace_denoised,
@@ -73,17 +82,20 @@ use crate::denoise::{
 use crate::fresnel::fresnel_dielectric;
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{
-    BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light,
-    block_scatter, pair, pixel_key, sample_key,
+    BELOW_1, BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice,
+    block_light, block_scatter, pair, pixel_key, sample_key,
 };
 use crate::simd::Level;
 use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
 use crate::{Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
 use area_light::{LightDirection, light_weight_sum, sample_light};
 use bsdf::BsdfSample;
+use environment::environment_radiance;
 pub use intersect::{Hit, Ray, intersect};
 use intersect::{RayOrigin, intersect_from, nearest_area_light, vector};
 use medium::{Medium, uniform_direction};
+use metallic_roughness::MetallicRoughness;
+use microfacet::Conductor;
 use refracted_nee::RefractedPath;
 use scatter::Scatter;
 use triangle::visible_shading_normal;
@@ -270,7 +282,7 @@ struct Vertex {
     /// `wo` is inside the body.
     is_inside: bool,
     scatter: Scatter,
-    /// [`light_weight_sum`] at the point.
+    /// [`light_weight_sum`] at the point, over the probability with which an area light is aimed at at all.
     light_weight_sum: f64,
     /// Its mirror is mollified ([`crate::regularisation`]).
     is_regularised: bool,
@@ -361,7 +373,7 @@ impl<'a> PathTracer<'a> {
                 if is_emission {
                     return radiance;
                 }
-                return radiance + beta * self.scene.environment.as_dvec3();
+                return radiance + beta * self.environment_with_mis(ray.direction, prev);
             };
             let ([u1, u2], [u0, u3]) = (random(block_scatter(depth)), random(block_choice(depth)));
             if let Some((medium, enclosing)) = self.medium(start) {
@@ -394,10 +406,16 @@ impl<'a> PathTracer<'a> {
             if depth == self.settings.max_depth {
                 return radiance;
             }
-            let mut vertex = Vertex::new(self.scene, &ray, &hit);
+            let footprint_m = if depth == 0 {
+                self.footprint_m(&hit)
+            } else {
+                0.0
+            };
+            let mut vertex = Vertex::new(self.scene, &ray, &hit, footprint_m);
             if prev.is_spread && key & KEY_MASK == 0 {
                 vertex.regularise();
             }
+            radiance += beta * vertex.scatter.emission();
             if !vertex.is_regularised && (!self.settings.denoise || depth > 0) {
                 radiance += beta * self.coat_reflected_light(&vertex, rays);
             }
@@ -418,6 +436,11 @@ impl<'a> PathTracer<'a> {
             }
         }
         radiance
+    }
+
+    /// About how wide the surface is that a pixel sees where a camera ray meets it, in metres.
+    fn footprint_m(&self, hit: &Hit) -> f64 {
+        hit.t * vector(self.frame.dx).length()
     }
 
     /// Whether light that a path ends in is first hits' emission, which for denoised pictures is traced
@@ -529,6 +552,19 @@ impl<'a> PathTracer<'a> {
         weight * vector(light.radiance)
     }
 
+    /// Weighted radiance of the environment that a ray finds.
+    fn environment_with_mis(&self, direction: DVec3, prev: PrevVertex) -> DVec3 {
+        let map = &self.scene.environment_map;
+        let radiance = environment_radiance(self.scene, direction);
+        match prev.sampled_pdf {
+            Some(pdf) if map.probability > 0.0 => {
+                let density = f64::from(map.probability) * map.pdf(direction);
+                radiance * power_heuristic(pdf, density)
+            }
+            _ => radiance,
+        }
+    }
+
     /// Light of the area light that a coat reflects: drawn by chance alone, this small, bright image
     /// would be most of the noise of a ball.
     fn coat_reflected_light(&self, vertex: &Vertex, rays: &mut u64) -> DVec3 {
@@ -553,8 +589,35 @@ impl<'a> PathTracer<'a> {
         reflectance * vector(light.radiance)
     }
 
-    /// Next-event estimation: light that comes straight from one point of one area light.
-    fn direct_light(&self, vertex: &Vertex, u: [f64; 2], rays: &mut u64) -> DVec3 {
+    /// Next-event estimation: light that comes straight from the environment, or from one point of one area
+    /// light.
+    fn direct_light(&self, vertex: &Vertex, [u, v]: [f64; 2], rays: &mut u64) -> DVec3 {
+        let probability = f64::from(self.scene.environment_map.probability);
+        if u < probability {
+            return self.direct_environment_light(vertex, [u / probability, v], rays);
+        }
+        let u = (u - probability) / (1.0 - probability);
+        self.direct_area_light(vertex, [u, v], rays)
+    }
+
+    fn direct_environment_light(&self, vertex: &Vertex, u: [f64; 2], rays: &mut u64) -> DVec3 {
+        let map = &self.scene.environment_map;
+        let chosen = map.sample_direction(u.map(|u| u.min(BELOW_1)));
+        let (f, pdf_scatter) = vertex.scatter.eval(vertex.wo, chosen.wi, vertex.n);
+        if f == DVec3::ZERO
+            || vertex.is_below(chosen.wi)
+            || vertex.ray_origin(chosen.wi).is_inside
+            || self.is_occluded(vertex, chosen.wi, f64::INFINITY, usize::MAX, rays)
+        {
+            return DVec3::ZERO;
+        }
+        let inverse_density = chosen.inverse_pdf / f64::from(map.probability);
+        let weight = 1.0 / (1.0 + (pdf_scatter * inverse_density).powi(2));
+        let cos_i = chosen.wi.dot(vertex.n).abs();
+        f * chosen.radiance * (cos_i * weight * inverse_density)
+    }
+
+    fn direct_area_light(&self, vertex: &Vertex, u: [f64; 2], rays: &mut u64) -> DVec3 {
         let Some(chosen) = sample_light(&self.scene.area_lights, vertex.point, u) else {
             return DVec3::ZERO;
         };
@@ -577,7 +640,8 @@ impl<'a> PathTracer<'a> {
         let weight = power_heuristic(density, pdf_scatter);
         let cos_i = wi.dot(vertex.n).abs();
         let reflected = f * (cos_i * weight) + coat;
-        reflected * vector(light.radiance) * (inverse_pdf / chosen.probability)
+        let probability = self.scene.area_light_probability() * chosen.probability;
+        reflected * vector(light.radiance) * (inverse_pdf / probability)
     }
 
     /// Whether something is in between a vertex and a point of area light `index`.
@@ -615,6 +679,8 @@ struct PrevVertex {
     pdf: Option<f64>,
     /// [`light_weight_sum`] where the ray began.
     light_weight_sum: f64,
+    /// The density of its direction, if it has one.
+    sampled_pdf: Option<f64>,
     /// It began where light was scattered inside a body.
     is_scattered: bool,
     /// It comes from a diffuse surface, or by way of coats and metals from one.
@@ -626,6 +692,7 @@ impl PrevVertex {
     const UNWEIGHED: Self = Self {
         pdf: None,
         light_weight_sum: 0.0,
+        sampled_pdf: None,
         is_scattered: false,
         is_spread: false,
     };
@@ -641,6 +708,7 @@ impl PrevVertex {
         Self {
             pdf: if is_known { Some(0.0) } else { pdf },
             light_weight_sum: vertex.light_weight_sum,
+            sampled_pdf: pdf.filter(|&pdf| pdf > 0.0),
             is_scattered: false,
             is_spread: pdf.is_some_and(|pdf| self.is_spread || (pdf > 0.0 && is_diffuse)),
         }
@@ -653,7 +721,7 @@ impl PrevVertex {
 }
 
 impl Vertex {
-    fn new(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Self {
+    fn new(scene: &CompiledScene, ray: &Ray, hit: &Hit, footprint_m: f64) -> Self {
         let wo = -ray.direction;
         let is_inside = hit.n.dot(wo) < 0.0;
         let side = if is_inside { -1.0 } else { 1.0 };
@@ -669,8 +737,9 @@ impl Vertex {
             wo,
             primitive: hit.primitive,
             is_inside,
-            scatter: Scatter::new(scene, hit, is_inside),
-            light_weight_sum: light_weight_sum(&scene.area_lights, hit.point),
+            scatter: Scatter::new(scene, hit, is_inside, footprint_m),
+            light_weight_sum: light_weight_sum(&scene.area_lights, hit.point)
+                / scene.area_light_probability(),
             is_regularised: false,
         }
     }
@@ -692,8 +761,12 @@ impl Vertex {
     /// Mollifies its mirror.
     fn regularise(&mut self) {
         self.is_regularised = true;
-        if let Scatter::Conductor(metal) = &mut self.scatter {
-            metal.alpha = metal.alpha.max(f64::from(ALPHA_MIN));
+        match &mut self.scatter {
+            Scatter::Conductor(Conductor { alpha, .. })
+            | Scatter::MetallicRoughness(MetallicRoughness { alpha, .. }) => {
+                *alpha = alpha.max(f64::from(ALPHA_MIN));
+            }
+            Scatter::Layered(_) | Scatter::Dielectric(_) => {}
         }
     }
 

@@ -4,9 +4,11 @@ use glam::DVec3;
 
 use super::bsdf::{Bsdf, BsdfSample};
 use super::intersect::{Hit, vector};
+use super::metallic_roughness::MetallicRoughness;
 use super::microfacet::{Conductor, Dielectric};
+use super::textured::texture_factors;
 use crate::CompiledScene;
-use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC};
+use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS};
 use crate::fresnel::{fresnel_conductor, fresnel_dielectric};
 
 /// The materials of [`crate::Material`], as seen from one side of a surface.
@@ -18,12 +20,14 @@ pub enum Scatter {
     Conductor(Conductor),
     /// A dielectric's boundary.
     Dielectric(Dielectric),
+    /// glTF's material.
+    MetallicRoughness(MetallicRoughness),
 }
 
 impl Scatter {
     /// The scattering at a hit, for light that leaves inside a body or outside. An area light reflects
-    /// nothing.
-    pub fn new(scene: &CompiledScene, hit: &Hit, is_inside: bool) -> Self {
+    /// nothing. `footprint_m` is how wide the surface is that is seen, in metres; 0 for the finest level of textures.
+    pub fn new(scene: &CompiledScene, hit: &Hit, is_inside: bool, footprint_m: f64) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::Layered(Bsdf::from_hit(scene, hit));
         };
@@ -38,6 +42,10 @@ impl Scatter {
                 let ior = f64::from(material.ior);
                 let eta = if is_inside { 1.0 / ior } else { ior };
                 Self::Dielectric(Dielectric { eta, alpha })
+            }
+            KIND_METALLIC_ROUGHNESS => {
+                let factors = texture_factors(scene, hit, footprint_m);
+                Self::MetallicRoughness(MetallicRoughness::new(material, &factors))
             }
             _ => Self::Layered(Bsdf::from_hit(scene, hit)),
         }
@@ -54,6 +62,7 @@ impl Scatter {
             }
             Self::Conductor(metal) => metal.eval(wo, wi, n),
             Self::Dielectric(glass) => glass.eval(wo, wi, n),
+            Self::MetallicRoughness(surface) => surface.eval(wo, wi, n),
         }
     }
 
@@ -61,7 +70,7 @@ impl Scatter {
     pub fn coat(&self, cos_o: f64) -> f64 {
         match self {
             Self::Layered(bsdf) => bsdf.fresnel(cos_o),
-            Self::Conductor(_) | Self::Dielectric(_) => 0.0,
+            Self::Conductor(_) | Self::Dielectric(_) | Self::MetallicRoughness(_) => 0.0,
         }
     }
 
@@ -72,6 +81,7 @@ impl Scatter {
             Self::Layered(bsdf) => bsdf.sample(wo, n, u),
             Self::Conductor(metal) => metal.sample(wo, n, u),
             Self::Dielectric(glass) => glass.sample(wo, n, u),
+            Self::MetallicRoughness(surface) => surface.sample(wo, n, u),
         }
     }
 
@@ -80,6 +90,7 @@ impl Scatter {
         match self {
             Self::Layered(bsdf) => bsdf.albedo,
             Self::Conductor(_) | Self::Dielectric(_) => DVec3::ONE,
+            Self::MetallicRoughness(surface) => surface.albedo(),
         }
     }
 
@@ -93,13 +104,21 @@ impl Scatter {
             Self::Dielectric(glass) if glass.alpha == 0.0 => {
                 DVec3::splat(fresnel_dielectric(cos_o, glass.eta))
             }
-            Self::Conductor(_) | Self::Dielectric(_) => DVec3::ZERO,
+            Self::Conductor(_) | Self::Dielectric(_) | Self::MetallicRoughness(_) => DVec3::ZERO,
         }
     }
 
     /// Whether it has a diffuse base.
     pub(super) fn is_layered(&self) -> bool {
         matches!(self, Self::Layered(_))
+    }
+
+    /// Radiance that the surface emits.
+    pub fn emission(&self) -> DVec3 {
+        match self {
+            Self::MetallicRoughness(surface) => surface.emission,
+            _ => DVec3::ZERO,
+        }
     }
 
     /// Whether light can pass.

@@ -11,7 +11,7 @@
 //!
 //! # Normals
 //! A facet is shaded with its own normal. Where there are vertex normals, the BSDF has the normal that is
-//! interpolated between them, and the triangle decides what is outside: a direction below it brings no light and
+//! interpolated between them, or what a normal map makes of it, and the triangle decides what is outside: a direction below it brings no light and
 //! carries none on (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition, section 9.1.1: light must
 //! not leak through a surface). So shading may lose light near silhouettes and terminators and never makes any. Where
 //! the mirror image of the viewer would be below, the normal is turned towards the viewer until it is not (Keller et
@@ -19,6 +19,7 @@
 
 use glam::DVec3;
 
+use super::normal_map::mapped_normal;
 use super::ray::{Ray, vector};
 use crate::CompiledScene;
 use crate::bvh::Bvh;
@@ -157,7 +158,7 @@ fn enters(ray: &Ray, [min, max]: [DVec3; 2], t_max: f64) -> bool {
 pub(super) struct TriangleSurface {
     pub(super) point: DVec3,
     pub(super) n: DVec3,
-    /// As interpolated, on the side of `n`; `n` of a facet.
+    /// As interpolated and mapped, on the side of `n`; `n` of a facet.
     pub(super) shading_n: DVec3,
 }
 
@@ -172,10 +173,16 @@ impl TriangleSurface {
             let [na, nb, nc] = [normals.a, normals.b, normals.c].map(vector);
             (wa * na + wb * nb + wc * nc).try_normalize()
         });
+        let n_out = interpolated.unwrap_or(n);
+        let mapped = mapped_normal(scene, index, barycentric, n_out);
+        let shading_n = match mapped == n_out {
+            true => n_out * side(n_out.dot(n)),
+            false => above(mapped * side(n_out.dot(n)), n),
+        };
         Self {
             point: wa * a + wb * b + wc * c,
             n,
-            shading_n: interpolated.map_or(n, |shading_n| shading_n * side(shading_n.dot(n))),
+            shading_n,
         }
     }
 }
@@ -190,6 +197,15 @@ pub fn visible_shading_normal(shading_n: DVec3, n: DVec3, wo: DVec3) -> DVec3 {
     }
     let lifted = reflected + (REFLECTION_SINE_MIN - sine) * n;
     (wo + lifted.normalize()).normalize()
+}
+
+/// A normal map's normal, lifted above the surface whose normal `n` is.
+fn above(mapped: DVec3, n: DVec3) -> DVec3 {
+    let sine = mapped.dot(n);
+    match sine >= REFLECTION_SINE_MIN {
+        true => mapped,
+        false => (mapped + (REFLECTION_SINE_MIN - sine) * n).normalize(),
+    }
 }
 
 fn side(cosine: f64) -> f64 {

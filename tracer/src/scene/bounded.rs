@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use serde::de::{Error as _, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::validate::{
     AREA_LIGHTS_MAX, MATERIALS_MAX, OBJECTS_MAX, SUBTRACTIONS_MAX, SUBTRACTIONS_TOTAL_MAX,
-    TRIANGLES_MAX, VERTICES_MAX, count,
+    TEXTURES_MAX, TRIANGLES_MAX, VERTICES_MAX, count,
 };
-use super::{AreaLight, Material, Object, Shape, Subtraction};
+use super::{AreaLight, ImageTexture, Material, Object, Shape, Subtraction};
 use crate::SceneError;
 
 pub(super) fn objects<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Object>, D::Error> {
@@ -37,6 +37,14 @@ pub(super) fn positions<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec3>,
 
 pub(super) fn normals<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec3>, D::Error> {
     list(from, "normals", VERTICES_MAX, |_| Ok(()))
+}
+
+pub(super) fn uvs<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec2>, D::Error> {
+    list(from, "texture coordinates", VERTICES_MAX, |_| Ok(()))
+}
+
+pub(super) fn textures<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<ImageTexture>, D::Error> {
+    list(from, "textures", TEXTURES_MAX, |_| Ok(()))
 }
 
 pub(super) fn triangles<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[u32; 3]>, D::Error> {

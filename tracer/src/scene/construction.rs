@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{Quat, Vec3};
 
 use super::{
-    AreaLight, Axis, Camera, Environment, Lens, Material, Mesh, Object, ObjectPose,
-    ProceduralTexture, Scene, Shape,
+    AreaLight, Axis, Camera, Environment, EnvironmentMap, ImageTexture, Lens, Material,
+    MaterialTextures, Mesh, Object, ObjectPose, ProceduralTexture, Scene, Shape,
 };
 use crate::{Error, SceneError};
 
@@ -53,6 +53,8 @@ impl Scene {
             materials: Default::default(),
             objects: Vec::new(),
             area_lights: Vec::new(),
+            textures: Vec::new(),
+            environment_map: None,
             identity: SceneIdentity::default(),
         }
     }
@@ -71,6 +73,15 @@ impl Scene {
         Self {
             environment,
             ..self
+        }
+    }
+
+    /// Among the surroundings that a picture shows, as bright as it is.
+    #[must_use]
+    pub fn surroundings(self, map: EnvironmentMap) -> Self {
+        Self {
+            environment_map: Some(map),
+            ..self.sky(Vec3::ONE)
         }
     }
 
@@ -107,6 +118,12 @@ impl Scene {
             scene: self.identity.0,
             index,
         }
+    }
+
+    /// Adds a texture; returns its index for [`super::MaterialTextures`].
+    pub fn add_texture(&mut self, texture: ImageTexture) -> u32 {
+        self.textures.push(texture);
+        self.textures.len() as u32 - 1
     }
 
     /// Adds a light.
@@ -193,6 +210,7 @@ impl Scene {
             Material::Cloth { .. } => "cloth",
             Material::Conductor { .. } => "metal",
             Material::Dielectric { .. } => "glass",
+            Material::MetallicRoughness { .. } => "metallic roughness",
         };
         let names = (self.materials.len()..).map(|number| format!("{kind} {number}"));
         let mut free = names.filter(|name| !self.materials.contains_key(name));
@@ -415,6 +433,35 @@ impl Material {
             eta: Vec3::new(2.76, 2.54, 2.27),
             k: Vec3::new(3.84, 3.43, 3.04),
             alpha,
+        }
+    }
+
+    /// What is no metal, of this colour per channel and this roughness, in [0, 1]: the square root of its GGX width.
+    pub fn rough(base_color: impl Into<Vec3>, roughness: f32) -> Self {
+        Self::MetallicRoughness {
+            base_color: base_color.into(),
+            metallic: 0.0,
+            roughness,
+            ior: 1.5,
+            emission: Vec3::ZERO,
+            textures: MaterialTextures::default(),
+        }
+    }
+
+    /// With these textures; other materials than [`Material::MetallicRoughness`] have none.
+    #[must_use]
+    pub fn textured(mut self, with: MaterialTextures) -> Self {
+        if let Self::MetallicRoughness { textures, .. } = &mut self {
+            *textures = with;
+        }
+        self
+    }
+
+    /// The textures that it has.
+    pub fn textures(&self) -> MaterialTextures {
+        match self {
+            Self::MetallicRoughness { textures, .. } => *textures,
+            _ => MaterialTextures::default(),
         }
     }
 

@@ -3,7 +3,8 @@
 //! A file holds one [`Scene`], field by field; lengths are in metres, radiance and albedo are
 //! linear Rec. 709 triples, +z is up. Fields that the format does not know are refused, so that a
 //! slip of the pen is not drawn as something else. `area_lights`, a sphere's `rotation` (x, y, z, w), a mesh's
-//! `normals`, `center` and `rotation`, and a coat's `internal_reflectance` and `stripe` may be left out.
+//! `normals`, `uvs`, `center` and `rotation`, and a coat's `internal_reflectance` and `stripe` may be left out.
+//! Textures name PNG or JPEG files beside the scene file (`"image": { "file": "wood.png" }`) or hold them as base64 (`"encoded"`).
 //!
 //! ```
 //! use carom_tracer::Scene;
@@ -43,6 +44,8 @@
 //! # Ok::<(), carom_tracer::Error>(())
 //! ```
 
+mod texture_files;
+
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write};
 use std::path::Path;
@@ -59,13 +62,18 @@ use crate::{Error, SceneError};
 pub const SCENE_BYTES_MAX: usize = 64 << 20;
 
 impl Scene {
-    /// Reads and checks a scene file in this format.
+    /// Reads and checks a scene file in this format, or, if its name ends with `.gltf` or `.glb`, one of glTF 2.0
+    /// (`Scene::load_gltf`).
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is longer than
     /// [`SCENE_BYTES_MAX`], not a scene, or breaks a rule of [`super::validate`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
+        #[cfg(feature = "gltf")]
+        if is_gltf(path) {
+            return Self::load_gltf(path);
+        }
         let format = |message| Error::Format {
             path: path.to_owned(),
             message,
@@ -75,7 +83,17 @@ impl Scene {
             source,
         })?;
         let text = text(bytes).map_err(|fault| format(fault.to_string()))?;
-        Self::from_json(&text).map_err(|error| format(error.to_string()))
+        let mut scene = Self::parse(&text).map_err(|error| format(error.to_string()))?;
+        texture_files::read(&mut scene, path)?;
+        scene
+            .validate()
+            .map_err(|error| format(error.to_string()))?;
+        Ok(scene)
+    }
+
+    fn parse(text: &str) -> Result<Self, Error> {
+        limit(text.len()).map_err(Error::InvalidScene)?;
+        serde_json::from_str(text).map_err(|error| parse_error(&error))
     }
 
     /// Writes the scene as [`Scene::to_json`], in place of what the file held.
@@ -97,8 +115,7 @@ impl Scene {
     /// [`Error::InvalidScene`] with line and column if the text is not a scene, or with the object
     /// that breaks a rule of [`super::validate`].
     pub fn from_json(text: &str) -> Result<Self, Error> {
-        limit(text.len()).map_err(Error::InvalidScene)?;
-        let scene: Self = serde_json::from_str(text).map_err(|error| parse_error(&error))?;
+        let scene = Self::parse(text)?;
         scene.validate()?;
         Ok(scene)
     }
@@ -118,6 +135,12 @@ impl Scene {
         json.push(b'\n');
         Ok(String::from_utf8(json).expect("serde_json writes UTF-8"))
     }
+}
+
+#[cfg(feature = "gltf")]
+fn is_gltf(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    extension.is_some_and(|text| ["gltf", "glb"].contains(&text.to_ascii_lowercase().as_str()))
 }
 
 /// A sentence with the place for what the parser refused.

@@ -1,6 +1,6 @@
 //! Triangle meshes.
 
-use glam::{Quat, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::{Shape, bounded};
@@ -23,6 +23,10 @@ pub struct Mesh {
     /// all, for facets.
     #[serde(default, deserialize_with = "bounded::normals")]
     pub normals: Vec<Vec3>,
+    /// Texture coordinates for each position, within ±[`super::validate::UV_MAX`], or none at all: (0, 0) is the top left
+    /// corner of a texture, (1, 1) its bottom right one.
+    #[serde(default, deserialize_with = "bounded::uvs")]
+    pub uvs: Vec<Vec2>,
     /// Where the mesh's own origin lies, in metres.
     #[serde(default)]
     pub center: Vec3,
@@ -39,6 +43,7 @@ impl Mesh {
             positions,
             triangles,
             normals: Vec::new(),
+            uvs: Vec::new(),
             center: Vec3::ZERO,
             rotation: Quat::IDENTITY,
         }
@@ -48,6 +53,12 @@ impl Mesh {
     #[must_use]
     pub fn normals(self, normals: Vec<Vec3>) -> Self {
         Self { normals, ..self }
+    }
+
+    /// With texture coordinates for each position.
+    #[must_use]
+    pub fn uvs(self, uvs: Vec<Vec2>) -> Self {
+        Self { uvs, ..self }
     }
 
     /// With its own origin here, in metres.

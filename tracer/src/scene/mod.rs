@@ -5,7 +5,11 @@
 
 mod bounded;
 mod construction;
+mod environment_map;
 pub mod file;
+#[cfg(feature = "gltf")]
+pub mod gltf_file;
+mod image_texture;
 mod mesh;
 pub mod mesh_file;
 mod particles;
@@ -18,6 +22,15 @@ use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 pub use construction::{Cuboid, ObjectHandle, Plane, SceneIdentity, Sphere};
+#[cfg(feature = "image-io")]
+pub(crate) use environment_map::environment_bytes;
+pub use environment_map::{ENVIRONMENT_EDGE_MAX, EnvironmentMap};
+#[cfg(feature = "image-io")]
+pub(crate) use image_texture::texels_with_levels;
+pub use image_texture::{
+    ColorSpace, FileBytes, ImageSource, ImageTexture, MaterialTextures, TEXTURE_EDGE_MAX, Wrap,
+};
+pub(crate) use image_texture::{halved, levels};
 pub use mesh::Mesh;
 pub use particles::ParticleCloud;
 
@@ -38,6 +51,12 @@ pub struct Scene {
     /// Rectangles that emit light and reflect none.
     #[serde(default, alias = "lamps", deserialize_with = "bounded::area_lights")]
     pub area_lights: Vec<AreaLight>,
+    /// Pictures for meshes; [`MaterialTextures`] has their index here.
+    #[serde(default, deserialize_with = "bounded::textures")]
+    pub textures: Vec<ImageTexture>,
+    /// A picture of the surroundings, which [`Environment::radiance`] multiplies.
+    #[serde(default)]
+    pub environment_map: Option<EnvironmentMap>,
     /// What the handles of its objects belong to; [`SceneIdentity::default`] for those without.
     #[serde(skip)]
     pub identity: SceneIdentity,
@@ -83,7 +102,7 @@ impl Default for Lens {
     }
 }
 
-/// Constant radiance from every direction.
+/// Constant radiance from every direction, or with [`Scene::environment_map`] what its picture is multiplied by.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Environment {
@@ -324,6 +343,27 @@ pub enum Material {
         #[serde(default)]
         medium: Option<Medium>,
     },
+    /// The material of glTF 2.0: a base that is diffuse or, by the share `metallic`, a metal, under a GGX-rough reflection.
+    /// `f = base·(1−metallic)/π · (1−F(cos θi))(1−F(cos θo))/(1−F_avg) + D·V·F`, with Schlick's `F`
+    /// ([`crate::scalar::metallic_roughness`]): towards the normal it is `base` for metals and that of `ior` for all else.
+    MetallicRoughness {
+        /// Albedo of what is no metal, reflectance of what is, per channel, in [0, 1].
+        base_color: Vec3,
+        /// Share of metal, in [0, 1].
+        metallic: f32,
+        /// Square root of the GGX width α, in [0, 1]; α below [`validate::ALPHA_SMOOTH_MAX`] is drawn as that.
+        roughness: f32,
+        /// Index of refraction of what is no metal, in [1, 1000]; plastic 1.5.
+        #[serde(default = "plastic_ior")]
+        ior: f32,
+        /// Radiance that the surface emits evenly to both sides, in W·sr⁻¹·m⁻² per channel. Paths find it by chance
+        /// alone: bright and small it is noisy, where [`AreaLight`] is not.
+        #[serde(default)]
+        emission: Vec3,
+        /// Pictures that multiply these numbers, on meshes with texture coordinates.
+        #[serde(default)]
+        textures: MaterialTextures,
+    },
 }
 
 /// What a coated base looks like.
@@ -377,6 +417,10 @@ pub enum ProceduralTexture {
 
 fn one() -> f32 {
     1.0
+}
+
+fn plastic_ior() -> f32 {
+    1.5
 }
 
 /// The lines and spots on a table's cloth, in a table's own frame: its middle is the origin, its head lies

@@ -3,6 +3,7 @@
 mod mesh;
 #[cfg(test)]
 mod tests;
+mod texture;
 
 use std::ops::RangeInclusive;
 
@@ -10,6 +11,7 @@ use glam::{Quat, Vec3};
 
 pub use self::mesh::{TRIANGLES_MAX, VERTICES_MAX};
 use self::mesh::{check_mesh, check_triangles};
+pub use self::texture::{TEXTURE_BYTES_MAX, TEXTURES_MAX, UV_MAX};
 use crate::scene::{
     AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, ObjectPose, ParticleCloud,
     ProceduralTexture, Scene, SceneUpdate, Shape, Stripe,
@@ -93,12 +95,16 @@ impl Scene {
         check_triangles(self)?;
         self.camera.validate()?;
         radiance("environment", self.environment.radiance)?;
+        self.check_textures()?;
+        self.check_environment_map()?;
         for (key, material) in &self.materials {
             name(key)?;
-            check_material(material).map_err(|fault| SceneError::Material {
+            let place = |fault| SceneError::Material {
                 name: key.clone(),
                 fault: Box::new(fault),
-            })?;
+            };
+            check_material(material).map_err(place)?;
+            self.check_material_textures(material).map_err(place)?;
         }
         for (index, object) in self.objects.iter().enumerate() {
             name(&object.name)?;
@@ -113,6 +119,7 @@ impl Scene {
             if !self.materials.contains_key(&object.material) {
                 return Err(place(SceneError::UnknownMaterial(object.material.clone())));
             }
+            self.check_textured(object).map_err(place)?;
             if matches!(
                 self.materials[&object.material],
                 Material::Dielectric { .. }
@@ -168,6 +175,9 @@ impl Scene {
             match self.materials.get(material) {
                 Some(Material::Dielectric { .. }) => {
                     return Err(place(SceneError::DielectricSurface(material.clone())));
+                }
+                Some(found) if found.textures().indices().next().is_some() => {
+                    return Err(place(SceneError::TexturedShape(material.clone())));
                 }
                 Some(_) => {}
                 None => {
@@ -450,6 +460,20 @@ fn check_material(material: &Material) -> Check {
             check_ior(ior)?;
             check_alpha(alpha)?;
             medium.map_or(Ok(()), |medium| check_medium(&medium))
+        }
+        Material::MetallicRoughness {
+            base_color,
+            metallic,
+            roughness,
+            ior,
+            emission,
+            textures: _,
+        } => {
+            check_albedo("its base_color", base_color)?;
+            in_range("its metallic", metallic, &(0.0..=1.0))?;
+            in_range("its roughness", roughness, &(0.0..=1.0))?;
+            check_ior(ior)?;
+            radiance("material", emission)
         }
     }
 }

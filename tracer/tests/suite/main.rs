@@ -3,6 +3,7 @@
 
 mod cpu;
 mod denoise;
+mod environments;
 mod extremes;
 mod gpu;
 mod images;
@@ -12,5 +13,6 @@ mod meshes;
 mod particles;
 mod reference;
 mod scenes;
+mod textures;
 mod tracers;
 mod vectors;

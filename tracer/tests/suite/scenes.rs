@@ -8,7 +8,9 @@ use carom_tracer::{
 };
 use glam::{Quat, Vec3};
 
+use crate::environments::surrounded_still_life;
 use crate::meshes::mesh_still_life;
+use crate::textures::image_textured_still_life;
 
 pub(crate) fn diffuse(albedo: f32) -> Material {
     Material::Diffuse {
@@ -426,6 +428,11 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
     hidden.objects.remove(1);
     scenes.push(("still life without a ball", hidden));
     scenes.push(("still life of meshes", mesh_still_life()));
+    scenes.push(("still life of image textures", image_textured_still_life()));
+    for has_area_lights in [true, false] {
+        let scene = surrounded_still_life(has_area_lights);
+        scenes.push(("still life among surroundings", scene));
+    }
     scenes
         .into_iter()
         .map(|(name, scene)| LawScene {

@@ -9,12 +9,14 @@ use std::path::PathBuf;
 
 use carom_billiards::game_match::Match;
 use carom_billiards::physics::{Engine, ParticlePrecision, Recording, Shot};
+use carom_farm::quality::{QualityPreference, Resolution};
 use carom_farm::{Balancing, Distribution, FarmConfig, NodeStatus};
 use carom_text::text;
 use carom_tracer::ImageSize;
+use carom_window::notifications;
+use carom_window::stats::Stats;
 
 use crate::app::autosave::Autosave;
-use crate::app::farm_notifications;
 use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::app::mode_controller::ModeController;
 use crate::camera::{CameraIntent, Viewpoint};
@@ -25,13 +27,11 @@ use crate::capture::video::replay_film::{self, ReplayFilm};
 use crate::frame::farm_startup::FarmState;
 use crate::frame::opening_still::OpeningStill;
 use crate::frame::pipeline::FramePipeline;
-use crate::frame::quality::{QualityPreference, Resolution};
 use crate::input::{AimIntent, MatchIntent, PracticeIntent, ReplayIntent, StrokeIntent};
 use crate::play::{AimAids, BallMarks, CueView, Game, ShotClock};
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::TableStyle;
 use crate::ui::match_hud::MatchHud;
-use crate::ui::stats::Stats;
 
 /// A game in progress. Times are seconds since the program began.
 pub struct GameSession {
@@ -416,7 +416,7 @@ impl GameSession {
     pub fn farm_line(&self) -> String {
         match self.pipeline.farm() {
             FarmState::Failed(why) => text!("farm-failed", why = why.as_str()),
-            _ => farm_notifications::line(&self.nodes()),
+            _ => notifications::line(&self.nodes()),
         }
     }
 

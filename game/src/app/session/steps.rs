@@ -2,14 +2,14 @@
 
 use carom_text::text;
 use carom_tracer::SceneUpdate;
+use carom_window::display::DisplayFrame;
+use carom_window::stats::frame_record::FrameSample;
 
 use super::GameSession;
 use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::camera::{CameraIntent, CameraView};
-use crate::display::DisplayFrame;
 use crate::frame::pipeline::FinishedFrame;
 use crate::frame::scheduler::ViewTarget;
-use crate::ui::stats::frame_record::FrameSample;
 
 impl GameSession {
     /// Moves the game on to `now_secs`.

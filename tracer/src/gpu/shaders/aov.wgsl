@@ -59,7 +59,7 @@ fn first_hit(ray: Ray) -> Aovs {
 // Light of the area light or the environment that a ray ends in.
 fn emission(ray: Ray, hit: Hit) -> vec3f {
     if (hit.primitive == NO_PRIMITIVE) {
-        return scene.header.environment;
+        return environment_radiance(ray.direction);
     }
     if (hit.primitive >= AREA_LIGHT_FIRST) {
         return emission_with_mis(ray, hit, SPECULAR);

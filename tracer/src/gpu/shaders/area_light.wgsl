@@ -102,7 +102,10 @@ fn direct_light(
     cone_density: f32,
     light_weight_sum: ptr<function, f32>,
 ) -> ShadowRay {
-    let chosen = sample_light(surface.position, u);
+    var chosen = sample_light(surface.position, u);
+    if (HAS_ENVIRONMENT_MAP) {
+        chosen.light_weight_sum *= area_light_factor();
+    }
     *light_weight_sum = chosen.light_weight_sum;
     if (chosen.weight == 0.0) {
         return NO_SHADOW_RAY;

@@ -119,21 +119,6 @@ fn solid_angle(seen: SphericalRectangle) -> f32 {
     return max(angle, 0.0);
 }
 
-// The argument of a complex number, in (−π, π]: Moshier's Cephes library, `atanf`, 1989. The built-in
-// function may be wrong by 4096 units in the last place.
-fn argument(z: vec2f) -> f32 {
-    let low = min(abs(z.x), abs(z.y));
-    let high = max(max(abs(z.x), abs(z.y)), 1.2e-38);
-    let is_steep = low > high * 0.41421357;
-    let t = select(low, low - high, is_steep) / select(high, low + high, is_steep);
-    let t2 = t * t;
-    let tail = ((8.0537445e-2 * t2 - 1.3877686e-1) * t2 + 1.9977711e-1) * t2 - 3.3332949e-1;
-    var angle = t + t * t2 * tail + select(0.0, 0.25 * PI, is_steep);
-    angle = select(angle, 0.5 * PI - angle, abs(z.y) > abs(z.x));
-    angle = select(angle, PI - angle, z.x < 0.0);
-    return select(angle, -angle, z.y < 0.0);
-}
-
 fn sample_direction(seen: SphericalRectangle, chosen: SampledLight) -> LightDirection {
     var at = vec2f(mix(seen.x.x, seen.x.y, chosen.u.x), mix(seen.y.x, seen.y.y, chosen.u.y));
     if (!chosen.by_area) {

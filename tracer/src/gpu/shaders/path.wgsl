@@ -38,6 +38,7 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
     }
     let direction = camera.corner + film.x * camera.dx + film.y * camera.dy;
     let ray = Ray(eye, direction / length(direction));
+    note_density(SPECULAR);
     return Path(
         ray,
         NO_PRIMITIVE,
@@ -58,7 +59,7 @@ const SHADE: u32 = 1u;
 const DONE: u32 = 2u;
 
 fn has_shadow_ray(path: Path) -> bool {
-    return AREA_LIGHT_COUNT > 0u && (path.direct.distance > 0.0 || (HAS_COAT && path.coat.distance > 0.0));
+    return SAMPLES_LIGHT && (path.direct.distance > 0.0 || (HAS_COAT && path.coat.distance > 0.0));
 }
 
 // Traces one ray of a path that has one: those to area lights first, so that rays of either kind go through one
@@ -121,7 +122,7 @@ fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 
         return DONE;
     }
     if (met.primitive == NO_PRIMITIVE) {
-        (*path).radiance += (*path).beta * scene.header.environment;
+        (*path).radiance += (*path).beta * environment_with_mis(ray.direction);
         return DONE;
     }
     if (met.primitive >= AREA_LIGHT_FIRST) {
@@ -155,7 +156,7 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
         bsdf = bsdf_regularised(bsdf);
     }
     var light_weight_sum = 0.0;
-    if (AREA_LIGHT_COUNT > 0u) {
+    if (SAMPLES_LIGHT) {
         let u = pair((*path).pixel, (*path).sample, block_light(depth), job.seed);
         var cone_density = 0.0;
         if (is_regularised) {
@@ -169,6 +170,7 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
         }
     }
     let next = bsdf_sample(bsdf, surface.normal, wo, scatter_numbers(path).xyz);
+    note_density(next.pdf);
     let was_scattered = HAS_REFRACTED_NEE && (*path).pdf == SCATTERED;
     (*path).ray = Ray(surface.position, next.wi);
     (*path).start = primitive;
@@ -204,11 +206,11 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     return TRACE;
 }
 
-// Direction in `yz`; choice of a dielectric's lobe in `x` and flight through it in `w`.
+// Direction in `yz`; choice of the lobe of a dielectric or of glTF's material in `x` and flight through it in `w`.
 fn scatter_numbers(path: ptr<function, Path>) -> vec4f {
     let direction = pair((*path).pixel, (*path).sample, block_scatter((*path).depth), job.seed);
     var choice = vec2f(0.0);
-    if (HAS_DIELECTRIC) {
+    if (HAS_DIELECTRIC || HAS_METALLIC_ROUGHNESS) {
         choice = pair((*path).pixel, (*path).sample, block_choice((*path).depth), job.seed);
     }
     return vec4f(choice.x, direction, choice.y);

@@ -76,6 +76,7 @@ struct MaterialData {
     scattering: vec3f,
     sheen_roughness: f32,
     sheen: vec3f,
+    metallic: f32,
     sights: vec3f,
     scale: f32,
 }

@@ -7,6 +7,7 @@ struct TriangleData {
     b: vec3f,
     normals: u32,
     c: vec3f,
+    uvs: u32,
 }
 
 // A triangle as its ray sees it.
@@ -77,7 +78,7 @@ fn triangle_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let material = mesh.triangles[index].material;
     return Surface(
         fma(vec3f(above), normal, weights.x * a + weights.y * b + weights.z * c),
-        triangle_shading_normal(index, weights, normal, -ray.direction),
+        triangle_shading_normal(index, weights, normal, -ray.direction, t),
         scene_storage.materials[material].albedo,
         material,
         false,

@@ -1,5 +1,5 @@
 // Meshes without vertex normals.
 
-fn triangle_shading_normal(index: u32, weights: vec3f, normal: vec3f, wo: vec3f) -> vec3f {
+fn triangle_shading_normal(index: u32, weights: vec3f, normal: vec3f, wo: vec3f, t: f32) -> vec3f {
     return normal;
 }

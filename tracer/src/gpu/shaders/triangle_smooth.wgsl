@@ -7,52 +7,13 @@ struct TriangleNormals {
     c: vec3f,
 }
 
-// The surface's own normal where it is shaded with another one, on the viewer's side; 0 elsewhere.
-var<private> geometric_normal: vec3f;
-
-fn triangle_shading_normal(index: u32, weights: vec3f, normal: vec3f, wo: vec3f) -> vec3f {
+// Of any length; 0 of a facet.
+fn interpolated_normal(index: u32, weights: vec3f) -> vec3f {
     let normals = mesh.triangles[index].normals;
     if (normals == FLAT) {
-        return normal;
+        return vec3f(0.0);
     }
-    geometric_normal = normal;
-    let interpolated = weights.x * mesh.normals[normals].a
+    return weights.x * mesh.normals[normals].a
         + weights.y * mesh.normals[normals].b
         + weights.z * mesh.normals[normals].c;
-    if (!(dot(interpolated, interpolated) > 0.0)) {
-        return normal;
-    }
-    let unit = normalize(interpolated);
-    let shading = select(unit, -unit, dot(unit, normal) < 0.0);
-    let reflected = fma(vec3f(2.0 * dot(wo, shading)), shading, -wo);
-    let lift = REFLECTION_SINE_MIN - dot(reflected, normal);
-    if (lift <= 0.0) {
-        return shading;
-    }
-    return normalize(wo + normalize(fma(vec3f(lift), normal, reflected)));
-}
-
-// No light comes from below the surface.
-fn direct_light(
-    surface: Surface,
-    bsdf: Bsdf,
-    wo: vec3f,
-    u: vec2f,
-    cone_density: f32,
-    light_weight_sum: ptr<function, f32>,
-) -> ShadowRay {
-    let ray = bare_direct_light(surface, bsdf, wo, u, cone_density, light_weight_sum);
-    if (dot(ray.direction, geometric_normal) < 0.0) {
-        return NO_SHADOW_RAY;
-    }
-    return ray;
-}
-
-// Nor goes any there.
-fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
-    var next = bare_bsdf_sample(bsdf, n, wo, u);
-    if (dot(next.wi, geometric_normal) < 0.0) {
-        next.weight = vec3f(0.0);
-    }
-    return next;
 }

@@ -1,8 +1,8 @@
 //! The rules that triangle meshes keep.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
-use super::{COORDINATE_M_MAX, Check, count, position, rotation};
+use super::{COORDINATE_M_MAX, Check, UV_MAX, count, position, rotation};
 use crate::SceneError;
 use crate::scene::{Mesh, Scene, Shape};
 
@@ -47,7 +47,8 @@ pub(super) fn check_mesh(mesh: &Mesh) -> Check {
             });
         }
     }
-    check_normals(mesh)
+    check_normals(mesh)?;
+    check_uvs(mesh)
 }
 
 fn check_normals(mesh: &Mesh) -> Check {
@@ -59,6 +60,24 @@ fn check_normals(mesh: &Mesh) -> Check {
     let is_direction = |n: &Vec3| n.is_finite() && n.as_dvec3().length_squared() > 0.0;
     match normals.find(|(_, normal)| !is_direction(normal)) {
         Some((index, &value)) => Err(SceneError::VertexNormal { index, value }),
+        None => Ok(()),
+    }
+}
+
+fn check_uvs(mesh: &Mesh) -> Check {
+    let (uvs, vertices) = (mesh.uvs.len(), mesh.positions.len());
+    if uvs != 0 && uvs != vertices {
+        return Err(SceneError::TextureCoordinates { uvs, vertices });
+    }
+    let mut uvs = mesh.uvs.iter().enumerate();
+    // NaN is not within.
+    let is_within = |uv: &Vec2| uv.abs().cmple(Vec2::splat(UV_MAX)).all();
+    match uvs.find(|(_, uv)| !is_within(uv)) {
+        Some((index, &value)) => Err(SceneError::TextureCoordinate {
+            index,
+            value,
+            max: UV_MAX,
+        }),
         None => Ok(()),
     }
 }

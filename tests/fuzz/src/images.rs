@@ -1,0 +1,114 @@
+//! Files of others: pictures, environment maps, glTF.
+
+use carom_tracer::glam::Vec3;
+use carom_tracer::texture_file::{Texels, encode_png};
+use carom_tracer::{
+    CompiledScene, ImageSize, RadianceImage, Scene, environment_file, texture_file,
+};
+
+/// A file is a sentence, or a picture of the size that its header tells.
+pub fn texture(bytes: &[u8]) {
+    let Ok(size) = texture_file::size(bytes) else {
+        assert!(texture_file::decode(bytes).is_err());
+        return;
+    };
+    // Decoding the largest takes a second.
+    if u64::from(size[0]) * u64::from(size[1]) > 1 << 20 {
+        return;
+    }
+    if let Ok(picture) = texture_file::decode(bytes) {
+        assert_eq!(picture.size, size);
+        assert_eq!(
+            picture.texels.len() as u64,
+            u64::from(size[0]) * u64::from(size[1])
+        );
+    }
+}
+
+/// A file is a sentence, or radiance that is finite and at least 0.
+pub fn environment(bytes: &[u8]) {
+    let Ok(size) = environment_file::size(bytes) else {
+        return;
+    };
+    if size.pixels() > 1 << 20 {
+        return;
+    }
+    if let Ok(picture) = environment_file::decode(bytes) {
+        assert_eq!(picture.size, size);
+        let channels = picture.pixels.as_flattened().iter();
+        channels.for_each(|channel| assert!(channel.is_finite() && *channel >= 0.0));
+    }
+}
+
+/// A file is a sentence, or a scene that compiles or says why not, and reads back from JSON as the same.
+pub fn gltf(bytes: &[u8]) {
+    let Ok(scene) = Scene::from_gltf(bytes) else {
+        return;
+    };
+    let json = scene.to_json().expect("a scene that was read is valid");
+    assert_eq!(
+        Scene::from_json(&json).expect("a written scene is right"),
+        scene
+    );
+    if scene.texture_bytes().is_ok_and(|bytes| bytes < 1 << 22) {
+        _ = CompiledScene::new(&scene);
+    }
+}
+
+/// A PNG file.
+pub fn texture_seeds() -> Vec<Vec<u8>> {
+    let texels = (0..35).map(|i: u8| [i, 7 * i, 255 - i, 200]).collect();
+    let size = [7, 5];
+    vec![encode_png(&Texels { size, texels }).expect("its size is right")]
+}
+
+/// An OpenEXR file, and Radiance HDR files with runs and without.
+pub fn environment_seeds() -> Vec<Vec<u8>> {
+    let mut picture = RadianceImage::black(ImageSize::new(6, 3));
+    for (index, pixel) in picture.pixels.iter_mut().enumerate() {
+        *pixel = (Vec3::new(0.5, 1.0, 20.0) * index as f32).to_array();
+    }
+    let exr = environment_file::encode_exr(&picture).expect("memory can be written");
+    let header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 9\n";
+    let runs = [
+        2, 2, 0, 9, 137, 128, 5, 1, 2, 3, 4, 5, 132, 9, 137, 0, 137, 129,
+    ];
+    let plain = [100; 36];
+    vec![
+        exr,
+        [&header[..], &runs].concat(),
+        [&header[..], &plain].concat(),
+    ]
+}
+
+/// A textured triangle as `.glb` and as text.
+pub fn gltf_seeds() -> Vec<Vec<u8>> {
+    let corners: [f32; 15] = [0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 1.];
+    let mut binary: Vec<u8> = corners.into_iter().flat_map(f32::to_le_bytes).collect();
+    let image = texture_seeds().remove(0);
+    let image_bytes = image.len();
+    binary.extend(image);
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"children":[1]}},
+        {{"mesh":0,"translation":[0,1,0],"scale":[1,-2,1]}}],"meshes":[{{"primitives":[{{"material":0,"attributes":
+        {{"POSITION":0,"TEXCOORD_0":1}}}}]}}],"materials":[{{"pbrMetallicRoughness":{{"baseColorTexture":
+        {{"index":0}}}},"normalTexture":{{"index":0}}}}],"textures":[{{"source":0}}],"images":[{{"mimeType":
+        "image/png","bufferView":1}}],"accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
+        {{"bufferView":0,"byteOffset":36,"componentType":5126,"count":3,"type":"VEC2"}}],"bufferViews":
+        [{{"buffer":0,"byteLength":60}},{{"buffer":0,"byteOffset":60,"byteLength":{image_bytes}}}],"buffers":
+        [{{"byteLength":{}}}]}}"#,
+        binary.len()
+    );
+    let chunk = |kind: &[u8], bytes: &[u8]| {
+        let length = (bytes.len() as u32).to_le_bytes();
+        [&length[..], kind, bytes].concat()
+    };
+    let header = b"glTF\x02\0\0\0\0\0\0\0";
+    let glb = [
+        &header[..],
+        &chunk(b"JSON", json.as_bytes()),
+        &chunk(b"BIN\0", &binary),
+    ]
+    .concat();
+    vec![glb, json.into_bytes()]
+}

@@ -1,0 +1,449 @@
+//! Image textures as back ends read them: texels of all levels of detail, and what a ray sees of them.
+//!
+//! A level of detail halves its predecessor by the mean of what each of its texels covers, in linear light (Williams,
+//! "Pyramidal Parametrics", SIGGRAPH 1983). Camera rays see the level whose texels are as wide as their pixel, and of two
+//! levels in between (Akenine-Möller et al., "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1), 2021,
+//! equation 34, without the slope of the surface: across it the samples of a pixel smooth what a level does not). Later
+//! vertices see the finest level. Colours are interpolated after they are made linear.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::scene::{ColorSpace, ImageTexture, MaterialTextures, Wrap, halved, levels};
+use crate::{Error, SceneError};
+
+/// The textures of a scene, shared with copies of it.
+#[derive(Clone, Debug, Default)]
+pub struct CompiledTextures {
+    /// One each.
+    pub images: Arc<Vec<TextureData>>,
+    /// Per material of the scene; empty if none has a texture.
+    pub materials: Arc<Vec<MaterialTextureData>>,
+    /// Red, green, blue and alpha, red in the lowest byte: level by level, row by row.
+    pub texels: Arc<Vec<u32>>,
+}
+
+/// Where a texture lies among the texels.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct TextureData {
+    /// Texels before it.
+    pub first: u32,
+    /// Texels across its finest level.
+    pub width: u32,
+    /// Texels down its finest level.
+    pub height: u32,
+    /// How many levels it has: the last one is a single texel.
+    pub levels: u32,
+    /// 1 if its red, green and blue are sRGB, 0 if they are linear.
+    pub is_srgb: u32,
+    /// [`WRAP_REPEAT`], [`WRAP_CLAMP`] or [`WRAP_MIRROR`] across.
+    pub wrap_u: u32,
+    /// The same down.
+    pub wrap_v: u32,
+}
+
+/// [`TextureData::wrap_u`] of [`Wrap::Repeat`].
+pub const WRAP_REPEAT: u32 = 0;
+/// [`TextureData::wrap_u`] of [`Wrap::Clamp`].
+pub const WRAP_CLAMP: u32 = 1;
+/// [`TextureData::wrap_u`] of [`Wrap::Mirror`].
+pub const WRAP_MIRROR: u32 = 2;
+
+/// A material's textures, as indices into [`CompiledTextures::images`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct MaterialTextureData {
+    /// See [`MaterialTextures::base_color`].
+    pub base_color: u32,
+    /// See [`MaterialTextures::metallic_roughness`].
+    pub metallic_roughness: u32,
+    /// See [`MaterialTextures::normal`].
+    pub normal: u32,
+    /// See [`MaterialTextures::emission`].
+    pub emission: u32,
+}
+
+impl MaterialTextureData {
+    /// Stands for no texture.
+    pub const NONE: u32 = u32::MAX;
+
+    fn new(textures: MaterialTextures) -> Self {
+        let index = |texture: Option<u32>| texture.unwrap_or(Self::NONE);
+        Self {
+            base_color: index(textures.base_color),
+            metallic_roughness: index(textures.metallic_roughness),
+            normal: index(textures.normal),
+            emission: index(textures.emission),
+        }
+    }
+}
+
+impl CompiledTextures {
+    /// Decodes the textures of valid materials, in the order of the scene's.
+    ///
+    /// # Errors
+    /// [`Error::InvalidScene`] if a file is broken.
+    pub(super) fn new(
+        textures: &[ImageTexture],
+        materials: impl Iterator<Item = MaterialTextures>,
+    ) -> Result<Self, Error> {
+        let materials: Vec<_> = materials.map(MaterialTextureData::new).collect();
+        let is_used = |textures: &MaterialTextureData| {
+            *textures != MaterialTextureData::new(MaterialTextures::default())
+        };
+        if !materials.iter().any(is_used) {
+            return Ok(Self::default());
+        }
+        let (mut images, mut texels) = (Vec::new(), Vec::new());
+        for (index, texture) in textures.iter().enumerate() {
+            let fault = |fault| {
+                Error::InvalidScene(SceneError::Texture {
+                    index,
+                    name: texture.name.clone(),
+                    fault,
+                })
+            };
+            images.push(push_image(texture, &mut texels).map_err(fault)?);
+        }
+        Ok(Self {
+            images: Arc::new(images),
+            materials: Arc::new(materials),
+            texels: Arc::new(texels),
+        })
+    }
+
+    /// Whether any surface has a texture.
+    pub fn is_empty(&self) -> bool {
+        self.materials.is_empty()
+    }
+
+    /// Red, green, blue and alpha of a texture at texture coordinates, linear, at a level of detail: 0 is
+    /// the finest.
+    pub fn sample(&self, image: u32, uv: [f32; 2], level: f32) -> [f32; 4] {
+        let data = &self.images[image as usize];
+        let level = level.clamp(0.0, (data.levels - 1) as f32);
+        let finer = level.floor();
+        let share = level - finer;
+        let mut sampled = self.bilinear(data, uv, finer as u32);
+        if share > 0.0 {
+            let coarser = self.bilinear(data, uv, finer as u32 + 1);
+            for (channel, coarser) in sampled.iter_mut().zip(coarser) {
+                *channel += share * (coarser - *channel);
+            }
+        }
+        sampled
+    }
+
+    fn bilinear(&self, data: &TextureData, [u, v]: [f32; 2], level: u32) -> [f32; 4] {
+        let Level {
+            first,
+            width,
+            height,
+        } = Level::of(data, level);
+        let x = Taps::new(u, width, data.wrap_u);
+        let y = Taps::new(v, height, data.wrap_v);
+        let texel = |x: u32, y: u32| self.texel(data, first + y * width + x);
+        let mut sum = [0.0; 4];
+        for (y, share_y) in [(y.before, 1.0 - y.share), (y.after, y.share)] {
+            let (left, right) = (texel(x.before, y), texel(x.after, y));
+            for channel in 0..4 {
+                let between = left[channel] + x.share * (right[channel] - left[channel]);
+                sum[channel] += share_y * between;
+            }
+        }
+        sum
+    }
+
+    fn texel(&self, data: &TextureData, place: u32) -> [f32; 4] {
+        let [r, g, b, a] = self.texels[place as usize].to_le_bytes();
+        let linear = |byte: u8| f32::from(byte) * (1.0 / 255.0);
+        if data.is_srgb == 0 {
+            return [r, g, b, a].map(linear);
+        }
+        let [r, g, b] = [r, g, b].map(|byte| SRGB_LINEAR[usize::from(byte)]);
+        [r, g, b, linear(a)]
+    }
+}
+
+/// A level of detail.
+struct Level {
+    first: u32,
+    width: u32,
+    height: u32,
+}
+
+impl Level {
+    fn of(data: &TextureData, level: u32) -> Self {
+        let mut of = Self {
+            first: data.first,
+            width: data.width,
+            height: data.height,
+        };
+        for _ in 0..level {
+            of.first += of.width * of.height;
+            of.width = halved(of.width);
+            of.height = halved(of.height);
+        }
+        of
+    }
+}
+
+/// The texels beside a coordinate, and the share of the second.
+struct Taps {
+    before: u32,
+    after: u32,
+    share: f32,
+}
+
+impl Taps {
+    fn new(coordinate: f32, count: u32, wrap: u32) -> Self {
+        // Whole turns first: they would cost the digits of the rest.
+        let turn = match wrap {
+            WRAP_REPEAT => coordinate - coordinate.floor(),
+            WRAP_CLAMP => coordinate.clamp(0.0, 1.0),
+            _ => {
+                let half = 0.5 * coordinate;
+                1.0 - (2.0 * (half - half.floor()) - 1.0).abs()
+            }
+        };
+        let at = turn * count as f32 - 0.5;
+        let before = at.floor();
+        // −1 and `count` lie beyond the edges.
+        let wrapped = |place: f32| match (place < 0.0, place as u32 >= count) {
+            (false, false) => place as u32,
+            (true, _) if wrap == WRAP_REPEAT => count - 1,
+            (true, _) => 0,
+            (_, true) if wrap == WRAP_REPEAT => 0,
+            (_, true) => count - 1,
+        };
+        Self {
+            before: wrapped(before),
+            after: wrapped(before + 1.0),
+            share: at - before,
+        }
+    }
+}
+
+/// The linear share of light of each sRGB byte (IEC 61966-2-1).
+pub(crate) static SRGB_LINEAR: std::sync::LazyLock<[f32; 256]> = std::sync::LazyLock::new(|| {
+    std::array::from_fn(|byte| {
+        let share = byte as f64 / 255.0;
+        let linear = match share <= 0.040_45 {
+            true => share / 12.92,
+            false => ((share + 0.055) / 1.055).powf(2.4),
+        };
+        linear as f32
+    })
+});
+
+#[cfg(not(feature = "image-io"))]
+fn push_image(_: &ImageTexture, _: &mut Vec<u32>) -> Result<TextureData, String> {
+    Err(
+        "this program was built without image files: build it with the feature `image-io`"
+            .to_owned(),
+    )
+}
+
+#[cfg(feature = "image-io")]
+fn push_image(texture: &ImageTexture, texels: &mut Vec<u32>) -> Result<TextureData, String> {
+    let file = texture.image.bytes().ok_or("its file has not been read")?;
+    let picture = crate::texture_file::decode(file)?;
+    let is_srgb = texture.color_space == ColorSpace::Srgb;
+    let [wrap_u, wrap_v] = texture.wrap.map(|wrap| match wrap {
+        Wrap::Repeat => WRAP_REPEAT,
+        Wrap::Clamp => WRAP_CLAMP,
+        Wrap::Mirror => WRAP_MIRROR,
+    });
+    let [width, height] = picture.size;
+    let data = TextureData {
+        first: texels.len() as u32,
+        width,
+        height,
+        levels: levels(width, height),
+        is_srgb: u32::from(is_srgb),
+        wrap_u,
+        wrap_v,
+    };
+    let mut level = picture;
+    for _ in 1..data.levels {
+        texels.extend(level.texels.iter().map(|texel| u32::from_le_bytes(*texel)));
+        level = mip::halve(&level, is_srgb);
+    }
+    texels.extend(level.texels.iter().map(|texel| u32::from_le_bytes(*texel)));
+    Ok(data)
+}
+
+#[cfg(feature = "image-io")]
+mod mip {
+    use super::SRGB_LINEAR;
+    use crate::scene::halved;
+    use crate::texture_file::Texels;
+
+    /// The next level of detail.
+    pub(super) fn halve(level: &Texels, is_srgb: bool) -> Texels {
+        let [width, height] = level.size;
+        let size = [halved(width), halved(height)];
+        let columns: Vec<Cover> = (0..size[0])
+            .map(|x| Cover::new(x, width, size[0]))
+            .collect();
+        let mut texels = Vec::with_capacity(size[0] as usize * size[1] as usize);
+        for y in 0..size[1] {
+            let rows = Cover::new(y, height, size[1]);
+            for columns in &columns {
+                let mut sum = [0.0; 4];
+                for (y, share_y) in rows.shares() {
+                    for (x, share_x) in columns.shares() {
+                        let texel = level.texels[y * width as usize + x];
+                        for (sum, value) in sum.iter_mut().zip(linear(texel, is_srgb)) {
+                            *sum += share_x * share_y * value;
+                        }
+                    }
+                }
+                texels.push(bytes(sum, is_srgb));
+            }
+        }
+        Texels { size, texels }
+    }
+
+    /// Texels of a finer level that one of the next covers, along an axis.
+    struct Cover {
+        first: usize,
+        shares: [f32; 3],
+    }
+
+    impl Cover {
+        fn new(place: u32, finer: u32, coarser: u32) -> Self {
+            let scale = finer as f32 / coarser as f32;
+            let (begin, end) = (place as f32 * scale, (place + 1) as f32 * scale);
+            let first = begin as usize;
+            let shares = std::array::from_fn(|i| {
+                let texel = (first + i) as f32;
+                ((texel + 1.0).min(end) - texel.max(begin)).max(0.0) / scale
+            });
+            Self { first, shares }
+        }
+
+        fn shares(&self) -> impl Iterator<Item = (usize, f32)> {
+            let places = (self.first..).zip(self.shares);
+            places.filter(|(_, share)| *share > 1e-3)
+        }
+    }
+
+    fn linear([r, g, b, a]: [u8; 4], is_srgb: bool) -> [f32; 4] {
+        let plain = |byte: u8| f32::from(byte) / 255.0;
+        let color = |byte: u8| match is_srgb {
+            true => SRGB_LINEAR[usize::from(byte)],
+            false => plain(byte),
+        };
+        [color(r), color(g), color(b), plain(a)]
+    }
+
+    fn bytes([r, g, b, a]: [f32; 4], is_srgb: bool) -> [u8; 4] {
+        let plain = |share: f32| (share * 255.0 + 0.5) as u8;
+        let color = |share: f32| match is_srgb {
+            true => srgb_byte(share),
+            false => plain(share),
+        };
+        [color(r), color(g), color(b), plain(a)]
+    }
+
+    /// The byte whose light is nearest.
+    fn srgb_byte(share: f32) -> u8 {
+        let above = SRGB_LINEAR
+            .partition_point(|linear| *linear < share)
+            .min(255);
+        let below = above.saturating_sub(1);
+        let is_below = share - SRGB_LINEAR[below] < SRGB_LINEAR[above] - share;
+        if is_below { below as u8 } else { above as u8 }
+    }
+}
+
+#[cfg(all(test, feature = "image-io"))]
+mod tests {
+    use super::*;
+    use crate::texture_file::{Texels, encode_png};
+
+    fn texture(size: [u32; 2], texel: impl Fn(u32, u32) -> [u8; 4]) -> ImageTexture {
+        let places = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y)));
+        let texels = places.map(|(x, y)| texel(x, y)).collect();
+        ImageTexture::new("test", encode_png(&Texels { size, texels }).unwrap())
+    }
+
+    fn compiled(texture: ImageTexture) -> CompiledTextures {
+        let used = MaterialTextures {
+            base_color: Some(0),
+            ..MaterialTextures::default()
+        };
+        CompiledTextures::new(&[texture], std::iter::once(used)).unwrap()
+    }
+
+    #[test]
+    fn centres_of_texels_have_their_colour() {
+        let textures = compiled(texture([3, 2], |x, y| {
+            [80 * x as u8, 100 * y as u8, 9, 255]
+        }));
+        for (x, y) in [(0, 0), (2, 0), (1, 1), (2, 1)] {
+            for turns in [-2.0, 0.0, 5.0] {
+                let uv = [(x as f32 + 0.5) / 3.0 + turns, (y as f32 + 0.5) / 2.0];
+                let sampled = textures.sample(0, uv, 0.0);
+                let expected = [80 * x, 100 * y, 9].map(|byte| SRGB_LINEAR[byte as usize]);
+                for channel in 0..3 {
+                    let off = (sampled[channel] - expected[channel]).abs();
+                    assert!(off < 1e-5, "{x} {y}: {sampled:?}, {expected:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn wraps_differ_beyond_the_edges() {
+        let ramp = texture([4, 1], |x, _| [85 * x as u8; 4]).linear();
+        let at = |wrap, u: f32| compiled(ramp.clone().wrapped(wrap)).sample(0, [u, 0.5], 0.0)[0];
+        let close = |a: f32, b: f32| assert!((a - b).abs() < 1e-5, "{a} {b}");
+        close(at(Wrap::Repeat, 1.125), 0.0);
+        close(at(Wrap::Repeat, 0.0), 0.5);
+        close(at(Wrap::Clamp, 1.5), 1.0);
+        close(at(Wrap::Clamp, -7.0), 0.0);
+        close(at(Wrap::Mirror, 1.125), 1.0);
+        close(at(Wrap::Mirror, -0.375), 1.0 / 3.0);
+    }
+
+    #[test]
+    fn every_level_keeps_the_mean() {
+        for size in [[8, 8], [7, 5], [13, 1], [1, 6]] {
+            let checks = texture(size, |x, y| [255 * ((x + y) % 2) as u8, 200, 0, 255]).linear();
+            let textures = compiled(checks);
+            let data = textures.images[0];
+            let mean = |level: u32| {
+                let Level {
+                    first,
+                    width,
+                    height,
+                } = Level::of(&data, level);
+                let count = width * height;
+                let sum: f64 = (first..first + count)
+                    .map(|place| f64::from(textures.texel(&data, place)[0]))
+                    .sum();
+                sum / f64::from(count)
+            };
+            for level in 1..data.levels {
+                let off = (mean(level) - mean(0)).abs();
+                assert!(off < 0.01, "{size:?}, level {level}: off by {off}");
+            }
+            let all = u64::from(Level::of(&data, data.levels).first);
+            assert_eq!(all, crate::scene::texels_with_levels(size));
+            assert_eq!(all, textures.texels.len() as u64);
+        }
+    }
+
+    #[test]
+    fn levels_in_between_are_interpolated() {
+        let checks = texture([2, 2], |x, y| [255 * ((x + y) % 2) as u8; 4]).linear();
+        let textures = compiled(checks);
+        let at = |level| textures.sample(0, [0.25, 0.25], level)[0];
+        assert_eq!((at(-3.0), at(0.0)), (0.0, 0.0));
+        assert!((at(0.5) - 0.25).abs() < 3e-3 && (at(9.0) - 0.5).abs() < 3e-3);
+    }
+}

@@ -1,0 +1,156 @@
+//! Image textures and normal maps where rays meet meshes: few packets meet one texture, so that each lane looks up its own.
+
+use std::sync::Arc;
+
+use fearless_simd::prelude::*;
+use glam::{Vec2, Vec3};
+
+use super::lanes::{Float, LANES, Vec3x};
+use crate::CompiledScene;
+use crate::compiled::{CompiledTextures, MaterialTextureData, TriangleData, TriangleUvs};
+use crate::scalar::triangle::REFLECTION_SINE_MIN;
+
+/// The textures of a scene's triangles.
+pub(super) struct TriangleTextures {
+    uvs: Arc<Vec<TriangleUvs>>,
+    textures: CompiledTextures,
+}
+
+/// What textures multiply the numbers of each lane's material by.
+pub(super) struct TextureLanes<S: Simd> {
+    pub(super) base_color: Vec3x<S>,
+    pub(super) roughness: Float<S>,
+    pub(super) metallic: Float<S>,
+    pub(super) emission: Vec3x<S>,
+}
+
+/// A lane's hit.
+pub(super) struct LaneHit<'a> {
+    pub(super) triangle: &'a TriangleData,
+    pub(super) weights: [f32; 3],
+    /// How wide the surface is that the ray sees, in metres; 0 for the finest level.
+    pub(super) footprint_m: f32,
+    /// Unit normal to shade with, out of the surface.
+    pub(super) n_out: Vec3,
+    /// Unit normal of the triangle on the side that the ray comes from.
+    pub(super) n: Vec3,
+}
+
+/// By channel what [`TextureLanes`] has by lane, and the normals.
+pub(super) struct TextureColumns {
+    factors: [[f32; LANES]; 8],
+    pub(super) normals: [[f32; LANES]; 3],
+    /// A bit for each lane that has a normal map.
+    pub(super) mapped: u64,
+}
+
+impl TriangleTextures {
+    pub(super) fn new(scene: &CompiledScene) -> Self {
+        Self {
+            uvs: Arc::clone(&scene.meshes.uvs),
+            textures: scene.textures.clone(),
+        }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.textures.is_empty()
+    }
+
+    /// Looks up what a lane sees.
+    pub(super) fn look_up(&self, columns: &mut TextureColumns, lane: usize, hit: &LaneHit<'_>) {
+        let material = hit.triangle.material as usize;
+        let Some(textures) = self.textures.materials.get(material) else {
+            return;
+        };
+        let Some(uvs) = self.uvs.get(hit.triangle.uvs as usize) else {
+            return;
+        };
+        let uv = interpolate(uvs, hit.weights);
+        let mut store = |first: usize, image: u32, channels: &[usize]| {
+            if image == MaterialTextureData::NONE {
+                return;
+            }
+            let data = &self.textures.images[image as usize];
+            let across = (data.width as f32 * data.height as f32).sqrt();
+            let level = (hit.footprint_m * uvs.density * across).log2();
+            let rgba = self.textures.sample(image, uv, level);
+            for (column, channel) in columns.factors[first..].iter_mut().zip(channels) {
+                column[lane] = rgba[*channel];
+            }
+        };
+        store(0, textures.base_color, &[0, 1, 2]);
+        store(3, textures.metallic_roughness, &[1, 2]);
+        store(5, textures.emission, &[0, 1, 2]);
+        if let Some(normal) = self.mapped_normal(textures, uvs, uv, hit) {
+            for (column, coordinate) in columns.normals.iter_mut().zip(normal.to_array()) {
+                column[lane] = coordinate;
+            }
+            columns.mapped |= 1 << lane;
+        }
+    }
+
+    /// See [`crate::scalar::triangle`].
+    fn mapped_normal(
+        &self,
+        textures: &MaterialTextureData,
+        uvs: &TriangleUvs,
+        uv: [f32; 2],
+        hit: &LaneHit<'_>,
+    ) -> Option<Vec3> {
+        if textures.normal == MaterialTextureData::NONE {
+            return None;
+        }
+        let [tangent, bitangent] = tangents(hit.triangle, uvs, hit.n_out)?;
+        let [x, y, z, _] = (self.textures.sample(textures.normal, uv, 0.0)).map(|c| 2.0 * c - 1.0);
+        let mapped = (x * tangent + y * bitangent + z * hit.n_out).try_normalize()?;
+        let mapped = if hit.n_out.dot(hit.n) < 0.0 {
+            -mapped
+        } else {
+            mapped
+        };
+        let lift = REFLECTION_SINE_MIN as f32 - mapped.dot(hit.n);
+        Some(match lift > 0.0 {
+            true => (mapped + lift * hit.n).normalize(),
+            false => mapped,
+        })
+    }
+}
+
+impl TextureColumns {
+    pub(super) const NONE: Self = Self {
+        factors: [[1.0; LANES]; 8],
+        normals: [[0.0; LANES]; 3],
+        mapped: 0,
+    };
+
+    #[inline(always)]
+    pub(super) fn lanes<S: Simd>(&self, simd: S) -> TextureLanes<S> {
+        let number = |column: usize| Float::load_array(simd, self.factors[column]);
+        let triple = |first: usize| Vec3x::new(number(first), number(first + 1), number(first + 2));
+        TextureLanes {
+            base_color: triple(0),
+            roughness: number(3),
+            metallic: number(4),
+            emission: triple(5),
+        }
+    }
+}
+
+fn interpolate(uvs: &TriangleUvs, [wa, wb, wc]: [f32; 3]) -> [f32; 2] {
+    let [a, b, c] = [uvs.a, uvs.b, uvs.c].map(Vec2::from);
+    (wa * a + wb * b + wc * c).to_array()
+}
+
+/// As the scalar tracer's `normal_map` has it.
+fn tangents(triangle: &TriangleData, uvs: &TriangleUvs, n: Vec3) -> Option<[Vec3; 2]> {
+    let [a, b, c] = triangle.corners();
+    let [ta, tb, tc] = [uvs.a, uvs.b, uvs.c].map(Vec2::from);
+    let (edge_b, edge_c, uv_b, uv_c) = (b - a, c - a, tb - ta, tc - ta);
+    let turn = uv_b.perp_dot(uv_c).signum();
+    let along_u = turn * (uv_c.y * edge_b - uv_b.y * edge_c);
+    let along_v = turn * (uv_b.x * edge_c - uv_c.x * edge_b);
+    let tangent = (along_u - n * n.dot(along_u)).try_normalize()?;
+    let across = n.cross(tangent);
+    let side = if across.dot(along_v) > 0.0 { -1.0 } else { 1.0 };
+    Some([tangent, side * across])
+}

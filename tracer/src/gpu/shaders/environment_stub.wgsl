@@ -1,0 +1,15 @@
+// A scene whose environment is the same everywhere.
+
+fn environment_radiance(direction: vec3f) -> vec3f {
+    return scene.header.environment;
+}
+
+fn environment_with_mis(direction: vec3f) -> vec3f {
+    return scene.header.environment;
+}
+
+fn note_density(pdf: f32) {}
+
+fn area_light_factor() -> f32 {
+    return 1.0;
+}

@@ -1,0 +1,141 @@
+// The material of glTF 2.0 beside others: see `scalar::metallic_roughness`. Functions of other parts that it has namesakes
+// of are renamed to `plain_` there.
+
+struct MetallicRoughness {
+    is_met: bool,
+    diffuse: vec3f,
+    f0: vec3f,
+    dielectric_f0: f32,
+    base_f90: f32,
+    alpha: f32,
+    emission: vec3f,
+}
+
+// That of the surface for which `bsdf_at` was called last.
+var<private> metallic_roughness: MetallicRoughness;
+// How wide the surface is that the ray sees at a distance of 1 m, in metres; 0 for the finest level of textures.
+var<private> texture_footprint: f32;
+
+fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
+    let material = surface.material;
+    let textures = textures_met();
+    let base = surface.albedo * textures.base_color;
+    let metallic = scene_storage.materials[material].metallic * textures.metallic;
+    let dielectric_f0 = scene_storage.materials[material].eta.x;
+    let alpha = scene_storage.materials[material].alpha * textures.roughness * textures.roughness;
+    return MetallicRoughness(
+        true,
+        base * (1.0 - metallic),
+        fma(base - dielectric_f0, vec3f(metallic), vec3f(dielectric_f0)),
+        dielectric_f0,
+        max(1.0 - sqrt(alpha), dielectric_f0),
+        max(alpha, ALPHA_LEAST),
+        scene_storage.materials[material].k * textures.emission,
+    );
+}
+
+fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
+    metallic_roughness.is_met = scene_storage.materials[surface.material].kind == KIND_METALLIC_ROUGHNESS;
+    if (metallic_roughness.is_met) {
+        metallic_roughness = metallic_roughness_at(surface);
+    }
+    return plain_bsdf_at(surface, wo);
+}
+
+fn bsdf_regularised(bsdf: Bsdf) -> Bsdf {
+    metallic_roughness.alpha = max(metallic_roughness.alpha, ALPHA_MIN);
+    return plain_bsdf_regularised(bsdf);
+}
+
+fn bsdf_is_layered(bsdf: Bsdf) -> bool {
+    return !metallic_roughness.is_met && plain_bsdf_is_layered(bsdf);
+}
+
+fn bsdf_albedo(bsdf: Bsdf, surface: Surface) -> vec3f {
+    if (metallic_roughness.is_met) {
+        return min(metallic_roughness.diffuse + metallic_roughness.f0, vec3f(1.0));
+    }
+    return plain_bsdf_albedo(bsdf, surface);
+}
+
+fn bsdf_mirror(bsdf: Bsdf, cos_o: f32) -> vec3f {
+    if (metallic_roughness.is_met) {
+        return vec3f(0.0);
+    }
+    return plain_bsdf_mirror(bsdf, cos_o);
+}
+
+fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
+    if (!metallic_roughness.is_met) {
+        return plain_bsdf_eval(bsdf, n, wo, wi);
+    }
+    let cos_o = dot(n, wo);
+    let cos_i = dot(n, wi);
+    if (cos_o <= 0.0 || cos_i <= 0.0) {
+        return Evaluated(vec3f(0.0), 0.0);
+    }
+    let it = metallic_roughness;
+    let h = normalize(wo + wi);
+    let seen = 0.25 * ggx(it.alpha, n, h) * visibility(it.alpha, cos_o);
+    let reflected = schlick(it.f0, dot(wo, h)) * (seen * visibility(it.alpha, cos_i));
+    let scale = 1.0 / (1.0 - it.dielectric_f0 - (it.base_f90 - it.dielectric_f0) * (1.0 / 21.0));
+    let scattered = it.diffuse * (base_passed(cos_o) * base_passed(cos_i) * scale * (1.0 / PI));
+    let share = reflected_share(cos_o);
+    return Evaluated(reflected + scattered, fma(share, seen, (1.0 - share) * cos_i * (1.0 / PI)));
+}
+
+fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
+    if (!metallic_roughness.is_met) {
+        return plain_bsdf_sample(bsdf, n, wo, u);
+    }
+    var wi = cosine_hemisphere(n, u.y, u.z);
+    if (u.x < reflected_share(dot(n, wo))) {
+        wi = reflected_by(sample_visible(metallic_roughness.alpha, wo, n, u.y, u.z), wo);
+    }
+    let evaluated = bsdf_eval(bsdf, n, wo, wi);
+    if (!(evaluated.pdf > 0.0)) {
+        return BsdfSample(wi, vec3f(0.0), 0.0);
+    }
+    return BsdfSample(wi, evaluated.f * (dot(n, wi) / evaluated.pdf), evaluated.pdf);
+}
+
+// Surfaces that emit do so once for each path that meets them.
+fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
+    texture_footprint = select(0.0, length(scene.header.camera.dx), (*path).depth == 0u);
+    let beta = (*path).beta;
+    let state = plain_shade(path, hit);
+    if (metallic_roughness.is_met) {
+        (*path).radiance += beta * metallic_roughness.emission;
+    }
+    return state;
+}
+
+fn first_hit(ray: Ray) -> Aovs {
+    texture_footprint = length(scene.header.camera.dx);
+    return plain_first_hit(ray);
+}
+
+fn reflected_by(h: vec3f, wo: vec3f) -> vec3f {
+    return 2.0 * dot(wo, h) * h - wo;
+}
+
+fn schlick(f0: vec3f, cos_theta: f32) -> vec3f {
+    return fma(1.0 - f0, vec3f(grazing(cos_theta)), f0);
+}
+
+fn grazing(cos_theta: f32) -> f32 {
+    let off = clamp(1.0 - cos_theta, 0.0, 1.0);
+    let square = off * off;
+    return square * square * off;
+}
+
+// Into the base or out of it.
+fn base_passed(cos_theta: f32) -> f32 {
+    let rise = metallic_roughness.base_f90 - metallic_roughness.dielectric_f0;
+    return 1.0 - metallic_roughness.dielectric_f0 - rise * grazing(cos_theta);
+}
+
+fn reflected_share(cos_o: f32) -> f32 {
+    let reflected = dot(schlick(metallic_roughness.f0, cos_o), vec3f(1.0));
+    return reflected / (reflected + base_passed(cos_o) * dot(metallic_roughness.diffuse, vec3f(1.0)));
+}

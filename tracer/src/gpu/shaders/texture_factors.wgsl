@@ -1,0 +1,10 @@
+// What image textures multiply a material's numbers by.
+
+struct TextureFactors {
+    base_color: vec3f,
+    roughness: f32,
+    emission: vec3f,
+    metallic: f32,
+}
+
+const NO_TEXTURES: TextureFactors = TextureFactors(vec3f(1.0), 1.0, vec3f(1.0), 1.0);

@@ -1,0 +1,5 @@
+// A scene without image textures.
+
+fn textures_met() -> TextureFactors {
+    return NO_TEXTURES;
+}

@@ -1,0 +1,48 @@
+//! Image textures where rays meet meshes.
+
+use glam::DVec3;
+
+use super::intersect::{Hit, vector};
+use super::metallic_roughness::TextureFactors;
+use super::normal_map::{interpolate, textures_at};
+use crate::CompiledScene;
+use crate::compiled::{MaterialTextureData, TriangleData};
+
+/// What a material's textures multiply its numbers by at a hit, seen `footprint_m` wide.
+pub(super) fn texture_factors(
+    scene: &CompiledScene,
+    hit: &Hit,
+    footprint_m: f64,
+) -> TextureFactors {
+    let Some((textures, triangle, uvs)) = textures_at(scene, hit.primitive) else {
+        return TextureFactors::ONE;
+    };
+    let uv = interpolate(uvs, barycentric(triangle, hit.point));
+    let sample = |image: u32| {
+        if image == MaterialTextureData::NONE {
+            return None;
+        }
+        let data = &scene.textures.images[image as usize];
+        let across = (f64::from(data.width) * f64::from(data.height)).sqrt();
+        let level = (footprint_m * f64::from(uvs.density) * across).log2();
+        let rgba = scene.textures.sample(image, uv, level as f32);
+        Some(rgba.map(f64::from))
+    };
+    let color = |image: u32| sample(image).map_or(DVec3::ONE, |[r, g, b, _]| DVec3::new(r, g, b));
+    let [_, roughness, metallic, _] = sample(textures.metallic_roughness).unwrap_or([1.0; 4]);
+    TextureFactors {
+        base_color: color(textures.base_color),
+        roughness,
+        metallic,
+        emission: color(textures.emission),
+    }
+}
+
+/// What the corners weigh at a point of a triangle.
+fn barycentric(triangle: &TriangleData, point: DVec3) -> [f64; 3] {
+    let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(vector);
+    let across = (b - a).cross(c - a);
+    let area = across.length_squared();
+    let weight = |from: DVec3, to: DVec3| (to - from).cross(point - from).dot(across) / area;
+    [weight(b, c), weight(c, a), weight(a, b)]
+}

@@ -1,0 +1,47 @@
+//! Textures and environment maps that lie in files beside a scene file.
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
+
+use crate::Error;
+use crate::scene::{FileBytes, ImageSource, Scene};
+
+/// The most bytes that such files have together: 4 GiB of texels as PNG files that hardly shrink.
+pub(crate) const TEXTURE_FILES_BYTES_MAX: u64 = 2 << 30;
+
+/// Puts the bytes of files in place of their names, which are relative to the folder of the scene file.
+pub(super) fn read(scene: &mut Scene, scene_file: &Path) -> Result<(), Error> {
+    let folder = scene_file.parent().unwrap_or(Path::new(""));
+    let mut left = TEXTURE_FILES_BYTES_MAX;
+    let map = scene.environment_map.iter_mut().map(|map| &mut map.image);
+    let textures = scene.textures.iter_mut().map(|texture| &mut texture.image);
+    for image in textures.chain(map) {
+        let ImageSource::File(file) = image else {
+            continue;
+        };
+        let bytes = read_limited(&folder.join(file), left)?;
+        left -= bytes.len() as u64;
+        *image = ImageSource::Encoded(FileBytes(bytes));
+    }
+    Ok(())
+}
+
+/// A file of at most `left` bytes.
+pub(crate) fn read_limited(path: &Path, left: u64) -> Result<Vec<u8>, Error> {
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(left + 1).read_to_end(&mut bytes));
+    read.map_err(|source| Error::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    if bytes.len() as u64 > left {
+        return Err(Error::Format {
+            path: path.to_owned(),
+            message: format!(
+                "with it, the files that the scene names have more than {TEXTURE_FILES_BYTES_MAX} bytes"
+            ),
+        });
+    }
+    Ok(bytes)
+}

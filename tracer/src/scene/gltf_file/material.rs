@@ -1,0 +1,224 @@
+//! Materials and textures of a glTF file.
+
+use std::collections::BTreeMap;
+
+use glam::{Mat2, Vec2, Vec3};
+use gltf_json::extensions::texture::TextureTransform;
+use gltf_json::root::Index;
+use gltf_json::texture::{Info, Texture, WrappingMode};
+use gltf_json::validation::Checked;
+
+use super::container::{self, Files};
+use super::{Document, Fault, Refusal};
+use crate::scene::validate::NAME_BYTES_MAX;
+use crate::scene::{ColorSpace, ImageTexture, Material, MaterialTextures, Scene, Wrap};
+use crate::text::printable;
+
+/// A material of the file, by its name in the scene.
+pub(super) struct MaterialEntry {
+    pub(super) name: String,
+    /// The texture coordinates that its textures use, if it has any.
+    pub(super) uvs: Option<UvSet>,
+}
+
+/// Texture coordinates of a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct UvSet {
+    pub(super) index: u32,
+    offset: Vec2,
+    turn_and_scale: Mat2,
+}
+
+impl UvSet {
+    pub(super) fn apply(&self, uv: Vec2) -> Vec2 {
+        self.offset + self.turn_and_scale * uv
+    }
+}
+
+/// What has been read of the file's textures.
+struct Textures<'a> {
+    document: &'a Document,
+    files: &'a mut Files,
+    known: BTreeMap<(usize, ColorSpace), u32>,
+    images: BTreeMap<usize, Vec<u8>>,
+}
+
+/// Adds all materials and their textures to `scene`, the default material last.
+pub(super) fn read(
+    document: &Document,
+    files: &mut Files,
+    scene: &mut Scene,
+) -> Result<Vec<MaterialEntry>, Fault> {
+    let mut textures = Textures {
+        document,
+        files,
+        known: BTreeMap::new(),
+        images: BTreeMap::new(),
+    };
+    let mut entries = Vec::new();
+    for (index, material) in document.root.materials.iter().enumerate() {
+        let given = material.name.as_deref().unwrap_or("material");
+        let name = printable(&format!("{index} {given}"), NAME_BYTES_MAX);
+        let what = format!("material {index} `{given}`");
+        let (material, uvs) = textures.material(material, &what, scene)?;
+        scene.materials.insert(name.clone(), material);
+        entries.push(MaterialEntry { name, uvs });
+    }
+    let name = "default".to_owned();
+    scene
+        .materials
+        .insert(name.clone(), Material::rough([1.0; 3], 1.0));
+    entries.push(MaterialEntry { name, uvs: None });
+    Ok(entries)
+}
+
+impl Textures<'_> {
+    fn material(
+        &mut self,
+        from: &gltf_json::Material,
+        what: &str,
+        scene: &mut Scene,
+    ) -> Result<(Material, Option<UvSet>), Fault> {
+        let base = &from.pbr_metallic_roughness;
+        let mut uvs = None;
+        let mut at = |info: Option<&Info>, space, textures: &mut Self, scene: &mut Scene| {
+            let Some(info) = info else {
+                return Ok::<_, Fault>(None);
+            };
+            merge(&mut uvs, uv_set(info), what)?;
+            textures.texture(info.index, space, what, scene).map(Some)
+        };
+        let colors = ColorSpace::Srgb;
+        let numbers = ColorSpace::Linear;
+        let base_color = at(base.base_color_texture.as_ref(), colors, self, scene)?;
+        let emission = at(from.emissive_texture.as_ref(), colors, self, scene)?;
+        let surface = base.metallic_roughness_texture.as_ref();
+        let metallic_roughness = at(surface, numbers, self, scene)?;
+        let mut normal = None;
+        if let Some(map) = &from.normal_texture {
+            // Its transformation, which the crate does not read, is that of the others.
+            let plain = UvSet {
+                index: map.tex_coord,
+                ..uvs.unwrap_or(UvSet::plain(0))
+            };
+            merge(&mut uvs, plain, what)?;
+            normal = Some(self.texture(map.index, numbers, what, scene)?);
+        }
+        let extensions = from.extensions.as_ref();
+        let ior = extensions.and_then(|all| all.ior.as_ref());
+        let strength = extensions.and_then(|all| all.emissive_strength.as_ref());
+        let strength = strength.map_or(1.0, |strength| strength.emissive_strength.0);
+        let [r, g, b, _] = base.base_color_factor.0;
+        let material = Material::MetallicRoughness {
+            base_color: Vec3::new(r, g, b),
+            metallic: base.metallic_factor.0,
+            roughness: base.roughness_factor.0,
+            // 0 stands for a surface that reflects as a whole, in models of another kind.
+            ior: ior.map_or(1.5, |ior| ior.ior.0),
+            emission: strength * Vec3::from(from.emissive_factor.0),
+            textures: MaterialTextures {
+                base_color,
+                metallic_roughness,
+                normal,
+                emission,
+            },
+        };
+        Ok((material, uvs))
+    }
+
+    /// The index in the scene of a texture, which is added if need be.
+    fn texture(
+        &mut self,
+        index: Index<Texture>,
+        color_space: ColorSpace,
+        what: &str,
+        scene: &mut Scene,
+    ) -> Result<u32, Fault> {
+        let place = index.value();
+        if let Some(known) = self.known.get(&(place, color_space)) {
+            return Ok(*known);
+        }
+        let texture = self.document.root.textures.get(place);
+        let texture = texture.ok_or_else(|| format!("{what}: texture {place} does not exist"))?;
+        let image = texture.source.value();
+        if !self.images.contains_key(&image) {
+            let bytes = container::image(self.document, texture.source, self.files)?;
+            self.images.insert(image, bytes);
+        }
+        let given = self.document.root.images.get(image);
+        let given = given.and_then(|image| image.name.as_deref().or(image.uri.as_deref()));
+        let given = given
+            .filter(|name| !name.starts_with("data:"))
+            .unwrap_or("image");
+        let name = printable(&format!("{image} {given}"), NAME_BYTES_MAX);
+        let added = ImageTexture {
+            color_space,
+            wrap: self.wrap(texture, what)?,
+            ..ImageTexture::new(name, self.images[&image].clone())
+        };
+        let added = scene.add_texture(added);
+        self.known.insert((place, color_space), added);
+        Ok(added)
+    }
+
+    fn wrap(&self, texture: &Texture, what: &str) -> Result<[Wrap; 2], Refusal> {
+        let Some(index) = texture.sampler else {
+            return Ok([Wrap::Repeat; 2]);
+        };
+        let place = index.value();
+        let sampler = self.document.root.samplers.get(place);
+        let sampler = sampler.ok_or_else(|| format!("{what}: sampler {place} does not exist"))?;
+        let wrap = |mode: &Checked<WrappingMode>| match mode {
+            Checked::Valid(WrappingMode::ClampToEdge) => Ok(Wrap::Clamp),
+            Checked::Valid(WrappingMode::MirroredRepeat) => Ok(Wrap::Mirror),
+            Checked::Valid(WrappingMode::Repeat) => Ok(Wrap::Repeat),
+            Checked::Invalid => Err(format!("{what}: sampler {place} wraps in no way of glTF")),
+        };
+        Ok([wrap(&sampler.wrap_s)?, wrap(&sampler.wrap_t)?])
+    }
+}
+
+impl UvSet {
+    const fn plain(index: u32) -> Self {
+        Self {
+            index,
+            offset: Vec2::ZERO,
+            turn_and_scale: Mat2::IDENTITY,
+        }
+    }
+}
+
+/// `KHR_texture_transform`: scaled, then turned, then moved.
+fn uv_set(info: &Info) -> UvSet {
+    let transform = info
+        .extensions
+        .as_ref()
+        .and_then(|all| all.texture_transform.as_ref());
+    let Some(TextureTransform {
+        offset,
+        rotation,
+        scale,
+        tex_coord,
+        ..
+    }) = transform
+    else {
+        return UvSet::plain(info.tex_coord);
+    };
+    let (sine, cosine) = rotation.0.sin_cos();
+    let turn = Mat2::from_cols(Vec2::new(cosine, -sine), Vec2::new(sine, cosine));
+    UvSet {
+        index: tex_coord.unwrap_or(info.tex_coord),
+        offset: Vec2::from(offset.0),
+        turn_and_scale: turn * Mat2::from_diagonal(Vec2::from(scale.0)),
+    }
+}
+
+/// All textures of a material are laid over its meshes in one way.
+fn merge(uvs: &mut Option<UvSet>, next: UvSet, what: &str) -> Result<(), Refusal> {
+    match uvs.replace(next) {
+        Some(before) if before != next => Err(format!(
+            "{what}: its textures use different texture coordinates, {before:?} and {next:?}: all must be laid in one way"
+        )),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,373 @@
+use glam::{Quat, Vec2, Vec3};
+use serde_json::{Value, json};
+
+use super::*;
+use crate::scene::{ColorSpace, Material, Mesh, Object, Shape, Wrap};
+use crate::texture_file::{Texels, encode_png};
+
+/// A `.glb` of JSON and a binary chunk.
+fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
+    let mut json = json.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut file = b"glTF\x02\0\0\0\0\0\0\0".to_vec();
+    for (kind, chunk) in [(b"JSON", &json[..]), (b"BIN\0", binary)] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    let length = file.len() as u32;
+    file[8..12].copy_from_slice(&length.to_le_bytes());
+    file
+}
+
+fn picture() -> Vec<u8> {
+    let texels = vec![[200, 100, 50, 255]; 4];
+    encode_png(&Texels {
+        size: [2, 2],
+        texels,
+    })
+    .unwrap()
+}
+
+/// A triangle with normals and texture coordinates in two nodes, the second one moved, turned and mirrored; a camera.
+fn sample() -> (Value, Vec<u8>) {
+    let mut binary = Vec::new();
+    let positions = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let normals = [[0.0f32, 0.0, 1.0]; 3];
+    let uvs = [[0.0f32, 1.0], [1.0, 1.0], [0.0, 0.0]];
+    let floats = positions
+        .as_flattened()
+        .iter()
+        .chain(normals.as_flattened());
+    let floats = floats.chain(uvs.as_flattened());
+    binary.extend(floats.flat_map(|number| number.to_le_bytes()));
+    binary.extend([0u16, 1, 2, 0].into_iter().flat_map(u16::to_le_bytes));
+    let image = picture();
+    let image_bytes = image.len();
+    binary.extend(image);
+    binary.resize(binary.len().next_multiple_of(4), 0);
+    let json = json!({
+        "asset": { "version": "2.0" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0, 2] }],
+        "nodes": [
+            { "name": "group", "translation": [0, 2, 0], "children": [1, 3] },
+            { "name": "a", "mesh": 0 },
+            { "name": "eye", "camera": 0, "translation": [0, 0, 5] },
+            { "name": "b", "mesh": 0, "scale": [-2, 1, 1], "translation": [1, 0, 0],
+              "rotation": [0, 0.70710678, 0, 0.70710678] }
+        ],
+        "cameras": [{ "type": "perspective", "perspective": {
+            "aspectRatio": 2.0, "yfov": 0.9272952, "znear": 0.1 } }],
+        "meshes": [{ "primitives": [{ "material": 0, "indices": 3, "attributes": {
+            "POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2 } }] }],
+        "materials": [{ "name": "paint",
+            "pbrMetallicRoughness": { "baseColorFactor": [1, 0.5, 0.25, 1], "metallicFactor": 0.25,
+                "roughnessFactor": 0.75, "baseColorTexture": { "index": 0 },
+                "metallicRoughnessTexture": { "index": 0 } },
+            "normalTexture": { "index": 0 },
+            "emissiveFactor": [0, 1, 0],
+            "extensions": { "KHR_materials_ior": { "ior": 1.4 },
+                "KHR_materials_emissive_strength": { "emissiveStrength": 3.0 } } }],
+        "textures": [{ "source": 0, "sampler": 0 }],
+        "samplers": [{ "wrapS": 33071, "wrapT": 33648 }],
+        "images": [{ "name": "photo", "mimeType": "image/png", "bufferView": 2 }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+              "min": [0, 0, 0], "max": [1, 1, 0] },
+            { "bufferView": 0, "byteOffset": 36, "componentType": 5126, "count": 3, "type": "VEC3" },
+            { "bufferView": 0, "byteOffset": 72, "componentType": 5126, "count": 3, "type": "VEC2" },
+            { "bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR" }
+        ],
+        "bufferViews": [
+            { "buffer": 0, "byteLength": 96 },
+            { "buffer": 0, "byteOffset": 96, "byteLength": 8 },
+            { "buffer": 0, "byteOffset": 104, "byteLength": image_bytes }
+        ],
+        "buffers": [{ "byteLength": binary.len() }]
+    });
+    (json, binary)
+}
+
+fn mesh(object: &Object) -> &Mesh {
+    match &object.shape {
+        Shape::Mesh(mesh) => mesh,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn close(a: Vec3, b: Vec3) {
+    assert!((a - b).length() < 1e-5, "{a} {b}");
+}
+
+#[test]
+fn nodes_meshes_materials_and_camera_are_read() {
+    let (json, binary) = sample();
+    let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+    let [a, b] = &scene.objects[..] else {
+        panic!("{} objects", scene.objects.len());
+    };
+    assert_eq!((a.name.as_str(), b.name.as_str()), ("1 a", "3 b"));
+    // Two metres up, in the plane that looks along −y.
+    let (first, second) = (mesh(a), mesh(b));
+    close(first.center, Vec3::new(0.0, 0.0, 2.0));
+    close(first.positions[2], Vec3::Z);
+    close(first.normals[0], Vec3::NEG_Y);
+    assert_eq!(first.uvs[1], Vec2::ONE);
+    assert_eq!(first.triangles, [[0, 1, 2]]);
+    // Its x is mirrored and twice as long, then turned to −z, which is +y here; the triangle still goes round its normal.
+    close(second.center, Vec3::new(1.0, 0.0, 2.0));
+    close(second.positions[1], Vec3::new(0.0, -2.0, 0.0));
+    close(second.normals[0].normalize(), Vec3::X);
+    let [p, q, r] = second.triangles[0].map(|corner| second.positions[corner as usize]);
+    close((q - p).cross(r - p).normalize(), Vec3::X);
+
+    let Material::MetallicRoughness {
+        base_color,
+        metallic,
+        roughness,
+        ior,
+        emission,
+        textures,
+    } = scene.materials[&a.material]
+    else {
+        panic!("{:?}", scene.materials);
+    };
+    assert_eq!(base_color, Vec3::new(1.0, 0.5, 0.25));
+    assert_eq!((metallic, roughness, ior), (0.25, 0.75, 1.4));
+    assert_eq!(emission, 3.0 * Vec3::Y);
+    let [base, surface] = [textures.base_color, textures.metallic_roughness];
+    let [base, surface] = [base, surface].map(|index| &scene.textures[index.unwrap() as usize]);
+    assert_eq!(base.color_space, ColorSpace::Srgb);
+    assert_eq!(surface.color_space, ColorSpace::Linear);
+    assert_eq!(
+        (textures.normal, textures.emission),
+        (textures.metallic_roughness, None)
+    );
+    assert_eq!(base.wrap, [Wrap::Clamp, Wrap::Mirror]);
+    assert_eq!(base.image.bytes(), Some(&picture()[..]));
+
+    close(scene.camera.eye, Vec3::new(0.0, -5.0, 0.0));
+    close(scene.camera.target, Vec3::new(0.0, -4.0, 0.0));
+    close(scene.camera.up, Vec3::Z);
+    assert!((scene.camera.fov_x_deg - 90.0).abs() < 1e-4);
+}
+
+#[test]
+fn files_beside_a_gltf_are_read_and_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.gltf");
+    let (mut json, binary) = sample();
+    std::fs::write(folder.path().join("all data.bin"), &binary).unwrap();
+    std::fs::write(folder.path().join("photo.png"), picture()).unwrap();
+    json["buffers"][0]["uri"] = json!("all%20data.bin");
+    json["images"][0] = json!({ "uri": "photo.png" });
+    std::fs::write(&path, json.to_string()).unwrap();
+    let scene = Scene::load(&path).unwrap();
+    assert_eq!(scene.textures[0].image.bytes(), Some(&picture()[..]));
+    let refusal = Scene::from_gltf(json.to_string().as_bytes())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        refusal.contains("buffer 0 is in a file, `all%20data.bin`"),
+        "{refusal}"
+    );
+    for (uri, sentence) in [
+        (
+            "../photo.png",
+            "image 0 is at `../photo.png`: it must lie beside",
+        ),
+        ("/etc/passwd", "image 0 is at `/etc/passwd`"),
+        ("http://a/b.png", "image 0 is at `http://a/b.png`"),
+        ("absent.png", "absent.png: No such file"),
+        ("data:image/png,abc", "image 0: its data is not in base64"),
+        (
+            "data:image/png;base64,a*",
+            "image 0: character 1 of the base64",
+        ),
+    ] {
+        json["images"][0]["uri"] = json!(uri);
+        std::fs::write(&path, json.to_string()).unwrap();
+        let refusal = Scene::load(&path).unwrap_err().to_string();
+        assert!(
+            refusal.contains(sentence),
+            "`{sentence}` is not in `{refusal}`"
+        );
+    }
+}
+
+#[test]
+fn texture_transforms_are_applied_to_coordinates() {
+    let (mut json, binary) = sample();
+    let transform = json!({ "KHR_texture_transform": {
+        "offset": [0.5, 0.25], "rotation": 1.5707964, "scale": [2, 3] } });
+    for texture in ["baseColorTexture", "metallicRoughnessTexture"] {
+        json["materials"][0]["pbrMetallicRoughness"][texture]["extensions"] = transform.clone();
+    }
+    let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+    // (1, 1) is scaled to (2, 3), turned to (3, −2) and moved.
+    let off = mesh(&scene.objects[0]).uvs[1] - Vec2::new(3.5, -1.75);
+    assert!(off.length() < 1e-5, "{off}");
+    let base = &mut json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
+    *base = json!({ "index": 0 });
+    let refusal = Scene::from_gltf(&glb(&json, &binary))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        refusal.contains("material 0 `paint`: its textures use different texture"),
+        "{refusal}"
+    );
+}
+
+#[test]
+fn integers_strips_fans_and_sparse_elements_are_read() {
+    // Four corners of a square as bytes, of which the last is replaced.
+    let mut binary: Vec<u8> = vec![0, 0, 0, 9, 1, 0, 0, 9, 0, 1, 0, 9, 0, 0, 0, 9];
+    binary.extend([3, 0, 0, 0, 1, 1, 0, 0]);
+    let square = |mode: u32| {
+        json!({
+            "asset": { "version": "2.0" },
+            "scenes": [{ "nodes": [0] }],
+            "nodes": [{ "mesh": 0 }],
+            "meshes": [{ "primitives": [{ "mode": mode, "attributes": { "POSITION": 0 } }] }],
+            "accessors": [{ "bufferView": 0, "componentType": 5121, "count": 4, "type": "VEC3",
+                "sparse": { "count": 1,
+                    "indices": { "bufferView": 1, "componentType": 5121 },
+                    "values": { "bufferView": 1, "byteOffset": 4 } } }],
+            "bufferViews": [{ "buffer": 0, "byteLength": 16, "byteStride": 4 },
+                { "buffer": 0, "byteOffset": 16, "byteLength": 8 }],
+            "buffers": [{ "byteLength": 24 }]
+        })
+    };
+    let read = |mode| Scene::from_gltf(&glb(&square(mode), &binary));
+    let strip = read(5).unwrap();
+    let strip = mesh(&strip.objects[0]);
+    close(strip.positions[3], Vec3::new(1.0, 0.0, 1.0));
+    assert_eq!(strip.triangles, [[0, 1, 2], [2, 1, 3]]);
+    let fan = read(6).unwrap();
+    assert_eq!(mesh(&fan.objects[0]).triangles, [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(mesh(&read(4).unwrap().objects[0]).triangles, [[0, 1, 2]]);
+    let refusal = read(1).unwrap_err().to_string();
+    assert!(
+        refusal.contains("mesh 0, primitive 0 is made of Lines"),
+        "{refusal}"
+    );
+}
+
+#[test]
+fn each_fault_is_a_sentence_with_its_place() {
+    type Spoil = fn(&mut Value, &mut Vec<u8>);
+    let cases: [(Spoil, &str); 18] = [
+        (
+            |json, _| json["asset"]["version"] = json!("1.0"),
+            "it is of glTF 1.0",
+        ),
+        (
+            |json, _| json["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]),
+            "it requires the extension KHR_draco_mesh_compression, which is not read",
+        ),
+        (
+            |json, _| json["nodes"][1]["children"] = json!([0]),
+            "node 0 is reached twice",
+        ),
+        (
+            |json, _| json["nodes"][0]["children"] = json!([1, 77]),
+            "node 77 does not exist",
+        ),
+        (|json, _| json["scene"] = json!(3), "scene 3 does not exist"),
+        (
+            |json, _| json["nodes"][1]["mesh"] = json!(5),
+            "mesh 5 does not exist",
+        ),
+        (
+            |json, _| json["meshes"][0]["primitives"][0]["material"] = json!(1),
+            "mesh 0, primitive 0: material 1 does not exist",
+        ),
+        (
+            |json, _| json["accessors"][0]["count"] = json!(9),
+            "accessor 0: 9 elements of 12 bytes each 12 bytes from byte 0 on are more than the 96",
+        ),
+        (
+            |json, _| json["accessors"][0]["count"] = json!(u64::MAX),
+            "accessor 0 has 18446744073709551615 elements",
+        ),
+        (
+            |json, _| json["bufferViews"][0]["byteOffset"] = json!(u64::MAX),
+            "buffer view 0 has bytes 18446744073709551615 and 96 on",
+        ),
+        (
+            |json, _| json["bufferViews"][0]["byteStride"] = json!(4),
+            "elements of 12 bytes each 4 bytes",
+        ),
+        (
+            |json, _| json["buffers"][0]["byteLength"] = json!(1u64 << 40),
+            "buffer 0 is to have 1099511627776 bytes",
+        ),
+        (
+            |_, binary| binary[4..8].copy_from_slice(&f32::NAN.to_le_bytes()),
+            "object 0 `1 a`: vertex 0 of its mesh is [NaN, ",
+        ),
+        (
+            |_, binary| binary[98] = 7,
+            "triangle 0 of its mesh has vertex 7, but there are 3 vertices",
+        ),
+        (
+            |_, binary| binary[104] = 0,
+            "texture 0 `0 photo`: it begins with the bytes [00, 50, 4e, 47]",
+        ),
+        (
+            |json, _| json["textures"][0]["source"] = json!(4),
+            "image 4 does not exist",
+        ),
+        (
+            |json, _| json["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"] = json!(7.0),
+            "its roughness is 7: it must be from 0 to 1",
+        ),
+        (
+            |json, _| json["cameras"][0]["perspective"]["yfov"] = json!(0.0),
+            "the camera's fov_x_deg is 0",
+        ),
+    ];
+    for (spoil, sentence) in cases {
+        let (mut json, mut binary) = sample();
+        spoil(&mut json, &mut binary);
+        let refusal = match Scene::from_gltf(&glb(&json, &binary)) {
+            Err(error) => error.to_string(),
+            Ok(_) => panic!("`{sentence}` was expected"),
+        };
+        assert!(
+            refusal.contains(sentence),
+            "`{sentence}` is not in `{refusal}`"
+        );
+    }
+}
+
+#[test]
+fn a_file_cut_anywhere_is_refused() {
+    let (json, binary) = sample();
+    let file = glb(&json, &binary);
+    for cut in (0..file.len() - 4).step_by(7) {
+        assert!(Scene::from_gltf(&file[..cut]).is_err(), "{cut}");
+    }
+    let many = "[".repeat(100_000);
+    for text in ["", "{}", "glTF", "glTF\x02\0\0\0\0\0\0\0\u{1}\0\0\0", &many] {
+        assert!(Scene::from_gltf(text.as_bytes()).is_err());
+    }
+}
+
+/// A scene without a camera is seen whole.
+#[test]
+fn what_has_no_camera_is_framed() {
+    let (mut json, binary) = sample();
+    json["nodes"][2] = json!({});
+    let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+    let view = scene.camera.target - scene.camera.eye;
+    for object in &scene.objects {
+        for position in &mesh(object).positions {
+            let to = mesh(object).center + *position - scene.camera.eye;
+            let cosine = to.normalize().dot(view.normalize());
+            assert!(cosine > 0.93, "{position} is {cosine} from the middle");
+        }
+    }
+    assert_eq!(mesh(&scene.objects[0]).rotation, Quat::IDENTITY);
+}

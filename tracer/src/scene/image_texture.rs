@@ -1,0 +1,275 @@
+//! Image textures: pictures that are laid over meshes by their texture coordinates.
+
+use std::fmt;
+
+use serde::de::{Error as _, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// A picture for meshes, of at most [`TEXTURE_EDGE_MAX`] texels a side.
+///
+/// Texture coordinate (0, 0) is its top left corner and (1, 1) its bottom right one. Between the centres of texels colours
+/// are interpolated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImageTexture {
+    /// Shown in messages; need not be unique.
+    pub name: String,
+    /// What its numbers mean.
+    #[serde(default)]
+    pub color_space: ColorSpace,
+    /// What lies beyond its edges, across and down.
+    #[serde(default)]
+    pub wrap: [Wrap; 2],
+    /// A PNG or JPEG file.
+    pub image: ImageSource,
+}
+
+/// The longest side of a texture in texels.
+pub const TEXTURE_EDGE_MAX: u32 = 16_384;
+
+/// What the numbers of a texture mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ColorSpace {
+    /// Colours for a display (IEC 61966-2-1): base colours, emission.
+    #[default]
+    Srgb,
+    /// Numbers as they are: roughness, normals.
+    Linear,
+}
+
+/// What a texture shows beyond its edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Wrap {
+    /// Itself again.
+    #[default]
+    Repeat,
+    /// The texel at the edge.
+    Clamp,
+    /// Itself again, every other time mirrored.
+    Mirror,
+}
+
+/// Where a picture comes from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ImageSource {
+    /// The bytes of an image file; in JSON as base64 (RFC 4648).
+    Encoded(FileBytes),
+    /// The name of an image file beside the scene file. [`super::Scene::load`] puts its bytes here; elsewhere it is
+    /// refused, since no scene of a stranger may name files.
+    File(String),
+}
+
+/// The bytes of a file.
+#[derive(Clone, PartialEq, Eq)]
+pub struct FileBytes(pub Vec<u8>);
+
+impl ImageTexture {
+    /// A picture of colours, which is repeated, from the bytes of a PNG or JPEG file.
+    pub fn new(name: impl Into<String>, file: Vec<u8>) -> Self {
+        Self {
+            name: name.into(),
+            color_space: ColorSpace::Srgb,
+            wrap: [Wrap::Repeat; 2],
+            image: ImageSource::Encoded(FileBytes(file)),
+        }
+    }
+
+    /// The same, of numbers rather than colours.
+    #[must_use]
+    pub fn linear(self) -> Self {
+        Self {
+            color_space: ColorSpace::Linear,
+            ..self
+        }
+    }
+
+    /// Continued so beyond its edges.
+    #[must_use]
+    pub fn wrapped(self, wrap: Wrap) -> Self {
+        let wrap = [wrap; 2];
+        Self { wrap, ..self }
+    }
+}
+
+impl ImageSource {
+    /// The bytes of the file; none if it is only named.
+    pub fn bytes(&self) -> Option<&[u8]> {
+        match self {
+            Self::Encoded(FileBytes(bytes)) => Some(bytes),
+            Self::File(_) => None,
+        }
+    }
+}
+
+/// The textures of a material, as indices into [`super::Scene::textures`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialTextures {
+    /// Red, green and blue multiply the base colour; alpha is not used.
+    #[serde(default)]
+    pub base_color: Option<u32>,
+    /// Green multiplies the roughness and blue the metallic share, as in glTF 2.0; to be
+    /// [`ColorSpace::Linear`].
+    #[serde(default)]
+    pub metallic_roughness: Option<u32>,
+    /// Normals in tangent space, as in glTF 2.0: `2·rgb − 1`, x along growing u, y against growing v, z out of the
+    /// surface; to be [`ColorSpace::Linear`].
+    #[serde(default)]
+    pub normal: Option<u32>,
+    /// Red, green and blue multiply the emission.
+    #[serde(default)]
+    pub emission: Option<u32>,
+}
+
+impl MaterialTextures {
+    /// All of them.
+    pub fn indices(&self) -> impl Iterator<Item = u32> + use<> {
+        let all = [
+            self.base_color,
+            self.metallic_roughness,
+            self.normal,
+            self.emission,
+        ];
+        all.into_iter().flatten()
+    }
+}
+
+/// The side of the next level of detail.
+pub(crate) const fn halved(edge: u32) -> u32 {
+    if edge < 2 { 1 } else { edge / 2 }
+}
+
+/// Levels of detail of a texture down to a single texel.
+pub(crate) const fn levels(width: u32, height: u32) -> u32 {
+    let edge = if width > height { width } else { height };
+    1 + edge.ilog2()
+}
+
+/// Texels of a texture of that size with all its levels.
+#[cfg(feature = "image-io")]
+pub(crate) fn texels_with_levels([width, height]: [u32; 2]) -> u64 {
+    let (mut width, mut height, mut texels) = (width, height, 0);
+    for _ in 0..levels(width, height) {
+        texels += u64::from(width) * u64::from(height);
+        (width, height) = (halved(width), halved(height));
+    }
+    texels
+}
+
+impl fmt::Debug for FileBytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "FileBytes({} bytes)", self.0.len())
+    }
+}
+
+/// Base64 in text, bytes as they are elsewhere.
+impl Serialize for FileBytes {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match to.is_human_readable() {
+            true => to.serialize_str(&base64(&self.0)),
+            false => to.serialize_bytes(&self.0),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for FileBytes {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Bytes;
+        impl Visitor<'_> for Bytes {
+            type Value = FileBytes;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the bytes of a file as base64")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<FileBytes, E> {
+                from_base64(text).map(FileBytes).map_err(E::custom)
+            }
+
+            fn visit_bytes<E: serde::de::Error>(self, bytes: &[u8]) -> Result<FileBytes, E> {
+                Ok(FileBytes(bytes.to_vec()))
+            }
+        }
+        if from.is_human_readable() {
+            return from.deserialize_str(Bytes);
+        }
+        from.deserialize_bytes(Bytes).map_err(D::Error::custom)
+    }
+}
+
+const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+
+fn base64(bytes: &[u8]) -> String {
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let byte = |i: usize| u32::from(three.get(i).copied().unwrap_or(0));
+        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for digit in 0..4 {
+            let value = (word >> (18 - 6 * digit)) & 63;
+            let is_padding = digit > three.len();
+            text.push(if is_padding {
+                '='
+            } else {
+                char::from(DIGITS[value as usize])
+            });
+        }
+    }
+    text
+}
+
+/// The bytes of base64 with its padding or without.
+pub(crate) fn from_base64(text: &str) -> Result<Vec<u8>, String> {
+    let digits = text.trim_end_matches('=').as_bytes();
+    let mut bytes = Vec::with_capacity(digits.len() / 4 * 3 + 2);
+    for (chunk, four) in digits.chunks(4).enumerate() {
+        let mut word = 0;
+        for (place, digit) in four.iter().enumerate() {
+            let value = match digit {
+                b'A'..=b'Z' => digit - b'A',
+                b'a'..=b'z' => digit - b'a' + 26,
+                b'0'..=b'9' => digit - b'0' + 52,
+                b'+' => 62,
+                b'/' => 63,
+                _ => {
+                    let place = 4 * chunk + place;
+                    return Err(format!(
+                        "character {place} of the base64 is none of its digits"
+                    ));
+                }
+            };
+            word |= u32::from(value) << (18 - 6 * place);
+        }
+        if four.len() == 1 {
+            return Err(format!(
+                "the base64 has {} digits, one too many",
+                digits.len()
+            ));
+        }
+        let [_, first, second, third] = word.to_be_bytes();
+        bytes.extend(&[first, second, third][..four.len() - 1]);
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_reads_back() {
+        for length in 0..70_u8 {
+            let bytes: Vec<u8> = (0..length).map(|i| i.wrapping_mul(37) ^ length).collect();
+            let text = base64(&bytes);
+            assert_eq!(text.len() % 4, 0);
+            assert_eq!(from_base64(&text).as_ref(), Ok(&bytes));
+            assert_eq!(from_base64(text.trim_end_matches('=')), Ok(bytes));
+        }
+        assert_eq!(base64(b"Carom"), "Q2Fyb20=");
+        for wrong in ["Q2F*", "Q2Fyb", "Q2=yb20=", "é234"] {
+            assert!(from_base64(wrong).is_err(), "{wrong}");
+        }
+    }
+}
