@@ -12,6 +12,7 @@ pub mod gltf_file;
 mod image_texture;
 mod mesh;
 pub mod mesh_file;
+mod punctual_light;
 pub mod validate;
 
 use std::collections::BTreeMap;
@@ -30,6 +31,7 @@ pub use image_texture::{
 };
 pub(crate) use image_texture::{halved, levels};
 pub use mesh::Mesh;
+pub use punctual_light::{PunctualEmitter, PunctualLight};
 
 /// Everything that can be seen, and from where.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -54,6 +56,9 @@ pub struct Scene {
     /// A picture of the surroundings, which [`Environment::radiance`] multiplies.
     #[serde(default)]
     pub environment_map: Option<EnvironmentMap>,
+    /// Points, spots and suns.
+    #[serde(default, deserialize_with = "bounded::punctual_lights")]
+    pub punctual_lights: Vec<PunctualLight>,
     /// What the handles of its objects belong to; [`SceneIdentity::default`] for those without.
     #[serde(skip)]
     pub identity: SceneIdentity,
