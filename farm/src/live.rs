@@ -1,10 +1,11 @@
 //! Live pictures: a view that follows its camera and its objects, and gathers samples while nothing
 //! changes.
 
+use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use carom_protocol::PixelFormat;
+use carom_protocol::{FrameId, PixelFormat};
 use carom_tracer::film::Film;
 use carom_tracer::glam::{Quat, Vec3};
 use carom_tracer::{
@@ -17,6 +18,8 @@ use crate::farm::Farm;
 use crate::frame::FrameSpec;
 use crate::job::{Canceller, Job};
 use crate::picture::Picture;
+use crate::quality::{Quality, QualityPreference};
+use crate::stats::FrameStats;
 use crate::submission::{Priority, SceneHandle};
 use crate::submitter::Submitter;
 
@@ -45,6 +48,7 @@ pub struct Live {
     settings: RenderSettings,
     samples_per_frame: u32,
     exposure: f32,
+    drafts: Option<QualityPreference>,
     on_frame: Option<FrameCallback>,
 }
 
@@ -61,6 +65,7 @@ impl Live {
             },
             samples_per_frame: 1,
             exposure: 1.0,
+            drafts: None,
             on_frame: None,
         }
     }
@@ -95,6 +100,21 @@ impl Live {
         Self { exposure, ..self }
     }
 
+    /// With drafts while things change: denoised, and of as few pixels as it takes to come as often as
+    /// is preferred, see [`crate::quality`]. Once nothing changes, samples gather at the full size, in
+    /// larger frames where they are quick, and take the draft's place when there are [`Live::DRAFT_SAMPLES`]. Default: none, so that a change
+    /// shows with the first samples of the full size.
+    #[must_use]
+    pub fn drafts(self, preference: QualityPreference) -> Self {
+        Self {
+            drafts: Some(preference),
+            ..self
+        }
+    }
+
+    /// Samples per pixel with which a picture is better than the draft of it.
+    pub const DRAFT_SAMPLES: u32 = 8;
+
     /// Calls this from the view's thread whenever [`LiveView::latest`] has something new, an error or
     /// a picture: to wake a loop of events.
     #[must_use]
@@ -126,8 +146,25 @@ struct LiveState {
     size: ImageSize,
     /// Counts changes of the two.
     version: u64,
+    is_paused: bool,
+    /// Of drafts, if there are any.
+    quality: Option<Quality>,
     latest: Option<Picture>,
+    frames: VecDeque<LiveFrame>,
     error: Option<Error>,
+}
+
+/// A frame that a view was made of, for statistics.
+#[derive(Clone, Debug)]
+pub struct LiveFrame {
+    /// Its number in the farm.
+    pub id: FrameId,
+    /// Pixels across and down.
+    pub size: ImageSize,
+    /// Samples of each pixel.
+    pub samples: u32,
+    /// How it was made.
+    pub stats: FrameStats,
 }
 
 impl Shared {
@@ -148,7 +185,14 @@ impl Farm {
                 update: SceneUpdate::default(),
                 size: live.size,
                 version: 1,
+                is_paused: false,
+                quality: live.drafts.map(|preference| {
+                    let mut quality = Quality::default();
+                    quality.set_quality_preference(preference);
+                    quality
+                }),
                 latest: None,
+                frames: VecDeque::new(),
                 error: None,
             }),
             changed: Condvar::new(),
@@ -233,6 +277,34 @@ impl LiveView {
         }
     }
 
+    /// Gathers no more samples while `paused`, so that others have the farm; changes are shown even so.
+    pub fn set_paused(&mut self, paused: bool) {
+        self.shared.lock().is_paused = paused;
+        self.shared.changed.notify_all();
+    }
+
+    /// Gives up something else first in drafts, if there are any.
+    pub fn set_quality_preference(&mut self, preference: QualityPreference) {
+        if let Some(quality) = &mut self.shared.lock().quality {
+            quality.set_quality_preference(preference);
+        }
+    }
+
+    /// Quality of the next draft, and what is known of the others' cost; none without
+    /// [`Live::drafts`].
+    pub fn quality(&self) -> Option<Quality> {
+        self.shared.lock().quality.clone()
+    }
+
+    /// The frames that have come since the last call, the oldest first: at most
+    /// [`LiveView::FRAMES_MAX`], those before are dropped.
+    pub fn frames(&mut self) -> Vec<LiveFrame> {
+        self.shared.lock().frames.drain(..).collect()
+    }
+
+    /// Frames that wait for [`LiveView::frames`]: those of a second.
+    pub const FRAMES_MAX: usize = 64;
+
     fn pose(&mut self, pose: ObjectPose) -> Result<(), Error> {
         self.change(|update, _| {
             update.poses.retain(|other| other.object != pose.object);
@@ -288,44 +360,135 @@ impl LiveRun {
                 let spec = spec(&state.update, state.size, self.live.settings);
                 (state.version, spec)
             };
+            if self.live.drafts.is_some() {
+                self.draft(&spec, cancelled)?;
+            }
             self.gather(version, spec, cancelled)?;
             self.rest(version, cancelled);
         }
         Ok(())
     }
 
-    /// Adds samples up until all are there or something changes. The first frame is shown even so: a
-    /// view that is moved all the time must not stand still.
+    /// Shows a picture of the quality that comes in time.
+    fn draft(&mut self, spec: &FrameSpec, cancelled: &Canceller) -> Result<(), Error> {
+        let level = self.shared.lock().quality.as_ref().map(Quality::level);
+        let Some(level) = level else { return Ok(()) };
+        let draft = FrameSpec {
+            size: level.size(spec.size),
+            settings: RenderSettings {
+                samples: level.samples,
+                denoise: level.denoise,
+                ..spec.settings
+            },
+            ..spec.clone()
+        };
+        let (size, settings) = (draft.size, draft.settings);
+        let mut film = Film::new(size);
+        let mut render = AccumulatedRender::new(draft, Priority::Interactive);
+        render.set_frame_samples(settings.samples);
+        while !render.is_done() && !cancelled.is_cancelled() {
+            render.submit_through(&mut self.submitter, &self.scene)?;
+            let Some(frame) = self.accept(&mut render, &mut film)? else {
+                continue;
+            };
+            if let Some(quality) = &mut self.shared.lock().quality {
+                quality.observe(size.pixels(), &settings, spec.size, frame.stats.busy_secs);
+            }
+            self.show(&film);
+        }
+        render.cancel(&mut self.submitter);
+        Ok(())
+    }
+
+    /// Adds samples up until all are there or something changes. Without drafts the first frame is
+    /// shown even so: a view that is moved all the time must not stand still.
     fn gather(
         &mut self,
         version: u64,
         spec: FrameSpec,
         cancelled: &Canceller,
     ) -> Result<(), Error> {
+        let has_draft = self.live.drafts.is_some();
+        let shown_from = match has_draft {
+            true => Live::DRAFT_SAMPLES.min(spec.settings.samples),
+            false => 1,
+        };
         let mut film = Film::new(spec.size);
         let mut render = AccumulatedRender::new(spec, Priority::Interactive);
-        render.set_frame_samples(self.live.samples_per_frame);
+        let mut frame_samples = self.live.samples_per_frame;
+        render.set_frame_samples(frame_samples);
         while !render.is_done() && !cancelled.is_cancelled() {
-            let has_changed = self.shared.lock().version != version;
-            if has_changed && render.samples_done() > 0 {
+            let is_shown = has_draft || render.samples_done() > 0;
+            let (has_changed, is_paused) = {
+                let state = self.shared.lock();
+                (state.version != version, state.is_paused)
+            };
+            if has_changed && is_shown {
                 break;
             }
-            if !has_changed || render.samples_in_flight() == 0 {
+            let is_waiting = render.samples_in_flight() == 0;
+            if is_paused && is_shown {
+                if is_waiting {
+                    self.wait_for_change();
+                    continue;
+                }
+            } else if !has_changed || is_waiting {
                 render.submit_through(&mut self.submitter, &self.scene)?;
             }
-            let frame = self.submitter.wait_frame(POLL_INTERVAL);
-            match frame.and_then(|frame| render.accept(frame)) {
-                Some(batch) => {
-                    batch.add_to(&mut film)?;
-                    let picture = Picture::new(film.clone(), Vec::new(), self.live.exposure);
-                    self.shared.lock().latest = Some(picture);
-                    self.announce();
-                }
-                None => self.submitter.check_nodes()?,
+            let Some(frame) = self.accept(&mut render, &mut film)? else {
+                continue;
+            };
+            if render.samples_done() >= shown_from {
+                self.show(&film);
+            }
+            // What changes next is seen in a draft: until then, larger frames are less transport.
+            let is_quick = frame.samples == frame_samples && frame.stats.busy_secs < QUICK_SECS;
+            if has_draft && is_quick {
+                frame_samples = (2 * frame_samples).min(FRAME_SAMPLES_MAX);
+                render.set_frame_samples(frame_samples);
             }
         }
         render.cancel(&mut self.submitter);
         Ok(())
+    }
+
+    /// Adds the next frame up, if one comes soon.
+    fn accept(
+        &mut self,
+        render: &mut AccumulatedRender,
+        film: &mut Film,
+    ) -> Result<Option<LiveFrame>, Error> {
+        let frame = self.submitter.wait_frame(POLL_INTERVAL);
+        let Some(batch) = frame.and_then(|frame| render.accept(frame)) else {
+            self.submitter.check_nodes()?;
+            return Ok(None);
+        };
+        batch.add_to(film)?;
+        let frame = LiveFrame {
+            id: batch.frame.id,
+            size: batch.frame.size,
+            samples: batch.samples,
+            stats: batch.frame.stats,
+        };
+        let mut state = self.shared.lock();
+        if state.frames.len() == LiveView::FRAMES_MAX {
+            state.frames.pop_front();
+        }
+        state.frames.push_back(frame.clone());
+        Ok(Some(frame))
+    }
+
+    fn show(&mut self, film: &Film) {
+        let picture = Picture::new(film.clone(), Vec::new(), self.live.exposure);
+        self.shared.lock().latest = Some(picture);
+        self.announce();
+    }
+
+    /// Waits a while, but no longer than until something changes.
+    fn wait_for_change(&self) {
+        let state = self.shared.lock();
+        // What has changed, or that nothing has, is for the caller to see.
+        drop(self.shared.changed.wait_timeout(state, REST_INTERVAL));
     }
 
     /// Waits until something changes.
@@ -353,6 +516,10 @@ fn spec(update: &SceneUpdate, size: ImageSize, settings: RenderSettings) -> Fram
     }
 }
 
+/// Frames that keep a node busy for less are doubled.
+const QUICK_SECS: f64 = 0.03;
+/// Samples of a pixel in a frame that has been doubled.
+const FRAME_SAMPLES_MAX: u32 = 64;
 /// How long to wait for a frame before looking at what has changed.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// How long a view that is finished sleeps at most: a change wakes it.

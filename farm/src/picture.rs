@@ -36,6 +36,12 @@ impl Picture {
         Self { checkpoint, ..self }
     }
 
+    /// The same, of which 8-bit pixels and files show radiance times this.
+    #[must_use]
+    pub fn with_exposure(self, exposure: f32) -> Self {
+        Self { exposure, ..self }
+    }
+
     /// Pixels across and down.
     pub fn size(&self) -> ImageSize {
         self.film.size()

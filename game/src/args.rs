@@ -9,11 +9,13 @@ use carom_billiards::rules::RuleSet;
 use carom_farm::{Balancing, FarmConfig, FrameRange, LocalNode};
 use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings};
+use carom_window::display::Present;
 use clap::{Parser, Subcommand, ValueEnum as _};
 
 use crate::capture::video::{VideoTarget, VideoView};
-use crate::display::Present;
+use crate::particles::ParticleDetail;
 use crate::play::tournament::MatchArgs;
+use crate::play::tricks::TrickTable;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::export::SceneArgs;
 use crate::scene::table_args::TableArgs;
@@ -89,6 +91,12 @@ pub struct Args {
     /// Colour of the cloth [default: from the settings, else tournament]
     #[arg(long, value_enum, value_name = "COLOUR")]
     pub cloth: Option<ClothColour>,
+    /// Dust that strokes knock off the tip [default: from the settings, else some]
+    #[arg(long, value_enum, value_name = "DETAIL")]
+    pub particles: Option<ParticleDetail>,
+    /// Show a shot through a trick table, in place of a break, when frames are rendered without a window
+    #[arg(long, value_enum, value_name = "TRICK", conflicts_with = "replay")]
+    pub trick: Option<TrickTable>,
     /// Address of a farm node; repeat for several. Replaces the nodes of --config
     #[arg(long = "node", value_name = "HOST:PORT")]
     pub nodes: Vec<String>,
@@ -158,6 +166,7 @@ impl Args {
         TableStyle {
             balls: self.ball_set.unwrap_or_default(),
             cloth: self.cloth.unwrap_or_default(),
+            particles: self.particles.unwrap_or_default(),
             ..TableStyle::default()
         }
     }

@@ -7,18 +7,17 @@
 //!   Farm ─▶ frame::pipeline (accumulate, choose, reproject) ─▶ ui on top ─▶ display ─▶ window
 //! ```
 //!
-//! Only [`app`] and [`display`] know winit and wgpu; everything else takes time and events as
-//! arguments. [`capture`] renders shots to files through the same farm.
+//! Only [`app`] knows winit; everything else takes time and events as arguments. [`capture`] renders shots to files through the same farm.
 
 pub mod app;
 pub mod args;
 pub mod audio;
 pub mod camera;
 pub mod capture;
-pub mod display;
 mod error;
 pub mod frame;
 pub mod input;
+pub mod particles;
 pub mod play;
 pub mod scene;
 pub mod settings;

@@ -4,9 +4,9 @@ use std::process::ExitCode;
 
 use carom::args::{Args, Command};
 use carom::capture::headless;
-use carom::display::Present;
 use carom::{app, audio};
 use carom_farm::FarmConfig;
+use carom_window::display::Present;
 use clap::Parser as _;
 use mimalloc::MiMalloc;
 
@@ -42,7 +42,7 @@ fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Res
     if args.headless || args.video.is_some() {
         return headless::run(args, config);
     }
-    if is_displayless() {
+    if carom_window::connection::is_displayless() {
         // What is wrong with the arguments is said first.
         let (_, recording) = args.table_and_recording()?;
         let shot = recording.map_or("a break shot", |_| "the recorded shot");
@@ -52,12 +52,6 @@ fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Res
         return headless::run(args, config);
     }
     app::run(args, config, present)
-}
-
-/// Other systems always have a display.
-fn is_displayless() -> bool {
-    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    cfg!(target_os = "linux") && !is_set("DISPLAY") && !is_set("WAYLAND_DISPLAY")
 }
 
 fn finish(result: anyhow::Result<()>, code: u8) -> ExitCode {

@@ -136,6 +136,22 @@ setting-pockets-standard-about = As the table's rules have it
 setting-pockets-wide = Wide
 setting-pockets-wide-about = 10 % wider: 5 inches in the corners of a 9-foot table
 
+setting-particle-precision = Sand, snow, jelly, water
+setting-particle-precision-coarse = Coarse
+setting-particle-precision-coarse-about = Cells of 15 mm: a third of the time, coarse grains
+setting-particle-precision-standard = Standard
+setting-particle-precision-standard-about = Cells of 10 mm
+setting-particle-precision-fine = Fine
+setting-particle-precision-fine-about = Cells of 7.5 mm: three times the time, fine grains
+
+setting-particles = Dust
+setting-particles-off = Off
+setting-particles-off-about = No dust
+setting-particles-some = Some
+setting-particles-some-about = A quarter of the dust: up to 400 specks of chalk at a stroke
+setting-particles-all = All
+setting-particles-all-about = All of the dust: up to 1600 specks of chalk at a stroke
+
 setting-table-speed = Table speed of the next game
 setting-table-speed-slow = Slow
 setting-table-speed-slow-about = Heavy or worn cloth: a ball rolls three quarters as far
@@ -266,6 +282,17 @@ lesson-suggest = Press { $suggest } for a suggested shot, then { $strike } to st
 ## Practice
 
 practice-how = Drag the balls. Click a number to add or remove its ball
+practice-paint = Paint the cloth with
+practice-sand = Sand
+practice-snow = Snow
+practice-jelly = Jelly
+practice-water = Water
+practice-sweep = Sweep
+practice-tricks = Trick tables
+practice-sand-trap = Sand trap
+practice-snow-patch = Snow patch
+practice-jelly-bumper = Jelly bumper
+practice-spilled-drink = Spilled drink
 practice-play = Play
 practice-save = Save this layout
 practice-discard = Discard changes
@@ -791,8 +818,8 @@ view-pocket = from the pocket
 
 window-library-failed = the windowing library failed
 variable-not-set = { $name } is not set
-# $wayland, $x11: environment variables with their values.
-window-not-opened = no window can be opened ({ $wayland }, { $x11 }). On Debian or Ubuntu `apt install libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0` brings what X11 needs; `carom --headless` needs no display at all
+# $wayland, $x11: environment variables with their values. $instead: a command.
+window-not-opened = no window can be opened ({ $wayland }, { $x11 }). On Debian or Ubuntu `apt install libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0` brings what X11 needs; `{ $instead }` needs no display at all
 surface-outdated = stays outdated
 surface-lost = was lost
 surface-invalid = is not valid
@@ -1010,3 +1037,95 @@ place-touches = The cue ball must not touch another ball
 layout-not-free-table = Balls are laid on the free table: the menu begins one
 hint-match-over = The match is over: there is no shot to suggest
 place-outside = The cue ball is in hand { $area }
+
+## Viewer
+
+view-title = Carom viewer
+view-title-file = { $file } – Carom viewer
+view-no-display = there is no display (DISPLAY and WAYLAND_DISPLAY are not set): `carom-farm render --scene FILE --out picture.png` renders a scene without one
+view-drop = Drop a scene on this window
+# $endings: .json, .obj and others.
+view-drop-endings = A file whose name ends with one of { $endings }
+view-hint = F1 shows the keys
+view-reading = Reading { $file } …
+view-refusal-close = Esc closes this
+view-fault = No pictures: { $why }
+view-dark = All lights are off
+view-saved = Saved { $path }
+view-not-saved = Not saved: { $why }
+view-save-cancelled = it was cancelled
+view-turntable-cancelled = it was cancelled after { $done } of { $frames } frames; saved under the same name again, it goes on with them
+# The line under the picture.
+view-line = { $file } · { $samples } of { $all } samples · F1 keys
+view-line-draft = { $file } · F1 keys
+
+# The panel.
+view-contents = { $objects ->
+    [one] 1 object
+   *[other] { $objects } objects
+}, { $triangles ->
+    [one] 1 triangle
+   *[other] { $triangles } triangles
+}, { $lights ->
+    [one] 1 lamp
+   *[other] { $lights } lamps
+}
+view-exposure = Exposure
+view-exposure-about = Powers of two: one more is twice as bright. Files of 8 bits show it too.
+view-fov = Field of view
+view-upright = upright
+view-home = Home
+view-pause = Pause
+view-pause-about = Gathers no more samples, so that this machine and its nodes are free. Changes are still shown.
+view-lights = Lights
+view-sky = Sky
+view-save = Save
+view-save-file = File
+view-save-file-about = A still ends with .png, .jpg or .exr (32 bits, with albedo, normal and depth), a turntable with .png (animated) or .y4m.
+view-save-size = Size
+view-save-samples = Samples
+view-save-frames = Frames
+view-save-still = Save still
+view-save-turntable = Save turntable
+view-save-turntable-about = A film that goes once round the target.
+view-save-cancel = Cancel
+
+# Keys and mouse, and what each does.
+view-help = Keys and mouse
+view-help-close = F1 or Esc closes this
+view-key-orbit = Left mouse button
+view-does-orbit = go round the target
+view-key-pan = Middle mouse button, or Shift and left
+view-does-pan = shift the picture
+view-key-look = Right mouse button
+view-does-look = look around from where you are
+view-key-zoom = Wheel
+view-does-zoom = go nearer or farther away
+view-key-walk = W, A, S, D
+view-does-walk = walk forward, left, backward, right
+view-key-rise = E, Q
+view-does-rise = rise, sink
+view-key-fast = Shift with these
+view-does-fast = four times as fast
+view-key-home = Home
+view-does-home = back to the scene's own view and exposure
+view-key-exposure = + and -
+view-does-exposure = half a stop brighter or darker
+view-key-lights = 0 to 9
+view-does-lights = switch the sky (0) and the lamps
+view-key-pause = P
+view-does-pause = gather no more samples, or go on
+view-key-save = Ctrl S
+view-does-save = save a still
+view-key-reload = R
+view-does-reload = read the file again; it is read by itself when it changes
+view-key-panel = F2
+view-does-panel = panel at the left
+view-key-statistics = F3
+view-does-statistics = statistics of the farm: a line, figures, everything, recorded
+view-key-help = F1
+view-does-help = these keys
+view-key-fullscreen = F11
+view-does-fullscreen = fill the screen
+view-key-quit = Ctrl Q
+view-does-quit = close the window

@@ -10,7 +10,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Reason};
-use crate::limits::{CONTROL_BYTES_MAX, SCENE_BYTES_MAX, TILES_BYTES_MAX};
+use crate::limits::{CONTROL_BYTES_MAX, SCENE_BYTES_MAX, TILES_BYTES_MAX, TRACE_BYTES_MAX};
 use crate::message::{RequestId, SceneHash, ToClient, ToNode, VERSION};
 
 impl SceneHash {
@@ -37,6 +37,7 @@ pub fn encode_to_node(message: &ToNode) -> Result<Vec<u8>, Error> {
         .map_err(|reason| Error::unsendable(what, reason))?;
     let max = match message {
         ToNode::Scene { .. } => SCENE_BYTES_MAX,
+        ToNode::Trace(_) => TRACE_BYTES_MAX,
         _ => CONTROL_BYTES_MAX,
     };
     encode(message, what, max)
@@ -69,6 +70,7 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
     const WHAT: &str = "message to a node";
     let max = match bytes.first() {
         Some(&SCENE_VARIANT) => SCENE_BYTES_MAX,
+        Some(&TRACE_VARIANT) => TRACE_BYTES_MAX,
         _ => CONTROL_BYTES_MAX,
     };
     check_size(WHAT, bytes, max)?;
@@ -316,14 +318,15 @@ mod tests {
     }
 
     #[test]
-    fn only_scenes_and_tiles_may_be_large() {
+    fn only_scenes_requests_and_tiles_may_be_large() {
         let mut bytes = vec![0; CONTROL_BYTES_MAX + 1];
         for variant in 0..8 {
             bytes[0] = variant;
             let too_large = |error| matches!(error, Err(Error::TooLarge { .. }));
             let to_node = too_large(decode_to_node(&bytes).map(drop));
             let to_client = too_large(decode_to_client(&bytes).map(drop));
-            assert_eq!(to_node, variant != SCENE_VARIANT, "{variant}");
+            let is_small = ![SCENE_VARIANT, TRACE_VARIANT].contains(&variant);
+            assert_eq!(to_node, is_small, "{variant}");
             assert_eq!(to_client, variant != TILES_VARIANT, "{variant}");
         }
     }

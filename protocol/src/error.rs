@@ -126,6 +126,13 @@ pub enum Reason {
     #[error("object {object} is posed, but the scene has {objects} objects")]
     PoseOutsideScene { object: u32, objects: usize },
 
+    #[error(
+        "its particles are coded against request {id}, which is not the last one with particles"
+    )]
+    ParticleReference { id: u64 },
+    #[error("its {count} particles are too many, or other bytes are theirs")]
+    ParticleCount { count: usize },
+
     // The payload of a tile message.
     #[error("its first byte names no precision: {byte:#04x}")]
     PrecisionByte { byte: u8 },

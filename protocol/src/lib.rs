@@ -46,6 +46,7 @@
 //!                     grid, tiles: grid.all(), settings: RenderSettings::default(),
 //!                     format: PixelFormat::LinearF16,
 //!                     precision: PrecisionRange::EXACT, references: Vec::new(),
+//!                     particles: CodedParticles::default(),
 //!                 })?,
 //!                 ClientEvent::RequestDone { .. } => pictures += 1,
 //!                 _ => {}
@@ -61,6 +62,7 @@ pub mod error;
 pub mod framing;
 pub mod limits;
 pub mod message;
+pub mod particle_codec;
 pub mod precision;
 pub mod session;
 pub mod tile_codec;
@@ -71,6 +73,7 @@ pub use message::{
     FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, ReferenceRange, Refusal, RefusalReason,
     RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
+pub use particle_codec::CodedParticles;
 pub use precision::{PixelPrecision, PrecisionRange};
 pub use session::{
     Channel, ClientEvent, ClientSession, NodeEvent, NodeSession, Packet, ReceivedScene, SceneStatus,

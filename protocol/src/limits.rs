@@ -1,7 +1,11 @@
 //! Bounds on what a peer may send or make this program keep, each with its reason.
 
-/// Bytes of a control message but a scene: a request with 64 poses has 2.3 kB.
+/// Bytes of a control message but a scene or a trace request.
 pub const CONTROL_BYTES_MAX: usize = 64 * 1024;
+/// Bytes of a trace request: with 64 poses it has 2.3 kB, and 6 more for each of
+/// [`carom_tracer::scene::validate::PARTICLES_MAX`] particles.
+pub const TRACE_BYTES_MAX: usize =
+    CONTROL_BYTES_MAX + 6 * carom_tracer::scene::validate::PARTICLES_MAX;
 /// Bytes of a scene message: 131,072 objects with the longest names have 22 MB, a million triangles with half as many
 /// vertices and their normals 21 MB, a dozen photographs as JPEG files of 2048 pixels a side 20 MB.
 pub const SCENE_BYTES_MAX: usize = 24 * 1024 * 1024;

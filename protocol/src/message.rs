@@ -5,6 +5,7 @@ use carom_tracer::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::particle_codec::CodedParticles;
 use crate::precision::PrecisionRange;
 
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
@@ -135,7 +136,8 @@ pub struct TraceRequest {
     pub id: RequestId,
     /// A scene that the node has reported ready.
     pub scene: SceneHash,
-    /// Camera and poses.
+    /// Camera and poses, and particles, which travel as [`TraceRequest::particles`].
+    #[serde(with = "without_particles")]
     pub update: SceneUpdate,
     /// The whole frame and its tiles.
     pub grid: TileGrid,
@@ -149,6 +151,8 @@ pub struct TraceRequest {
     pub precision: PrecisionRange,
     /// Tiles of earlier requests that the client holds. The session fills them in.
     pub references: Vec<ReferenceRange>,
+    /// The update's particles on the wire. Sessions fill them in and take them out.
+    pub particles: CodedParticles,
 }
 
 /// A range of tiles that a client has received and remembers.
@@ -259,18 +263,37 @@ pub enum RefusalReason {
     Device(String),
 }
 
+/// Camera and poses of an update.
+mod without_particles {
+    use carom_tracer::SceneUpdate;
+    use serde::{Deserialize, Deserializer, Serialize as _, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(update: &SceneUpdate, to: S) -> Result<S::Ok, S::Error> {
+        (&update.camera, &update.poses).serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<SceneUpdate, D::Error> {
+        let (camera, poses) = Deserialize::deserialize(from)?;
+        Ok(SceneUpdate {
+            camera,
+            poses,
+            particles: Vec::new(),
+        })
+    }
+}
+
 /// Bytes as one copy, where serde's own `Vec<u8>` visits them one by one. Same form on the wire.
-mod byte_string {
+pub(crate) mod byte_string {
     use std::fmt;
 
     use serde::de::{Error, Visitor};
     use serde::{Deserializer, Serializer};
 
-    pub(super) fn serialize<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
         to.serialize_bytes(bytes)
     }
 
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
         from.deserialize_bytes(Bytes)
     }
 

@@ -1,6 +1,7 @@
 //! Validation of messages beyond their form. Decoded values have passed these checks, and so have
 //! those that are sent: a peer that breaks one is not this program.
 
+use carom_tracer::scene::validate::{CLOUDS_MAX, PARTICLES_MAX};
 use carom_tracer::text::printable;
 use carom_tracer::{SceneUpdate, TileGrid, TileRange};
 
@@ -13,6 +14,7 @@ use crate::message::{
     NodeInfo, NodeLoad, PixelFormat, ReferenceRange, RefusalReason, TilesDone, ToClient, ToNode,
     TraceRequest,
 };
+use crate::particle_codec::CodedParticles;
 
 type Check = Result<(), Reason>;
 
@@ -74,6 +76,7 @@ impl TraceRequest {
         self.format.validate()?;
         self.precision.validate()?;
         self.check_references()?;
+        self.particles.validate()?;
         let pixels = self.grid.pixels(self.tiles) as u64;
         let samples = pixels * u64::from(self.settings.samples);
         if samples > REQUEST_SAMPLES_MAX {
@@ -109,6 +112,15 @@ impl TraceRequest {
             from = tiles.end();
         }
         Ok(())
+    }
+}
+
+impl CodedParticles {
+    /// Checks how many there are said to be: no more is decoded.
+    fn validate(&self) -> Check {
+        at_most("clouds of particles", self.clouds.len(), CLOUDS_MAX)?;
+        let counts = self.clouds.iter().map(|cloud| cloud.count as usize);
+        at_most("particles", counts.sum(), PARTICLES_MAX)
     }
 }
 

@@ -7,7 +7,9 @@ use carom_protocol::codec::{decode_to_client, decode_to_node};
 use carom_protocol::framing::Deframer;
 use carom_protocol::limits::SCENE_BYTES_MAX;
 use carom_protocol::tile_codec::Decoder;
-use carom_protocol::{PixelFormat, PixelPrecision, PrecisionRange, ToNode, TraceRequest};
+use carom_protocol::{
+    CodedParticles, PixelFormat, PixelPrecision, PrecisionRange, ToNode, TraceRequest,
+};
 use carom_tracer::Tile;
 
 /// Counts what each thread asks for.
@@ -97,6 +99,7 @@ fn announced_pose_count_reserves_no_memory() {
         format: PixelFormat::LinearF16,
         precision: carom_protocol::PrecisionRange::EXACT,
         references: Vec::new(),
+        particles: CodedParticles::default(),
     };
     let bytes = postcard::to_stdvec(&ToNode::Trace(Box::new(request))).unwrap();
     // Variant, frame, request, hash, no camera; then the number of poses.

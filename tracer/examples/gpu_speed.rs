@@ -1,7 +1,8 @@
 //! Speed of the GPU on a scene: `gpu_speed [width height spp frames in_flight [denoise]] [SCENE.json]`.
 //!
 //! Without a scene file the pool table is traced.
-//! Prints the GPU's own time per frame, samples and rays per second of it, and frames per second
+//! Prints the GPU's own time per frame, the mean and that of the fastest (a GPU that waits between frames lowers
+//! its clock), samples and rays per second of it, and frames per second
 //! by the clock with each frame read back: first with one frame in flight, then with `in_flight`.
 //! With `denoise` also what the denoiser takes of it: first hits, and the filter's passes.
 //! Frames that overlap count each other's GPU time, so that the first figure is the device's.
@@ -78,7 +79,7 @@ fn measure(
     run: &Measurement,
     in_flight: u32,
 ) -> Result<(), Error> {
-    let total = Mutex::new(TraceStats::default());
+    let total = Mutex::new((TraceStats::default(), u64::MAX));
     let next = AtomicU32::new(0);
     let started = Instant::now();
     let worker = || -> Result<(), Error> {
@@ -88,7 +89,9 @@ fn measure(
                 return Ok(());
             }
             let stats = frame(tracer, scene, run, seed)?;
-            *total.lock().expect("no worker panics") += stats;
+            let mut total = total.lock().expect("no worker panics");
+            total.0 += stats;
+            total.1 = total.1.min(stats.device_nanos);
         }
     };
     thread::scope(|scope| {
@@ -100,7 +103,7 @@ fn measure(
     report(
         run,
         in_flight,
-        &total.into_inner().expect("no worker panics"),
+        total.into_inner().expect("no worker panics"),
         started.elapsed().as_secs_f64(),
     );
     Ok(())
@@ -130,7 +133,12 @@ fn frame(
     })
 }
 
-fn report(run: &Measurement, in_flight: u32, total: &TraceStats, wall_secs: f64) {
+fn report(
+    run: &Measurement,
+    in_flight: u32,
+    (total, nanos_min): (TraceStats, u64),
+    wall_secs: f64,
+) {
     let device_secs = total.device_nanos as f64 * 1e-9;
     let frames = f64::from(run.frames);
     println!(
@@ -138,8 +146,9 @@ fn report(run: &Measurement, in_flight: u32, total: &TraceStats, wall_secs: f64)
         run.size.width, run.size.height, run.samples, run.frames, in_flight
     );
     println!(
-        "GPU time        {:9.3} ms/frame",
-        device_secs * 1e3 / frames
+        "GPU time        {:9.3} ms/frame, {:.3} the fastest",
+        device_secs * 1e3 / frames,
+        nanos_min as f64 * 1e-6
     );
     if run.denoise {
         let millis = |nanos: u64| nanos as f64 * 1e-6 / frames;

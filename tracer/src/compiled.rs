@@ -13,7 +13,7 @@ mod texture;
 use std::sync::OnceLock;
 
 use bytemuck::Zeroable as _;
-use glam::{DVec3, Quat, Vec3};
+use glam::{DVec3, Quat, U16Vec3, Vec3};
 
 use self::cone::Cone;
 pub use self::data::{
@@ -34,7 +34,8 @@ pub use self::texture::{
 };
 use crate::bvh::{Bounds, Bvh};
 use crate::scene::{
-    AreaLight, Camera, CsgSolid, Material, ObjectPose, Scene, SceneUpdate, Shape, Subtraction,
+    AreaLight, Camera, CsgSolid, Material, ObjectPose, ParticleCloud, Scene, SceneUpdate, Shape,
+    Subtraction,
 };
 use crate::{Error, ImageSize, SceneError};
 
@@ -48,7 +49,7 @@ pub struct CompiledScene {
     pub environment: Vec3,
     /// Its environment map.
     pub environment_map: CompiledEnvironment,
-    /// Balls.
+    /// Balls: the scene's, then particles of the update.
     pub spheres: Vec<SphereData>,
     /// Axis-aligned boxes.
     pub boxes: Vec<BoxData>,
@@ -80,6 +81,8 @@ pub struct CompiledScene {
     bvhs: [OnceLock<Option<Bvh>>; ShapeKind::ALL.len()],
     /// The spheres as the scene has them: what an update starts from.
     base_spheres: Vec<SphereData>,
+    /// How many materials the scene has; those of an update's particles follow.
+    base_materials: usize,
     /// The truncated cones among the CSG boxes, and the scene's poses of them.
     cones: Vec<(Cone, ObjectPose)>,
     base_camera: Camera,
@@ -178,6 +181,7 @@ impl CompiledScene {
             bvh_use: BvhUse::default(),
             bvhs: Default::default(),
             base_spheres: Vec::new(),
+            base_materials: scene.materials.len(),
             cones: Vec::new(),
             base_camera: scene.camera,
         };
@@ -337,7 +341,8 @@ impl CompiledScene {
     ///
     /// # Errors
     /// [`Error::InvalidUpdate`] if a pose names no sphere, truncated cone or mesh of the scene, one that another pose
-    /// has named, or holds a number that is not finite, or the camera is degenerate; the scene then is as if nothing had been applied.
+    /// has named, or holds a number that is not finite, the camera is degenerate, or particles are out of range; the
+    /// scene then is as if nothing had been applied.
     pub fn apply(&mut self, update: &SceneUpdate) -> Result<(), Error> {
         self.reset();
         let applied = self.try_apply(update);
@@ -350,6 +355,7 @@ impl CompiledScene {
 
     fn reset(&mut self) {
         self.spheres.clone_from(&self.base_spheres);
+        self.materials.truncate(self.base_materials);
         self.bvhs[ShapeKind::Sphere as usize] = OnceLock::new();
         for index in 0..self.cones.len() {
             self.place_cone(index, &self.cones[index].1.clone());
@@ -375,7 +381,41 @@ impl CompiledScene {
             }
         }
         self.place_meshes(&of_meshes);
+        update.validate_particles().map_err(Error::InvalidUpdate)?;
+        self.push_particles(&update.particles);
         Ok(())
+    }
+
+    /// Adds particles behind the scene's own spheres, and hidden ones up to a power of two: kernels are built for
+    /// numbers of primitives, and so need not be built anew for each frame of a cloud that grows.
+    fn push_particles(&mut self, clouds: &[ParticleCloud]) {
+        let particles: usize = clouds.iter().map(|cloud| cloud.places.len()).sum();
+        if particles == 0 {
+            return;
+        }
+        let slots = particles.next_power_of_two().max(PARTICLE_SLOTS_MIN);
+        self.spheres.reserve(slots);
+        for cloud in clouds {
+            let material = self.materials.len() as u32;
+            self.materials.push(material_data(&cloud.material));
+            let sphere = |place: &U16Vec3| SphereData {
+                center: cloud.center(*place).to_array(),
+                radius: cloud.radius_m,
+                stripe_axis: Vec3::Z.to_array(),
+                material,
+                number_axis: Vec3::X.to_array(),
+                allows_refracted_nee: 0,
+            };
+            self.spheres.extend(cloud.places.iter().map(sphere));
+        }
+        if let Some(last) = self.spheres.last() {
+            let hidden = SphereData {
+                radius: 0.0,
+                ..*last
+            };
+            let hidden = std::iter::repeat_n(hidden, slots - particles);
+            self.spheres.extend(hidden);
+        }
     }
 
     fn place_meshes(&mut self, poses: &[ObjectPose]) {
@@ -579,6 +619,9 @@ pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
         ..CameraFrame::zeroed()
     }
 }
+
+/// The fewest spheres that an update's particles take up: a cloud that thins out keeps its kernel.
+const PARTICLE_SLOTS_MIN: usize = 1024;
 
 fn sphere_at(base: SphereData, pose: &ObjectPose) -> SphereData {
     SphereData {

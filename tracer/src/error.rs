@@ -110,6 +110,17 @@ pub enum SceneError {
         /// Its fault.
         fault: Box<SceneError>,
     },
+    /// A cloud of particles is at fault.
+    #[error("cloud {index} of particles: {fault}")]
+    Cloud {
+        /// Index into the update's particles.
+        index: usize,
+        /// Its fault.
+        fault: Box<SceneError>,
+    },
+    /// Particles are of a material with a pattern.
+    #[error("its material has a pattern, which only objects can have: give it a plain one")]
+    PatternedParticles,
     /// There is more of something than is allowed.
     #[error("it has {count} {what}: at most {max} are allowed")]
     TooMany {

@@ -385,6 +385,7 @@ mod tests {
             .apply(&SceneUpdate {
                 camera: Some(camera),
                 poses: Vec::new(),
+                ..SceneUpdate::default()
             })
             .unwrap();
         let truth = picture(&scene);
@@ -418,6 +419,7 @@ mod tests {
                     rotation: Quat::IDENTITY,
                     visible: true,
                 }],
+                ..SceneUpdate::default()
             })
             .unwrap();
         let truth = picture(&scene);

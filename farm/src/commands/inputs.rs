@@ -30,7 +30,7 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, Failure> {
             scene,
         });
     };
-    let scene = Scene::load(path)?;
+    let scene = carom_farm::open_scene(path)?;
     let name = path.file_stem().unwrap_or(path.as_os_str());
     Ok(NamedScene {
         name: name.to_string_lossy().into_owned(),

@@ -20,7 +20,7 @@ use crate::commands::render_summary::{FrameTotals, RenderSummary};
 /// Trace a picture on this machine, on nodes, or on both
 #[derive(Clone, clap::Args)]
 pub(crate) struct RenderArgs {
-    /// Trace this scene file [default: the built-in pool table]
+    /// Trace this scene file: JSON, or a mesh as .obj or .ply [default: the built-in pool table]
     #[arg(long)]
     scene: Option<PathBuf>,
     /// Set the picture's size in pixels

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use carom_protocol::limits::{REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX};
-use carom_protocol::{FrameId, PrecisionRange, RequestId, SceneHash, TraceRequest};
+use carom_protocol::{CodedParticles, FrameId, PrecisionRange, RequestId, SceneHash, TraceRequest};
 use carom_tracer::{RenderSettings, Scene, TileRange};
 
 use super::CoordinatorAction;
@@ -177,6 +177,7 @@ impl Dispatcher {
                 false => PrecisionRange::ANY,
             },
             references: Vec::new(),
+            particles: CodedParticles::default(),
         });
         workload.add(request.issued, self.last_request, request);
         self.send(index, LinkCommand::Trace(message));

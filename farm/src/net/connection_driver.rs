@@ -383,7 +383,7 @@ impl ControlReader {
             }
         }
         // Only scenes are longer than this.
-        let is_scene = |(_, total): &(usize, usize)| *total > limits::CONTROL_BYTES_MAX;
+        let is_scene = |(_, total): &(usize, usize)| *total > limits::TRACE_BYTES_MAX;
         if let Some((received_bytes, total_bytes)) = self.deframer.under_way().filter(is_scene)
             && received_bytes >= self.reported_bytes + total_bytes.div_ceil(SCENE_REPORTS_MAX)
         {

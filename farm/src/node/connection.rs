@@ -179,7 +179,8 @@ mod tests {
     use carom_protocol::limits::{TILES_PER_MESSAGE_MAX, TILES_QUEUED_BYTES_MAX};
     use carom_protocol::session::ClientSession;
     use carom_protocol::{
-        FrameId, NodeTimes, PixelFormat, PrecisionRange, SceneHash, TilesDone, TraceRequest,
+        CodedParticles, FrameId, NodeTimes, PixelFormat, PrecisionRange, SceneHash, TilesDone,
+        TraceRequest,
     };
     use carom_tracer::{
         DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
@@ -224,6 +225,7 @@ mod tests {
             format: PixelFormat::LinearF32,
             precision: PrecisionRange::EXACT,
             references: Vec::new(),
+            particles: CodedParticles::default(),
         };
         session.trace(request).unwrap();
         exchange(&mut session);

@@ -495,7 +495,9 @@ const PROBES_BEFORE_REFUSAL: u32 = 2;
 #[cfg(test)]
 mod tests {
     use carom_protocol::session::ClientSession;
-    use carom_protocol::{FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId};
+    use carom_protocol::{
+        CodedParticles, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId,
+    };
     use carom_tracer::{
         DeviceInfo, DeviceKind, ImageSize, RenderSettings, SceneUpdate, TileGrid, TileRange,
     };
@@ -569,6 +571,7 @@ mod tests {
                 format: PixelFormat::LinearF32,
                 precision: PrecisionRange::EXACT,
                 references: Vec::new(),
+                particles: CodedParticles::default(),
             };
             self.runs += 1;
             self.session.trace(request).unwrap();

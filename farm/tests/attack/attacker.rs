@@ -7,8 +7,8 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::LazyLock;
 
 use carom_protocol::{
-    FrameId, PixelFormat, PrecisionRange, RequestId, SceneHash, ToNode, TraceRequest, codec,
-    framing, message,
+    CodedParticles, FrameId, PixelFormat, PrecisionRange, RequestId, SceneHash, ToNode,
+    TraceRequest, codec, framing, message,
 };
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
 use serde_json::{Map, Value};
@@ -111,6 +111,7 @@ fn write_messages(folder: &Path) {
             format: PixelFormat::LinearF32,
             precision: PrecisionRange::EXACT,
             references: Vec::new(),
+            particles: CodedParticles::default(),
         }))
     };
     let version = message::VERSION;

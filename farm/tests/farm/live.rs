@@ -110,3 +110,70 @@ fn a_view_without_nodes_says_so_and_wakes_its_owner() {
     woken.recv_timeout(PATIENCE).expect("a call");
     assert!(matches!(view.latest(), Err(Error::NoNodes { .. })));
 }
+
+#[test]
+fn drafts_come_first_and_give_way_to_the_full_size() {
+    let (scene, _) = ball();
+    let mut farm = farm(vec![PatternTracer::new()]);
+    let live = Live::new(640, 480).samples(16).drafts(Default::default());
+    let mut view = farm.live(&scene, live).unwrap();
+    let full = ImageSize::new(640, 480);
+    for turn in 0_u8..3 {
+        let eye = [f32::from(turn), -4.0, 1.0];
+        view.set_camera(Camera::looking_at(eye, [0.0; 3])).unwrap();
+        let whole = wait_for(&mut view, |picture| {
+            is_whole(picture) && picture.size() == full
+        });
+        assert_eq!(whole.samples(), 16);
+        let frames = view.frames();
+        let draft = frames.iter().find(|frame| frame.size != full);
+        let draft = draft.expect("a draft among the frames");
+        assert!(draft.stats.makespan_secs > 0.0);
+    }
+    let quality = view.quality().expect("drafts");
+    assert!(quality.secs(quality.level(), full).is_some());
+}
+
+#[test]
+fn a_full_picture_is_shown_once_it_is_better_than_its_draft() {
+    let (scene, _) = ball();
+    let mut farm = farm(vec![PatternTracer::new().with_pace(20)]);
+    let live = Live::new(640, 480).samples(32).drafts(Default::default());
+    let mut view = farm.live(&scene, live).unwrap();
+    let full = wait_for(&mut view, |picture| picture.size().width == 640);
+    assert!(full.samples() >= Live::DRAFT_SAMPLES, "{}", full.samples());
+}
+
+#[test]
+fn a_paused_view_shows_changes_and_gathers_no_samples() {
+    let (scene, _) = ball();
+    let mut farm = farm(vec![PatternTracer::new()]);
+    let live = Live::new(64, 48)
+        .samples(1 << 12)
+        .drafts(Default::default());
+    let mut view = farm.live(&scene, live).unwrap();
+    wait_for(&mut view, |picture| picture.samples() > 16);
+    view.set_paused(true);
+    let camera = Camera::looking_at([0.0, -5.0, 1.0], [0.0; 3]);
+    view.set_camera(camera).unwrap();
+    wait_for(&mut view, |picture| picture.size().width < 64);
+    view.frames();
+    // Had it gone on, a frame would have come by now.
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!(view.frames().len(), 0);
+    view.set_paused(false);
+    wait_for(&mut view, |picture| picture.samples() == 1 << 12);
+}
+
+#[test]
+fn frames_that_nobody_takes_are_bounded() {
+    let (scene, _) = ball();
+    let mut farm = farm(vec![PatternTracer::new()]);
+    let live = Live::new(8, 8).samples(256);
+    let mut view = farm.live(&scene, live).unwrap();
+    wait_for(&mut view, |picture| picture.samples() == 256);
+    let frames = view.frames();
+    assert_eq!(frames.len(), LiveView::FRAMES_MAX);
+    assert!(frames.windows(2).all(|pair| pair[0].id < pair[1].id));
+    assert!(view.frames().is_empty());
+}

@@ -34,6 +34,9 @@ pub enum Error {
         /// The bound that it stays under.
         max: f64,
     },
+    /// Particles cannot lie on the table.
+    #[error("the particles cannot lie like this: {0}")]
+    Particles(#[from] ParticleFault),
     /// The setting of what moves the balls is out of range.
     #[error("the physics cannot be set so: {0}")]
     Engine(#[from] EngineFault),
@@ -83,6 +86,9 @@ pub enum Error {
     /// The system gives no thread to the computer player.
     #[error("the computer cannot think: {0}")]
     NoThread(std::io::Error),
+    /// The thread of a shot among particles ended without one.
+    #[error("the simulation of the shot broke off")]
+    ShotBrokeOff,
     /// The computer player's thread ended without a decision.
     #[error("the computer stopped thinking")]
     SearchBrokeOff,
@@ -391,6 +397,12 @@ pub enum FileFault {
         /// The most.
         max: usize,
     },
+    /// Particles that no shot has.
+    #[error("its particles are not a shot's: {fault}")]
+    Particles {
+        /// Why.
+        fault: &'static str,
+    },
     /// A title does not fit a line.
     #[error("a title of {bytes} bytes is longer than {max} or not one line")]
     Title {
@@ -526,4 +538,29 @@ fn player_range(min: usize, max: usize) -> String {
     } else {
         format!("{min} to {max}")
     }
+}
+
+/// What is wrong with particles on a table.
+#[derive(Debug, thiserror::Error)]
+pub enum ParticleFault {
+    /// None were asked for.
+    #[error("there are none: cover some of the cloth")]
+    None,
+    /// More than a shot can be simulated with.
+    #[error("there are {particles}, more than {max}: cover less of the cloth")]
+    TooMany {
+        /// How many there would be.
+        particles: usize,
+        /// The most.
+        max: usize,
+    },
+    /// A patch reaches beyond the cushions.
+    #[error("the patch at ({:.2}, {:.2}) m is not on the cloth: leave it out", .at.x, .at.y)]
+    OffCloth {
+        /// Its corner, in m.
+        at: DVec2,
+    },
+    /// The simulation of the particles.
+    #[error("{0}")]
+    Simulation(#[from] carom_mpm::Error),
 }

@@ -28,6 +28,12 @@ impl FileFormat {
         Ok(bytes)
     }
 
+    /// Whether bytes begin as a file of this kind and version does.
+    pub(crate) fn is_of(&self, bytes: &[u8]) -> bool {
+        let rest = bytes.strip_prefix(self.magic);
+        rest.is_some_and(|rest| rest.starts_with(&self.version.to_le_bytes()))
+    }
+
     /// The body of a file, which ends with it.
     pub(crate) fn decode<T: DeserializeOwned>(&self, bytes: &[u8]) -> Result<T, FileFault> {
         self.check_size(bytes.len() as u64)?;

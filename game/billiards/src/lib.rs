@@ -48,6 +48,6 @@ pub mod rules;
 pub mod shot_report;
 
 pub use error::{
-    EngineFault, Error, FileFault, LayoutFault, PlacementFault, PlayersFault, Result, RuleFault,
-    StrokeFault, TableFault,
+    EngineFault, Error, FileFault, LayoutFault, ParticleFault, PlacementFault, PlayersFault,
+    Result, RuleFault, StrokeFault, TableFault,
 };

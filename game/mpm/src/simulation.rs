@@ -19,6 +19,7 @@ use crate::storage::{DRIFT_MAX, Particle, Storage, Totals};
 const TRAVEL_CELLS_MAX: f64 = 0.5;
 
 /// Particles and the grid on which they meet.
+#[derive(Clone)]
 pub struct Simulation {
     settings: Settings,
     level: Level,

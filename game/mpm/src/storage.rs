@@ -97,6 +97,7 @@ impl Packet {
 }
 
 /// Particles of a block of cells.
+#[derive(Clone)]
 pub(crate) struct ParticleBlock {
     /// In blocks from the origin.
     pub(crate) coordinate: IVec3,
@@ -128,6 +129,7 @@ impl ParticleBlock {
 }
 
 /// Grid nodes of a block.
+#[derive(Clone)]
 pub(crate) struct NodeBlock {
     /// In blocks from the origin.
     pub(crate) coordinate: IVec3,
@@ -201,6 +203,7 @@ impl Totals {
 }
 
 /// All particles and nodes.
+#[derive(Clone)]
 pub(crate) struct Storage {
     pub(crate) cell_size_m: f32,
     pub(crate) blocks: Vec<ParticleBlock>,

@@ -9,9 +9,10 @@ use std::time::{Duration, Instant};
 
 use carom_billiards::rules::RuleSet;
 use carom_text::text;
-use egui::{Context, Key, Modifiers};
+use carom_window::notifications::FarmNotifier;
+use carom_window::toasts::Toasts;
+use egui::{Align2, Context, Key, Modifiers};
 
-use crate::app::farm_notifications::FarmNotifier;
 use crate::app::session::GameSession;
 use crate::audio::{self, Playback};
 use crate::camera::CameraIntent;
@@ -23,7 +24,6 @@ use crate::settings::{Settings, SettingsStore};
 use crate::ui::layout::{CUE_COLUMN, Layout};
 use crate::ui::lessons::Lesson;
 use crate::ui::menu::{self, Menu, MenuInput, Page};
-use crate::ui::toasts::Toasts;
 use crate::ui::{cue_panel, help, match_hud};
 
 /// The player's side of the program.
@@ -310,7 +310,11 @@ impl AppShell {
             }
             let mut standing = session.standing_notices();
             standing.extend(self.lesson(session));
-            self.toasts.draw(ctx, &mut layout, &standing);
+            if !(self.toasts.is_empty() && standing.is_empty()) {
+                layout.dock(ctx, "notes", Align2::CENTER_TOP, |ui| {
+                    self.toasts.show(ui, &standing)
+                });
+            }
             return;
         }
         let (sound, farm) = (self.playback.state(), session.farm_line());

@@ -4,20 +4,24 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use carom_billiards::game_match::{Match, MatchSave};
 use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
 use carom_farm::FarmConfig;
 use carom_text::text;
 use carom_tracer::ImageSize;
+use carom_window::connection::{WindowError, open_event_loop};
+use carom_window::display::Present;
+use carom_window::screen::Screen;
+use carom_window::theme;
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalSize};
 use winit::event::WindowEvent;
-use winit::event_loop::{ActiveEventLoop, EventLoop};
+use winit::event_loop::ActiveEventLoop;
 use winit::window::{Fullscreen, Window, WindowId};
 
-use super::window::Screen;
+use super::window;
 use super::window_events::translate;
 use crate::app::app_shell::AppShell;
 #[cfg(feature = "gamepad")]
@@ -27,19 +31,17 @@ use crate::args::Args;
 use crate::audio::Playback;
 use crate::audio::playback::SoundOutput;
 use crate::capture::ShotRecorder;
-use crate::display::Present;
 use crate::input::Event;
 use crate::play;
 use crate::scene::table_scene::TableScene;
 use crate::settings::{Settings, SettingsStore};
-use crate::ui;
 
 /// Plays in a window until it is closed.
 ///
 /// # Errors
 /// What was tried and what to install, if no window can be opened or drawn on.
 pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
-    let event_loop = open_event_loop()?;
+    let event_loop = open_event_loop::<()>(INSTEAD)?;
     let (_, recording) = args.table_and_recording()?;
     let settings = store(args);
     let kept_in = settings.path().map(|path| path.with_file_name(MATCH_FILE));
@@ -65,6 +67,7 @@ pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> any
     session.set_resolution(chosen.resolution);
     session.set_aids(chosen.aim_aids);
     session.set_ball_marks(chosen.ball_marks);
+    session.set_particle_precision(chosen.particle_precision);
     session.set_instant_camera(chosen.reduced_motion);
     if let Some(folder) = &args.record {
         session.record(ShotRecorder::new(folder.clone())?);
@@ -94,6 +97,7 @@ pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> any
         present,
         screen: None,
         events: Vec::new(),
+        pointer: egui::Pos2::ZERO,
         begun: Instant::now(),
         next_redraw: Instant::now(),
         failure: None,
@@ -135,51 +139,12 @@ fn store(args: &Args) -> SettingsStore {
     store.with_override(|settings| {
         settings.ball_set = args.ball_set.unwrap_or(settings.ball_set);
         settings.cloth = args.cloth.unwrap_or(settings.cloth);
+        settings.particles = args.particles.unwrap_or(settings.particles);
         settings.pockets = args.table.pockets.unwrap_or(settings.pockets);
         settings.table_speed = args.table.table_speed.unwrap_or(settings.table_speed);
         settings.physics = args.physics.unwrap_or(settings.physics);
     });
     store
-}
-
-/// Opens the connection to the display. Libraries that the system lacks make winit panic or fail,
-/// depending on which; both become the same sentence.
-fn open_event_loop() -> anyhow::Result<EventLoop<()>> {
-    let hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| {}));
-    let opened = std::panic::catch_unwind(EventLoop::new);
-    std::panic::set_hook(hook);
-    match opened {
-        Ok(Ok(event_loop)) => Ok(event_loop),
-        Ok(Err(error)) => Err(anyhow!("{}", reason(&error.to_string()))),
-        Err(panic) => Err(anyhow!("{}", panic_words(&*panic))),
-    }
-    .with_context(no_display)
-}
-
-/// winit puts the line of its own source in front.
-fn reason(error: &str) -> &str {
-    let after_file = error.rsplit_once(".rs:").map_or(error, |(_, rest)| rest);
-    after_file.split_once(": ").map_or(error, |(_, why)| why)
-}
-
-fn panic_words(panic: &(dyn std::any::Any + Send)) -> &str {
-    let words = panic.downcast_ref::<String>().map(String::as_str);
-    words
-        .or_else(|| panic.downcast_ref::<&str>().copied())
-        .unwrap_or(text!("window-library-failed"))
-}
-
-fn no_display() -> String {
-    let variable = |name: &str| match std::env::var(name) {
-        Ok(value) => format!("{name}={value}"),
-        Err(_) => text!("variable-not-set", name = name),
-    };
-    text!(
-        "window-not-opened",
-        wayland = variable("WAYLAND_DISPLAY"),
-        x11 = variable("DISPLAY")
-    )
 }
 
 pub(super) struct App {
@@ -194,6 +159,8 @@ pub(super) struct App {
     pub(super) screen: Option<Screen>,
     /// What has happened at the window since the last frame.
     pub(super) events: Vec<QueuedEvent>,
+    /// Where the pointer was last, points.
+    pointer: egui::Pos2,
     pub(super) begun: Instant,
     pub(super) next_redraw: Instant,
     failure: Option<anyhow::Error>,
@@ -251,7 +218,8 @@ impl ApplicationHandler for App {
                 if let Some(event) = translate(&event, scale) {
                     self.events.push(QueuedEvent {
                         event,
-                        is_taken: taken.consumed || screen.is_over_panel(event),
+                        is_taken: taken.consumed
+                            || window::is_over_panel(screen, &mut self.pointer, event),
                         at_secs: self.begun.elapsed().as_secs_f64(),
                     });
                 }
@@ -276,10 +244,20 @@ impl App {
             }
         };
         let attributes = attributes.with_fullscreen(fullscreen(settings.fullscreen));
-        let window = event_loop
-            .create_window(attributes)
-            .with_context(no_display)?;
-        Screen::open(Arc::new(window), event_loop, self.present, settings)
+        let window = event_loop.create_window(attributes);
+        let window = window.map_err(|why| WindowError::not_opened(INSTEAD, why))?;
+        self.open_screen(Arc::new(window), event_loop, self.present)
+    }
+
+    fn open_screen(
+        &self,
+        window: Arc<Window>,
+        event_loop: &ActiveEventLoop,
+        present: Option<Present>,
+    ) -> anyhow::Result<Screen> {
+        let screen = Screen::open(window, event_loop, present, INSTEAD)?;
+        window::apply_theme(&screen, self.shell.settings());
+        Ok(screen)
     }
 
     /// Does what changed settings mean for window and session.
@@ -294,6 +272,7 @@ impl App {
         self.session.set_resolution(now.resolution);
         self.session.set_aids(now.aim_aids);
         self.session.set_ball_marks(now.ball_marks);
+        self.session.set_particle_precision(now.particle_precision);
         self.session.set_instant_camera(now.reduced_motion);
         if now.style() != before.style()
             && let Err(error) = self.session.set_style(now.style())
@@ -304,7 +283,7 @@ impl App {
             if now.fullscreen != before.fullscreen {
                 screen.window.set_fullscreen(fullscreen(now.fullscreen));
             }
-            screen.apply_theme(&now);
+            window::apply_theme(screen, &now);
         }
         self.session.redraw();
         self.resized();
@@ -328,20 +307,16 @@ impl App {
     }
 
     fn follow_size(&mut self, screen: &Screen) {
-        let pixels = screen.window.inner_size();
-        ui::theme::set_scale(&screen.egui, screen.text_scale(self.shell.settings()));
-        self.session
-            .resize(ImageSize::new(pixels.width, pixels.height));
+        let scale = window::text_scale(screen, self.shell.settings());
+        theme::set_scale(&screen.egui, scale);
+        self.session.resize(screen.size());
     }
 
     fn resized(&mut self) {
         let Some(mut screen) = self.screen.take() else {
             return;
         };
-        let pixels = screen.window.inner_size();
-        screen
-            .display
-            .resize(ImageSize::new(pixels.width, pixels.height));
+        screen.display.resize(screen.size());
         self.follow_size(&screen);
         self.screen = Some(screen);
     }
@@ -357,8 +332,8 @@ impl App {
             return self.fail(event_loop, error);
         }
         tracing::warn!("{}: {why}; continuing without a GPU", screen.display.name());
-        let (window, settings) = (screen.window.clone(), self.shell.settings());
-        match Screen::open(window, event_loop, Some(Present::Software), settings) {
+        let window = screen.window.clone();
+        match self.open_screen(window, event_loop, Some(Present::Software)) {
             Ok(reopened) => self.screen = Some(reopened),
             Err(error) => self.fail(event_loop, error),
         }
@@ -374,5 +349,7 @@ fn fullscreen(wanted: bool) -> Option<Fullscreen> {
     wanted.then_some(Fullscreen::Borderless(None))
 }
 
+/// What needs no display.
+const INSTEAD: &str = "carom --headless";
 /// Beside the settings.
 const MATCH_FILE: &str = "match.carom";

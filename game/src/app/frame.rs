@@ -7,6 +7,7 @@ use carom_text::text;
 use winit::event_loop::{ActiveEventLoop, ControlFlow};
 
 use super::event_loop::{App, FrameCause};
+use super::window;
 #[cfg(feature = "gamepad")]
 use super::{event_loop::QueuedEvent, gamepads::GamepadEvent};
 
@@ -73,7 +74,8 @@ impl App {
             return;
         };
         let begun = Instant::now();
-        let interface = screen.draw_interface(&mut self.session, &mut self.shell, now_secs);
+        let interface =
+            window::draw_interface(screen, &mut self.session, &mut self.shell, now_secs);
         let presented = screen.display.show(self.session.displayed(), &interface);
         self.session.set_draw_secs(begun.elapsed().as_secs_f64());
         if let Err(why) = presented {

@@ -3,7 +3,6 @@
 pub mod app_shell;
 mod autosave;
 mod event_loop;
-pub mod farm_notifications;
 mod frame;
 #[cfg(feature = "gamepad")]
 mod gamepads;

@@ -1,13 +1,15 @@
 //! The mode of the window (game, replay or practice) and the view that it gives.
 
 use carom_billiards::physics::{BallPose, Table};
-use carom_tracer::Camera;
+use carom_tracer::{Camera, SceneUpdate};
 
 use crate::camera::{APERTURE_RADIUS_M, Viewpoint};
 use crate::capture::replay::ReplayPlayer;
+use crate::particles::ParticleMoment;
 use crate::play::practice::Practice;
 use crate::play::{Game, ShotClock};
 use crate::scene::cue_stick::CuePose;
+use crate::scene::table_scene::TableScene;
 
 /// What the window shows.
 #[derive(Debug)]
@@ -40,6 +42,8 @@ pub struct ModeView {
     pub poses: Vec<BallPose>,
     /// The cue, while there is one to show.
     pub cue: Option<CuePose>,
+    /// Particles.
+    pub particles: ParticleMoment,
     /// The clock of the shot that is on; none for another moment than now.
     pub clock: Option<ShotClock>,
 }
@@ -49,6 +53,14 @@ impl ModeView {
     pub fn camera(&self, table: &Table) -> Camera {
         let camera = self.viewpoint.camera_in(table);
         camera.aperture_radius_m(self.aperture_radius_m)
+    }
+
+    /// The traced scene in a room.
+    pub fn update(&self, room: &TableScene) -> SceneUpdate {
+        let camera = self.camera(room.table_inside());
+        let clouds = self.particles.clouds(room.particle_detail());
+        let update = room.update(camera, &self.poses, self.cue.as_ref());
+        update.particles(clouds)
     }
 }
 
@@ -67,6 +79,7 @@ impl Mode {
                     aperture_radius_m: 0.0,
                     poses: game.poses(moment),
                     cue: cue.map(|cue| cue.pose(game.table().cue_ball().radius_m)),
+                    particles: game.particles(moment),
                     clock,
                 }
             }
@@ -77,6 +90,7 @@ impl Mode {
                     aperture_radius_m: APERTURE_RADIUS_M,
                     poses: player.poses(moment),
                     cue: player.cue(game.table(), moment),
+                    particles: player.particles(moment),
                     clock,
                 }
             }
@@ -86,6 +100,7 @@ impl Mode {
                 aperture_radius_m: 0.0,
                 poses: practice.poses(),
                 cue: None,
+                particles: practice.particles(),
                 clock: None,
             },
         }

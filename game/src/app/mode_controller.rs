@@ -9,7 +9,7 @@
 
 use std::path::{Path, PathBuf};
 
-use carom_billiards::physics::{BallState, Clip, Recording, Shot};
+use carom_billiards::physics::{Clip, Recording, Shot};
 use carom_billiards::rules::RuleSet;
 use carom_text::text;
 use etcetera::BaseStrategy as _;
@@ -19,7 +19,7 @@ use crate::capture::replay::{ReplayCommand, ReplayPlayer};
 use crate::capture::{RecordingKind, RecordingStore, SavedRecording, ShotHistory, shot_title};
 use crate::input::{PracticeIntent, ReplayIntent};
 use crate::play::Game;
-use crate::play::practice::{Practice, PracticeCommand};
+use crate::play::practice::{Practice, PracticeCommand, PracticeLayout};
 use crate::{Error, Result};
 
 /// The mode, and what replays are made of.
@@ -162,7 +162,7 @@ impl ModeController {
 
     fn open_practice(&mut self, game: &Game) {
         self.refresh_files();
-        match Practice::new(game.world()) {
+        match Practice::new(game.world(), game.particle_precision()) {
             Ok(practice) => self.mode = Mode::Practice(Box::new(practice)),
             Err(error) => self.notify(error.to_string()),
         }
@@ -174,7 +174,7 @@ impl ModeController {
         command: ReplayCommand,
         game: &Game,
         now_secs: f64,
-    ) -> Option<Vec<BallState>> {
+    ) -> Option<PracticeLayout> {
         let Mode::Replay(player) = &mut self.mode else {
             return None;
         };
@@ -196,9 +196,9 @@ impl ModeController {
             // The session's, which has the farm.
             ReplayCommand::Film => Ok(()),
             ReplayCommand::Play => {
-                let balls = player.start();
+                let start = player.start();
                 self.mode = Mode::Game;
-                return Some(balls);
+                return Some(start);
             }
             ReplayCommand::Close => {
                 self.mode = Mode::Game;
@@ -215,7 +215,7 @@ impl ModeController {
         command: PracticeCommand,
         game: &Game,
         now_secs: f64,
-    ) -> Option<Vec<BallState>> {
+    ) -> Option<PracticeLayout> {
         let Mode::Practice(practice) = &mut self.mode else {
             return None;
         };
@@ -231,15 +231,25 @@ impl ModeController {
             PracticeCommand::LetGo => practice.let_go().map_err(Error::from),
             PracticeCommand::Add(number) => practice.add(number).map_err(Error::from),
             PracticeCommand::TakeAway(number) => practice.take_away(number),
+            PracticeCommand::Brush(brush) => {
+                practice.set_brush(brush);
+                Ok(())
+            }
+            PracticeCommand::Paint(at) => practice.paint(at).map_err(Error::from),
+            PracticeCommand::Trick(trick) => practice.lay_trick(trick).map_err(Error::from),
+            PracticeCommand::Sweep => {
+                practice.sweep();
+                Ok(())
+            }
             PracticeCommand::Save => {
                 let layout = practice.layout("A layout").map_err(Error::from);
                 layout.and_then(|layout| self.save(RecordingKind::Layout, &layout))
             }
             PracticeCommand::Open(path) => lay(practice, &path, game, now_secs),
             PracticeCommand::Play => {
-                let balls = practice.world().balls();
+                let layout = practice.table_layout();
                 self.mode = Mode::Game;
-                return Some(balls);
+                return Some(layout);
             }
             PracticeCommand::Close => {
                 self.mode = Mode::Game;
@@ -295,7 +305,7 @@ fn lay(practice: &mut Practice, path: &Path, game: &Game, now_secs: f64) -> Resu
         return Err(Error::OtherTable { table });
     }
     if let Some(player) = ReplayPlayer::new(recording, game.table(), now_secs) {
-        practice.lay(player.start())?;
+        practice.lay(player.start().balls, player.patches())?;
     }
     Ok(())
 }
@@ -369,7 +379,7 @@ mod tests {
         let balls = modes
             .command_replay(ReplayCommand::Play, &game, 3.0)
             .unwrap();
-        assert_eq!(balls.len(), 16);
+        assert_eq!(balls.balls.len(), 16);
         assert!(matches!(modes.mode(), Mode::Game));
     }
 
@@ -418,7 +428,7 @@ mod tests {
             .command_practice(PracticeCommand::Play, &game, 0.0)
             .unwrap();
         game.lay(&balls).unwrap();
-        assert_eq!(game.world().balls(), balls);
+        assert_eq!(game.world().balls(), balls.balls);
         modes.open_practice(&Game::new(2).unwrap());
         let path = modes.files()[0].path.clone();
         modes.command_practice(PracticeCommand::Open(path), &game, 0.0);
@@ -426,8 +436,9 @@ mod tests {
             modes
                 .command_practice(PracticeCommand::Play, &game, 0.0)
                 .unwrap()
+                .balls
                 .len(),
-            balls.len()
+            balls.balls.len()
         );
     }
 

@@ -15,7 +15,7 @@ use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use carom_billiards::physics::{Engine, Recording, Shot, Stroke, Table, World};
+use carom_billiards::physics::{Engine, ParticlePrecision, Recording, Shot, Stroke, Table, World};
 use carom_farm::{
     Farm, FarmConfig, Film, FilmFrames, FilmJob, FilmProgress, FrameRange, FrameStats, NodeState,
     NodeStatus, net,
@@ -156,9 +156,13 @@ fn going_on(kept: u32, frames: u32, folder: &Path) -> String {
 
 fn footage(args: &Args) -> anyhow::Result<ShotSequence> {
     let (table, recording) = args.table_and_recording()?;
-    let recording = match recording {
-        Some(recording) => recording,
-        None => Recording::of(
+    let recording = match (recording, args.trick) {
+        (Some(recording), _) => recording,
+        (None, Some(trick)) => {
+            let (world, stroke) = trick.world(&table, ParticlePrecision::default())?;
+            Recording::of(&table, "A trick table", world.strike(stroke)?)
+        }
+        (None, None) => Recording::of(
             &table,
             "A break",
             break_shot(&table, args.seed, args.physics.unwrap_or_default())?,

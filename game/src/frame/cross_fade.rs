@@ -1,8 +1,7 @@
 //! Cross-fade from the last picture of a moving view to the first sharp one of the view at rest.
 
 use carom_tracer::ImageSize;
-
-use crate::display::DisplayFrame;
+use carom_window::display::DisplayFrame;
 
 /// Blends the picture that was on the screen into the one that replaces it, so that the change of resolution when the
 /// view comes to rest is no jump.

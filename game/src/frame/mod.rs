@@ -1,10 +1,9 @@
-//! Frames of the farm on their way to the window: scheduling, accumulation, reprojection, cross-fade, quality.
+//! Frames of the farm on their way to the window: scheduling, accumulation, reprojection, cross-fade.
 
 pub mod accumulation;
 pub mod cross_fade;
 pub mod farm_startup;
 pub mod opening_still;
 pub mod pipeline;
-pub mod quality;
 pub mod reprojection;
 pub mod scheduler;

@@ -8,8 +8,8 @@
 
 use carom_farm::{Farm, FarmConfig, NodeStatus};
 use carom_tracer::{ImageSize, Scene, SceneUpdate};
+use carom_window::display::DisplayFrame;
 
-use crate::display::DisplayFrame;
 use crate::frame::accumulation::AccumulationThread;
 use crate::frame::cross_fade::CrossFade;
 use crate::frame::farm_startup::FarmState;

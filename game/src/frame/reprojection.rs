@@ -5,8 +5,7 @@ use std::thread::available_parallelism;
 
 use carom_tracer::reproject::View;
 use carom_tracer::{CompiledScene, Error, ImageSize, Scene, SceneUpdate, Tile};
-
-use crate::display::DisplayFrame;
+use carom_window::display::DisplayFrame;
 
 /// Moves pictures. Costs [`NEW_PIXEL_NANOS`] and [`MOVED_PIXEL_NANOS`] of processor time, on all threads, and nothing
 /// while the newest picture is of the present.
@@ -51,12 +50,14 @@ impl Reprojector {
         picture: &'a DisplayFrame,
         now: &SceneUpdate,
     ) -> &'a DisplayFrame {
-        if picture.update == *now {
+        let is_now =
+            |update: &SceneUpdate| (update.camera, &update.poses) == (now.camera, &now.poses);
+        if is_now(&picture.update) {
             self.moved = None;
             return picture;
         }
         let done =
-            |moved: &ReprojectedFrame| moved.of == picture.serial && moved.picture.update == *now;
+            |moved: &ReprojectedFrame| moved.of == picture.serial && is_now(&moved.picture.update);
         if !self.moved.as_ref().is_some_and(done) {
             self.moved = self.moved(picture, now);
         }
@@ -105,10 +106,11 @@ impl Reprojector {
             .as_ref()
             .is_none_or(|(of, _)| *of != picture.serial)
         {
-            self.scene.apply(&picture.update).ok()?;
+            self.scene.apply(&bodies(&picture.update)).ok()?;
             self.from = Some((picture.serial, View::new(&self.scene, picture.size)));
         }
-        self.scene.apply(now).ok()?;
+        let now = bodies(now);
+        self.scene.apply(&now).ok()?;
         let size = moved_size(picture.size, self.threads);
         let to = View::new(&self.scene, size);
         let (_, from) = self.from.as_ref()?;
@@ -121,9 +123,18 @@ impl Reprojector {
                 serial: SERIALS_FIRST + self.count,
                 size,
                 rgba: reprojected.pixels,
-                update: now.clone(),
+                update: now,
             },
         })
+    }
+}
+
+/// An update without its particles: they stay where they were on what is behind them.
+fn bodies(update: &SceneUpdate) -> SceneUpdate {
+    SceneUpdate {
+        camera: update.camera,
+        poses: update.poses.clone(),
+        particles: Vec::new(),
     }
 }
 
@@ -170,6 +181,7 @@ mod tests {
         SceneUpdate {
             camera: Some(camera),
             poses: Vec::new(),
+            ..SceneUpdate::default()
         }
     }
 

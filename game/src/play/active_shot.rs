@@ -2,10 +2,12 @@
 
 use std::cell::OnceCell;
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::camera::{
     CameraView, FollowCamera, Framing, ViewContext, ViewSelection, Viewpoint, smoothstep,
 };
+use crate::particles::{BedMoment, ChalkPuff, ParticleMoment};
 use carom_billiards::physics::{Shot, Stroke, Table};
 
 use super::cue::CueView;
@@ -33,12 +35,26 @@ pub(super) struct ActiveShot {
     pub(super) instant_camera: bool,
     /// Once it is asked for.
     pub(super) chase: OnceCell<FollowCamera>,
+    /// Once it is asked for.
+    pub(super) puff: OnceCell<Arc<ChalkPuff>>,
 }
 
 impl ActiveShot {
     /// The moment on show at `now_secs`, in seconds since the blow; negative before it.
     pub(super) fn clock_secs(&self, now_secs: f64) -> f64 {
         now_secs - self.contact_secs
+    }
+
+    /// The particles at a moment.
+    pub(super) fn particles(&self, moment_secs: f64) -> ParticleMoment {
+        let puff = self
+            .puff
+            .get_or_init(|| Arc::new(ChalkPuff::new(&self.shot)));
+        let track = self.shot.particles();
+        ParticleMoment {
+            dust: Some((Arc::clone(puff), moment_secs)),
+            bed: track.map(|track| BedMoment::Moving(Arc::clone(track), moment_secs)),
+        }
     }
 
     /// From behind the cue ball up and back to the whole table, or to another view that is chosen, as

@@ -16,19 +16,20 @@ mod cue_clearance;
 pub mod practice;
 mod shot_clock;
 mod shot_preview;
+mod shot_worker;
 mod stroke_input;
 #[cfg(test)]
 mod tests;
 pub mod tournament;
+pub mod tricks;
 mod turn_control;
 
 use std::cell::OnceCell;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use carom_billiards::game_match::{self, Match, MatchConfig, Player};
-use carom_billiards::physics::{
-    self, AimContact, BallPose, BallState, Pocket, Shot, Stroke, Table, World,
-};
+use carom_billiards::physics::{self, AimContact, BallPose, Pocket, Shot, Stroke, Table, World};
 use carom_billiards::rules::{Call, RuleSet};
 use carom_text::text;
 use carom_tracer::Camera;
@@ -39,6 +40,7 @@ use crate::camera::{
     Viewpoint, wrap_rad,
 };
 use crate::input::{AimIntent, StrokeIntent};
+use crate::particles::{BedMoment, ParticleMoment};
 use crate::scene::table_scene::TableScene;
 
 use active_shot::ActiveShot;
@@ -49,8 +51,10 @@ pub use cue::CueView;
 use cue::SWING_SECS;
 use cue_clearance::CueClearance;
 pub use cue_clearance::cue_of_shot;
+use practice::PracticeLayout;
 pub use shot_clock::ShotClock;
 pub use shot_preview::{AimAids, BallMarks, BallPath, ShotPreview};
+use shot_worker::ShotWorker;
 use stroke_input::{StrokeInput, SwingInput};
 
 /// A match, and how it is looked at.
@@ -72,6 +76,7 @@ pub struct Game {
     framing: Framing,
     /// Whether the power was set for a break.
     is_break: bool,
+    particle_precision: physics::ParticlePrecision,
 }
 
 /// What the player is doing.
@@ -85,6 +90,8 @@ enum TurnPhase {
     Planned(Box<PlannedStroke>),
     /// Striking.
     Stroking(StrokeInput),
+    /// Waiting, the cue drawn back, for what a shot through particles will be.
+    Simulating(Box<ShotWorker>),
     /// Watching.
     Watching(Box<ActiveShot>),
 }
@@ -116,6 +123,7 @@ impl Game {
             notice: None,
             framing: Framing::whole(DVec2::ONE),
             is_break: false,
+            particle_precision: physics::ParticlePrecision::default(),
         };
         game.begin_turn();
         game.smoother = CameraSmoother::new(game.aim_view());
@@ -127,6 +135,17 @@ impl Game {
         (self.aids, self.instant_camera, self.shots) =
             (other.aids, other.instant_camera, other.shots);
         self.set_engine(other.contest.world().engine());
+        self.particle_precision = other.particle_precision;
+    }
+
+    /// How finely what is laid on the table is simulated.
+    pub fn particle_precision(&self) -> physics::ParticlePrecision {
+        self.particle_precision
+    }
+
+    /// Simulates what is laid on the table from now on as finely as this.
+    pub fn set_particle_precision(&mut self, precision: physics::ParticlePrecision) {
+        self.particle_precision = precision;
     }
 
     /// Follows the window and its panels.
@@ -156,12 +175,13 @@ impl Game {
         self.instant_camera = instant_camera;
     }
 
-    /// Puts the balls of a free table so, with nothing in motion.
+    /// Puts balls and particles of a free table so, with nothing in motion.
     ///
     /// # Errors
     /// A sentence if they cannot lie like this, or in a game with rules; it stays as it was.
-    pub fn lay(&mut self, balls: &[BallState]) -> carom_billiards::Result<()> {
-        self.contest.arrange(balls)?;
+    pub fn lay(&mut self, layout: &PracticeLayout) -> carom_billiards::Result<()> {
+        self.contest
+            .arrange(&layout.balls, layout.particles.clone())?;
         if let TurnPhase::Watching(active) = &self.phase {
             self.smoother = CameraSmoother::new(active.from);
         }
@@ -206,6 +226,7 @@ impl Game {
         match &self.phase {
             TurnPhase::Stroking(_) => self.cancel(),
             TurnPhase::Placing(_) => self.put_back(),
+            TurnPhase::Simulating(_) => self.phase = TurnPhase::Aiming,
             TurnPhase::Aiming | TurnPhase::Planned(_) | TurnPhase::Watching(_) => return false,
         }
         true
@@ -221,6 +242,7 @@ impl Game {
             }
             TurnPhase::Watching(_) => return,
             TurnPhase::Planned(_) => self.follow_plan(now_secs),
+            TurnPhase::Simulating(_) => self.follow_simulation(now_secs),
             _ => self.think(now_secs),
         }
         match &self.phase {
@@ -265,6 +287,21 @@ impl Game {
         }
     }
 
+    /// The particles at `moment_secs` of the shot that is on, else as they lie.
+    pub fn particles(&self, moment_secs: f64) -> ParticleMoment {
+        match &self.phase {
+            TurnPhase::Watching(active) => active.particles(moment_secs),
+            _ => ParticleMoment {
+                dust: None,
+                bed: self
+                    .contest
+                    .world()
+                    .particles()
+                    .map(|bed| BedMoment::Lying(Arc::clone(bed))),
+            },
+        }
+    }
+
     /// The cue at `moment_secs` of the shot that is on.
     pub fn cue_in_shot(&self, moment_secs: f64) -> Option<CueView> {
         match &self.phase {
@@ -280,6 +317,7 @@ impl Game {
             TurnPhase::Aiming => self.contest.at_table().map(|_| resting),
             TurnPhase::Placing(_) => None,
             TurnPhase::Planned(planned) => self.planned_cue(planned, now_secs),
+            TurnPhase::Simulating(worker) => worker.cue.clone(),
             TurnPhase::Stroking(input) => {
                 let power = input.power(now_secs).unwrap_or(self.aim.power);
                 Some(resting.drawn(power, input.drawn_m(now_secs)))
@@ -295,7 +333,10 @@ impl Game {
             TurnPhase::Aiming => self.aim.power,
             // A rising power would change the prediction all the time.
             TurnPhase::Stroking(input) => input.power(now_secs).unwrap_or(self.aim.power),
-            TurnPhase::Watching(_) | TurnPhase::Planned(_) | TurnPhase::Placing(_) => return None,
+            TurnPhase::Watching(_)
+            | TurnPhase::Simulating(_)
+            | TurnPhase::Planned(_)
+            | TurnPhase::Placing(_) => return None,
         };
         if !self.may_play() && !matches!(self.phase, TurnPhase::Stroking(_)) {
             return None;
@@ -342,6 +383,7 @@ impl Game {
         match &self.phase {
             TurnPhase::Stroking(StrokeInput::Charging(_))
             | TurnPhase::Watching(_)
+            | TurnPhase::Simulating(_)
             | TurnPhase::Planned(_) => true,
             _ => self.smoother.viewpoint() != self.aim_view(),
         }
@@ -470,9 +512,30 @@ impl Game {
         self.phase = TurnPhase::Aiming;
         self.aim.set_power(power);
         let stroke = self.aim.stroke(power);
+        if self.contest.world().particles().is_some() {
+            match ShotWorker::start(self.contest.world(), stroke, cue) {
+                Ok(worker) => self.phase = TurnPhase::Simulating(Box::new(worker)),
+                Err(error) => self.notice = Some(error.to_string()),
+            }
+            return;
+        }
         let contact_secs = now_secs + lead_secs.clamp(SWING_SECS.start, SWING_SECS.end);
         match self.contest.strike(stroke) {
             Ok(shot) => self.watch(stroke, shot, cue, contact_secs),
+            Err(error) => self.notice = Some(error.to_string()),
+        }
+    }
+
+    /// Strikes once it is known what comes of it.
+    fn follow_simulation(&mut self, now_secs: f64) {
+        let TurnPhase::Simulating(worker) = &self.phase else {
+            return;
+        };
+        let Some(shot) = worker.poll() else { return };
+        let (stroke, cue) = (worker.stroke, worker.cue.clone());
+        self.phase = TurnPhase::Aiming;
+        match shot {
+            Ok(shot) => self.watch(stroke, shot, cue, now_secs + SWING_SECS.end),
             Err(error) => self.notice = Some(error.to_string()),
         }
     }
@@ -502,6 +565,7 @@ impl Game {
             pocket,
             instant_camera: self.instant_camera,
             chase: OnceCell::new(),
+            puff: OnceCell::new(),
         }));
     }
 

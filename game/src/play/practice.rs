@@ -5,11 +5,18 @@
 //! add, take_away, layout (a recording in which nothing moves)
 //! ```
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use carom_billiards::physics::{BallPose, BallState, Phase, Recording, World};
+use carom_billiards::physics::{
+    BallPose, BallState, ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, Phase,
+    Recording, World,
+};
 use glam::{DVec2, DVec3};
 
+use super::tricks::TrickTable;
+use crate::particles::{BedMoment, ParticleMoment};
 use crate::{PracticeFault, Result};
 
 /// A command of the practice page.
@@ -25,6 +32,14 @@ pub enum PracticeCommand {
     Add(u8),
     /// Take one off it.
     TakeAway(u8),
+    /// Paint with this, or with nothing: then balls are taken into the hand.
+    Brush(Option<ParticleMaterial>),
+    /// Cover the cloth around this place of the table, m.
+    Paint(DVec2),
+    /// Lay a trick table.
+    Trick(TrickTable),
+    /// Clear the cloth of all particles.
+    Sweep,
     /// Save the layout as a file.
     Save,
     /// Arrange the balls as a file has them.
@@ -40,6 +55,19 @@ pub enum PracticeCommand {
 pub struct Practice {
     world: World,
     held: Option<HeldBall>,
+    brush: Option<ParticleMaterial>,
+    /// What the cloth is covered with, by column and row.
+    patches: BTreeMap<(i16, i16), ParticleMaterial>,
+    precision: ParticlePrecision,
+}
+
+/// A table to play on from: what the practice page and replays hand over.
+#[derive(Clone, Debug)]
+pub struct PracticeLayout {
+    /// The balls.
+    pub balls: Vec<BallState>,
+    /// The particles.
+    pub particles: Option<Arc<ParticleBed>>,
 }
 
 /// A ball in the hand.
@@ -54,13 +82,112 @@ pub struct HeldBall {
 }
 
 impl Practice {
-    /// Begins with a table as it is. Balls that are in motion come to rest where they are.
+    /// Begins with a table as it is; particles that are laid are simulated with this precision. Balls that are in motion come to rest where they are.
     ///
     /// # Errors
     /// [`carom_billiards::Error::Layout`] if balls that were in the air cannot lie below.
-    pub fn new(world: &World) -> carom_billiards::Result<Self> {
-        let world = with_balls(world, at_rest(world.balls()))?;
-        Ok(Self { world, held: None })
+    pub fn new(world: &World, precision: ParticlePrecision) -> carom_billiards::Result<Self> {
+        let patches = world.particles().map_or(&[][..], |bed| bed.patches());
+        Ok(Self {
+            patches: by_place(patches),
+            precision,
+            world: with_balls(world, at_rest(world.balls()))?,
+            held: None,
+            brush: None,
+        })
+    }
+
+    /// What is painted with.
+    pub fn brush(&self) -> Option<ParticleMaterial> {
+        self.brush
+    }
+
+    /// Paints with this from now on, or with nothing.
+    pub fn set_brush(&mut self, brush: Option<ParticleMaterial>) {
+        (self.brush, self.held) = (brush, None);
+    }
+
+    /// Whether painting there would change anything.
+    pub fn is_bare(&self, at: DVec2) -> bool {
+        self.dab(at).next().is_some()
+    }
+
+    /// Covers the cloth around a place with what is painted with.
+    ///
+    /// # Errors
+    /// [`carom_billiards::Error::Particles`] if that is too much; it stays as it was.
+    pub fn paint(&mut self, at: DVec2) -> carom_billiards::Result<()> {
+        let mut patches = self.patches.clone();
+        patches.extend(
+            self.dab(at)
+                .map(|patch| ((patch.column, patch.row), patch.material)),
+        );
+        self.cover(patches)
+    }
+
+    /// The patches under the brush that lie on the cloth and are not covered so.
+    fn dab(&self, at: DVec2) -> impl Iterator<Item = ParticlePatch> {
+        let half = 0.5 * DVec2::new(self.world.table().length_m(), self.world.table().width_m());
+        let steps = (-1..=1).flat_map(|x| (-1..=1).map(move |y| DVec2::new(x.into(), y.into())));
+        let places = steps.map(move |step| at + ParticlePatch::EDGE_M * step);
+        let patches = places.filter_map(|at| ParticlePatch::around(self.brush?, at));
+        patches.filter(move |patch| {
+            let (low, high) = (patch.corner(), patch.corner() + ParticlePatch::EDGE_M);
+            let is_on_cloth = low.cmpge(-half).all() && high.cmple(half).all();
+            let there = self.patches.get(&(patch.column, patch.row));
+            is_on_cloth && there != Some(&patch.material)
+        })
+    }
+
+    /// Covers the cloth as a trick table has it, and nothing else.
+    ///
+    /// # Errors
+    /// [`carom_billiards::Error::Particles`].
+    pub fn lay_trick(&mut self, trick: TrickTable) -> carom_billiards::Result<()> {
+        self.cover(by_place(&trick.patches()))
+    }
+
+    /// Takes all particles away.
+    pub fn sweep(&mut self) {
+        self.patches.clear();
+        self.world.set_particles(None);
+    }
+
+    fn cover(
+        &mut self,
+        patches: BTreeMap<(i16, i16), ParticleMaterial>,
+    ) -> carom_billiards::Result<()> {
+        let list = patches
+            .iter()
+            .map(|(&(column, row), &material)| ParticlePatch {
+                material,
+                column,
+                row,
+            });
+        let (table, balls) = (self.world.table(), self.world.balls());
+        let bed = ParticleBed::new(table, &balls, &list.collect::<Vec<_>>(), self.precision)?;
+        self.world.set_particles(Some(Arc::new(bed)));
+        self.patches = patches;
+        Ok(())
+    }
+
+    /// The particles.
+    pub fn particles(&self) -> ParticleMoment {
+        ParticleMoment {
+            dust: None,
+            bed: self
+                .world
+                .particles()
+                .map(|bed| BedMoment::Lying(Arc::clone(bed))),
+        }
+    }
+
+    /// The table as it is to be played on from.
+    pub fn table_layout(&self) -> PracticeLayout {
+        PracticeLayout {
+            balls: self.world.balls(),
+            particles: self.world.particles().map(Arc::clone),
+        }
     }
 
     /// The table, with a ball in the hand where it was before.
@@ -194,14 +321,22 @@ impl Practice {
         Ok(Recording::of(self.world.table(), title, still))
     }
 
-    /// Lays the balls as they lie at the start of a shot or in a layout.
+    /// Lays balls and fresh particles as they lie at the start of a shot or in a layout.
     ///
     /// # Errors
     /// [`carom_billiards::Error::Layout`] if they cannot lie so on this table.
-    pub fn lay(&mut self, balls: Vec<BallState>) -> carom_billiards::Result<()> {
+    pub fn lay(
+        &mut self,
+        balls: Vec<BallState>,
+        patches: &[ParticlePatch],
+    ) -> carom_billiards::Result<()> {
         self.world = with_balls(&self.world, balls)?;
         self.held = None;
-        Ok(())
+        if patches.is_empty() {
+            self.sweep();
+            return Ok(());
+        }
+        self.cover(by_place(patches))
     }
 }
 
@@ -222,7 +357,15 @@ pub fn at_rest(mut balls: Vec<BallState>) -> Vec<BallState> {
 fn with_balls(world: &World, balls: Vec<BallState>) -> carom_billiards::Result<World> {
     let mut laid = World::with_laws(world.table().clone(), *world.laws(), balls)?;
     laid.set_engine(world.engine());
+    laid.set_particles(world.particles().map(Arc::clone));
     Ok(laid)
+}
+
+fn by_place(patches: &[ParticlePatch]) -> BTreeMap<(i16, i16), ParticleMaterial> {
+    let patches = patches.iter();
+    patches
+        .map(|patch| ((patch.column, patch.row), patch.material))
+        .collect()
 }
 
 /// Places round the middle, nearest first, `step_m` apart.
@@ -251,7 +394,7 @@ mod tests {
     fn practice() -> Practice {
         let table = Table::nine_foot();
         let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
-        Practice::new(&world).unwrap()
+        Practice::new(&world, ParticlePrecision::default()).unwrap()
     }
 
     #[test]
@@ -310,7 +453,7 @@ mod tests {
         let read = Recording::from_bytes(&layout.to_bytes().unwrap()).unwrap();
         let viewing = ReplayPlayer::new(read, practice.world().table(), 0.0).unwrap();
         let mut other = self::practice();
-        other.lay(viewing.start()).unwrap();
+        other.lay(viewing.start().balls, &[]).unwrap();
         let places = |p: &Practice| p.poses().iter().map(|b| b.position).collect::<Vec<_>>();
         assert_eq!(places(&other), places(&practice));
         let mut carom = Practice::new(
@@ -319,16 +462,20 @@ mod tests {
                 carom_billiards::physics::BallLayout { balls: Vec::new() },
             )
             .unwrap(),
+            ParticlePrecision::default(),
         )
         .unwrap();
         assert!(
             carom
-                .lay(vec![BallState::at_rest(
-                    1,
-                    1.2,
-                    0.0,
-                    &carom.world().table().ball()
-                )])
+                .lay(
+                    vec![BallState::at_rest(
+                        1,
+                        1.2,
+                        0.0,
+                        &carom.world().table().ball()
+                    )],
+                    &[]
+                )
                 .is_err()
         );
     }

@@ -78,13 +78,13 @@ pub struct BallPath {
 }
 
 impl ShotPreview {
-    /// Of `stroke`; nothing for a stroke that cannot be struck: striking it says why.
+    /// Of `stroke`, as if there were no particles; nothing for a stroke that cannot be struck: striking it says why.
     pub(super) fn of(world: &World, stroke: Stroke, aids: AimAids) -> Option<Self> {
         if aids == AimAids::Off {
             return None;
         }
         let ways = match aids {
-            AimAids::Full => ways(&world.strike(stroke).ok()?),
+            AimAids::Full => ways(&world.without_particles().strike(stroke).ok()?),
             _ => Vec::new(),
         };
         let line = physics::predict(world, stroke).ok()?;

@@ -6,6 +6,7 @@ use carom_billiards::rules::RuleSet;
 use carom_tracer::{Camera, Object, ObjectPose, Scene, SceneUpdate};
 use glam::{Quat, Vec3};
 
+use crate::particles::ParticleDetail;
 use crate::scene::cue_stick::{CUE_NAME, CuePose};
 use crate::scene::scene_builder::room;
 use crate::scene::table_style::TableStyle;
@@ -18,6 +19,7 @@ pub struct TableScene {
     balls: Vec<(u8, u32)>,
     /// The cue's object, which a table without a cue ball has none of.
     cue: Option<u32>,
+    detail: ParticleDetail,
 }
 
 impl TableScene {
@@ -59,6 +61,7 @@ impl TableScene {
         let cue = scene.objects.iter().position(is_cue);
         Self {
             table: table.clone(),
+            detail: style.particles,
             cue: cue.map(|index| index as u32),
             scene,
             balls,
@@ -68,6 +71,11 @@ impl TableScene {
     /// What the room was made round.
     pub fn table_inside(&self) -> &Table {
         &self.table
+    }
+
+    /// How many particles its pictures show.
+    pub fn particle_detail(&self) -> ParticleDetail {
+        self.detail
     }
 
     /// What a farm is given once.
@@ -97,6 +105,7 @@ impl TableScene {
                 .map(pose_of)
                 .chain(self.cue_pose(cue))
                 .collect(),
+            particles: Vec::new(),
         }
     }
 

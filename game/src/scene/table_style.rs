@@ -4,6 +4,7 @@ use carom_billiards::rules::RuleSet;
 use clap::ValueEnum;
 use glam::Vec3;
 
+use crate::particles::ParticleDetail;
 use crate::scene::ball_materials::BallSet;
 
 /// The colour of the cloth.
@@ -99,6 +100,8 @@ pub struct TableStyle {
     pub cue: CueStyle,
     /// Light of the room.
     pub brightness: Brightness,
+    /// How much dust there is.
+    pub particles: ParticleDetail,
 }
 
 impl From<BallSet> for TableStyle {

@@ -15,16 +15,17 @@ mod engine_cost;
 mod field;
 mod store;
 
+use carom_farm::quality::{QualityPreference, Resolution};
 pub use engine_cost::{engine_cost, engine_cost_table};
 pub use field::{FIELDS, SettingsField};
 pub use store::SettingsStore;
 
-use carom_billiards::physics::{Engine, PocketSize, TableOptions, TableSpeed};
+use carom_billiards::physics::{Engine, ParticlePrecision, PocketSize, TableOptions, TableSpeed};
 use carom_billiards::rules::RuleSet;
 
 use crate::camera::{SAVED_MAX, Viewpoint};
-use crate::frame::quality::{QualityPreference, Resolution};
 use crate::input::{Bindings, MouseSettings};
+use crate::particles::ParticleDetail;
 use crate::play::{AimAids, BallMarks};
 use crate::scene::ball_materials::BallSet;
 use crate::scene::table_style::{Brightness, ClothColour, CueStyle, TableStyle};
@@ -53,12 +54,16 @@ pub struct Settings {
     pub cue: CueStyle,
     /// Light of the room.
     pub brightness: Brightness,
+    /// How much dust there is.
+    pub particles: ParticleDetail,
     /// Pockets of the tables that games are begun on.
     pub pockets: PocketSize,
     /// Cloth of the tables that games are begun on.
     pub table_speed: TableSpeed,
     /// What moves the balls.
     pub physics: Engine,
+    /// How finely what lies on trick tables is simulated.
+    pub particle_precision: ParticlePrecision,
     /// What is given up first while things move.
     pub quality: QualityPreference,
     /// How sharp a picture at rest is.
@@ -99,6 +104,7 @@ impl Settings {
             cloth: self.cloth,
             cue: self.cue,
             brightness: self.brightness,
+            particles: self.particles,
         }
     }
 
@@ -138,9 +144,11 @@ impl Default for Settings {
             cloth: ClothColour::default(),
             cue: CueStyle::default(),
             brightness: Brightness::default(),
+            particles: ParticleDetail::default(),
             pockets: PocketSize::default(),
             table_speed: TableSpeed::default(),
             physics: Engine::default(),
+            particle_precision: ParticlePrecision::default(),
             quality: QualityPreference::default(),
             resolution: Resolution::default(),
             threads: 0,

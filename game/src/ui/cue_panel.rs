@@ -2,13 +2,13 @@
 
 use carom_billiards::physics;
 use carom_text::text;
+use carom_window::theme::{INK, PANEL};
 use egui::{
     Align2, Area, Color32, Context, CornerRadius, FontId, Id, Order, Pos2, Rect, Response, Role,
     Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
 };
 use glam::DVec2;
 
-use super::theme::{INK, PANEL};
 use crate::input::{AimIntent, Intent};
 use crate::play::{CueView, cue_speed_m_s};
 
@@ -122,7 +122,7 @@ fn words(ctx: &Context, at: Pos2, cue: &CueView) {
         words.push((text!("cue-raised", degrees = degrees), INK));
     }
     if cue.tip.length() > physics::Cue::default().miscue_offset() {
-        words.push((text!("cue-slips").to_owned(), super::theme::ALARM));
+        words.push((text!("cue-slips").to_owned(), carom_window::theme::ALARM));
     }
     if words.is_empty() {
         return;

@@ -1,9 +1,9 @@
 //! Help on keys and mouse, made from the action map: the panel, and `CONTROLS.md`.
 
 use carom_text::text;
+use carom_window::theme;
 use egui::{Align2, Area, Color32, Context, Grid, Id, Order, RichText, ScrollArea};
 
-use super::theme;
 use crate::input::{Action, Bindings, Group};
 
 /// All controls in the middle of the window, under their headings.

@@ -1,9 +1,9 @@
 //! The page where every control can be given other keys.
 
 use carom_text::text;
+use carom_window::theme;
 use egui::{Grid, RichText, ScrollArea, Ui};
 
-use super::theme;
 use crate::input::{Action, BindingError, Bindings, Group, Trigger};
 
 /// What is being bound.

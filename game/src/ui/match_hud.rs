@@ -6,13 +6,13 @@ use std::rc::Rc;
 use carom_billiards::game_match::{Match, MatchView, PlayerView};
 use carom_billiards::rules::{Call, RuleSet, TableLayout};
 use carom_text::text;
+use carom_window::theme;
 use egui::{
     Align, Align2, Button, Context, Label, Rect, RichText, ScrollArea, Sense, Stroke, Ui, Vec2,
     WidgetInfo,
 };
 
 use super::layout::{LOW, Layout};
-use super::theme;
 use crate::input::{Action, AppIntent, Bindings, Intent, MatchIntent};
 
 /// What the board shows.
@@ -376,13 +376,25 @@ mod tests {
         }
     }
 
+    /// Gives a test's context this look in its first frame, in which nothing can be drawn yet; then says so.
+    fn is_dressed(ctx: &egui::Context) -> bool {
+        let id = egui::Id::unique("dressed");
+        let was = ctx.data(|data| data.get_temp(id)).unwrap_or(false);
+        if !was {
+            theme::apply(ctx, 1.0, false);
+            ctx.data_mut(|data| data.insert_temp(id, true));
+            ctx.request_repaint();
+        }
+        was
+    }
+
     fn clicked(hud: &MatchHud, label: &str) -> Vec<Intent> {
         let intents = RefCell::new(Vec::new());
         let bindings = Bindings::default();
         let mut harness = Harness::builder()
             .with_size(Vec2::new(1280.0, 720.0))
             .build_ui(|ui| {
-                if theme::is_dressed(ui.ctx()) {
+                if is_dressed(ui.ctx()) {
                     let mut layout = Layout::new(ui.ctx().content_rect());
                     let asked = draw(ui.ctx(), &mut layout, hud, &bindings, true);
                     intents.borrow_mut().extend(asked);
@@ -437,7 +449,7 @@ mod tests {
             let mut harness = Harness::builder()
                 .with_size(Vec2::new(1280.0, height))
                 .build_ui(|ui| {
-                    if theme::is_dressed(ui.ctx()) {
+                    if is_dressed(ui.ctx()) {
                         let mut layout = Layout::new(ui.ctx().content_rect());
                         draw(ui.ctx(), &mut layout, &hud, &bindings, false);
                     }
@@ -463,7 +475,7 @@ mod tests {
         let mut harness = Harness::builder()
             .with_size(Vec2::new(1280.0, 720.0))
             .build_ui(|ui| {
-                if theme::is_dressed(ui.ctx()) {
+                if is_dressed(ui.ctx()) {
                     let mut layout = Layout::new(ui.ctx().content_rect());
                     draw(ui.ctx(), &mut layout, &hud, &bindings, false);
                 }

@@ -6,12 +6,13 @@
 use carom_billiards::game_match::MatchView;
 use carom_billiards::rules::RuleSet;
 use carom_text::text;
+use carom_window::theme;
 use egui::{Button, Context, FocusDirection, Id, Key, Modal, RichText, ScrollArea, Ui};
 
 use super::keys::Rebinding;
 use super::new_game::NewGame;
 pub use super::page::{MenuInput, Page};
-use super::{keys, new_game, preferences, theme};
+use super::{keys, new_game, preferences};
 use crate::input::{AppIntent, Intent, MatchIntent, PracticeIntent, ReplayIntent, Trigger};
 use crate::settings::{Settings, SettingsStore};
 

@@ -1,10 +1,8 @@
-//! The interface over the picture, drawn at once and without the farm: cue, aim, power, keys,
-//! statistics.
+//! The interface over the picture, drawn at once and without the farm: cue, aim, power, keys.
 
 pub mod aim;
 pub mod cue_panel;
 pub mod help;
-pub mod input_batches;
 mod keys;
 pub mod layout;
 pub mod lessons;
@@ -15,6 +13,3 @@ mod page;
 pub mod practice;
 mod preferences;
 pub mod replay;
-pub mod stats;
-pub mod theme;
-pub mod toasts;

@@ -5,10 +5,10 @@ use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
 use carom_text::text;
+use carom_window::theme;
 use egui::{Grid, RichText, Ui};
 
 use super::preferences::value_name;
-use super::theme;
 
 /// What the player wants to play.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,15 +1,20 @@
 //! The page over a table that is being laid: balls follow the pointer, others come and go.
 
+use carom_billiards::physics::ParticleMaterial;
 use carom_text::text;
-use egui::{Align2, Color32, Context, FontId, RichText, Stroke};
+use carom_window::theme;
+use clap::ValueEnum as _;
+use egui::{Align2, Color32, Context, FontId, RichText, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
 use super::aim::AimOverlay;
 use super::layout::Layout;
-use super::{replay, theme};
+use super::preferences::value_name;
+use super::replay;
 use crate::camera::Projection;
 use crate::capture::SavedRecording;
 use crate::play::practice::{Practice, PracticeCommand};
+use crate::play::tricks::TrickTable;
 
 /// Draws the page at the bottom; what the player wants.
 pub fn panel(
@@ -46,6 +51,7 @@ pub fn panel(
                     }
                 }
             });
+            ui.horizontal_wrapped(|ui| command = command.take().or(brushes(ui, practice)));
             ui.horizontal_wrapped(|ui| {
                 if ui.button(text!("practice-play")).clicked() {
                     command = Some(PracticeCommand::Play);
@@ -70,7 +76,36 @@ pub fn panel(
     })
 }
 
-/// What the pointer does to the balls, seen through `projection`.
+/// What the cloth is painted with, and tables that are.
+fn brushes(ui: &mut Ui, practice: &Practice) -> Option<PracticeCommand> {
+    let mut command = None;
+    ui.label(text!("practice-paint"));
+    for material in ParticleMaterial::ALL {
+        let is_chosen = practice.brush() == Some(material);
+        let name = text!(&format!("practice-{}", value_name(&material)));
+        if ui.selectable_label(is_chosen, name).clicked() {
+            let brush = Some(material).filter(|_| !is_chosen);
+            command = Some(PracticeCommand::Brush(brush));
+        }
+    }
+    if practice.world().particles().is_some() && ui.button(text!("practice-sweep")).clicked() {
+        command = Some(PracticeCommand::Sweep);
+    }
+    ui.menu_button(text!("practice-tricks"), |ui| {
+        for trick in TrickTable::value_variants() {
+            if ui
+                .button(text!(&format!("practice-{}", value_name(trick))))
+                .clicked()
+            {
+                command = Some(PracticeCommand::Trick(*trick));
+                ui.close();
+            }
+        }
+    });
+    command
+}
+
+/// What the pointer does to the balls and the cloth, seen through `projection`.
 pub fn hand(
     ctx: &Context,
     projection: &Projection,
@@ -83,6 +118,12 @@ pub fn hand(
         let film = DVec2::new(f64::from(at.x), f64::from(at.y));
         let place = projection.world_from_film(film, radius_m)?.truncate();
         match practice.held() {
+            None if practice.brush().is_some() => {
+                let paints = free && input.pointer.primary_down();
+                // Near the cloth: what is painted is lower than balls are.
+                let place = projection.world_from_film(film, 0.0)?.truncate();
+                (paints && practice.is_bare(place)).then_some(PracticeCommand::Paint(place))
+            }
             None if free && input.pointer.primary_pressed() => Some(PracticeCommand::Grab(place)),
             Some(_) if !input.pointer.primary_down() => Some(PracticeCommand::LetGo),
             Some(held) if held.at != place => Some(PracticeCommand::Drag(place)),

@@ -4,11 +4,11 @@ use std::thread::available_parallelism;
 
 use carom_billiards::physics::Engine;
 use carom_text::text;
+use carom_window::theme;
 use clap::ValueEnum;
 use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
 use super::page::{MenuInput, Page};
-use super::theme;
 use crate::input::MouseSettings;
 use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table};
 
@@ -72,6 +72,7 @@ fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
     choice(ui, "brightness", &mut settings.brightness);
     choice(ui, "quality", &mut settings.quality);
     choice(ui, "resolution", &mut settings.resolution);
+    choice(ui, "particles", &mut settings.particles);
     ui.label(text!("setting-farm"));
     ui.vertical(|ui| {
         ui.label(input.farm);
@@ -157,6 +158,7 @@ fn advanced(ui: &mut Ui, settings: &mut Settings) {
         explain(ui, &engine_cost(&settings.physics));
     });
     ui.end_row();
+    choice(ui, "particle-precision", &mut settings.particle_precision);
 }
 
 fn mouse(ui: &mut Ui, mouse: &mut MouseSettings) {
@@ -208,13 +210,14 @@ const ENGINES: [&str; 4] = ["exact", "rapier-60", "rapier-240", "rapier-1000"];
 
 #[cfg(test)]
 mod tests {
-    use carom_billiards::physics::{PocketSize, TableSpeed};
+    use carom_billiards::physics::{ParticlePrecision, PocketSize, TableSpeed};
 
     use super::*;
-    use crate::frame::quality::{QualityPreference, Resolution};
+    use crate::particles::ParticleDetail;
     use crate::play::{AimAids, BallMarks};
     use crate::scene::ball_materials::BallSet;
     use crate::scene::table_style::{Brightness, ClothColour, CueStyle};
+    use carom_farm::quality::{QualityPreference, Resolution};
 
     /// The sentence of each choice is that of the command line.
     fn check<T: ValueEnum>(key: &str) {
@@ -242,6 +245,8 @@ mod tests {
         check::<Brightness>("brightness");
         check::<QualityPreference>("quality");
         check::<Resolution>("resolution");
+        check::<ParticleDetail>("particles");
+        check::<ParticlePrecision>("particle-precision");
     }
 
     #[test]

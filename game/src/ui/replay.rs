@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use carom_text::text;
+use carom_window::theme;
 use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Slider, Ui};
 
 use super::layout::Layout;
-use super::theme;
 use crate::capture::replay::{ReplayCommand, ReplayPlayer};
 use crate::capture::{RecordingKind, SavedRecording};
 use crate::input::{Action, Bindings, ReplayControl};

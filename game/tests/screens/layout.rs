@@ -2,8 +2,8 @@
 
 use carom::camera::Projection;
 use carom::ui::menu::Page;
-use carom::ui::theme::fitting_scale;
 use carom_billiards::rules::RuleSet;
+use carom_window::theme::fitting_scale;
 use egui::{Order, Pos2, Rect, Vec2};
 use egui_kittest::Harness;
 

@@ -2,7 +2,7 @@
 //! There is no farm: the table is played all the same.
 
 mod layout;
-#[path = "../looks/mod.rs"]
+#[path = "../../../farm/window/tests/looks/mod.rs"]
 mod looks;
 mod newcomer;
 mod pictures;

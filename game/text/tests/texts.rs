@@ -10,7 +10,12 @@ use fluent_syntax::ast::{
 use proc_macro2::{Delimiter, Group, TokenStream, TokenTree};
 
 /// Where the texts of the interface are shown from.
-const SHOWN_BY: [&str; 2] = ["src", "billiards/src"];
+const SHOWN_BY: [&str; 4] = [
+    "src",
+    "billiards/src",
+    "../farm/viewer/src",
+    "../farm/window/src",
+];
 
 /// Files whose sentences no window shows, each with what reads them.
 const NOT_SHOWN: &[(&str, &str)] = &[
@@ -72,6 +77,8 @@ const NOT_SHOWN: &[(&str, &str)] = &[
         "names of objects and materials",
     ),
     ("src/scene/table_args.rs", "the help of the command line"),
+    ("../farm/viewer/src/args.rs", "the help of the command line"),
+    ("../farm/viewer/src/main.rs", "the command line"),
 ];
 
 /// Macros whose sentences no window shows: of logs, the command line, faults of the program, and ends of a sentence.

@@ -15,6 +15,7 @@ use crate::message::{
     FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId,
     RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest, VERSION,
 };
+use crate::particle_codec::ParticleEncoder;
 use crate::precision::PixelPrecision;
 use crate::tile_codec::{Decoder, TilePixels};
 
@@ -129,6 +130,7 @@ pub struct ClientSession {
     refused: RefusedRequests,
     references: ReferenceList,
     last_request: Option<RequestId>,
+    particles: ParticleEncoder,
     /// Scenes without an answer, in order, with the bytes of their messages.
     scenes_asked: VecDeque<(SceneHash, usize)>,
     /// Pings without an answer, in order.
@@ -148,6 +150,7 @@ impl ClientSession {
             refused: RefusedRequests::default(),
             references: ReferenceList::default(),
             last_request: None,
+            particles: ParticleEncoder::default(),
             scenes_asked: VecDeque::new(),
             pings: VecDeque::new(),
             decoder: Decoder::new(),
@@ -210,7 +213,13 @@ impl ClientSession {
         }
         let references = self.references.fill_in(&mut request);
         let (hash, state) = (request.scene, OpenRequest::new(&request, references));
+        let update = &request.update;
+        let invalid = |fault| Error::unsendable("trace request", Reason::tracer(fault));
+        update.validate_particles().map_err(invalid)?;
+        let particles = std::mem::take(&mut request.update.particles);
+        request.particles = self.particles.encode(&particles);
         self.send(&ToNode::Trace(Box::new(request)))?;
+        self.particles.remember(id, particles);
         self.scenes.touch(hash);
         self.last_request = Some(id);
         self.requests.insert(id, state);

@@ -18,6 +18,7 @@ use crate::message::{
     FrameId, NodeInfo, NodeLoad, Refusal, RefusalReason, RequestId, RequestReport, SceneHash,
     TilesDone, ToClient, ToNode, TraceRequest, VERSION,
 };
+use crate::particle_codec::{CodedParticles, ParticleDecoder};
 use crate::tile_codec::TilePixels;
 
 /// An event of a node's session.
@@ -111,6 +112,8 @@ pub struct NodeSession {
     requests: BTreeMap<RequestId, AcceptedRequest>,
     /// Of the requests that have come in order.
     last_request: Option<RequestId>,
+    /// Holds the particles of that.
+    particles: ParticleDecoder,
     /// Requests above it that have been begun by a copy, at most [`REQUESTS_QUEUED_MAX`].
     begun: BTreeMap<RequestId, CopiedRequest>,
     /// The last [`REQUESTS_REFUSED_KEPT`] requests that were answered in full: their tiles may be under way.
@@ -170,6 +173,7 @@ impl NodeSession {
             scenes: SceneCache::new(),
             requests: BTreeMap::new(),
             last_request: None,
+            particles: ParticleDecoder::default(),
             begun: BTreeMap::new(),
             answered: VecDeque::new(),
             unwanted: Vec::new(),
@@ -451,7 +455,7 @@ impl NodeSession {
 
     fn queue(
         &mut self,
-        request: Box<TraceRequest>,
+        mut request: Box<TraceRequest>,
         packet: &[u8],
     ) -> Result<Option<NodeEvent>, Error> {
         let id = request.id;
@@ -467,6 +471,8 @@ impl NodeSession {
         {
             return Err(Error::out_of_order("trace request", Reason::CopyDiffers));
         }
+        self.decode_particles(&mut request)?;
+        self.particles.remember(id, &request.update.particles);
         // First the scene is used, then the request may be refused: the client does the same.
         let refusal = match self.scenes.touch(request.scene) {
             // To be asked for again: some of its tiles may have been sent.
@@ -493,7 +499,7 @@ impl NodeSession {
         if self.state == SessionState::New {
             return Ok(None);
         }
-        let ToNode::Trace(request) = codec::decode_to_node(bytes)? else {
+        let ToNode::Trace(mut request) = codec::decode_to_node(bytes)? else {
             let what = Channel::Copy.packet_name();
             return Err(Error::out_of_order(what, Reason::CopyOfNoRequest));
         };
@@ -506,6 +512,9 @@ impl NodeSession {
             return Ok(None);
         };
         let scene = Arc::clone(scene);
+        if self.decode_particles(&mut request).is_err() {
+            return Ok(None);
+        }
         let copy = CopiedRequest {
             digest: blake3::hash(bytes),
             stopped: false,
@@ -513,6 +522,15 @@ impl NodeSession {
         self.begun.insert(id, copy);
         self.requests.insert(id, AcceptedRequest::new(&request));
         Ok(Some(NodeEvent::Trace { request, scene }))
+    }
+
+    fn decode_particles(&self, request: &mut TraceRequest) -> Result<(), Error> {
+        let malformed = |reason| Error::malformed("trace request", reason);
+        let coded: CodedParticles = std::mem::take(&mut request.particles);
+        let particles = self.particles.decode(&coded).map_err(malformed)?;
+        request.update.particles = particles;
+        let checked = request.update.validate_particles();
+        checked.map_err(|fault| malformed(Reason::tracer(fault)))
     }
 
     /// Refuses the requests that `unwanted` chooses and drops their results that still wait. Those

@@ -312,7 +312,7 @@ fn checked_pixels(tiles: impl Iterator<Item = Tile>, format: PixelFormat) -> Res
 /// One zstd frame (RFC 8878), all of the bytes, without a dictionary, of a stated size among
 /// `sizes`, which it hands out. Zstd alone would also take several frames, skippable ones among
 /// them.
-fn check_frame(frame: &[u8], sizes: &RangeInclusive<usize>) -> Result<usize, Reason> {
+pub(crate) fn check_frame(frame: &[u8], sizes: &RangeInclusive<usize>) -> Result<usize, Reason> {
     if !frame.starts_with(&zstd_safe::MAGICNUMBER.to_le_bytes()) {
         return Err(Reason::ZstdMagic);
     }

@@ -78,6 +78,7 @@ use std::sync::Arc;
 use carom_tracer::Tile;
 use carom_tracer::tonemap::srgb8;
 
+pub(crate) use self::decode::check_frame;
 use self::decode::from_f16;
 use self::encode::f16_bits;
 use crate::message::PixelFormat;

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use carom_protocol::limits::{POSES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::{
-    FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId,
-    RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest, message::VERSION,
+    CodedParticles, FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal, RefusalReason,
+    RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    message::VERSION,
 };
 use carom_tracer::{
     Camera, DeviceInfo, DeviceKind, Environment, ImageSize, ImageTexture, Lens, Material,
@@ -120,6 +121,7 @@ pub(crate) fn request() -> impl Strategy<Value = TraceRequest> {
             format,
             precision: carom_protocol::PrecisionRange::EXACT,
             references: Vec::new(),
+            particles: CodedParticles::default(),
         },
     )
 }
@@ -159,6 +161,7 @@ fn update() -> impl Strategy<Value = SceneUpdate> {
     (eye, prop::collection::vec(pose, 0..=POSES_MAX)).prop_map(|(eye, poses)| SceneUpdate {
         camera: eye.map(|distance| camera(Vec3::Y * distance)),
         poses,
+        ..SceneUpdate::default()
     })
 }
 

@@ -7,8 +7,8 @@ use carom_protocol::tile_codec::{
     Decoder, DeltaStats, Encoder, ReferenceTile, TileInput, TilePixels,
 };
 use carom_protocol::{
-    ClientEvent, ClientSession, FrameId, NodeEvent, NodeSession, PixelFormat, PixelPrecision,
-    PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone, TraceRequest,
+    ClientEvent, ClientSession, CodedParticles, FrameId, NodeEvent, NodeSession, PixelFormat,
+    PixelPrecision, PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone, TraceRequest,
 };
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile, TileGrid, TileRange};
@@ -413,6 +413,7 @@ impl FramePair {
             format: PixelFormat::Srgb8 { exposure: 1.0 },
             precision: PrecisionRange::only(precision),
             references: Vec::new(),
+            particles: CodedParticles::default(),
         };
         self.client.trace(request).unwrap();
     }

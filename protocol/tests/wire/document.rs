@@ -6,8 +6,9 @@ use carom_protocol::framing::frame;
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::{Encoder, ReferenceTile, TileInput};
 use carom_protocol::{
-    FrameId, NodeInfo, NodeTimes, PixelFormat, PixelPrecision, PrecisionRange, ReferenceRange,
-    RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest, codec,
+    CodedParticles, FrameId, NodeInfo, NodeTimes, PixelFormat, PixelPrecision, PrecisionRange,
+    ReferenceRange, RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    codec,
 };
 use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, ObjectPose, RenderSettings, SceneUpdate, TileGrid, TileRange,
@@ -56,6 +57,7 @@ fn request(id: u64, tiles: TileRange) -> TraceRequest {
         format: PixelFormat::Srgb8 { exposure: 1.0 },
         precision: PrecisionRange::EXACT,
         references: Vec::new(),
+        particles: CodedParticles::default(),
     }
 }
 

@@ -5,9 +5,9 @@ use carom_protocol::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX, REQUESTS_R
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::Encoder;
 use carom_protocol::{
-    Channel, ClientEvent, ClientSession, Error, FrameId, NodeEvent, NodeLoad, NodeSession, Packet,
-    PixelFormat, ReceivedScene, Refusal, RefusalReason, RequestId, RequestReport, SceneHash,
-    TilesDone, ToClient, ToNode, TraceRequest,
+    Channel, ClientEvent, ClientSession, CodedParticles, Error, FrameId, NodeEvent, NodeLoad,
+    NodeSession, Packet, PixelFormat, ReceivedScene, Refusal, RefusalReason, RequestId,
+    RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
 use carom_tracer::{
     ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRange,
@@ -45,6 +45,7 @@ fn request(scene: &Scene, id: u64) -> TraceRequest {
         format: PixelFormat::Srgb8 { exposure: 1.0 },
         precision: carom_protocol::PrecisionRange::EXACT,
         references: Vec::new(),
+        particles: CodedParticles::default(),
     }
 }
 

@@ -6,4 +6,5 @@ mod document;
 mod hostile;
 mod messages;
 mod pair;
+mod particles;
 mod tiles;

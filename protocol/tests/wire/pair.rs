@@ -6,8 +6,9 @@ use std::sync::Arc;
 use carom_protocol::limits::{REQUESTS_QUEUED_MAX, SCENES_KEPT_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::tile_codec::{Encoder, TilePixels};
 use carom_protocol::{
-    Channel, ClientEvent, ClientSession, FrameId, NodeEvent, NodeLoad, NodeSession, Packet,
-    PixelFormat, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone, TraceRequest,
+    Channel, ClientEvent, ClientSession, CodedParticles, FrameId, NodeEvent, NodeLoad, NodeSession,
+    Packet, PixelFormat, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone,
+    TraceRequest,
 };
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
 use proptest::prelude::*;
@@ -120,6 +121,7 @@ impl Pair {
             format: PixelFormat::LinearF32,
             precision: carom_protocol::PrecisionRange::EXACT,
             references: Vec::new(),
+            particles: CodedParticles::default(),
         };
         self.client.trace(request).unwrap();
         let (received, cancelled, ended) = (BTreeSet::new(), false, false);

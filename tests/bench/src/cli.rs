@@ -6,8 +6,8 @@ use clap::{Parser, Subcommand};
 
 use crate::{
     BenchError, balance, bvh, cluster, codec, faults, first_frames, kernel_specialization, latency,
-    latency_hiding, mitsuba_scene, node, overlay, physics, play, proxy, quality, tradeoff_chart,
-    transport,
+    latency_hiding, mitsuba_scene, node, overlay, particles, physics, play, proxy, quality,
+    tradeoff_chart, transport,
 };
 
 /// Measure what Carom's parts cost, and how right they are.
@@ -31,6 +31,7 @@ enum Command {
     Play(play::Args),
     KernelSpecialization(kernel_specialization::Args),
     Bvh(bvh::Args),
+    Particles(particles::Args),
     Physics(physics::PhysicsArgs),
     Overlay(overlay::OverlayArgs),
     Quality(quality::QualityArgs),
@@ -68,6 +69,7 @@ impl Command {
             Self::Play(args) => play::run(&args),
             Self::KernelSpecialization(args) => kernel_specialization::run(&args),
             Self::Bvh(args) => bvh::run(&args),
+            Self::Particles(args) => particles::run(&args),
             Self::Physics(args) => Ok(args.run()?),
             Self::Overlay(args) => Ok(args.run()?),
             Self::Quality(args) => Ok(args.run()?),

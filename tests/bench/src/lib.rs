@@ -19,6 +19,7 @@ mod latency_hiding;
 pub mod mitsuba_scene;
 mod node;
 mod overlay;
+mod particles;
 pub mod physics;
 mod play;
 mod proxy;

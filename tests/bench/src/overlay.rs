@@ -1,20 +1,20 @@
 //! The bench of the statistics overlay: CPU time of a redraw with 64 nodes and 8,160 tiles.
 
 use anyhow::Context as _;
+use carom_farm::quality::{QUALITY_LEVELS, QualityPreference};
 use carom_farm::{Balancing, Distribution, Frame};
 use carom_testkit::simulator::{FarmPlan, NetworkConditions, NodePlan, SimulationReport, run};
 use carom_tracer::ImageSize;
+use carom_window::stats::frame_record::FrameSample;
+use carom_window::stats::maps::{MapKind, Maps};
+use carom_window::stats::{Stats, StatsInput, StatsLevel, gantt};
+use carom_window::theme;
 use clap::Args;
 use cpu_time::ThreadTime;
 use egui::{Context, LayerId, Pos2, RawInput, Rect, Vec2};
 use serde::Serialize;
 
 use crate::timing::{median, ms_since};
-use carom::frame::quality::{QUALITY_LEVELS, QualityPreference};
-use carom::ui::stats::frame_record::FrameSample;
-use carom::ui::stats::maps::{MapKind, Maps};
-use carom::ui::stats::{Stats, StatsInput, StatsLevel, gantt};
-use carom::ui::theme;
 
 /// Measure the CPU time of the statistics overlay.
 ///
@@ -96,7 +96,7 @@ pub(crate) fn measure(redraws: u32) -> anyhow::Result<Vec<RedrawCost>> {
         for (frame, number) in frames
             .iter()
             .cycle()
-            .zip(0..carom::ui::stats::history::History::FRAMES_MAX as u64)
+            .zip(0..carom_window::stats::history::History::FRAMES_MAX as u64)
         {
             stats.take(seen(frame, number, &report));
         }

@@ -3,15 +3,15 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
+use carom_farm::quality::{QUALITY_LEVELS, QualityLevel};
 use carom_tracer::film::trace_image;
 use carom_tracer::metrics::flip;
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{CompiledScene, CpuTracer, ImageSize, RadianceImage, RenderSettings, Scene};
+use carom_window::display::DisplayFrame;
+use carom_window::display::software::scale_linear;
 use clap::Args;
 
-use carom::display::DisplayFrame;
-use carom::display::software::scale_linear;
-use carom::frame::quality::{QUALITY_LEVELS, QualityLevel};
 use carom::scene::scene_builder::EXPOSURE;
 
 /// Measure the error of each quality level.

@@ -15,11 +15,12 @@ pub use wire::*;
 pub type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
 
 /// All targets that crates have in public; `datagrams` is in `fuzz_targets/` alone.
-pub const TARGETS: [Target; 13] = [
+pub const TARGETS: [Target; 14] = [
     ("to_node", to_node, to_node_seeds),
     ("to_client", to_client, to_client_seeds),
     ("tile_codec", tile_codec, tile_codec_seeds),
     ("srgb_tiles", srgb_tiles, srgb_tiles_seeds),
+    ("particles", particles, particles_seeds),
     ("framing", framing, framing_seeds),
     ("session", session, session_seeds),
     ("scene_json", scene_json, scene_json_seeds),

@@ -6,15 +6,17 @@ use carom_protocol::codec::{decode_to_client, decode_to_node, encode_to_client, 
 use carom_protocol::framing::{Deframer, frame};
 use carom_protocol::limits::REQUESTS_QUEUED_MAX;
 use carom_protocol::message::VERSION;
+use carom_protocol::particle_codec::{ParticleDecoder, ParticleEncoder};
 use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, TileInput};
 use carom_protocol::{
-    Channel, ClientSession, FrameId, NodeEvent, NodeInfo, NodeLoad, NodeSession, NodeTimes, Packet,
-    PixelFormat, PixelPrecision, PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone,
-    ToClient, ToNode, TraceRequest,
+    Channel, ClientSession, CodedParticles, FrameId, NodeEvent, NodeInfo, NodeLoad, NodeSession,
+    NodeTimes, Packet, PixelFormat, PixelPrecision, PrecisionRange, RequestId, RequestReport,
+    SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
+use carom_tracer::glam::{U16Vec3, Vec3};
 use carom_tracer::{
-    DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, Tile, TileGrid,
-    TileRange,
+    DeviceInfo, DeviceKind, ImageSize, Material, ParticleCloud, RenderSettings, Scene, SceneUpdate,
+    Tile, TileGrid, TileRange,
 };
 
 /// What decodes can be sent, and then decodes to the same.
@@ -79,6 +81,41 @@ pub fn tile_codec(bytes: &[u8]) {
     let tile = small_tile(*width, *height);
     if let Ok(pixels) = Decoder::new().decode(format, &[tile; 2], payload) {
         assert_eq!(pixels.len(), 2 * tile.pixels());
+    }
+}
+
+/// Particles are an error or as many as were stated, and those that are read are sent and read again as they were. The
+/// first byte is how many.
+pub fn particles(bytes: &[u8]) {
+    let Some((&count, places)) = bytes.split_first() else {
+        return;
+    };
+    let reference = vec![small_cloud(usize::from(count))];
+    let mut decoder = ParticleDecoder::default();
+    decoder.remember(RequestId(1), &reference);
+    let mut coded = ParticleEncoder::default().encode(&reference);
+    coded.reference = Some(RequestId(1));
+    coded.clouds[0].places = places.to_vec();
+    if let Ok(read) = decoder.decode(&coded) {
+        assert_eq!(read[0].places.len(), usize::from(count));
+        let mut encoder = ParticleEncoder::default();
+        encoder.remember(RequestId(1), reference);
+        assert_eq!(decoder.decode(&encoder.encode(&read)), Ok(read));
+    }
+}
+
+/// Particles that lie on a curve.
+fn small_cloud(count: usize) -> ParticleCloud {
+    let place = |index: usize| {
+        let at = index as u16;
+        U16Vec3::new(at, at.wrapping_mul(at), at.wrapping_mul(997))
+    };
+    ParticleCloud {
+        material: Material::grey(0.5),
+        radius_m: 1e-3,
+        min: Vec3::ZERO,
+        max: Vec3::ONE,
+        places: (0..count).map(place).collect(),
     }
 }
 
@@ -218,6 +255,22 @@ fn held_tile(tile: Tile) -> Arc<ReferenceTile> {
     };
     let (_, mut kept) = Encoder::new().encode_srgb(1.0, PixelPrecision::Exact, &[input]);
     kept.remove(0)
+}
+
+/// Whole, moved in part and the same, of 100 particles.
+pub fn particles_seeds() -> Vec<Vec<u8>> {
+    let reference = small_cloud(100);
+    let mut moved = reference.clone();
+    for place in moved.places.iter_mut().step_by(3) {
+        *place = place.wrapping_add(U16Vec3::new(5, 65_000, 300));
+    }
+    let mut encoder = ParticleEncoder::default();
+    let whole = encoder.encode(std::slice::from_ref(&moved));
+    encoder.remember(RequestId(1), vec![reference.clone()]);
+    let delta = encoder.encode(&[moved]);
+    let same = encoder.encode(&[reference]);
+    let seed = |coded: CodedParticles| [&[100], &coded.clouds[0].places[..]].concat();
+    [whole, delta, same].map(seed).to_vec()
 }
 
 /// Some packets.
@@ -395,6 +448,7 @@ fn request(id: u64) -> TraceRequest {
         format: format_of(id as u8),
         precision: carom_protocol::PrecisionRange::EXACT,
         references: Vec::new(),
+        particles: CodedParticles::default(),
     }
 }
 

@@ -10,10 +10,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::sources::{code_lines, sources};
 
 /// The packages' source folders.
-const PACKAGES: [&str; 7] = [
+const PACKAGES: [&str; 9] = [
     "tracer/src/",
     "protocol/src/",
     "farm/src/",
+    "farm/viewer/src/",
+    "farm/window/src/",
     "game/billiards/src/",
     "game/src/",
     "tests/testkit/src/",

@@ -89,13 +89,24 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         ],
     ),
     (
-        &["winit", "egui", "egui_winit", "egui_wgpu", "softbuffer"],
+        &["winit", "egui", "egui_winit"],
         &[
+            "farm/viewer/src/",
+            "farm/viewer/tests/",
+            "farm/window/",
             "game/src/",
             "game/tests/",
             "game/examples/",
             "farm/examples/",
             "tests/bench/",
+        ],
+    ),
+    (
+        &["egui_wgpu", "softbuffer"],
+        &[
+            "farm/window/src/display/",
+            "farm/window/tests/",
+            "farm/examples/",
         ],
     ),
     (&["gilrs"], &["game/src/app/gamepads.rs"]),
@@ -107,9 +118,8 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         &["wgpu"],
         &[
             "tracer/src/gpu/",
-            "game/src/",
-            "game/tests/",
-            "tests/bench/",
+            "farm/window/src/display/",
+            "farm/window/tests/",
         ],
     ),
     (
@@ -139,6 +149,10 @@ const LAYERS: &[(&[&str], &[&str])] = &[
     (&["carom_billiards"], &["game/", "tests/"]),
     (&["carom_mpm"], &["game/", "tests/"]),
     (&["carom_protocol"], &["protocol/", "farm/", "tests/"]),
+    (
+        &["carom_window"],
+        &["farm/viewer/", "farm/window/", "game/", "tests/bench/"],
+    ),
     (
         &["carom::"],
         &["game/src/", "game/tests/", "game/examples/", "tests/bench/"],
@@ -207,6 +221,8 @@ fn product_depends_on_no_bench_or_test_kit() {
         "tracer",
         "protocol",
         "farm",
+        "farm/viewer",
+        "farm/window",
         "game",
         "game/billiards",
         "game/mpm",

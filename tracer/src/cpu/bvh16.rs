@@ -544,6 +544,7 @@ mod tests {
         let update = SceneUpdate {
             camera: None,
             poses: poses.collect(),
+            ..SceneUpdate::default()
         };
         scene.apply(&update).unwrap();
         let packets = packets(&scene, 9, 200);

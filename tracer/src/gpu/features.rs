@@ -2,9 +2,9 @@
 
 use crate::bvh::Bvh;
 use crate::compiled::{
-    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CompiledScene, KIND_CONDUCTOR, KIND_DIELECTRIC,
-    KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData, PATTERN_NONE, PATTERN_NUMBER, ShapeKind,
-    SphereData,
+    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CompiledScene, CsgBoxData, CsgFaceData, KIND_CONDUCTOR,
+    KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData, PATTERN_NONE,
+    PATTERN_NUMBER, ShapeKind, SphereData,
 };
 use crate::gpu::coplanar;
 
@@ -191,6 +191,8 @@ pub(crate) struct Features {
     /// Solid angles in metres would leave the range of f32.
     pub(crate) area_lights_scaled: bool,
     pub(crate) memory: SceneMemory,
+    /// Blocks of pixels that a workgroup traces.
+    pub(crate) workgroup_blocks: u32,
 }
 
 impl Features {
@@ -243,7 +245,17 @@ impl Features {
                 || (shares_light_sampling && !scene.area_lights.is_empty()),
             area_lights_scaled: needs_scale(scene),
             memory: SceneMemory::Uniform,
+            workgroup_blocks: 1,
         }
+    }
+
+    /// Whether a workgroup keeps CSG boxes in its own memory: at most half of the 16 KiB that are everywhere,
+    /// beside its pixels.
+    pub(crate) const fn copies_csg(&self) -> bool {
+        const BYTES_MAX: usize = 8 << 10;
+        let bytes = self.csg_faces as usize * size_of::<CsgFaceData>()
+            + self.csg_boxes as usize * size_of::<CsgBoxData>();
+        self.workgroup_blocks > 1 && self.csg_boxes > 0 && bytes <= BYTES_MAX
     }
 
     /// How many primitives of a shape there are.

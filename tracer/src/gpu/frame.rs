@@ -66,10 +66,11 @@ pub(crate) struct Pass<'a> {
     pub(crate) uniforms: Vec<u8>,
 }
 
-/// Workgroups of a pass over a chunk's blocks, one each.
-pub(crate) fn groups(blocks: u32) -> [u32; 2] {
-    let columns = blocks.min(GROUPS_X_MAX);
-    [columns, blocks.div_ceil(columns.max(1))]
+/// Workgroups of a pass over a chunk's blocks, `workgroup_blocks` each.
+pub(crate) fn groups(blocks: u32, workgroup_blocks: u32) -> [u32; 2] {
+    let groups = blocks.div_ceil(workgroup_blocks);
+    let columns = groups.min(GROUPS_X_MAX);
+    [columns, groups.div_ceil(columns.max(1))]
 }
 
 /// Measures passes by the device's own clock.

@@ -178,7 +178,7 @@ impl GpuTracer {
             pipeline: &work.kernel.pipeline,
             bindings: (self.device)
                 .guarded(|wgpu| buffers.bind(wgpu, work.kernel, 0, &buffers.film))?,
-            groups: groups(chunk.blocks),
+            groups: groups(chunk.blocks, work.kernel.workgroup_blocks),
             uniforms: Vec::new(),
         };
         let settings = &work.job.settings;
@@ -306,7 +306,11 @@ impl GpuTracer {
     fn features(&self, scene: &CompiledScene, output: KernelOutput) -> Features {
         let uniform_bytes_max = self.device.device.limits().max_uniform_buffer_binding_size;
         let features = layout::features(scene, uniform_bytes_max);
-        Features { output, ..features }
+        Features {
+            output,
+            workgroup_blocks: self.device.workgroup_blocks,
+            ..features
+        }
     }
 }
 
@@ -410,6 +414,22 @@ mod tests {
             assert!(matches!(broken, Err(Error::Device { .. })), "{text}");
         }
         trace(&tracer).unwrap();
+    }
+
+    #[test]
+    fn workgroups_of_several_blocks_trace_the_same_bits() {
+        let Some(mut tracer) = tracer() else { return };
+        let (tiles, stats) = trace(&tracer).unwrap();
+        for blocks in [2, 4] {
+            tracer.device.workgroup_blocks = blocks;
+            tracer.pacer = Pacer::new();
+            assert_eq!(trace(&tracer).unwrap().0, tiles, "{blocks} blocks");
+            // Samples one at a time.
+            tracer.pacer.learn(1, 1.0, 1e12);
+            let (cut_tiles, cut_stats) = trace(&tracer).unwrap();
+            assert_eq!(cut_tiles, tiles, "{blocks} blocks");
+            assert_eq!(cut_stats.rays, stats.rays, "{blocks} blocks");
+        }
     }
 
     #[test]

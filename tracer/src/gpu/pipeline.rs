@@ -15,6 +15,8 @@ pub(crate) struct Kernel {
     pub(crate) layout: wgpu::BindGroupLayout,
     /// Whether it reads triangles.
     pub(crate) has_mesh: bool,
+    /// Blocks of pixels that a workgroup traces.
+    pub(crate) workgroup_blocks: u32,
     /// Whether it reads image textures.
     pub(crate) has_textures: bool,
     /// Whether it reads an environment map.
@@ -99,7 +101,7 @@ pub(crate) fn compile(
             module: &module,
             entry_point: Some("trace"),
             compilation_options: wgpu::PipelineCompilationOptions {
-                // The workgroup's sum of rays begins at 0.
+                // The workgroup's sum of rays and what it knows of its threads begin at 0.
                 zero_initialize_workgroup_memory: true,
                 ..Default::default()
             },
@@ -109,6 +111,7 @@ pub(crate) fn compile(
             pipeline,
             layout,
             has_mesh,
+            workgroup_blocks: features.workgroup_blocks,
             has_textures,
             has_environment_map,
         }

@@ -22,7 +22,7 @@ use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
 
-/// Pixels along the edge of the block that a workgroup traces.
+/// Pixels along the edge of a block, of which a workgroup traces one or some.
 pub(crate) const BLOCK_EDGE: u32 = 8;
 
 /// The kernel for scenes of `features`.
@@ -33,7 +33,11 @@ pub(crate) fn source(features: &Features) -> String {
     text += &texture_declaration(features);
     text += &environment_declaration(features);
     for part in parts(features) {
-        text += &with_wrappers(features, part);
+        let part = with_wrappers(features, part);
+        text += &match features.copies_csg() {
+            true => part.replace("scene.csg_", "copied_csg_"),
+            false => part,
+        };
     }
     for shape in features.shapes() {
         text += &find_part(shape, features.has_bvh(shape));
@@ -105,6 +109,10 @@ fn parts(features: &Features) -> Vec<&'static str> {
     if features.triangles > 0 {
         parts.extend(triangle_normal_parts(features));
     }
+    parts.push(match features.copies_csg() {
+        true => include_str!("shaders/csg_copy.wgsl"),
+        false => include_str!("shaders/csg_copy_stub.wgsl"),
+    });
     parts.push(include_str!("shaders/aov.wgsl"));
     parts.push(include_str!("shaders/path.wgsl"));
     parts.push(include_str!("shaders/block.wgsl"));
@@ -183,8 +191,7 @@ fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
 /// Numbers that Rust owns.
 fn constants(features: &Features) -> String {
     let mut text = format!(
-        "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
-         const SOLID_ANGLE_MIN: f32 = {};\n\
+        "const SOLID_ANGLE_MIN: f32 = {};\n\
          const COMPENSATED: bool = {};\n\
          const DISCS_COPLANAR: bool = {};\n\
          const AREA_LIGHTS_COPLANAR: bool = {};\n\
@@ -237,6 +244,7 @@ fn constants(features: &Features) -> String {
             output as u32
         );
     }
+    text += &workgroup_constants(features.workgroup_blocks);
     text += &light_sampling_constants(features);
     text += &sampling_constants();
     text += &kinds();
@@ -278,6 +286,14 @@ fn light_sampling_constants(features: &Features) -> String {
          const OTHERS_SHARE: f32 = {others:?};\n",
         features.shares_light_sampling(),
         features.punctual_lights
+    )
+}
+
+/// Pixels of a block, and blocks of a workgroup.
+pub(crate) fn workgroup_constants(workgroup_blocks: u32) -> String {
+    format!(
+        "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
+         const WORKGROUP_BLOCKS: u32 = {workgroup_blocks}u;\n"
     )
 }
 
@@ -597,6 +613,7 @@ mod tests {
         area_lights_occlude: true,
         area_lights_scaled: true,
         memory: SceneMemory::Uniform,
+        workgroup_blocks: 16,
     };
 
     /// Every choice of parts; constants alternate.
@@ -656,6 +673,7 @@ mod tests {
                 area_lights_coplanar: i % 13 < 6,
                 area_lights_occlude: i >> 6 > 1 && i % 3 == 1,
                 area_lights_scaled: i % 19 < 9,
+                workgroup_blocks: [1, 4, 16][i as usize % 3],
             }
         })
     }

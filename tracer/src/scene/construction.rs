@@ -575,6 +575,7 @@ mod tests {
         let update = SceneUpdate {
             camera: None,
             poses: vec![pose],
+            ..SceneUpdate::default()
         };
         CompiledScene::new(&scene).unwrap().apply(&update).unwrap();
         let why = copy.pose(ball, Vec3::ZERO, Quat::IDENTITY).unwrap_err();

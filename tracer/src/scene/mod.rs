@@ -12,10 +12,12 @@ pub mod gltf_file;
 mod image_texture;
 mod mesh;
 pub mod mesh_file;
+mod particles;
 mod punctual_light;
 pub mod validate;
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -31,6 +33,7 @@ pub use image_texture::{
 };
 pub(crate) use image_texture::{halved, levels};
 pub use mesh::Mesh;
+pub use particles::ParticleCloud;
 pub use punctual_light::{PunctualEmitter, PunctualLight};
 
 /// Everything that can be seen, and from where.
@@ -487,12 +490,27 @@ pub struct Stripe {
 }
 
 /// What differs from frame to frame: a few hundred bytes that describe a whole picture.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneUpdate {
     /// The frame's camera; the scene's own if absent.
     pub camera: Option<Camera>,
     /// Objects that are elsewhere than the scene has them.
     pub poses: Vec<ObjectPose>,
+    /// Dust, grains and drops: at most [`validate::CLOUDS_MAX`] of [`validate::PARTICLES_MAX`] together.
+    pub particles: Vec<ParticleCloud>,
+}
+
+/// Without particles as it was before there were any: checkpoints know pictures by this text.
+impl fmt::Debug for SceneUpdate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut fields = f.debug_struct("SceneUpdate");
+        fields.field("camera", &self.camera);
+        fields.field("poses", &self.poses);
+        if !self.particles.is_empty() {
+            fields.field("particles", &self.particles);
+        }
+        fields.finish()
+    }
 }
 
 impl SceneUpdate {
@@ -503,6 +521,12 @@ impl SceneUpdate {
             camera: Some(camera),
             ..self
         }
+    }
+
+    /// With these particles.
+    #[must_use]
+    pub fn particles(self, particles: Vec<ParticleCloud>) -> Self {
+        Self { particles, ..self }
     }
 
     /// With an object here, see [`Scene::pose`].

@@ -13,13 +13,17 @@ pub use self::mesh::{TRIANGLES_MAX, VERTICES_MAX};
 use self::mesh::{check_mesh, check_triangles};
 pub use self::texture::{TEXTURE_BYTES_MAX, TEXTURES_MAX, UV_MAX};
 use crate::scene::{
-    AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, Object, ObjectPose,
-    ProceduralTexture, PunctualEmitter, PunctualLight, Scene, Shape, Stripe,
+    AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, Object, ObjectPose, ParticleCloud,
+    ProceduralTexture, PunctualEmitter, PunctualLight, Scene, SceneUpdate, Shape, Stripe,
 };
 use crate::{Error, SceneError};
 
 /// The most objects in a scene. Rays find many of a shape by a BVH.
 pub const OBJECTS_MAX: usize = 1 << 17;
+/// The most particles of an update: 393 kB.
+pub const PARTICLES_MAX: usize = 1 << 16;
+/// The most clouds of particles in an update.
+pub const CLOUDS_MAX: usize = 16;
 /// The most area lights in a scene.
 pub const AREA_LIGHTS_MAX: usize = 64;
 /// The most lights without extent in a scene: each hit weighs all of them.
@@ -263,6 +267,43 @@ impl ObjectPose {
         };
         position("its position", self.position).map_err(place)?;
         rotation(self.rotation).map_err(place)
+    }
+}
+
+impl SceneUpdate {
+    /// Checks the particles: that they are not too many, and each cloud.
+    ///
+    /// # Errors
+    /// The rule that is broken, with the value.
+    pub fn validate_particles(&self) -> Check {
+        count("clouds of particles", self.particles.len(), CLOUDS_MAX)?;
+        let particles = self.particles.iter().map(|cloud| cloud.places.len());
+        count("particles", particles.sum(), PARTICLES_MAX)?;
+        for (index, cloud) in self.particles.iter().enumerate() {
+            cloud.validate().map_err(|fault| SceneError::Cloud {
+                index,
+                fault: Box::new(fault),
+            })?;
+        }
+        Ok(())
+    }
+}
+
+impl ParticleCloud {
+    /// Checks material, radius and box.
+    ///
+    /// # Errors
+    /// The rule that is broken, with the value.
+    pub fn validate(&self) -> Check {
+        check_material(&self.material)?;
+        if matches!(
+            self.material,
+            Material::Coated { .. } | Material::Cloth { marks: Some(_), .. }
+        ) {
+            return Err(SceneError::PatternedParticles);
+        }
+        extent("its radius", self.radius_m)?;
+        corners(self.min, self.max)
     }
 }
 

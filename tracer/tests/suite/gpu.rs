@@ -258,6 +258,7 @@ fn posed_and_hidden_balls_agree_with_scalar() {
     let update = SceneUpdate {
         camera: None,
         poses: poses.collect(),
+        ..SceneUpdate::default()
     };
     scene.apply(&update).unwrap();
     let picture = whole(gpu, &scene, size, settings(2));

@@ -231,6 +231,7 @@ fn a_hidden_ball_is_as_if_it_were_not_there() {
             rotation: Quat::IDENTITY,
             visible: false,
         }],
+        ..SceneUpdate::default()
     };
     let mut without = scene.clone();
     without.objects.remove(1);

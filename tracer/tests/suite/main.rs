@@ -10,6 +10,7 @@ mod images;
 mod laws;
 mod materials;
 mod meshes;
+mod particles;
 mod punctual_lights;
 mod reference;
 mod scenes;

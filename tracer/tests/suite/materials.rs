@@ -478,6 +478,7 @@ fn truncated_cones_are_hit_where_marching_finds_them() {
     let update = |pose| SceneUpdate {
         camera: None,
         poses: vec![pose],
+        ..SceneUpdate::default()
     };
     scene.apply(&update(pose)).unwrap();
     let (mut hits, mut wrong) = (0, 0);

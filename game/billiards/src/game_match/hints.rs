@@ -318,7 +318,8 @@ mod tests {
         let [object, cue] = [0.5, 1.0].map(|way_m| corner + way_m * ahead);
         let body = table.ball();
         let ball = |number, at: glam::DVec2| BallState::at_rest(number, at.x, at.y, &body);
-        game.arrange(&[ball(0, cue), ball(3, object)]).unwrap();
+        game.arrange(&[ball(0, cue), ball(3, object)], None)
+            .unwrap();
         let worker = game.start_hint().unwrap();
         let decision = loop {
             if let Some(decision) = worker.poll().unwrap() {

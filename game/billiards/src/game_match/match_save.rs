@@ -170,7 +170,7 @@ impl Match {
                     BallState::at_rest(number, at.x, at.y, &body)
                 });
                 let balls: Vec<_> = lying.collect();
-                self.arrange(&balls)?;
+                self.arrange(&balls, None)?;
             }
             MatchAction::Choice(choice) => self.choose(*choice)?,
             MatchAction::Concede => self.concede(),

@@ -220,12 +220,20 @@ impl Match {
     pub fn finish(&mut self, stroke: Stroke, shot: &Shot) -> &Verdict {
         let before = self.now.clone();
         let actions_before = self.actions.len();
-        self.act(MatchAction::Shot {
-            place: self.cue_ball_in_hand(),
-            call: self.now.call,
-            stroke,
-            engine: self.now.world.engine().to_string(),
-        });
+        if shot.particles().is_none() {
+            self.act(MatchAction::Shot {
+                place: self.cue_ball_in_hand(),
+                call: self.now.call,
+                stroke,
+                engine: self.now.world.engine().to_string(),
+            });
+        } else {
+            // Saves hold no particles, without which the stroke would be another: they hold where balls came to lie.
+            let lying = shot.final_states().into_iter();
+            let lying = lying.filter(|ball| ball.phase.is_on_table());
+            let places = lying.map(|ball| (ball.number, ball.position.truncate()));
+            self.act(MatchAction::Layout(places.collect()));
+        }
         let player = self.now.referee.turn();
         let inferred = self.now.call.is_none().then(|| self.inferred(stroke));
         let call = self.now.call.take().or(inferred.flatten());

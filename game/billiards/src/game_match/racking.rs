@@ -1,28 +1,34 @@
 //! Racking: fresh racks, balls that are put back, the cue balls of carom that change places.
 
 use std::collections::HashSet;
+use std::sync::Arc;
 
 use carom_text::text;
 
 use super::{Match, MatchAction};
-use crate::physics::{BallState, Engine, Laws, Table, World};
+use crate::physics::{BallState, Engine, Laws, ParticleBed, Table, World};
 use crate::rng::CounterRng;
 use crate::rules::{self, BallPosition, BallPositions, RuleSet, Verdict};
 use crate::{Result, RuleFault};
 
 impl Match {
-    /// Puts the balls of a free table so.
+    /// Puts the balls of a free table so, among particles or without any.
     ///
     /// # Errors
     /// [`crate::Error::Layout`] if they cannot lie like this, [`RuleFault::NotFreeTable`] in a game with
     /// rules: it stays as it was.
-    pub fn arrange(&mut self, balls: &[BallState]) -> Result<()> {
+    pub fn arrange(
+        &mut self,
+        balls: &[BallState],
+        particles: Option<Arc<ParticleBed>>,
+    ) -> Result<()> {
         if self.now.referee.rules() != RuleSet::Free {
             return Err(RuleFault::NotFreeTable.into());
         }
         let world = &self.now.world;
         let mut arranged = World::with_laws(world.table().clone(), *world.laws(), balls.to_vec())?;
         arranged.set_engine(world.engine());
+        arranged.set_particles(particles);
         let places = balls
             .iter()
             .map(|ball| (ball.number, ball.position.truncate()));

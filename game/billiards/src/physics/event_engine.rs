@@ -126,7 +126,22 @@ impl<'a> EventEngine<'a> {
         Ok(self.finish())
     }
 
-    fn finish(self) -> SimulatedShot {
+    /// Simulates to a time, at which the balls may be pushed.
+    ///
+    /// # Errors
+    /// Those of [`EventEngine::run`].
+    pub(super) fn run_until(&mut self, end_secs: f64) -> Result<()> {
+        while let Some((time, next)) = self.queue.earliest().filter(|(time, _)| *time <= end_secs) {
+            self.play_event(time, next)?;
+        }
+        if end_secs > SHOT_SECS_MAX {
+            return self.count_event(end_secs);
+        }
+        self.advance_to(end_secs);
+        Ok(())
+    }
+
+    pub(super) fn finish(self) -> SimulatedShot {
         let end_secs = self.now;
         let trajectories = self
             .balls

@@ -52,6 +52,7 @@ mod jaw_contact;
 mod laws;
 mod motion;
 mod orientation;
+mod particles;
 mod pot_search;
 mod rack;
 mod rapier_engine;
@@ -77,6 +78,9 @@ pub use event::{Event, EventKind, Surface};
 pub use event_engine::{SHOT_EVENTS_MAX, SHOT_SECS_MAX};
 pub use flight::HOP_LEAST_M;
 pub use laws::Laws;
+pub use particles::{
+    ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, ParticleTrack, TrackGroup,
+};
 pub use pot_search::{Suggestion, suggest};
 pub use rack::BallLayout;
 pub use rebound::{REBOUND_ENERGY_J, REBOUND_SPEED_M_S};

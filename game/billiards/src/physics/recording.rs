@@ -7,7 +7,7 @@
 //! One shot, a whole match, or a layout, which is a shot that nobody struck: its balls lie still.
 //! Between two events a ball has constant accelerations, so that its legs are all there is to know:
 //! a break takes about 60 kB, a layout 3 kB, and the shot that is read back has the bits of the one
-//! that was written.
+//! that was written. On a table with particles the version is 3, and their tracks follow.
 
 use std::{fs, path::Path};
 
@@ -21,6 +21,7 @@ use super::{
     ball::{BallBody, Phase},
     event::Event,
     event_engine::{SHOT_SECS_MAX, SimulatedShot},
+    particles::ParticleTrack,
     shot::Shot,
     table::Table,
     trajectory::{Segment, Trajectory},
@@ -61,8 +62,18 @@ impl Recording {
     /// than [`BYTES_MAX`].
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let written = RecordingFile::of(self);
+        let tracks = self
+            .clips
+            .iter()
+            .map(|clip| clip.shot.particles().map(|track| &**track));
+        let tracks: Vec<Option<&ParticleTrack>> = tracks.collect();
         // What could not be read back is not written.
-        let bytes = written.validate().and_then(|()| FORMAT.encode(&written));
+        let bytes = written
+            .validate()
+            .and_then(|()| match tracks.iter().all(Option::is_none) {
+                true => FORMAT.encode(&written),
+                false => PARTICLES_FORMAT.encode(&(&written, tracks)),
+            });
         bytes.map_err(Error::Recording)
     }
 
@@ -76,9 +87,20 @@ impl Recording {
     }
 
     fn decode(bytes: &[u8]) -> Result<Self, FileFault> {
-        let written: RecordingFile = FORMAT.decode(bytes)?;
+        let (written, tracks): (RecordingFile, Vec<Option<ParticleTrack>>) =
+            match PARTICLES_FORMAT.is_of(bytes) {
+                true => PARTICLES_FORMAT.decode(bytes)?,
+                false => (FORMAT.decode(bytes)?, Vec::new()),
+            };
         written.validate()?;
-        Ok(written.into_recording())
+        let mut recording = written.into_recording();
+        for (clip, track) in recording.clips.iter_mut().zip(tracks) {
+            if let Some(track) = track {
+                let track = track.checked(clip.shot.duration_secs())?;
+                clip.shot = clip.shot.clone().with_particles(track, None);
+            }
+        }
+        Ok(recording)
     }
 
     /// Writes a file.
@@ -287,6 +309,11 @@ const FORMAT: FileFormat = FileFormat {
     magic: b"carom shot\n",
     version: 2,
     bytes_max: BYTES_MAX,
+};
+/// Of shots on tables with particles: behind the clips an `Option` of their track for each.
+const PARTICLES_FORMAT: FileFormat = FileFormat {
+    version: 3,
+    ..FORMAT
 };
 /// Hundreds of times a break.
 pub const BYTES_MAX: u64 = 16 << 20;

@@ -1,5 +1,7 @@
 //! A shot that has been simulated: where every ball is at each instant.
 
+use std::sync::Arc;
+
 use crate::Result;
 
 use super::{
@@ -7,6 +9,7 @@ use super::{
     event::{Event, EventKind},
     event_engine::{EventEngine, FrameCallback, SimulatedShot, Until},
     laws::Laws,
+    particles::{ParticleBed, ParticleTrack},
     table::Table,
     trajectory::Trajectory,
 };
@@ -17,6 +20,9 @@ pub struct Shot {
     trajectories: Vec<Trajectory>,
     events: Vec<Event>,
     duration_secs: f64,
+    particles: Option<Arc<ParticleTrack>>,
+    /// The particles when all is over; none of a shot that was read.
+    bed: Option<Arc<ParticleBed>>,
 }
 
 impl Shot {
@@ -30,7 +36,27 @@ impl Shot {
             trajectories,
             events,
             duration_secs: end_secs,
+            particles: None,
+            bed: None,
         }
+    }
+
+    /// The same with particles on the table, which lie in the end as in `bed`.
+    pub(crate) fn with_particles(self, track: ParticleTrack, bed: Option<ParticleBed>) -> Self {
+        Self {
+            particles: Some(Arc::new(track)),
+            bed: bed.map(Arc::new),
+            ..self
+        }
+    }
+
+    /// Where particles are, on a table that has some.
+    pub fn particles(&self) -> Option<&Arc<ParticleTrack>> {
+        self.particles.as_ref()
+    }
+
+    pub(crate) fn bed(&self) -> Option<&Arc<ParticleBed>> {
+        self.bed.as_ref()
     }
 
     /// What balls in motion do on a table, until all are at rest: [`super::World::release`] for

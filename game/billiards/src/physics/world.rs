@@ -1,5 +1,7 @@
 //! A table with balls on it, waiting for a stroke.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use crate::{EngineFault, LayoutFault, Result, StrokeFault};
@@ -12,6 +14,7 @@ use super::{
     event_engine::{EventEngine, FrameCallback, SimulatedShot, Until},
     flight::hop_speed_m_s,
     laws::Laws,
+    particles::{self, ParticleBed, ParticleTrack},
     rack::BallLayout,
     rapier_engine::RapierEngine,
     shot::Shot,
@@ -26,6 +29,7 @@ pub struct World {
     balls: Vec<BallState>,
     tray: Vec<(u8, usize)>,
     engine: Engine,
+    particles: Option<Arc<ParticleBed>>,
 }
 
 impl World {
@@ -51,6 +55,7 @@ impl World {
             balls,
             tray: Vec::new(),
             engine: Engine::default(),
+            particles: None,
         };
         for (index, ball) in world.balls.iter().enumerate() {
             world.check_place(ball, &world.balls[..index])?;
@@ -90,14 +95,40 @@ impl World {
         self.engine = engine;
     }
 
+    /// The particles on the table, if there are some.
+    pub fn particles(&self) -> Option<&Arc<ParticleBed>> {
+        self.particles.as_ref()
+    }
+
+    /// Lays particles on the table, or takes them away.
+    pub fn set_particles(&mut self, particles: Option<Arc<ParticleBed>>) {
+        self.particles = particles;
+    }
+
+    /// The same table as if there were no particles: for predictions, which are to take no time.
+    #[must_use]
+    pub fn without_particles(&self) -> Self {
+        Self {
+            particles: None,
+            ..self.clone()
+        }
+    }
+
     /// Simulates the whole shot that a stroke begins. The world itself stays as it is until
-    /// [`World::adopt`].
+    /// [`World::adopt`]. With particles that takes up to seconds, and [`Engine::Exact`] moves the balls.
     ///
     /// # Errors
     /// [`crate::Error::Stroke`] for a stroke out of range or without a cue ball on the table;
     /// [`crate::Error::Endless`] if the simulation passes its limits.
     pub fn strike(&self, stroke: Stroke) -> Result<Shot> {
-        Ok(Shot::new(self.simulate(stroke, Until::Rest)?))
+        let Some(bed) = &self.particles else {
+            return Ok(Shot::new(self.simulate(stroke, Until::Rest)?));
+        };
+        let mut bed = ParticleBed::clone(bed);
+        let balls = self.struck(stroke)?;
+        let engine = EventEngine::new(&self.table, &self.laws, &balls);
+        let (outcome, track) = particles::run(engine, &mut bed)?;
+        Ok(Shot::new(self.with_strike(outcome, stroke)).with_particles(track, Some(bed)))
     }
 
     /// Simulates what the balls do without a stroke: nothing, unless they are in motion.
@@ -105,16 +136,22 @@ impl World {
     /// # Errors
     /// [`crate::Error::Endless`] if the simulation passes its limits.
     pub fn release(&self) -> Result<Shot> {
-        Ok(Shot::new(self.run(
-            &self.balls,
-            Until::Rest,
-            &mut FrameCallback::none(),
-        )?))
+        let outcome = self.run(&self.balls, Until::Rest, &mut FrameCallback::none())?;
+        let shot = Shot::new(outcome);
+        Ok(match &self.particles {
+            Some(bed) => {
+                shot.with_particles(ParticleTrack::new(bed), Some(ParticleBed::clone(bed)))
+            }
+            None => shot,
+        })
     }
 
     /// The balls lie as a shot left them.
     pub fn adopt(&mut self, shot: &Shot) {
         self.balls = shot.final_states();
+        if let Some(bed) = shot.bed() {
+            self.particles = Some(Arc::clone(bed));
+        }
         self.tray.extend(shot.potted());
     }
 

@@ -9,6 +9,7 @@ mod aiming;
 mod handover;
 mod laws;
 mod limits;
+mod particles;
 mod placing;
 mod shots;
 

@@ -2,21 +2,21 @@
 
 use carom_billiards::physics::BallBody;
 use carom_billiards::rules::RuleSet;
+use carom_farm::quality::QUALITY_LEVELS;
 use carom_text::text;
+use carom_window::notifications;
+use carom_window::stats::{StatsCommand, StatsInput};
 use egui::{LayerId, Painter, Rect};
 
 use super::GameSession;
-use crate::app::farm_notifications;
 use crate::app::mode::Mode;
 use crate::camera::Projection;
 use crate::capture::replay::ReplayCommand;
 use crate::frame::farm_startup::FarmState;
-use crate::frame::quality::QUALITY_LEVELS;
 use crate::input::Bindings;
 use crate::play::BallMarks;
 use crate::ui;
 use crate::ui::layout::{Layout, Panels};
-use crate::ui::stats::{StatsCommand, StatsInput};
 
 impl GameSession {
     /// Draws the statistics, and what is marked on the table, with egui; the part of the window that is
@@ -153,9 +153,9 @@ impl GameSession {
         let farm = match self.pipeline.farm() {
             FarmState::Failed(why) => Some(text!("farm-failed", why = why.as_str())),
             FarmState::Ready(farm) if self.pipeline.scheduler().stats().pictures > 0 => {
-                farm_notifications::standing(&farm.nodes())
+                notifications::standing(&farm.nodes())
             }
-            _ => farm_notifications::standing(&self.nodes()),
+            _ => notifications::standing(&self.nodes()),
         };
         farm.into_iter().chain(self.game_notice()).collect()
     }

@@ -8,13 +8,15 @@ mod tests;
 use std::path::PathBuf;
 
 use carom_billiards::game_match::Match;
-use carom_billiards::physics::{Engine, Recording, Shot};
+use carom_billiards::physics::{Engine, ParticlePrecision, Recording, Shot};
+use carom_farm::quality::{QualityPreference, Resolution};
 use carom_farm::{Balancing, Distribution, FarmConfig, NodeStatus};
 use carom_text::text;
 use carom_tracer::ImageSize;
+use carom_window::notifications;
+use carom_window::stats::Stats;
 
 use crate::app::autosave::Autosave;
-use crate::app::farm_notifications;
 use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::app::mode_controller::ModeController;
 use crate::camera::{CameraIntent, Viewpoint};
@@ -25,13 +27,11 @@ use crate::capture::video::replay_film::{self, ReplayFilm};
 use crate::frame::farm_startup::FarmState;
 use crate::frame::opening_still::OpeningStill;
 use crate::frame::pipeline::FramePipeline;
-use crate::frame::quality::{QualityPreference, Resolution};
 use crate::input::{AimIntent, MatchIntent, PracticeIntent, ReplayIntent, StrokeIntent};
 use crate::play::{AimAids, BallMarks, CueView, Game, ShotClock};
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::TableStyle;
 use crate::ui::match_hud::MatchHud;
-use crate::ui::stats::Stats;
 
 /// A game in progress. Times are seconds since the program began.
 pub struct GameSession {
@@ -268,9 +268,7 @@ impl GameSession {
         let replay = Mode::Replay(Box::new(player.restarted()));
         let updates = replay_film::moments(&shot).map(|moment_secs| {
             let view = replay.view(&self.game, ViewTime::Moment(moment_secs));
-            let camera = view.camera(self.game.table());
-            self.table_scene
-                .update(camera, &view.poses, view.cue.as_ref())
+            view.update(&self.table_scene)
         });
         let film = ReplayFilm {
             updates: updates.collect(),
@@ -296,6 +294,11 @@ impl GameSession {
     pub fn set_aids(&mut self, aids: AimAids) {
         self.game.set_aids(aids);
         self.is_dirty = true;
+    }
+
+    /// How finely what is laid on the table from now on is simulated.
+    pub fn set_particle_precision(&mut self, precision: ParticlePrecision) {
+        self.game.set_particle_precision(precision);
     }
 
     /// Sets which balls are marked.
@@ -413,7 +416,7 @@ impl GameSession {
     pub fn farm_line(&self) -> String {
         match self.pipeline.farm() {
             FarmState::Failed(why) => text!("farm-failed", why = why.as_str()),
-            _ => farm_notifications::line(&self.nodes()),
+            _ => notifications::line(&self.nodes()),
         }
     }
 

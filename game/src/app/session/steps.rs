@@ -2,14 +2,14 @@
 
 use carom_text::text;
 use carom_tracer::SceneUpdate;
+use carom_window::display::DisplayFrame;
+use carom_window::stats::frame_record::FrameSample;
 
 use super::GameSession;
 use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::camera::{CameraIntent, CameraView};
-use crate::display::DisplayFrame;
 use crate::frame::pipeline::FinishedFrame;
 use crate::frame::scheduler::ViewTarget;
-use crate::ui::stats::frame_record::FrameSample;
 
 impl GameSession {
     /// Moves the game on to `now_secs`.
@@ -120,10 +120,7 @@ impl GameSession {
         }
         let view = self.mode_view(ViewTime::Now(now_secs));
         let (mode, game, table_scene) = (self.modes.mode(), &self.game, &self.table_scene);
-        let scene_of = |view: &ModeView| {
-            let camera = view.camera(game.table());
-            table_scene.update(camera, &view.poses, view.cue.as_ref())
-        };
+        let scene_of = |view: &ModeView| view.update(table_scene);
         let target = match view.clock {
             Some(clock) => ViewTarget::Shot(clock),
             None => ViewTarget::Live(scene_of(&view)),
@@ -134,10 +131,7 @@ impl GameSession {
 
     /// The traced scene of what is on show.
     pub(super) fn scene_at(&self, time: ViewTime) -> SceneUpdate {
-        let view = self.mode_view(time);
-        let camera = view.camera(self.game.table());
-        self.table_scene
-            .update(camera, &view.poses, view.cue.as_ref())
+        self.mode_view(time).update(&self.table_scene)
     }
 }
 

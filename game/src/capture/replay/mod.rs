@@ -12,16 +12,20 @@ mod clock;
 
 use std::cell::OnceCell;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use crate::camera::{
     CameraIntent, CameraView, FollowCamera, ViewContext, ViewSelection, Viewpoint,
 };
 use crate::capture::{RecordingKind, TimelineEvent, timeline_events};
 use crate::input::ReplayControl;
-use crate::play::practice::at_rest;
+use crate::particles::{BedMoment, ChalkPuff, ParticleMoment};
+use crate::play::practice::{PracticeLayout, at_rest};
 use crate::play::{CueView, Game, ShotClock, cue_of_shot};
 use crate::scene::cue_stick::CuePose;
-use carom_billiards::physics::{BallPose, BallState, Clip, Recording, Shot, Table};
+use carom_billiards::physics::{
+    BallPose, Clip, ParticleBed, ParticlePatch, ParticlePrecision, Recording, Shot, Table,
+};
 
 pub use clock::ReplayClock;
 
@@ -45,6 +49,7 @@ pub enum ReplayCommand {
 /// A recording on show.
 #[derive(Clone, Debug)]
 pub struct ReplayPlayer {
+    table: Table,
     recording: Recording,
     take: usize,
     clock: ReplayClock,
@@ -52,6 +57,7 @@ pub struct ReplayPlayer {
     views: ViewSelection,
     chase: OnceCell<FollowCamera>,
     cue: OnceCell<Option<CueView>>,
+    puff: OnceCell<Arc<ChalkPuff>>,
 }
 
 impl ReplayPlayer {
@@ -62,11 +68,13 @@ impl ReplayPlayer {
         Some(Self {
             clock: ReplayClock::new(shot.duration_secs(), now_secs),
             timeline: timeline_events(shot),
+            table: table.clone(),
             recording,
             take,
             views: ViewSelection::new(table),
             chase: OnceCell::new(),
             cue: OnceCell::new(),
+            puff: OnceCell::new(),
         })
     }
 
@@ -127,6 +135,7 @@ impl ReplayPlayer {
                 self.take = take;
                 self.chase = OnceCell::new();
                 self.cue = OnceCell::new();
+                self.puff = OnceCell::new();
                 self.clock = self.clock.restarted(self.shot().duration_secs(), now_secs);
                 self.timeline = timeline_events(self.shot());
             }
@@ -173,6 +182,19 @@ impl ReplayPlayer {
         Some(swung.pose(table.cue_ball().radius_m))
     }
 
+    /// The particles, at a moment as [`ReplayPlayer::poses`] counts it.
+    pub fn particles(&self, display_secs: f64) -> ParticleMoment {
+        let puff = self
+            .puff
+            .get_or_init(|| Arc::new(ChalkPuff::new(self.shot())));
+        let moment_secs = self.moment_secs(display_secs);
+        let track = self.shot().particles();
+        ParticleMoment {
+            dust: Some((Arc::clone(puff), moment_secs)),
+            bed: track.map(|track| BedMoment::Moving(Arc::clone(track), moment_secs)),
+        }
+    }
+
     /// From where it is seen beside `game`, at a moment as [`ReplayPlayer::poses`] counts it.
     pub fn viewpoint(&self, game: &Game, display_secs: f64) -> Viewpoint {
         let follows = self.views.view() == CameraView::Follow;
@@ -214,9 +236,21 @@ impl ReplayPlayer {
         player
     }
 
-    /// The balls before the stroke, at rest: to be played on from.
-    pub fn start(&self) -> Vec<BallState> {
-        at_rest(self.shot().states_at(0.0))
+    /// The table before the stroke, at rest: to be played on from. Particles lie as they did when they were laid.
+    pub fn start(&self) -> PracticeLayout {
+        let balls = at_rest(self.shot().states_at(0.0));
+        let patches = self.patches();
+        let bed = ParticleBed::new(&self.table, &balls, patches, ParticlePrecision::default());
+        PracticeLayout {
+            // Without patches there is no bed.
+            particles: bed.ok().map(Arc::new),
+            balls,
+        }
+    }
+
+    /// What the table was covered with.
+    pub fn patches(&self) -> &[ParticlePatch] {
+        self.shot().particles().map_or(&[], |track| track.patches())
     }
 }
 
@@ -233,7 +267,7 @@ const NUMBERS_FROM: u64 = 1 << 62;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carom_billiards::physics::{Stroke, World};
+    use carom_billiards::physics::{BallState, Stroke, World};
 
     fn player() -> ReplayPlayer {
         let table = Table::nine_foot();
@@ -288,7 +322,7 @@ mod tests {
         let world = World::new(
             Table::nine_foot(),
             carom_billiards::physics::BallLayout {
-                balls: player.start(),
+                balls: player.start().balls,
             },
         )
         .unwrap();

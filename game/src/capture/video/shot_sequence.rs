@@ -1,5 +1,7 @@
 //! The sequence of a video, frame by frame: shots one after the other, at their own times.
 
+use std::sync::Arc;
+
 use carom_billiards::physics::{EventKind, Shot, Table};
 use carom_tracer::{Camera, ImageSize, SceneUpdate};
 use clap::ValueEnum;
@@ -7,6 +9,7 @@ use glam::DVec2;
 
 use crate::audio::{self, Sound};
 use crate::camera::{APERTURE_RADIUS_M, FollowCamera, Framing, Viewpoint, smoothstep};
+use crate::particles::{BedMoment, ChalkPuff, ParticleMoment};
 use crate::play::{CueView, cue_of_shot};
 use crate::scene::table_scene::TableScene;
 
@@ -35,6 +38,7 @@ pub struct ShotSequence {
     shots: Vec<Shot>,
     /// What each shot is struck with.
     cues: Vec<Option<CueView>>,
+    puffs: Vec<Arc<ChalkPuff>>,
     view: VideoView,
     /// Where each shot is followed to, if it is.
     followed: Vec<FollowCamera>,
@@ -72,6 +76,10 @@ impl ShotSequence {
                 .collect(),
             aspect: 16.0 / 9.0,
             cues: shots.iter().map(cue).collect(),
+            puffs: shots
+                .iter()
+                .map(|shot| Arc::new(ChalkPuff::new(shot)))
+                .collect(),
             stage,
             shots,
             view,
@@ -154,10 +162,17 @@ impl ShotSequence {
         let cue = cue.and_then(|cue| cue.swung(moment_secs));
         let cue = cue.map(|cue| cue.pose(self.stage.table_inside().cue_ball().radius_m));
         let sharp = self.camera(frame, shot, moment_secs);
+        let puff = Arc::clone(&self.puffs[shot]);
         let shot = &self.shots[shot];
+        let track = shot.particles().map(Arc::clone);
+        let particles = ParticleMoment {
+            dust: Some((puff, moment_secs)),
+            bed: track.map(|track| BedMoment::Moving(track, moment_secs)),
+        };
         let camera = sharp.aperture_radius_m(APERTURE_RADIUS_M);
         self.stage
             .update(camera, &shot.poses_at(moment_secs), cue.as_ref())
+            .particles(particles.clouds(self.stage.particle_detail()))
     }
 }
 

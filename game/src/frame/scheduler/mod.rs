@@ -17,16 +17,16 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use carom_farm::pacing::{FrameSchedule, LeadTime, PresentationQueue};
+use carom_farm::quality::{Quality, QualityLevel, QualityPreference, Resolution};
 use carom_farm::{
     AccumulatedRender, Frame, FrameId, FrameSpec, PixelFormat, Pixels, Priority, SampleBatch,
     Submission,
 };
 use carom_tracer::{ImageSize, ObjectPose, RenderSettings, SceneUpdate, Tile};
+use carom_window::display::DisplayFrame;
 
-use crate::display::DisplayFrame;
 use crate::frame::accumulation::AccumulatedFrame;
 use crate::frame::opening_still::OpeningStill;
-use crate::frame::quality::{Quality, QualityLevel, QualityPreference, Resolution};
 use crate::play::ShotClock;
 use crate::scene::scene_builder::EXPOSURE;
 
@@ -154,8 +154,8 @@ pub struct FrameScheduler {
 struct ShownStill {
     pixels: usize,
     poses: Vec<ObjectPose>,
-    /// What was looked at first, if the balls lay as in the picture.
-    target: Option<SceneUpdate>,
+    /// When something was looked at first, the balls as in the picture.
+    since_secs: Option<f64>,
 }
 
 /// A picture of a shot, perhaps with tiles missing.
@@ -372,7 +372,7 @@ impl FrameScheduler {
         self.still = Some(ShownStill {
             pixels: still.size.pixels(),
             poses: still.update.poses.clone(),
-            target: None,
+            since_secs: None,
         });
         self.show(still.size, still.rgba, 0, still.update);
     }
@@ -380,7 +380,7 @@ impl FrameScheduler {
     /// Whether a draft of this size would be coarser than the still, which shows the same.
     fn keeps_still(&self, size: ImageSize) -> bool {
         let still = self.still.as_ref();
-        still.is_some_and(|still| still.target.is_some() && size.pixels() < still.pixels)
+        still.is_some_and(|still| still.since_secs.is_some() && size.pixels() < still.pixels)
     }
 
     /// The frame that was on show before, once.
@@ -463,12 +463,11 @@ impl FrameScheduler {
         if same {
             return false;
         }
-        self.still.take_if(|still| match target {
-            ViewTarget::Live(update) if still.target.is_none() => {
-                still.target = Some(update.clone()).filter(|update| update.poses == still.poses);
-                still.target.is_none()
-            }
-            _ => true,
+        self.still.take_if(|still| {
+            let since_secs = *still.since_secs.get_or_insert(now_secs);
+            let is_same = |update: &SceneUpdate| update.poses == still.poses;
+            let shows = matches!(target, ViewTarget::Live(update) if is_same(update));
+            !shows || now_secs - since_secs > SETTLE_SECS
         });
         self.still_since_secs = now_secs;
         self.drafted = false;
@@ -618,6 +617,8 @@ fn opaque(rgb: &[[u8; 3]]) -> Vec<[u8; 4]> {
     rgb.iter().map(|&[r, g, b]| [r, g, b, 255]).collect()
 }
 
+/// The window's first panels move the camera that much later still, without the player's doing.
+const SETTLE_SECS: f64 = 0.5;
 /// Nothing has moved for this long: refine.
 const STILL_SECS: f64 = 0.1;
 /// What one refinement may take. Longer wastes less on fixed costs, shorter shows progress and

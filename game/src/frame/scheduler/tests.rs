@@ -1,13 +1,13 @@
 //! The scheduler with a farm on virtual time.
 
 use carom_farm::FrameStats;
+use carom_farm::quality::{SMOOTH_PERIOD_SECS, STEADY_PERIOD_SECS};
 use carom_tracer::sampling::uniforms;
 use carom_tracer::{Camera, Lens};
 use glam::Vec3;
 
 use super::*;
 use crate::frame::accumulation::Accumulator;
-use crate::frame::quality::{SMOOTH_PERIOD_SECS, STEADY_PERIOD_SECS};
 use crate::play::ShotClock;
 
 const WINDOW: ImageSize = ImageSize::new(64, 36);
@@ -24,6 +24,7 @@ fn scene_at(x: f64) -> SceneUpdate {
     SceneUpdate {
         camera: Some(camera),
         poses: Vec::new(),
+        ..SceneUpdate::default()
     }
 }
 
@@ -435,6 +436,7 @@ fn a_still_ends_when_the_view_moves_or_the_balls_lie_elsewhere() {
         }
         bench.scheduler.show_still(still);
         bench.step(&ViewTarget::Live(scene_at(first)));
+        bench.now_secs += SETTLE_SECS;
         let target = ViewTarget::Live(scene_at(then));
         let coarse = (0..500).any(|_| {
             bench.step(&target);

@@ -176,6 +176,7 @@ impl TestFrames {
                 ..camera
             }),
             poses: poses.collect(),
+            ..SceneUpdate::default()
         }
     }
 

@@ -16,7 +16,8 @@ use carom_farm::net::{
 use carom_farm::node::Node;
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{
-    FrameId, PixelFormat, PixelPrecision, PrecisionRange, RequestId, SceneHash, TraceRequest,
+    CodedParticles, FrameId, PixelFormat, PixelPrecision, PrecisionRange, RequestId, SceneHash,
+    TraceRequest,
 };
 use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{RenderSettings, SceneUpdate, Tracer};
@@ -393,6 +394,7 @@ fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
         format: PixelFormat::Srgb8 { exposure: 1.0 },
         precision: PrecisionRange::ANY,
         references: Vec::new(),
+        particles: CodedParticles::default(),
     })
 }
 

@@ -271,7 +271,7 @@ impl RegionFrame<'_> {
         submission.passes.push(Pass {
             pipeline: &part.kernel.pipeline,
             bindings,
-            groups: groups(traced.blocks),
+            groups: groups(traced.blocks, part.kernel.workgroup_blocks),
             uniforms: bytes_of(&data).to_vec(),
         });
         submission.kinds.push(kind);

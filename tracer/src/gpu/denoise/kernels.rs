@@ -17,7 +17,7 @@ use crate::gpu::device::Device;
 use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, Pass, SLOT_BYTES, buffer, groups, reserve, whole};
 use crate::gpu::schedule::Chunk;
-use crate::gpu::shader::BLOCK_EDGE;
+use crate::gpu::shader::{BLOCK_EDGE, workgroup_constants};
 use crate::{Error, Tile};
 
 /// The kernels, which are the same for all scenes.
@@ -141,7 +141,7 @@ impl FilterJob<'_> {
             Step {
                 pipeline: &kernels.take_in,
                 data,
-                groups: groups(data.block_count),
+                groups: groups(data.block_count, 1),
                 uses: &[TILES, SECOND_HALF, FIRST_HALF, HITS, GUIDES, LIGHT_TO],
                 light_from: 1,
             },
@@ -175,7 +175,7 @@ impl FilterJob<'_> {
         steps.push(Step {
             pipeline: &kernels.resolve,
             data,
-            groups: groups(data.block_count),
+            groups: groups(data.block_count, 1),
             uses: &[TILES, HITS, SMOOTH_HITS, GUIDES, LIGHT_FROM, FILM],
             light_from: (STEPS.len() + 1) % 2,
         });
@@ -264,9 +264,9 @@ impl FilterBuffers {
 
 /// The kernels as text.
 fn source() -> String {
-    let mut text = format!(
-        "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
-         const AOV_FLOATS: u32 = {}u;\n\
+    let mut text = workgroup_constants(1);
+    text += &format!(
+        "const AOV_FLOATS: u32 = {}u;\n\
          const ALBEDO_MIN: f32 = {ALBEDO_MIN:?};\n\
          const ALBEDO_FACTOR: f32 = {ALBEDO_FACTOR:?};\n\
          const NORMAL_FACTOR: f32 = {NORMAL_FACTOR:?};\n\

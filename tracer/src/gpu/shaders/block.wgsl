@@ -1,4 +1,4 @@
-// Where in the job's tiles a workgroup of 8 x 8 threads works; `job` says how many there are.
+// Where in the job's tiles a block of 8 x 8 threads works; `job` says how many there are.
 
 @group(0) @binding(2) var<storage, read> tiles: array<TileEntry>;
 
@@ -38,26 +38,33 @@ fn tile_of_block(block: u32) -> u32 {
     return low;
 }
 
-// A block's pixels on their way to the film.
-var<workgroup> block_film: array<f32, 3u * BLOCK_EDGE * BLOCK_EDGE>;
+const BLOCK_PIXELS: u32 = BLOCK_EDGE * BLOCK_EDGE;
+
+// The pixels of a workgroup's blocks on their way to the film.
+var<workgroup> block_film: array<f32, 3u * BLOCK_PIXELS * WORKGROUP_BLOCKS>;
 
 // Writes a number of each of the block's threads to the film so that neighbours write neighbours. A film
 // that lies in the host's memory takes each lonely write as a message of its own: 5 ms more of
 // 1280x720 pixels on an H200.
-fn set_block(place: Place, local: u32, v: vec3f) {
-    block_film[3u * local] = v.x;
-    block_film[3u * local + 1u] = v.y;
-    block_film[3u * local + 2u] = v.z;
+fn set_block(place: Place, is_block: bool, thread: u32, v: vec3f) {
+    block_film[3u * thread] = v.x;
+    block_film[3u * thread + 1u] = v.y;
+    block_film[3u * thread + 2u] = v.z;
     workgroupBarrier();
+    if (!is_block) {
+        return;
+    }
+    let local = thread % BLOCK_PIXELS;
+    let first = 3u * (thread - local);
     let tile = tiles[place.tile];
     let left = place.x - tile.x - local % BLOCK_EDGE;
     let top = place.y - tile.y - local / BLOCK_EDGE;
     let floats = 3u * BLOCK_EDGE;
-    for (var i = local; i < floats * BLOCK_EDGE; i += BLOCK_EDGE * BLOCK_EDGE) {
+    for (var i = local; i < floats * BLOCK_EDGE; i += BLOCK_PIXELS) {
         let y = top + i / floats;
         let column = i % floats;
         if (left + column / 3u < tile.width && y < tile.height) {
-            film[3u * (tile.first_pixel + y * tile.width + left) + column] = block_film[i];
+            film[3u * (tile.first_pixel + y * tile.width + left) + column] = block_film[first + i];
         }
     }
 }

@@ -192,7 +192,7 @@ fn resolve(
     if (place.is_inside) {
         light = result(place_in_region(place), place.pixel);
     }
-    set_block(place, local, light);
+    set_block(place, true, local, light);
 }
 
 fn result(p: vec2i, pixel: u32) -> vec3f {

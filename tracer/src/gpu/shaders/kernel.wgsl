@@ -1,4 +1,4 @@
-// One thread per pixel of a run of tiles, in blocks of 8 x 8.
+// One thread per pixel of a run of tiles, in blocks of 8 x 8, some of them a workgroup.
 
 @group(0) @binding(1) var<uniform> job: DispatchData;
 // The mean of each pixel's samples: red, green, blue, or its `Aovs`, whose sum lies here before.
@@ -9,50 +9,53 @@
 @group(0) @binding(5) var<storage, read_write> film_sums: array<f32>;
 
 var<workgroup> group_rays: atomic<u32>;
+// Whether some thread has samples left, in three turns that follow each other.
+var<workgroup> group_has_samples: array<atomic<u32>, 3>;
 
-@compute @workgroup_size(BLOCK_EDGE * BLOCK_EDGE)
+@compute @workgroup_size(BLOCK_PIXELS * WORKGROUP_BLOCKS)
 fn trace(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
-    @builtin(local_invocation_index) local: u32,
+    @builtin(local_invocation_index) thread: u32,
 ) {
-    let block = group.y * groups.x + group.x;
-    if (block < job.block_count) {
-        let place = place_of(block, local);
-        if (OUTPUT == OUTPUT_AOVS) {
-            if (place.is_inside) {
-                trace_aovs(place.x, place.y, place.pixel);
-            }
-        } else {
-            var mean = vec3f(0.0);
-            if (place.is_inside) {
-                mean = trace_pixel(place.x, place.y, place.pixel, place.tile);
-            }
-            if (job.sample_end == job.samples) {
-                set_block(place, local, mean);
-            }
+    copy_csg(thread);
+    let block = (group.y * groups.x + group.x) * WORKGROUP_BLOCKS + thread / BLOCK_PIXELS;
+    let is_block = block < job.block_count;
+    var place = place_of(min(block, job.block_count - 1u), thread % BLOCK_PIXELS);
+    place.is_inside = place.is_inside && is_block;
+    if (OUTPUT == OUTPUT_AOVS) {
+        if (place.is_inside) {
+            trace_aovs(place.x, place.y, place.pixel);
+        }
+    } else {
+        let mean = trace_pixel(place, thread);
+        if (job.sample_end == job.samples) {
+            set_block(place, is_block, thread, mean);
         }
     }
     workgroupBarrier();
-    if (local == 0u) {
+    if (thread == 0u) {
         count_rays(atomicLoad(&group_rays));
     }
 }
 
 // Takes the samples in order and returns their mean after the last. A thread whose path has ended begins its next
 // sample while its neighbours go on with theirs, so that long paths keep no lanes idle.
-fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
+fn trace_pixel(place: Place, thread: u32) -> vec3f {
+    let x = place.x;
+    let y = place.y;
+    let pixel = place.pixel;
     var sum = Sum(vec3f(0.0), vec3f(0.0));
-    if (job.sample_begin > 0u) {
+    if (place.is_inside && job.sample_begin > 0u) {
         sum = Sum(sums_at(6u * pixel), sums_at(6u * pixel + 3u));
     }
     var rays = 0u;
     var dropped = 0u;
-    var index = job.sample_begin;
+    var index = select(job.sample_end, job.sample_begin, place.is_inside);
     var path = camera_path(x, y, job.first_sample + index);
     var hit = Hit(T_MISS, NO_PRIMITIVE);
     var state = TRACE;
-    while (index < job.sample_end) {
+    for (var round = 0u; goes_on(round, index < job.sample_end, thread); round++) {
         // Most paths have a ray to an area light and one that goes on; then all that have met a surface shade
         // together. The bound is not known to the compiler, which so makes one copy of the traversal.
         for (var turn = 0u; turn < RAYS_PER_TURN + scene.header.zero; turn++) {
@@ -70,20 +73,47 @@ fn trace_pixel(x: u32, y: u32, pixel: u32, tile: u32) -> vec3f {
                 state = trace_ray(&path, &hit, state, &rays);
             }
         }
+        keep_step();
         if (state == SHADE && !has_shadow_ray(path)) {
             state = shade(&path, hit);
         }
     }
     atomicAdd(&group_rays, rays);
     if (dropped > 0u) {
-        atomicAdd(&counters[2u + tile], dropped);
+        atomicAdd(&counters[2u + place.tile], dropped);
     }
     if (job.sample_end == job.samples) {
         return sum.value / f32(job.samples);
     }
-    set_sums(6u * pixel, sum.value);
-    set_sums(6u * pixel + 3u, sum.lost);
+    if (place.is_inside) {
+        set_sums(6u * pixel, sum.value);
+        set_sums(6u * pixel + 3u, sum.lost);
+    }
     return vec3f(0.0);
+}
+
+// Whether a thread has another round. Threads of a workgroup of several blocks stay until the last is done: side by
+// side they read the same instructions, which are more than a processor's cache of them holds.
+fn goes_on(round: u32, has_samples: bool, thread: u32) -> bool {
+    if (WORKGROUP_BLOCKS == 1u) {
+        return has_samples;
+    }
+    if (has_samples) {
+        atomicStore(&group_has_samples[round % 3u], 1u);
+    }
+    workgroupBarrier();
+    if (thread == 0u) {
+        // Read by all before the barrier, set by none before the next.
+        atomicStore(&group_has_samples[(round + 2u) % 3u], 0u);
+    }
+    return atomicLoad(&group_has_samples[round % 3u]) != 0u;
+}
+
+// Waits for the other threads of a workgroup of several blocks.
+fn keep_step() {
+    if (WORKGROUP_BLOCKS > 1u) {
+        workgroupBarrier();
+    }
 }
 
 // Of 1, 2 and 3 the fastest on an H200, by 1.05 to 1.3.

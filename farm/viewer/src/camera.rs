@@ -1,0 +1,355 @@
+//! Camera that goes round a target, pans, zooms, looks around and walks.
+
+use carom_tracer::{Camera, Lens};
+use glam::{DQuat, DVec2, DVec3, Vec3};
+
+/// A camera by its target, and the direction and distance of its eye from there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OrbitCamera {
+    /// The scene's own, which is seen until something moves.
+    home: Camera,
+    is_home: bool,
+    target: DVec3,
+    distance_m: f64,
+    /// Unit length, from the target to the eye.
+    to_eye: DVec3,
+    /// Unit length; level in the image are the directions at right angles to it.
+    up: DVec3,
+    fov_x_deg: f64,
+}
+
+impl OrbitCamera {
+    /// As a scene has it.
+    pub fn new(home: Camera) -> Self {
+        let offset = home.eye.as_dvec3() - home.target.as_dvec3();
+        Self {
+            is_home: true,
+            target: home.target.as_dvec3(),
+            distance_m: offset.length(),
+            to_eye: offset.normalize_or(DVec3::NEG_Y),
+            up: home.up.as_dvec3().normalize_or(DVec3::Z),
+            fov_x_deg: home.fov_x_deg.into(),
+            home,
+        }
+    }
+
+    /// Back to where the scene has it.
+    pub fn go_home(&mut self) {
+        *self = Self::new(self.home);
+    }
+
+    /// Another scene's camera to go home to; it stays where it is.
+    pub fn set_home(&mut self, home: Camera) {
+        // What has not moved follows the scene.
+        match self.is_home {
+            true => *self = Self::new(home),
+            false => self.home = home,
+        }
+    }
+
+    /// What a farm traces.
+    pub fn camera(&self) -> Camera {
+        if self.is_home {
+            return self.home;
+        }
+        let home_distance = self.home.eye.distance(self.home.target);
+        let focus_share = self.home.lens.focus_distance_m / home_distance.max(f32::MIN_POSITIVE);
+        Camera {
+            eye: self.eye().as_vec3(),
+            target: self.target.as_vec3(),
+            up: self.up.as_vec3(),
+            fov_x_deg: self.fov_x_deg as f32,
+            lens: Lens {
+                // What was sharp at the target is sharp there still.
+                focus_distance_m: focus_share * self.distance_m as f32,
+                ..self.home.lens
+            },
+        }
+    }
+
+    /// The camera of each of `frames` frames of a turn round the target, which ends where it begins.
+    pub fn turntable(&self, frames: u32) -> impl Iterator<Item = Camera> {
+        let begun = self.clone();
+        (0..frames).map(move |frame| {
+            let mut camera = begun.clone();
+            if frame > 0 {
+                camera.turn(
+                    std::f64::consts::TAU * f64::from(frame) / f64::from(frames),
+                    0.0,
+                );
+            }
+            camera.camera()
+        })
+    }
+
+    /// Full horizontal field of view in degrees.
+    pub fn fov_x_deg(&self) -> f64 {
+        self.fov_x_deg
+    }
+
+    /// Sees so many degrees from left to right, within [`OrbitCamera::FOV_X_DEG`].
+    pub fn set_fov_x_deg(&mut self, fov_x_deg: f64) {
+        let [min, max] = Self::FOV_X_DEG;
+        self.fov_x_deg = fov_x_deg.clamp(min, max);
+        self.is_home = false;
+    }
+
+    /// The field of view that can be chosen, in degrees.
+    pub const FOV_X_DEG: [f64; 2] = [5.0, 120.0];
+
+    /// The direction that is upright in the image.
+    pub fn up(&self) -> Vec3 {
+        self.up.as_vec3()
+    }
+
+    /// Has another direction upright from now on, and looks at the same target from where it is.
+    pub fn set_up(&mut self, up: Vec3) {
+        self.up = up.as_dvec3().normalize_or(self.up);
+        self.is_home = false;
+        self.turn(0.0, 0.0);
+    }
+
+    /// Goes round the target with the distance that it has: by `yaw_rad` round what is upright,
+    /// anticlockwise as seen from above, and higher by `pitch_rad`, which ends short of the poles.
+    pub fn turn(&mut self, yaw_rad: f64, pitch_rad: f64) {
+        self.to_eye = self.turned(yaw_rad, pitch_rad);
+        self.is_home = false;
+    }
+
+    /// Turns round the eye, which stays where it is: to the left by `yaw_rad`, up by `pitch_rad`.
+    pub fn look_around(&mut self, yaw_rad: f64, pitch_rad: f64) {
+        let eye = self.eye();
+        self.turn(yaw_rad, -pitch_rad);
+        self.target = eye - self.distance_m * self.to_eye;
+    }
+
+    /// Shifts the picture by a share of its width, to the right and down: what is at the target's
+    /// distance goes along with the pointer.
+    pub fn pan(&mut self, shift: DVec2) {
+        let width_m = 2.0 * self.distance_m * (0.5 * self.fov_x_deg.to_radians()).tan();
+        let [right, up, _] = self.axes();
+        self.target += width_m * (shift.y * up - shift.x * right);
+        self.is_home = false;
+    }
+
+    /// Goes nearer to the target, or with a factor above 1 farther away, and never to it or past it.
+    pub fn zoom(&mut self, factor: f64) {
+        let home_distance_m = f64::from(self.home.eye.distance(self.home.target));
+        // Nearer than this a single-precision eye would be where its target is.
+        let nearest_m = self.target.length().max(home_distance_m) * NEAREST;
+        let farthest_m = home_distance_m * FARTHEST;
+        self.distance_m = (self.distance_m * factor).clamp(nearest_m, farthest_m.max(nearest_m));
+        self.is_home = false;
+    }
+
+    /// Goes in a direction of the picture, (right, up, forward), by so many distances of the target,
+    /// which goes along.
+    pub fn walk(&mut self, travel: DVec3) {
+        let [right, _, forward] = self.axes();
+        // Up is up in the world, as of somebody who walks.
+        let way = travel.x * right + travel.y * self.up + travel.z * forward;
+        self.target += self.distance_m * way;
+        self.is_home = false;
+    }
+
+    fn eye(&self) -> DVec3 {
+        self.target + self.distance_m * self.to_eye
+    }
+
+    /// Right, up and forward in the picture, of unit length.
+    fn axes(&self) -> [DVec3; 3] {
+        let forward = -self.to_eye;
+        let right = forward.cross(self.up);
+        let right = right.normalize_or(self.up.any_orthonormal_vector());
+        [right, right.cross(forward), forward]
+    }
+
+    fn turned(&self, yaw_rad: f64, pitch_rad: f64) -> DVec3 {
+        let to_eye = DQuat::from_axis_angle(self.up, yaw_rad) * self.to_eye;
+        let height = to_eye.dot(self.up).clamp(-1.0, 1.0);
+        let level = (to_eye - height * self.up).normalize_or(self.up.any_orthonormal_vector());
+        let was_rad = height.asin();
+        // A camera that the scene has beyond the limit is not pulled back, only kept from going on.
+        let limit_rad = PITCH_MAX_RAD.max(was_rad.abs().min(PITCH_LAST_RAD));
+        let pitch_rad = (was_rad + pitch_rad).clamp(-limit_rad, limit_rad);
+        (pitch_rad.cos() * level + pitch_rad.sin() * self.up).normalize()
+    }
+}
+
+/// Short of the pole, where no direction would be upright.
+const PITCH_MAX_RAD: f64 = 1.553; // 89°
+/// Nearer to the pole, single precision takes the view for upright.
+const PITCH_LAST_RAD: f64 = 1.5698;
+/// Of the distance at home, and of the target's from the origin.
+const NEAREST: f64 = 1e-4;
+/// Of the distance at home.
+const FARTHEST: f64 = 1e4;
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn scene_camera() -> impl Strategy<Value = Camera> {
+        let coordinate = || -50.0..50.0_f32;
+        let offset = (0.1..20.0_f32, -3.1..3.1_f32, -1.4..1.4_f32);
+        (coordinate(), coordinate(), coordinate(), offset, 0..3_usize).prop_map(
+            |(x, y, z, (distance, yaw, pitch), axis)| {
+                let target = Vec3::new(x, y, z);
+                let (up, level) =
+                    [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)][axis];
+                let aside = up.cross(level);
+                let flat = yaw.cos() * level + yaw.sin() * aside;
+                let eye = target + distance * (pitch.cos() * flat + pitch.sin() * up);
+                Camera::looking_at(eye, target).upright(up)
+            },
+        )
+    }
+
+    fn distance(camera: &Camera) -> f32 {
+        camera.eye.distance(camera.target)
+    }
+
+    /// How far a position of single precision may be off.
+    fn slack(camera: &Camera) -> f32 {
+        1e-6 * (camera.eye.length() + camera.target.length() + 1.0)
+    }
+
+    proptest! {
+        #[test]
+        fn what_has_not_moved_is_the_scenes_own(home in scene_camera()) {
+            let mut camera = OrbitCamera::new(home);
+            prop_assert_eq!(camera.camera(), home);
+            camera.turn(1.0, 0.3);
+            camera.walk(DVec3::ONE);
+            camera.go_home();
+            prop_assert_eq!(camera.camera(), home);
+        }
+
+        #[test]
+        fn orbit_keeps_target_and_distance(
+            home in scene_camera(),
+            turns in prop::collection::vec((-7.0..7.0_f64, -4.0..4.0_f64), 1..20),
+        ) {
+            let mut camera = OrbitCamera::new(home);
+            for (yaw, pitch) in turns {
+                camera.turn(yaw, pitch);
+                let seen = camera.camera();
+                prop_assert!((distance(&seen) - distance(&home)).abs() < slack(&home));
+                prop_assert!(seen.target.distance(home.target) < slack(&home));
+                // Never over a pole, where the picture would turn over.
+                let view = (seen.target - seen.eye).normalize();
+                prop_assert!(view.cross(seen.up).length() > 1e-3);
+            }
+        }
+
+        #[test]
+        fn zoom_never_reaches_the_target(
+            home in scene_camera(),
+            factors in prop::collection::vec(1e-3..1e3_f64, 1..40),
+        ) {
+            let mut camera = OrbitCamera::new(home);
+            let view = (home.target - home.eye).normalize();
+            for factor in factors {
+                camera.zoom(factor);
+                let seen = camera.camera();
+                prop_assert!((seen.target - seen.eye).dot(view) > 0.0, "{seen:?}");
+                prop_assert!(seen.target.distance(home.target) < slack(&home));
+            }
+        }
+
+        #[test]
+        fn a_way_and_its_opposite_lead_back(home in scene_camera(), x in -1.0..1.0_f64, y in -1.0..1.0_f64) {
+            let mut camera = OrbitCamera::new(home);
+            camera.pan(DVec2::new(x, y));
+            camera.pan(-DVec2::new(x, y));
+            camera.walk(DVec3::new(x, y, 1.0));
+            camera.walk(-DVec3::new(x, y, 1.0));
+            camera.look_around(x, 0.1 * y);
+            camera.look_around(-x, -0.1 * y);
+            let seen = camera.camera();
+            prop_assert!(seen.eye.distance(home.eye) < 10.0 * slack(&home), "{seen:?} {home:?}");
+            prop_assert!(seen.target.distance(home.target) < 0.1 * distance(&home), "{seen:?}");
+        }
+
+        #[test]
+        fn looking_around_keeps_the_eye(home in scene_camera(), yaw in -7.0..7.0_f64, pitch in -4.0..4.0_f64) {
+            let mut camera = OrbitCamera::new(home);
+            camera.look_around(yaw, pitch);
+            let seen = camera.camera();
+            prop_assert!(seen.eye.distance(home.eye) < slack(&home));
+            prop_assert!((distance(&seen) - distance(&home)).abs() < slack(&home));
+        }
+    }
+
+    fn in_front() -> OrbitCamera {
+        OrbitCamera::new(Camera::looking_at([0.0, -4.0, 0.0], [0.0; 3]))
+    }
+
+    #[test]
+    fn directions_are_those_of_the_picture() {
+        let mut camera = in_front();
+        camera.walk(DVec3::new(0.0, 0.0, 0.25));
+        assert!(camera.camera().eye.distance(Vec3::new(0.0, -3.0, 0.0)) < 1e-6);
+        camera = in_front();
+        camera.walk(DVec3::new(0.25, 0.5, 0.0));
+        assert!(camera.camera().eye.distance(Vec3::new(1.0, -4.0, 2.0)) < 1e-6);
+        // Higher, and to where x grows.
+        camera = in_front();
+        camera.turn(0.1, 0.2);
+        let eye = camera.camera().eye;
+        assert!(eye.x > 0.0 && eye.z > 0.0, "{eye}");
+        // To the left, and up.
+        camera = in_front();
+        camera.look_around(0.1, 0.2);
+        let target = camera.camera().target;
+        assert!(target.x < 0.0 && target.z > 0.0, "{target}");
+    }
+
+    #[test]
+    fn what_is_at_the_targets_distance_follows_a_pan() {
+        let mut camera = in_front();
+        camera.pan(DVec2::new(0.5, 0.0));
+        // What was in the middle is at the right edge: half a width of 2 · 4 tan 22.5° away.
+        let half_width = 4.0 * 22.5_f32.to_radians().tan();
+        assert!((camera.camera().target.x + half_width).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_turntable_goes_once_round_and_keeps_its_distance() {
+        let camera = in_front();
+        let frames: Vec<Camera> = camera.turntable(8).collect();
+        assert_eq!(frames[0], camera.camera());
+        for (frame, seen) in frames.iter().enumerate() {
+            let angle = std::f32::consts::TAU * frame as f32 / 8.0;
+            let eye = Vec3::new(4.0 * angle.sin(), -4.0 * angle.cos(), 0.0);
+            assert!(seen.eye.distance(eye) < 1e-5, "{frame}: {seen:?}");
+        }
+    }
+
+    #[test]
+    fn the_lens_stays_sharp_at_the_target() {
+        let home = Camera::looking_at([0.0, -4.0, 0.0], [0.0; 3]).aperture_radius_m(0.1);
+        let mut camera = OrbitCamera::new(home);
+        camera.zoom(0.5);
+        let lens = camera.camera().lens;
+        assert_eq!((lens.aperture_radius_m, lens.focus_distance_m), (0.1, 2.0));
+    }
+
+    #[test]
+    fn another_axis_upright_keeps_eye_and_target() {
+        let mut camera = in_front();
+        camera.turn(0.3, 0.4);
+        let before = camera.camera();
+        camera.set_up(Vec3::X);
+        let after = camera.camera();
+        assert!(after.eye.distance(before.eye) < 1e-5);
+        assert_eq!((after.target, after.up), (before.target, Vec3::X));
+        // Along the axis itself, it steps aside.
+        let mut above = OrbitCamera::new(Camera::looking_at([0.0, 0.0, 5.0], [0.0; 3]));
+        above.set_up(Vec3::Z);
+        let seen = above.camera();
+        assert!((seen.target - seen.eye).normalize().cross(Vec3::Z).length() > 1e-3);
+    }
+}

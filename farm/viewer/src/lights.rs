@@ -1,0 +1,92 @@
+//! Switches of a scene's lights.
+
+use carom_tracer::{Environment, Scene};
+use glam::Vec3;
+
+/// Which of a scene's lights are on.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LightSwitches {
+    /// The sky; none if the scene has none.
+    pub sky: Option<bool>,
+    /// Its area lights, in their order.
+    pub lamps: Vec<bool>,
+}
+
+impl LightSwitches {
+    /// As a scene has it: all on.
+    pub fn of(scene: &Scene) -> Self {
+        let has_sky = scene.environment.radiance != Vec3::ZERO;
+        Self {
+            sky: has_sky.then_some(true),
+            lamps: vec![true; scene.area_lights.len()],
+        }
+    }
+
+    /// Whether they are those of the same lights.
+    pub fn fit(&self, other: &Self) -> bool {
+        self.sky.is_some() == other.sky.is_some() && self.lamps.len() == other.lamps.len()
+    }
+
+    /// Whether all lights are off.
+    pub fn is_dark(&self) -> bool {
+        self.sky != Some(true) && !self.lamps.contains(&true)
+    }
+
+    /// Switches a light: 0 is the sky, 1 the first area light; others are none.
+    pub fn toggle(&mut self, number: usize) {
+        let switch = match number.checked_sub(1) {
+            None => self.sky.as_mut(),
+            Some(lamp) => self.lamps.get_mut(lamp),
+        };
+        if let Some(switch) = switch {
+            *switch = !*switch;
+        }
+    }
+
+    /// The scene with the lights that are on. Lamps that are off stay where they are, and are black.
+    pub fn apply(&self, scene: &Scene) -> Scene {
+        let mut lit = scene.clone();
+        if self.sky == Some(false) {
+            lit.environment = Environment {
+                radiance: Vec3::ZERO,
+            };
+        }
+        for (lamp, is_on) in lit.area_lights.iter_mut().zip(&self.lamps) {
+            if !is_on {
+                lamp.radiance = Vec3::ZERO;
+            }
+        }
+        lit
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use carom_tracer::AreaLight;
+
+    use super::*;
+
+    #[test]
+    fn lights_that_are_off_emit_nothing_and_stay_in_their_place() {
+        let mut scene = Scene::new();
+        for x in [0.0, 2.0] {
+            scene.add_light(AreaLight::new(1.0, 1.0).at([x, 0.0, 3.0]));
+        }
+        let mut switches = LightSwitches::of(&scene);
+        assert_eq!(switches.apply(&scene), scene);
+        switches.toggle(0);
+        switches.toggle(2);
+        switches.toggle(3);
+        let lit = switches.apply(&scene);
+        assert_eq!(lit.environment.radiance, Vec3::ZERO);
+        assert_eq!(lit.area_lights[0], scene.area_lights[0]);
+        assert_eq!(lit.area_lights[1].radiance, Vec3::ZERO);
+        assert_eq!(lit.area_lights[1].center, scene.area_lights[1].center);
+        assert!(!switches.is_dark());
+        switches.toggle(1);
+        assert!(switches.is_dark());
+        let without_sky = LightSwitches::of(&Scene::new().sky([0.0; 3]));
+        assert_eq!(without_sky.sky, None);
+        assert!(without_sky.is_dark() && !without_sky.fit(&switches));
+    }
+}

@@ -1,0 +1,162 @@
+//! Saving of stills and turntables: traced in the background, written by a thread of their own.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use carom_farm::{
+    Canceller, Error, Farm, FileFormat, Film, FilmFormat, FilmFrames, FilmProgress, Still,
+    StillProgress,
+};
+use carom_text::text;
+use carom_tracer::{Camera, RenderSettings, Scene, SceneUpdate};
+
+use super::{Accuracy, Exchange, SaveOrder};
+
+/// A file that is being traced and written. Dropped, it is cancelled and waited for.
+pub(super) struct Saving {
+    pub(super) number: u64,
+    canceller: Canceller,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Saving {
+    /// Begins to trace what `order` wants of a scene.
+    ///
+    /// # Errors
+    /// What the farm refuses, that the name says no format, or that there can be no thread.
+    pub(super) fn begin(
+        farm: &mut Farm,
+        scene: &Scene,
+        accuracy: Accuracy,
+        order: SaveOrder,
+        exchange: &Arc<Exchange>,
+    ) -> Result<Self, Error> {
+        let shared = Arc::clone(exchange);
+        let (number, path) = (order.number, order.path.clone());
+        let (canceller, write): (_, Box<dyn FnOnce() -> Result<(), Error> + Send>) =
+            match order.frames_per_sec {
+                None => {
+                    let job = farm.still(scene, still(&order, accuracy, exchange)?)?;
+                    let canceller = job.canceller();
+                    (canceller, Box::new(move || job.wait()?.save(&order.path)))
+                }
+                Some(rate) => {
+                    let film = film(&order, accuracy, exchange)?;
+                    let job = farm.film(scene, film, frames_folder(&order.path))?;
+                    let canceller = job.canceller();
+                    let write = move || finish_film(job.wait()?, &order.path, rate);
+                    (canceller, Box::new(write))
+                }
+            };
+        exchange.post(|news| news.saving = Some(0.0));
+        let run = move || {
+            let saved = write().map(|()| path).map_err(|why| sentence(&why));
+            shared.post(|news| {
+                news.saving = None;
+                news.saved = Some(saved);
+            });
+            shared.notify();
+        };
+        let thread = std::thread::Builder::new().name("carom-view-save".to_owned());
+        Ok(Self {
+            number,
+            canceller,
+            thread: Some(thread.spawn(run).map_err(Error::Thread)?),
+        })
+    }
+
+    pub(super) fn cancel(&self) {
+        self.canceller.cancel();
+    }
+
+    pub(super) fn is_finished(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+}
+
+impl Drop for Saving {
+    fn drop(&mut self) {
+        self.cancel();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join(); // a panic has been reported where it happened
+        }
+    }
+}
+
+fn still(order: &SaveOrder, accuracy: Accuracy, shared: &Arc<Exchange>) -> Result<Still, Error> {
+    let format = FileFormat::of(&order.path)?;
+    let shared = Arc::clone(shared);
+    let still = Still::new(order.size.width, order.size.height)
+        .samples(order.samples)
+        .max_depth(accuracy.max_depth)
+        .exposure(order.exposure)
+        .update(update(order.cameras.first()))
+        .background()
+        .on_progress(move |progress: &StillProgress| {
+            let fraction = progress.fraction();
+            shared.post(|news| news.saving = Some(fraction));
+        });
+    Ok(match format {
+        FileFormat::Exr => still.layers(),
+        _ => still,
+    })
+}
+
+fn film(order: &SaveOrder, accuracy: Accuracy, shared: &Arc<Exchange>) -> Result<Film, Error> {
+    FilmFormat::of(&order.path)?;
+    let shared = Arc::clone(shared);
+    let updates = order.cameras.iter().map(|camera| update(Some(camera)));
+    let settings = RenderSettings {
+        samples: order.samples,
+        max_depth: accuracy.max_depth,
+        ..RenderSettings::default()
+    };
+    let film = Film::new(order.size.width, order.size.height, updates)
+        .settings(settings)
+        .exposure(order.exposure)
+        .background()
+        .on_progress(move |progress: &FilmProgress| {
+            let partly = f64::from(progress.tiles_done) / f64::from(progress.tiles.max(1));
+            let partly = if progress.tiles == 0 { 0.0 } else { partly };
+            let done = f64::from(progress.frames_done) + partly.min(1.0);
+            let fraction = (done / f64::from(progress.frames.max(1))).min(1.0);
+            shared.post(|news| news.saving = Some(fraction));
+        });
+    Ok(film)
+}
+
+fn update(camera: Option<&Camera>) -> SceneUpdate {
+    SceneUpdate {
+        camera: camera.copied(),
+        poses: Vec::new(),
+    }
+}
+
+fn finish_film(frames: FilmFrames, path: &Path, frames_per_sec: u16) -> Result<(), Error> {
+    frames.save(path, frames_per_sec)?;
+    frames.remove()
+}
+
+/// Where the frames of a film lie until it is whole; saved under the same name again, it goes on with
+/// them.
+fn frames_folder(path: &Path) -> PathBuf {
+    let mut folder = path.as_os_str().to_owned();
+    folder.push(".frames");
+    folder.into()
+}
+
+fn sentence(why: &Error) -> String {
+    match why {
+        Error::Cancelled { .. } => text!("view-save-cancelled").to_owned(),
+        Error::FilmCancelled {
+            frames_done,
+            frames,
+        } => text!(
+            "view-turntable-cancelled",
+            done = *frames_done,
+            frames = *frames
+        ),
+        why => why.to_string(),
+    }
+}

@@ -1,0 +1,359 @@
+//! Worker: the thread that owns the farm, and does what the window wants.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use carom_farm::{Balancing, Distribution, Error, Farm, FarmConfig, Live, LiveView, Picture};
+use carom_tracer::{ImageSize, Scene, SceneUpdate};
+use carom_window::display::DisplayFrame;
+
+use super::document::{Document, FileWatch, Reading};
+use super::save::Saving;
+use super::{Accuracy, Exchange, Look, OpenedScene, ShownPicture, Wanted};
+use crate::lights::LightSwitches;
+
+/// Works until the window is closed.
+pub(super) fn run(config: FarmConfig, accuracy: Accuracy, exchange: &Arc<Exchange>) {
+    let applied = (config.balancer, config.distribution);
+    let farm = match Farm::new(config) {
+        Ok(farm) => farm,
+        Err(why) => {
+            tracing::error!("the farm: {why}");
+            return exchange.post(|news| news.fault = Some(why.to_string()));
+        }
+    };
+    let mut worker = Worker {
+        exchange,
+        accuracy,
+        farm,
+        divided: applied,
+        document: None,
+        documents: 0,
+        files_asked: 0,
+        reading: None,
+        watch: None,
+        view: None,
+        view_of: None,
+        lost: None,
+        picture: None,
+        pictures: 0,
+        shown: Instant::now(),
+        saving: None,
+        saves_asked: 0,
+    };
+    while let Some(wanted) = worker.exchange.wait(worker.patience()) {
+        worker.divide(&wanted);
+        worker.open(&wanted);
+        worker.follow(&wanted);
+        worker.show(&wanted);
+        worker.save(&wanted);
+        worker.tell(&wanted);
+    }
+}
+
+struct Worker<'a> {
+    exchange: &'a Arc<Exchange>,
+    accuracy: Accuracy,
+    farm: Farm,
+    divided: (Balancing, Distribution),
+    document: Option<Document>,
+    /// Scenes that have been opened.
+    documents: u64,
+    /// The last file that was asked for.
+    files_asked: u64,
+    reading: Option<Reading>,
+    watch: Option<FileWatch>,
+    view: Option<LiveView>,
+    /// The scene of the view, and its lights.
+    view_of: Option<(u64, LightSwitches)>,
+    /// Since when there has been no view because no node answered.
+    lost: Option<Instant>,
+    /// The newest picture, and whether it has been shown at its exposure.
+    picture: Option<(Picture, Option<f32>)>,
+    /// Pictures that have been shown.
+    pictures: u64,
+    shown: Instant,
+    saving: Option<Saving>,
+    saves_asked: u64,
+}
+
+impl Worker<'_> {
+    /// How long there is nothing to do, if nothing happens.
+    fn patience(&self) -> Duration {
+        match self.view {
+            Some(_) => SHOW_PERIOD,
+            None => REST_PERIOD,
+        }
+    }
+
+    fn divide(&mut self, wanted: &Wanted) {
+        let (balancing, distribution) = (wanted.balancing, wanted.distribution);
+        if self.divided.0 != balancing {
+            self.farm.set_balancing(balancing);
+        }
+        if self.divided.1 != distribution {
+            self.farm.set_distribution(distribution);
+        }
+        self.divided = (balancing, distribution);
+    }
+
+    /// Reads a file that is wanted, or has changed, and opens what has been read.
+    fn open(&mut self, wanted: &Wanted) {
+        if let Some(read) = self.reading.as_ref().and_then(Reading::poll)
+            && let Some(Reading {
+                path, is_reread, ..
+            }) = self.reading.take()
+        {
+            self.exchange.post(|news| news.reading = None);
+            match read {
+                Ok(scene) => self.opened(path, Arc::new(scene), is_reread, wanted),
+                Err(why) => self.exchange.post(|news| news.refused = Some(why)),
+            }
+        }
+        if self.reading.is_some() {
+            return;
+        }
+        if let Some((asked, path)) = &wanted.file
+            && *asked != self.files_asked
+        {
+            self.files_asked = *asked;
+            return self.read(path.clone());
+        }
+        if let Some(path) = self.watch.as_mut().and_then(FileWatch::changed) {
+            self.read(path);
+        }
+    }
+
+    fn read(&mut self, path: PathBuf) {
+        let is_same = |document: &Document| document.path == path;
+        let is_reread = self.document.as_ref().is_some_and(is_same);
+        self.watch = Some(FileWatch::new(&path));
+        match Reading::begin(path.clone(), is_reread, self.exchange) {
+            Ok(reading) => {
+                self.reading = Some(reading);
+                self.exchange.post(|news| news.reading = Some(path));
+            }
+            Err(why) => self
+                .exchange
+                .post(|news| news.refused = Some(why.to_string())),
+        }
+    }
+
+    fn opened(&mut self, path: PathBuf, scene: Arc<Scene>, is_reread: bool, wanted: &Wanted) {
+        self.documents += 1;
+        let number = self.documents;
+        let (mut camera, mut lights) = (scene.camera, LightSwitches::of(&scene));
+        // One that is read again is seen as before.
+        if let Some(look) = self.look(wanted).filter(|_| is_reread) {
+            camera = look.camera;
+            if look.lights.fit(&lights) {
+                lights = look.lights;
+            }
+        }
+        self.document = Some(Document {
+            number,
+            path: path.clone(),
+            scene: Arc::clone(&scene),
+            camera,
+            lights,
+        });
+        let opened = OpenedScene {
+            number,
+            path,
+            scene,
+            is_reread,
+        };
+        self.exchange.post(|news| news.opened = Some(opened));
+    }
+
+    /// How the scene that is open is looked at.
+    fn look(&self, wanted: &Wanted) -> Option<Look> {
+        let document = self.document.as_ref()?;
+        let of_scene = |look: &&Look| look.scene == document.number;
+        Some(match wanted.look.as_ref().filter(of_scene) {
+            Some(look) => look.clone(),
+            None => Look {
+                scene: document.number,
+                camera: document.camera,
+                lights: document.lights.clone(),
+            },
+        })
+    }
+
+    /// Has the view show what is wanted.
+    fn follow(&mut self, wanted: &Wanted) {
+        let (Some(look), Some(size)) = (self.look(wanted), wanted.size) else {
+            return;
+        };
+        self.recover();
+        if self.view_of.as_ref() != Some(&(look.scene, look.lights.clone())) {
+            self.begin_view(&look, size, wanted);
+        }
+        let is_saving = self.saving.is_some();
+        let Some(view) = &mut self.view else { return };
+        view.set_paused(wanted.is_paused || is_saving);
+        view.set_quality_preference(wanted.preference);
+        let followed = view.resize(size.width, size.height);
+        let followed = followed.and_then(|()| view.set_camera(look.camera));
+        if let Err(why) = followed {
+            self.fail(&why);
+        }
+    }
+
+    /// Begins again once there is a node, after there was none.
+    fn recover(&mut self) {
+        let Some(since) = self.lost else { return };
+        let has_node = || self.farm.nodes().iter().any(|node| node.state.is_ready());
+        if since.elapsed() > RECOVERY_PERIOD && has_node() {
+            self.lost = None;
+            self.view_of = None;
+        }
+    }
+
+    fn begin_view(&mut self, look: &Look, size: ImageSize, wanted: &Wanted) {
+        let Some(document) = &self.document else {
+            return;
+        };
+        self.view = None;
+        self.lost = None;
+        self.view_of = Some((look.scene, look.lights.clone()));
+        self.exchange.post(|news| news.fault = Some(String::new()));
+        if look.lights.is_dark() {
+            self.picture = None;
+            return self.exchange.post(|news| news.is_cleared = true);
+        }
+        let scene = look.lights.apply(&document.scene);
+        let notified = Arc::clone(self.exchange);
+        let live = Live::new(size.width, size.height)
+            .samples(self.accuracy.samples)
+            .max_depth(self.accuracy.max_depth)
+            .drafts(wanted.preference)
+            .on_frame(move || notified.notify());
+        match self.farm.live(&scene, live) {
+            Ok(view) => self.view = Some(view),
+            Err(why) => self.fail(&why),
+        }
+    }
+
+    /// Ends the view, until something else is wanted.
+    fn fail(&mut self, why: &Error) {
+        tracing::warn!("{why}");
+        if matches!(why, Error::NoNodes { .. }) {
+            self.lost = Some(Instant::now());
+        }
+        self.view = None;
+        let sentence = why.to_string();
+        self.exchange.post(|news| news.fault = Some(sentence));
+    }
+
+    /// Hands the newest picture over; while nothing changes not so often that it would cost the
+    /// samples' time.
+    fn show(&mut self, wanted: &Wanted) {
+        let is_shown = self.picture.as_ref().is_some_and(|(_, at)| at.is_some());
+        let is_due = self.shown.elapsed() >= SHOW_PERIOD || !is_shown || self.is_draft(wanted);
+        if let Some(view) = self.view.as_mut().filter(|_| is_due) {
+            match view.latest() {
+                Ok(Some(picture)) => self.picture = Some((picture, None)),
+                Ok(None) => {}
+                Err(why) => self.fail(&why),
+            }
+        }
+        let is_draft = self.is_draft(wanted);
+        let Some((picture, shown_at)) = &mut self.picture else {
+            return;
+        };
+        if *shown_at == Some(wanted.exposure) {
+            return;
+        }
+        *shown_at = Some(wanted.exposure);
+        self.pictures += 1;
+        self.shown = Instant::now();
+        let exposed = picture.clone().with_exposure(wanted.exposure);
+        let frame = DisplayFrame {
+            serial: self.pictures,
+            size: exposed.size(),
+            rgba: exposed.rgba8(),
+            update: SceneUpdate::default(),
+        };
+        let samples = picture.samples();
+        let shown = ShownPicture {
+            frame,
+            samples,
+            is_draft,
+        };
+        self.exchange.post(|news| {
+            news.is_cleared = false;
+            news.picture = Some(shown);
+        });
+    }
+
+    /// Whether the newest picture is one of those shown while things change.
+    fn is_draft(&self, wanted: &Wanted) -> bool {
+        let picture = self.picture.as_ref();
+        picture.is_none_or(|(picture, _)| {
+            Some(picture.size()) != wanted.size || picture.samples() < Live::DRAFT_SAMPLES
+        })
+    }
+
+    /// Begins or cancels the saving of a file.
+    fn save(&mut self, wanted: &Wanted) {
+        if let Some(saving) = &self.saving {
+            if saving.number <= wanted.cancelled_save {
+                saving.cancel();
+            }
+            if saving.is_finished() {
+                self.saving = None;
+            }
+        }
+        let Some(order) = wanted.save.as_ref() else {
+            return;
+        };
+        if order.number == self.saves_asked || self.saving.is_some() {
+            return;
+        }
+        self.saves_asked = order.number;
+        let (Some(document), Some(look)) = (&self.document, self.look(wanted)) else {
+            return;
+        };
+        let scene = look.lights.apply(&document.scene);
+        let (accuracy, exchange) = (self.accuracy, self.exchange);
+        match Saving::begin(&mut self.farm, &scene, accuracy, order.clone(), exchange) {
+            Ok(saving) => {
+                self.saving = Some(saving);
+                // The view makes room for it.
+                self.exchange.notify();
+            }
+            Err(why) => self
+                .exchange
+                .post(|news| news.saved = Some(Err(why.to_string()))),
+        }
+    }
+
+    /// Tells of the farm.
+    fn tell(&mut self, wanted: &Wanted) {
+        let nodes = self.farm.nodes();
+        let quality = self.view.as_ref().and_then(LiveView::quality);
+        let frames = match &mut self.view {
+            Some(view) if wanted.has_statistics => view.frames(),
+            _ => Vec::new(),
+        };
+        // It wakes nobody: who shows them looks for them.
+        let mut state = self.exchange.lock();
+        let news = &mut state.news;
+        news.nodes = Some(nodes);
+        news.quality = quality.or(news.quality.take());
+        news.frames.extend(frames);
+        let surplus = news.frames.len().saturating_sub(FRAMES_MAX);
+        news.frames.drain(..surplus);
+    }
+}
+
+/// How often pictures that gather samples are handed over.
+const SHOW_PERIOD: Duration = Duration::from_millis(80);
+/// How often an idle farm is looked at.
+const REST_PERIOD: Duration = Duration::from_millis(250);
+/// How soon a view begins again after there was no node.
+const RECOVERY_PERIOD: Duration = Duration::from_secs(1);
+/// Frames that wait to be told of.
+const FRAMES_MAX: usize = 256;

@@ -1,0 +1,198 @@
+//! Panel at the left: exposure, view, lights, and what is to be saved.
+
+use carom_text::text;
+use carom_tracer::{ImageSize, RenderSettings, Shape};
+use carom_window::theme;
+use egui::{
+    Area, Button, Checkbox, CollapsingHeader, Context, DragValue, Grid, Id, Order, ProgressBar,
+    Rect, RichText, ScrollArea, Slider, TextEdit, Ui, Vec2,
+};
+use glam::Vec3;
+
+use crate::camera::OrbitCamera;
+use crate::viewer::{STOPS_MAX, Viewer};
+
+/// Draws it at the left of a part of the window; what it leaves of that.
+pub(crate) fn show(ctx: &Context, room: Rect, viewer: &mut Viewer) -> Rect {
+    let area = Area::new(Id::unique("view-panel"))
+        .order(Order::Middle)
+        .constrain_to(room)
+        .fixed_pos(room.min + Vec2::splat(GAP));
+    let shown = area.show(ctx, |ui| {
+        // An area is small until it is told otherwise.
+        ui.set_max_height(room.height() - 2.0 * GAP - LINE_HEIGHT);
+        theme::frame().show(ui, |ui| {
+            ui.set_width(WIDTH.min(room.width() - 4.0 * GAP).max(GAP));
+            ui.spacing_mut().slider_width = 120.0;
+            ui.spacing_mut().interact_size.y = ROW_HEIGHT;
+            let height = (ui.available_height() - FRAME_MARGIN).max(GAP);
+            ScrollArea::vertical()
+                .max_height(height)
+                .show(ui, |ui| contents(ui, viewer));
+        });
+    });
+    room.with_min_x(shown.response.rect.right().min(room.right()))
+}
+
+fn contents(ui: &mut Ui, viewer: &mut Viewer) {
+    heading(ui, viewer);
+    let mut stops = viewer.exposure_stops;
+    let slider = Slider::new(&mut stops, -STOPS_MAX..=STOPS_MAX)
+        .text(text!("view-exposure"))
+        .fixed_decimals(1);
+    if ui
+        .add(slider)
+        .on_hover_text(text!("view-exposure-about"))
+        .changed()
+    {
+        viewer.set_exposure_stops(stops);
+    }
+    let [narrow, wide] = OrbitCamera::FOV_X_DEG;
+    let mut fov_x_deg = viewer.camera.fov_x_deg();
+    let slider = Slider::new(&mut fov_x_deg, narrow..=wide)
+        .text(text!("view-fov"))
+        .suffix("°")
+        .fixed_decimals(0);
+    if ui.add(slider).changed() {
+        viewer.camera.set_fov_x_deg(fov_x_deg);
+    }
+    upright(ui, viewer);
+    ui.horizontal_wrapped(|ui| {
+        if ui.button(text!("view-home")).clicked() {
+            viewer.go_home();
+        }
+        ui.checkbox(&mut viewer.is_paused, text!("view-pause"))
+            .on_hover_text(text!("view-pause-about"));
+    });
+    section(ui, text!("view-lights"), |ui| lights(ui, viewer));
+    section(ui, text!("view-save"), |ui| save(ui, viewer));
+}
+
+fn heading(ui: &mut Ui, viewer: &Viewer) {
+    let (Some(document), Some(file)) = (&viewer.document, viewer.file_name()) else {
+        return;
+    };
+    ui.label(RichText::new(file).strong())
+        .on_hover_text(document.path.display().to_string());
+    let objects = &document.scene.objects;
+    let triangles: usize = objects
+        .iter()
+        .map(|object| match &object.shape {
+            Shape::Mesh(mesh) => mesh.triangles.len(),
+            _ => 0,
+        })
+        .sum();
+    let contents = text!(
+        "view-contents",
+        objects = objects.len(),
+        triangles = triangles,
+        lights = document.scene.area_lights.len()
+    );
+    ui.label(RichText::new(contents).color(theme::FAINT).small());
+}
+
+fn upright(ui: &mut Ui, viewer: &mut Viewer) {
+    ui.horizontal(|ui| {
+        let up = viewer.camera.up();
+        for (name, axis) in [("x", Vec3::X), ("y", Vec3::Y), ("z", Vec3::Z)] {
+            if ui.selectable_label(up == axis, name).clicked() {
+                viewer.camera.set_up(axis);
+            }
+        }
+        ui.label(text!("view-upright"));
+    });
+}
+
+fn lights(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(document) = &viewer.document else {
+        return;
+    };
+    if let Some(sky) = &mut viewer.lights.sky {
+        ui.checkbox(sky, text!("view-sky"));
+    }
+    let lamps = document.scene.area_lights.iter();
+    for (number, (lamp, is_on)) in lamps.zip(&mut viewer.lights.lamps).enumerate() {
+        // Names need not differ.
+        ui.push_id(number, |ui| ui.add(Checkbox::new(is_on, &lamp.name)));
+    }
+}
+
+fn save(ui: &mut Ui, viewer: &mut Viewer) {
+    let (window, form) = (viewer.window, &mut viewer.form);
+    Grid::new("view-save").num_columns(2).show(ui, |ui| {
+        let label = ui.label(text!("view-save-file"));
+        let edit = TextEdit::singleline(&mut form.path).desired_width(FIELD_WIDTH);
+        ui.add(edit)
+            .labelled_by(label.id)
+            .on_hover_text(text!("view-save-file-about"));
+        ui.end_row();
+        ui.label(text!("view-save-size"));
+        let size = form.size_in(window);
+        let mut edges = [size.width, size.height];
+        ui.horizontal(|ui| {
+            let drags = edges.each_mut().map(|edge| {
+                let drag = DragValue::new(edge).range(1..=EDGE_MAX).speed(4.0);
+                ui.add(drag).changed()
+            });
+            if drags.contains(&true) {
+                form.size = Some(edges);
+            }
+        });
+        ui.end_row();
+        let samples = text!("view-save-samples");
+        number(ui, samples, &mut form.samples, SAMPLES_MAX);
+        number(ui, text!("view-save-frames"), &mut form.frames, FRAMES_MAX);
+    });
+    let Some(done) = viewer.saving else {
+        ui.horizontal_wrapped(|ui| {
+            let is_named = !viewer.form.path.trim().is_empty();
+            let still = Button::new(text!("view-save-still"));
+            if ui.add_enabled(is_named, still).clicked() {
+                viewer.save(false);
+            }
+            let turntable = Button::new(text!("view-save-turntable"));
+            let turntable = ui.add_enabled(is_named, turntable);
+            if turntable
+                .on_hover_text(text!("view-save-turntable-about"))
+                .clicked()
+            {
+                viewer.save(true);
+            }
+        });
+        return;
+    };
+    ui.add(ProgressBar::new(done as f32).show_percentage());
+    if ui.button(text!("view-save-cancel")).clicked() {
+        viewer.cancel_save();
+    }
+}
+
+/// A row of the form.
+fn number(ui: &mut Ui, label: &str, value: &mut u32, max: u32) {
+    let label = ui.label(label);
+    let drag = DragValue::new(value).range(1..=max).speed(1.0);
+    ui.add(drag).labelled_by(label.id);
+    ui.end_row();
+}
+
+fn section(ui: &mut Ui, title: &str, draw: impl FnOnce(&mut Ui)) {
+    CollapsingHeader::new(title)
+        .default_open(true)
+        .show_unindented(ui, draw);
+}
+
+const WIDTH: f32 = 270.0;
+/// Of the name of a file.
+const FIELD_WIDTH: f32 = 180.0;
+const ROW_HEIGHT: f32 = 28.0;
+/// What the line at the bottom of the window takes.
+const LINE_HEIGHT: f32 = 44.0;
+/// Above and below what is in the panel.
+const FRAME_MARGIN: f32 = 20.0;
+/// Between the panel and the window's edge.
+const GAP: f32 = 8.0;
+/// The longest edge of a picture that a farm traces.
+const EDGE_MAX: u32 = ImageSize::EDGE_MAX;
+const SAMPLES_MAX: u32 = RenderSettings::SAMPLES_MAX;
+/// Two minutes.
+const FRAMES_MAX: u32 = 2880;

@@ -1,0 +1,357 @@
+//! The renderer with a farm of this machine's processor: files in, pictures out.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use carom_farm::{FarmConfig, LocalNode, NodeStatus};
+use carom_tracer::{AreaLight, Camera, ImageSize, Material, Plane, Scene, Sphere};
+use carom_view::lights::LightSwitches;
+use carom_view::render::{Accuracy, Look, News, OpenedScene, Renderer, SaveOrder, ShownPicture};
+use tempfile::TempDir;
+
+const SIZE: ImageSize = ImageSize::new(48, 32);
+const SAMPLES: u32 = 32;
+
+/// A renderer, and what it has told.
+struct Viewing {
+    renderer: Renderer,
+    folder: TempDir,
+    files: u64,
+    saves: u64,
+}
+
+fn viewing() -> Viewing {
+    viewing_by(FarmConfig {
+        local: LocalNode::Cpu,
+        threads: 1,
+        ..FarmConfig::default()
+    })
+}
+
+fn viewing_by(config: FarmConfig) -> Viewing {
+    let accuracy = Accuracy {
+        samples: SAMPLES,
+        max_depth: 3,
+    };
+    let renderer = Renderer::start(config, accuracy, || {}).unwrap();
+    renderer.want(|wanted| wanted.size = Some(SIZE));
+    Viewing {
+        renderer,
+        folder: tempfile::tempdir().unwrap(),
+        files: 0,
+        saves: 0,
+    }
+}
+
+/// A ball on a floor under a sky and a lamp.
+fn scene() -> Scene {
+    let mut scene = Scene::new()
+        .camera(Camera::looking_at([0.0, -4.0, 1.5], [0.0, 0.0, 0.4]))
+        .sky([0.2; 3]);
+    scene.add(Sphere::new(0.5).at([0.0, 0.0, 0.5]), Material::grey(0.5));
+    scene.add(Plane::z(0.0), Material::grey(0.5));
+    scene.add_light(
+        AreaLight::new(1.0, 1.0)
+            .at([0.0, -1.0, 3.0])
+            .radiance([4.0; 3]),
+    );
+    scene
+}
+
+impl Viewing {
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write(&self, name: &str, scene: &Scene) -> PathBuf {
+        let path = self.path(name);
+        scene.save(&path).unwrap();
+        path
+    }
+
+    /// Asks for a file, and waits until it is open.
+    fn open(&mut self, path: &Path) -> OpenedScene {
+        self.ask(path);
+        self.until(|news| news.opened.take())
+    }
+
+    fn ask(&mut self, path: &Path) {
+        self.files += 1;
+        let file = Some((self.files, path.to_owned()));
+        self.renderer.want(|wanted| wanted.file = file);
+    }
+
+    /// The first of what is looked for among the news.
+    fn until<T>(&self, wanted: impl Fn(&mut News) -> Option<T>) -> T {
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            let mut news = self.renderer.take_news();
+            if let Some(found) = wanted(&mut news) {
+                return found;
+            }
+            assert!(Instant::now() < deadline, "it did not come; last: {news:?}");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    /// The next picture of the window's size with all samples.
+    fn whole(&self) -> ShownPicture {
+        self.until(|news| {
+            let picture = news.picture.take()?;
+            (!picture.is_draft && picture.samples == SAMPLES).then_some(picture)
+        })
+    }
+
+    fn look(&self, look: Look) {
+        self.renderer.want(|wanted| wanted.look = Some(look));
+    }
+
+    fn save(
+        &mut self,
+        name: &str,
+        cameras: Vec<Camera>,
+        rate: Option<u16>,
+    ) -> Result<PathBuf, String> {
+        self.order(name, cameras, rate, 4);
+        self.until(|news| news.saved.take())
+    }
+
+    fn order(&mut self, name: &str, cameras: Vec<Camera>, rate: Option<u16>, samples: u32) {
+        self.saves += 1;
+        let order = SaveOrder {
+            number: self.saves,
+            path: self.path(name),
+            size: ImageSize::new(24, 16),
+            samples,
+            exposure: 1.0,
+            cameras: cameras.into(),
+            frames_per_sec: rate,
+        };
+        self.renderer.want(|wanted| wanted.save = Some(order));
+    }
+}
+
+fn mean(picture: &ShownPicture) -> f64 {
+    let values = picture.frame.rgba.iter().flat_map(|pixel| &pixel[..3]);
+    values.map(|value| f64::from(*value)).sum::<f64>() / (3 * picture.frame.rgba.len()) as f64
+}
+
+#[test]
+fn a_scene_is_opened_drafted_gathered_and_looked_at_from_elsewhere() {
+    let mut viewing = viewing();
+    let path = viewing.write("ball.json", &scene());
+    let opened = viewing.open(&path);
+    assert_eq!((opened.number, opened.is_reread), (1, false));
+    assert_eq!(*opened.scene, scene());
+    let whole = viewing.whole();
+    assert_eq!(whole.frame.size, SIZE);
+    let camera = Camera::looking_at([0.0, -3.0, 8.0], [0.0; 3]);
+    viewing.look(Look {
+        scene: opened.number,
+        camera,
+        lights: LightSwitches::of(&opened.scene),
+    });
+    let above = viewing.whole();
+    assert!(above.frame.rgba != whole.frame.rgba);
+    viewing
+        .renderer
+        .want(|wanted| wanted.size = Some(ImageSize::new(30, 20)));
+    assert_eq!(
+        viewing
+            .until(|news| { news.picture.take().filter(|picture| !picture.is_draft) })
+            .frame
+            .size,
+        ImageSize::new(30, 20)
+    );
+}
+
+#[test]
+fn exposure_shows_at_once_and_lights_change_what_is_traced() {
+    let mut viewing = viewing();
+    let path = viewing.write("ball.json", &scene());
+    let opened = viewing.open(&path);
+    let plain = mean(&viewing.whole());
+    viewing.renderer.want(|wanted| wanted.exposure = 2.0);
+    assert!(mean(&viewing.whole()) > 1.1 * plain);
+    viewing.renderer.want(|wanted| wanted.exposure = 1.0);
+    viewing.whole();
+    let mut lights = LightSwitches::of(&opened.scene);
+    let look = |lights: &LightSwitches| Look {
+        scene: opened.number,
+        camera: opened.scene.camera,
+        lights: lights.clone(),
+    };
+    lights.toggle(0);
+    viewing.look(look(&lights));
+    let without_sky = mean(&viewing.whole());
+    assert!(without_sky < 0.9 * plain, "{without_sky} of {plain}");
+    lights.toggle(1);
+    viewing.look(look(&lights));
+    viewing.until(|news| news.is_cleared.then_some(()));
+    lights.toggle(0);
+    lights.toggle(1);
+    viewing.look(look(&lights));
+    let again = mean(&viewing.whole());
+    assert!((again - plain).abs() < 0.02 * plain, "{again} of {plain}");
+}
+
+#[test]
+fn meshes_are_opened_and_bad_files_are_refused_while_the_scene_stays() {
+    let mut viewing = viewing();
+    let good = viewing.path("wing.obj");
+    std::fs::write(&good, "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let opened = viewing.open(&good);
+    assert_eq!(opened.scene.objects[0].name, "wing");
+    viewing.whole();
+    for (name, text, reason) in [
+        ("bad.obj", "v 0 zero 0\n", "line 1"),
+        ("bad.json", "{", "line 1"),
+        ("bad.fbx", "", ".json, .obj, .ply"),
+    ] {
+        let path = viewing.path(name);
+        std::fs::write(&path, text).unwrap();
+        viewing.ask(&path);
+        let why = viewing.until(|news| news.refused.take());
+        assert!(why.contains(name) && why.contains(reason), "{why}");
+    }
+    viewing.ask(&viewing.path("none.json"));
+    let why = viewing.until(|news| news.refused.take());
+    assert!(why.contains("none.json"), "{why}");
+    // Still there.
+    viewing.renderer.want(|wanted| wanted.exposure = 0.5);
+    viewing.whole();
+}
+
+#[test]
+fn a_file_that_changes_is_read_again_and_seen_as_before() {
+    let mut viewing = viewing();
+    let path = viewing.write("ball.json", &scene());
+    let opened = viewing.open(&path);
+    let camera = Camera::looking_at([0.0, -5.0, 4.0], [0.0; 3]);
+    let mut lights = LightSwitches::of(&opened.scene);
+    lights.toggle(0);
+    viewing.look(Look {
+        scene: opened.number,
+        camera,
+        lights,
+    });
+    let before = viewing.whole();
+    let mut more = scene();
+    more.add(Sphere::new(0.5).at([1.2, 0.0, 0.5]), Material::grey(0.9));
+    viewing.write("ball.json", &more);
+    let again = viewing.until(|news| news.opened.take());
+    assert_eq!((again.number, again.is_reread), (2, true));
+    assert_eq!(again.scene.objects.len(), 3);
+    // By the same camera and lights, though nobody has said so since.
+    let after = viewing.whole();
+    let differing = before.frame.rgba.iter().zip(&after.frame.rgba);
+    let differing = differing.filter(|(a, b)| a[0].abs_diff(b[0]) > 24).count();
+    let pixels = before.frame.rgba.len();
+    assert!(
+        (pixels / 200..pixels / 3).contains(&differing),
+        "{differing} of {pixels}"
+    );
+    // And when it is asked for.
+    viewing.ask(&path);
+    assert!(viewing.until(|news| news.opened.take()).is_reread);
+}
+
+#[test]
+fn stills_and_turntables_are_saved_as_their_names_say() {
+    let mut viewing = viewing();
+    let path = viewing.write("ball.json", &scene());
+    viewing.open(&path);
+    viewing.whole();
+    let camera = scene().camera;
+    for (name, magic) in [
+        ("a.png", &b"\x89PNG"[..]),
+        ("a.jpg", b"\xff\xd8"),
+        ("a.exr", b"\x76\x2f\x31\x01"),
+    ] {
+        let saved = viewing.save(name, vec![camera], None).unwrap();
+        assert_eq!(saved, viewing.path(name));
+        assert!(std::fs::read(saved).unwrap().starts_with(magic), "{name}");
+    }
+    for (name, mark) in [("turn.png", &b"acTL"[..]), ("turn.y4m", b"YUV4MPEG2")] {
+        let saved = viewing.save(name, vec![camera; 3], Some(24)).unwrap();
+        let bytes = std::fs::read(saved).unwrap();
+        assert!(bytes.windows(mark.len()).any(|part| part == mark), "{name}");
+    }
+    let names = std::fs::read_dir(viewing.folder.path()).unwrap().count();
+    assert_eq!(names, 6, "frames and partial files are gone");
+    let why = viewing.save("a.gif", vec![camera], None).unwrap_err();
+    assert!(why.contains("a.gif") && why.contains(".png"), "{why}");
+    let why = viewing
+        .save("turn.jpg", vec![camera; 2], Some(24))
+        .unwrap_err();
+    assert!(why.contains("turn.jpg"), "{why}");
+    let why = viewing
+        .save("nowhere/a.png", vec![camera], None)
+        .unwrap_err();
+    assert!(why.contains("nowhere"), "{why}");
+}
+
+#[test]
+fn a_long_save_tells_how_far_it_is_and_can_be_cancelled() {
+    let mut viewing = viewing();
+    let path = viewing.write("ball.json", &scene());
+    viewing.open(&path);
+    viewing.whole();
+    let many = 1 << 16;
+    viewing.order("a.png", vec![scene().camera], None, many);
+    viewing.until(|news| news.saving.filter(|done| *done > 0.0));
+    // It is looked at meanwhile.
+    viewing.renderer.want(|wanted| wanted.exposure = 0.5);
+    viewing.until(|news| news.picture.take());
+    viewing.renderer.want(|wanted| wanted.cancelled_save = 1);
+    let why = viewing.until(|news| news.saved.take()).unwrap_err();
+    assert_eq!(why, "it was cancelled");
+    assert!(!viewing.path("a.png").exists());
+    viewing.order("turn.png", vec![scene().camera; 500], Some(24), 4096);
+    viewing.until(|news| news.saving.filter(|done| *done > 0.0));
+    viewing.renderer.want(|wanted| wanted.cancelled_save = 2);
+    let why = viewing.until(|news| news.saved.take()).unwrap_err();
+    assert!(why.contains("of 500 frames"), "{why}");
+    // The next one is not.
+    assert!(viewing.save("b.png", vec![scene().camera], None).is_ok());
+}
+
+#[test]
+fn nodes_frames_and_quality_are_told_of() {
+    let mut viewing = viewing();
+    viewing.renderer.want(|wanted| wanted.has_statistics = true);
+    let path = viewing.write("ball.json", &scene());
+    viewing.open(&path);
+    let frame = viewing.until(|news| news.frames.pop());
+    assert!(frame.stats.makespan_secs > 0.0);
+    let is_ready = |nodes: &Vec<NodeStatus>| nodes.iter().any(|node| node.state.is_ready());
+    viewing.until(|news| news.nodes.take().filter(is_ready));
+    viewing.until(|news| news.quality.take());
+}
+
+#[test]
+fn a_farm_that_nobody_traces_for_says_so() {
+    let mut viewing = viewing_by(FarmConfig {
+        local: LocalNode::None,
+        timeout_secs: Some(1),
+        ..FarmConfig::default()
+    });
+    let path = viewing.write("ball.json", &scene());
+    viewing.open(&path);
+    let why = viewing.until(|news| news.fault.take().filter(|why| !why.is_empty()));
+    assert!(why.contains("node"), "{why}");
+}
+
+#[test]
+fn a_configuration_that_cannot_be_used_is_told_and_closing_does_not_wait() {
+    let viewing = viewing_by(FarmConfig {
+        nodes: vec!["nobody.invalid:1".to_owned()],
+        credentials: PathBuf::from("no/such/folder"),
+        ..FarmConfig::default()
+    });
+    let why = viewing.until(|news| news.fault.take().filter(|why| !why.is_empty()));
+    assert!(why.contains("no/such/folder"), "{why}");
+}
+
+/// A machine that is busy with other tests takes long.
+const PATIENCE: Duration = Duration::from_secs(120);

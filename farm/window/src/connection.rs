@@ -1,0 +1,84 @@
+//! Connection to the display, and the sentence where there is none.
+
+use carom_text::text;
+use winit::event_loop::EventLoop;
+
+/// A reason why there is no window to show pictures in.
+#[derive(Debug, thiserror::Error)]
+pub enum WindowError {
+    /// The system gives no window.
+    #[error("{advice}: {reason}")]
+    NotOpened {
+        /// Environment, and what helps.
+        advice: String,
+        /// The windowing library's words.
+        reason: String,
+    },
+    /// No way of presenting works.
+    #[error(
+        "the window cannot be drawn on ({tried}). A Vulkan driver helps, on Debian or Ubuntu \
+         `apt install mesa-vulkan-drivers`; `{instead}` needs none"
+    )]
+    NotDrawnOn {
+        /// Each way, with its reason.
+        tried: String,
+        /// A command that needs no window.
+        instead: &'static str,
+    },
+}
+
+impl WindowError {
+    /// Of a system that gives no window, for the `reason`; the command `instead` needs none.
+    pub fn not_opened(instead: &str, reason: impl ToString) -> Self {
+        let variable = |name: &str| match std::env::var(name) {
+            Ok(value) => format!("{name}={value}"),
+            Err(_) => text!("variable-not-set", name = name),
+        };
+        Self::NotOpened {
+            advice: text!(
+                "window-not-opened",
+                wayland = variable("WAYLAND_DISPLAY"),
+                x11 = variable("DISPLAY"),
+                instead = instead
+            ),
+            reason: reason.to_string(),
+        }
+    }
+}
+
+/// Whether no window can be opened because nothing names a display. Systems other than Linux always
+/// have one.
+pub fn is_displayless() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    cfg!(target_os = "linux") && !is_set("DISPLAY") && !is_set("WAYLAND_DISPLAY")
+}
+
+/// Opens the connection to the display. Libraries that the system lacks make winit panic or fail,
+/// depending on which; both become the same sentence, which names the command `instead`.
+///
+/// # Errors
+/// [`WindowError::NotOpened`].
+pub fn open_event_loop<T: 'static>(instead: &str) -> Result<EventLoop<T>, WindowError> {
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| {}));
+    let opened = std::panic::catch_unwind(|| EventLoop::<T>::with_user_event().build());
+    std::panic::set_hook(hook);
+    match opened {
+        Ok(Ok(event_loop)) => Ok(event_loop),
+        Ok(Err(error)) => Err(WindowError::not_opened(instead, reason(&error.to_string()))),
+        Err(panic) => Err(WindowError::not_opened(instead, panic_words(&*panic))),
+    }
+}
+
+/// winit puts the line of its own source in front.
+fn reason(error: &str) -> &str {
+    let after_file = error.rsplit_once(".rs:").map_or(error, |(_, rest)| rest);
+    after_file.split_once(": ").map_or(error, |(_, why)| why)
+}
+
+fn panic_words(panic: &(dyn std::any::Any + Send)) -> &str {
+    let words = panic.downcast_ref::<String>().map(String::as_str);
+    words
+        .or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or(text!("window-library-failed"))
+}

@@ -1,0 +1,254 @@
+//! The particles that lie on a table.
+
+use std::fmt;
+
+use carom_mpm::{Ball, Bodies, Grip, Obstacle, Settings, Simulation, Solid};
+use glam::{DQuat, DVec2, DVec3, Vec3};
+
+use super::{ParticleMaterial, ParticlePatch, ParticlePrecision};
+use crate::physics::{BallState, Table};
+use crate::{ParticleFault, Result};
+
+/// Particles on a table, as they lie or move.
+#[derive(Clone)]
+pub struct ParticleBed {
+    patches: Vec<ParticlePatch>,
+    precision: ParticlePrecision,
+    simulation: Simulation,
+    obstacles: Vec<Obstacle>,
+    /// Materials in the order of the particles' numbers, each with how many there are.
+    groups: Vec<(ParticleMaterial, u32)>,
+    /// Where particles were when last looked for, in m.
+    bounds: [DVec2; 2],
+    /// Half the cloth's length and width, in m.
+    cloth_half_m: DVec2,
+}
+
+impl fmt::Debug for ParticleBed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut fields = f.debug_struct("ParticleBed");
+        fields.field("patches", &self.patches.len());
+        fields.field("groups", &self.groups).finish_non_exhaustive()
+    }
+}
+
+impl ParticleBed {
+    /// Most particles of a table: a shot through all of them takes some seconds.
+    pub const PARTICLES_MAX: usize = 16_000;
+
+    /// Fresh particles on patches of a table, but where balls lie.
+    ///
+    /// # Errors
+    /// [`crate::Error::Particles`] if a patch is not on the cloth, or there are none, or more than
+    /// [`ParticleBed::PARTICLES_MAX`] particles.
+    pub fn new(
+        table: &Table,
+        balls: &[BallState],
+        patches: &[ParticlePatch],
+        precision: ParticlePrecision,
+    ) -> Result<Self> {
+        let mut patches = patches.to_vec();
+        patches.sort_unstable();
+        patches.dedup_by_key(|patch| (patch.column, patch.row));
+        check_places(table, &patches)?;
+        let settings = Settings {
+            cell_size_m: precision.cell_size_m() as f32,
+            rest_speed_m_s: 0.004,
+            ..Settings::default()
+        };
+        let mut simulation = Simulation::new(settings).map_err(ParticleFault::from)?;
+        let mut groups = Vec::new();
+        for material in ParticleMaterial::ALL {
+            let covered = patches.iter().filter(|patch| patch.material == material);
+            let places: Vec<Vec3> = covered
+                .flat_map(|patch| places(patch, precision))
+                .filter(|place| balls.iter().all(|ball| is_clear(ball, *place)))
+                .collect();
+            let particles = simulation.len() + places.len();
+            if particles > Self::PARTICLES_MAX {
+                let max = Self::PARTICLES_MAX;
+                return Err(ParticleFault::TooMany { particles, max }.into());
+            }
+            if !places.is_empty() {
+                let volume_m3 = spacing_m(precision).powi(3) as f32;
+                let added = simulation.add(&places, material.model(), volume_m3, Vec3::ZERO);
+                added.map_err(ParticleFault::from)?;
+                groups.push((material, places.len() as u32));
+            }
+        }
+        if groups.is_empty() {
+            return Err(ParticleFault::None.into());
+        }
+        let mut bed = Self {
+            obstacles: obstacles(table, &patches),
+            patches,
+            precision,
+            simulation,
+            groups,
+            bounds: [DVec2::ZERO; 2],
+            cloth_half_m: 0.5 * DVec2::new(table.length_m(), table.width_m()),
+        };
+        bed.find_bounds();
+        Ok(bed)
+    }
+
+    /// What it was made of.
+    pub fn patches(&self) -> &[ParticlePatch] {
+        &self.patches
+    }
+
+    /// How finely it is simulated.
+    pub fn precision(&self) -> ParticlePrecision {
+        self.precision
+    }
+
+    /// Materials in the order of the particles' numbers, each with how many there are.
+    pub fn groups(&self) -> &[(ParticleMaterial, u32)] {
+        &self.groups
+    }
+
+    /// Half the cloth's length and width, in m: no particle gets beyond.
+    pub fn cloth_half_m(&self) -> DVec2 {
+        self.cloth_half_m
+    }
+
+    /// Mean distance of particles that lie, in m.
+    pub fn spacing_m(&self) -> f32 {
+        spacing_m(self.precision) as f32
+    }
+
+    /// Centres of all particles by their numbers, in m.
+    pub fn centers(&self) -> Vec<Vec3> {
+        let mut centers = vec![Vec3::ZERO; self.simulation.len()];
+        for particle in self.simulation.particles() {
+            centers[particle.id as usize] = particle.position;
+        }
+        centers
+    }
+
+    /// Whether nothing moves until a ball comes.
+    pub(super) fn is_asleep(&self) -> bool {
+        self.simulation.is_asleep()
+    }
+
+    /// Looks for where particles are.
+    pub(super) fn find_bounds(&mut self) {
+        let places = self
+            .simulation
+            .particles()
+            .map(|p| p.position.truncate().as_dvec2());
+        let none = [DVec2::INFINITY, DVec2::NEG_INFINITY];
+        self.bounds = places.fold(none, |[min, max], place| [min.min(place), max.max(place)]);
+    }
+
+    /// Whether a ball may touch particles within a step.
+    pub(super) fn may_touch(&self, position: DVec3, radius_m: f64) -> bool {
+        let reach = radius_m + REACH_CELLS * self.precision.cell_size_m();
+        let [min, max] = self.bounds;
+        let at = position.truncate();
+        (at.cmpge(min - reach) & at.cmple(max + reach)).all()
+    }
+
+    /// Moves the particles on; the balls' impulses are those by particles.
+    pub(super) fn step(&mut self, secs: f64, balls: Vec<Ball>) -> Result<Vec<Ball>> {
+        let mut bodies = Bodies {
+            balls,
+            obstacles: std::mem::take(&mut self.obstacles),
+        };
+        let stepped = self.simulation.step(secs, &mut bodies);
+        self.obstacles = bodies.obstacles;
+        stepped.map_err(ParticleFault::from)?;
+        Ok(bodies.balls)
+    }
+}
+
+/// Distance of particles that lie, in m.
+fn spacing_m(precision: ParticlePrecision) -> f64 {
+    precision.cell_size_m() / 2.0
+}
+
+/// Particles of a patch, each for an equal part of its volume: whole numbers along each edge.
+fn places(patch: &ParticlePatch, precision: ParticlePrecision) -> impl Iterator<Item = Vec3> {
+    let spacing = spacing_m(precision);
+    let along = (ParticlePatch::EDGE_M / spacing).round().max(1.0);
+    let layers = (patch.material.depth_m() / spacing).round().max(1.0);
+    let corner = patch.corner().extend(0.0);
+    let step = ParticlePatch::EDGE_M / along;
+    let count = [along as u32, along as u32, layers as u32];
+    let indices = (0..count[0])
+        .flat_map(move |x| (0..count[1]).flat_map(move |y| (0..count[2]).map(move |z| [x, y, z])));
+    indices.map(move |index| {
+        let number = (index[0] * count[1] + index[1]) * count[2] + index[2];
+        let shift = scatter(patch_seed(corner), number) * SCATTER;
+        let at = DVec3::from(index.map(f64::from)) + 0.5 + shift;
+        (corner + at * DVec3::new(step, step, spacing)).as_vec3()
+    })
+}
+
+fn patch_seed(corner: DVec3) -> u64 {
+    corner.x.to_bits() ^ corner.y.to_bits().rotate_left(32)
+}
+
+/// Three numbers of ±0.5 from two words (Steele, Lea and Flood 2014, "Fast splittable pseudorandom number generators").
+fn scatter(seed: u64, number: u32) -> DVec3 {
+    let mut word = seed.wrapping_add(u64::from(number + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    word = (word ^ (word >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    word ^= word >> 31;
+    let part = |shift: u32| ((word >> shift) & 0xfffff) as f64 / f64::from(1 << 20) - 0.5;
+    DVec3::new(part(0), part(20), part(40))
+}
+
+fn is_clear(ball: &BallState, place: Vec3) -> bool {
+    let is_there = ball.phase.is_on_table();
+    !is_there || ball.position.distance(place.as_dvec3()) > ball.body.radius_m
+}
+
+fn check_places(table: &Table, patches: &[ParticlePatch]) -> Result<()> {
+    let half = 0.5 * DVec2::new(table.length_m(), table.width_m());
+    let is_inside = |patch: &&ParticlePatch| {
+        let low = patch.corner();
+        let high = low + ParticlePatch::EDGE_M;
+        low.cmpge(-half).all() && high.cmple(half).all()
+    };
+    match patches.iter().find(|patch| !is_inside(patch)) {
+        Some(patch) => Err(ParticleFault::OffCloth { at: patch.corner() }.into()),
+        None => Ok(()),
+    }
+}
+
+/// The cloth, the cushions all around, closed where pockets are, and what jelly is glued to.
+fn obstacles(table: &Table, patches: &[ParticlePatch]) -> Vec<Obstacle> {
+    let half = 0.5 * DVec2::new(table.length_m(), table.width_m());
+    let mut obstacles = vec![Obstacle::plane(DVec3::ZERO, DVec3::Z)];
+    for (axis, reach) in [(DVec3::X, half.x), (DVec3::Y, half.y)] {
+        for normal in [axis, -axis] {
+            obstacles.push(Obstacle::plane(-reach * normal, normal));
+        }
+    }
+    let jelly = patches
+        .iter()
+        .filter(|patch| patch.material == ParticleMaterial::Jelly);
+    let corners: Vec<DVec2> = jelly.map(ParticlePatch::corner).collect();
+    if let Some(first) = corners.first() {
+        let min = corners.iter().fold(*first, |min, corner| min.min(*corner));
+        let max = corners.iter().fold(*first, |max, corner| max.max(*corner));
+        let half_size = (0.5 * (max + ParticlePatch::EDGE_M - min)).extend(0.5 * GLUE_M);
+        obstacles.push(Obstacle {
+            solid: Solid::Cuboid {
+                center: (min + half_size.truncate()).extend(-0.5 * GLUE_M),
+                half_size,
+                orientation: DQuat::IDENTITY,
+            },
+            grip: Grip::Bonded,
+        });
+    }
+    obstacles
+}
+
+/// Of the distance between particles: grains are no lattice.
+const SCATTER: f64 = 0.9;
+/// Nodes of particles reach so far, and a ball moves less in a step.
+const REACH_CELLS: f64 = 4.0;
+/// How thick a solid jelly is glued to, in m.
+const GLUE_M: f64 = 0.06;

@@ -1,0 +1,54 @@
+//! Particles on screen: what the physics moves, as clouds of small balls for the tracer.
+
+mod bed;
+mod chalk;
+
+use std::sync::Arc;
+
+use carom_tracer::ParticleCloud;
+use clap::ValueEnum;
+
+pub use bed::BedMoment;
+pub use chalk::ChalkPuff;
+
+/// How many particles are traced. They cost where they are in the picture, and nothing where there are none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum ParticleDetail {
+    /// No dust
+    Off,
+    /// A quarter of the dust: up to 400 specks of chalk at a stroke
+    #[default]
+    Some,
+    /// All of the dust: up to 1600 specks of chalk at a stroke
+    All,
+}
+
+impl ParticleDetail {
+    /// Each so many-th speck is traced; none if 0.
+    pub(crate) const fn stride(self) -> usize {
+        match self {
+            Self::Off => 0,
+            Self::Some => 4,
+            Self::All => 1,
+        }
+    }
+}
+
+/// All particles at a moment.
+#[derive(Clone, Debug, Default)]
+pub struct ParticleMoment {
+    /// Dust of the shot that is on, and the time since its stroke in s.
+    pub dust: Option<(Arc<ChalkPuff>, f64)>,
+    /// What lies on the table.
+    pub bed: Option<BedMoment>,
+}
+
+impl ParticleMoment {
+    /// What is traced of it: of dust as much as is wanted, of what balls meet all.
+    pub fn clouds(&self, detail: ParticleDetail) -> Vec<ParticleCloud> {
+        let dust = self.dust.iter();
+        let dust = dust.flat_map(|(puff, secs)| puff.clouds(*secs, detail));
+        let bed = self.bed.iter().flat_map(BedMoment::clouds);
+        dust.chain(bed).collect()
+    }
+}

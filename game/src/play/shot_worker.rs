@@ -1,0 +1,51 @@
+//! The simulation of a shot through particles, beside the window: it takes up to seconds.
+
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::thread;
+
+use carom_billiards::physics::{Shot, Stroke, World};
+
+use super::cue::CueView;
+
+/// A stroke whose shot is being simulated.
+#[derive(Debug)]
+pub(super) struct ShotWorker {
+    /// As it was struck.
+    pub(super) stroke: Stroke,
+    /// The cue, drawn back until the shot is known.
+    pub(super) cue: Option<CueView>,
+    shot: Receiver<carom_billiards::Result<Shot>>,
+}
+
+impl ShotWorker {
+    /// Begins.
+    ///
+    /// # Errors
+    /// [`carom_billiards::Error::NoThread`] if the system gives none.
+    pub(super) fn start(
+        world: &World,
+        stroke: Stroke,
+        cue: Option<CueView>,
+    ) -> carom_billiards::Result<Self> {
+        let (sender, shot) = channel();
+        let world = world.clone();
+        let run = move || {
+            // Nobody waits any more once the table was laid anew.
+            let _ = sender.send(world.strike(stroke));
+        };
+        thread::Builder::new()
+            .name("particles".to_owned())
+            .spawn(run)
+            .map_err(carom_billiards::Error::NoThread)?;
+        Ok(Self { stroke, cue, shot })
+    }
+
+    /// The shot once it is known; none while it is not.
+    pub(super) fn poll(&self) -> Option<carom_billiards::Result<Shot>> {
+        match self.shot.try_recv() {
+            Ok(shot) => Some(shot),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => Some(Err(carom_billiards::Error::ShotBrokeOff)),
+        }
+    }
+}

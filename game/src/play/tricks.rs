@@ -1,0 +1,77 @@
+//! Trick tables: what lies on the cloth, and a shot that shows it.
+
+use carom_billiards::physics::{
+    BallState, ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, Stroke, Table,
+    World,
+};
+use clap::ValueEnum;
+use glam::DVec2;
+use std::sync::Arc;
+
+/// A trick table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum TrickTable {
+    /// A strip of sand across the middle of the table
+    SandTrap,
+    /// A patch of snow
+    SnowPatch,
+    /// A bumper of jelly
+    JellyBumper,
+    /// A drink that was spilled
+    SpilledDrink,
+}
+
+impl TrickTable {
+    /// What covers the cloth.
+    pub fn patches(self) -> Vec<ParticlePatch> {
+        let (material, columns, rows) = match self {
+            Self::SandTrap => (ParticleMaterial::Sand, 0..8, -5..5),
+            Self::SnowPatch => (ParticleMaterial::Snow, 0..8, -5..5),
+            Self::JellyBumper => (ParticleMaterial::Jelly, 3..5, -5..5),
+            Self::SpilledDrink => (ParticleMaterial::Water, 0..7, -4..4),
+        };
+        let columns = columns.into_iter();
+        let squares = columns.flat_map(|column| rows.clone().map(move |row| (column, row)));
+        let patch = |(column, row)| ParticlePatch {
+            material,
+            column,
+            row,
+        };
+        squares.map(patch).collect()
+    }
+
+    /// A table with the cue ball before it and a ball behind it, and the stroke that goes through it.
+    ///
+    /// # Errors
+    /// A sentence if the table is too small for it.
+    pub fn world(
+        self,
+        table: &Table,
+        precision: ParticlePrecision,
+    ) -> carom_billiards::Result<(World, Stroke)> {
+        let place = |number, at: DVec2| {
+            let body = if number == 0 {
+                table.cue_ball()
+            } else {
+                table.ball()
+            };
+            BallState::at_rest(number, at.x, at.y, &body)
+        };
+        let balls = vec![
+            place(0, DVec2::new(-0.35, 0.02)),
+            place(1, DVec2::new(0.5, 0.03)),
+            place(9, DVec2::new(0.12, 0.26)),
+        ];
+        let bed = ParticleBed::new(table, &balls, &self.patches(), precision)?;
+        let mut world = World::with_laws(
+            table.clone(),
+            carom_billiards::physics::Laws::of(table),
+            balls,
+        )?;
+        world.set_particles(Some(Arc::new(bed)));
+        Ok((world, Stroke::straight(0.0, SPEED_M_S)))
+    }
+}
+
+/// Of the cue: the ball rolls at about 4 m/s.
+const SPEED_M_S: f64 = 3.0;

@@ -1,0 +1,49 @@
+//! The bench of particles: bytes on the wire, and what they cost in a picture.
+
+mod picture;
+mod precision;
+mod wire;
+
+use clap::ValueEnum;
+
+use crate::BenchError;
+
+/// Measure what particles cost on the wire and in the picture.
+///
+/// wire: sand and water of 20,000 particles that all move, at 60 frames a second, through a pair of sessions: Mbit/s
+/// to a node, the farthest that a particle is drawn from its place, and CPU time at both ends. picture: CPU time (on
+/// a GPU that tells it, its own) of the game's room at several moments of a stroke, with each level of dust. precision:
+/// particles, time and the cue ball's way through each trick table, at each precision, and how far it is from that at
+/// the finest over the first second.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Only this part.
+    #[arg(long, value_enum)]
+    part: Option<Part>,
+    /// How many particles are on the wire, about.
+    #[arg(long, default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(100..=60_000))]
+    particles: u32,
+    #[command(flatten)]
+    picture: picture::PictureArgs,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    Wire,
+    Picture,
+    Precision,
+}
+
+pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
+    let is_wanted = |part| args.part.is_none_or(|only| only == part);
+    if is_wanted(Part::Wire) {
+        wire::run(args.particles)?;
+    }
+    if is_wanted(Part::Picture) {
+        picture::run(&args.picture)?;
+    }
+    if is_wanted(Part::Precision) {
+        precision::run()?;
+    }
+    Ok(())
+}

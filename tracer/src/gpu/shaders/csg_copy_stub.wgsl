@@ -1,0 +1,3 @@
+// CSG boxes are read where they are.
+
+fn copy_csg(thread: u32) {}
