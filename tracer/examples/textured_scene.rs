@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn scene() -> Result<Scene, String> {
-    let camera = Camera::looking_at([0.0, -4.2, 1.7], [0.0, 0.0, 0.42]).fov_deg(38.0);
+    let camera = Camera::looking_at([0.0, -5.2, 1.5], [0.0, 0.0, 0.5]).fov_deg(38.0);
     let mut scene = Scene::new().camera(camera).surroundings(sky()?);
     let tiles = scene.add_texture(texture("tiles", 512, tile_color)?);
     let joints = scene.add_texture(texture("joints", 512, tile_normal)?.linear());
@@ -50,10 +50,10 @@ fn scene() -> Result<Scene, String> {
         normal,
         emission: None,
     };
-    let metal = |textures| Material::MetallicRoughness {
+    let metal = |roughness, textures| Material::MetallicRoughness {
         base_color: Vec3::new(0.95, 0.75, 0.45),
         metallic: 1.0,
-        roughness: 1.0,
+        roughness,
         ior: 1.5,
         emission: Vec3::ZERO,
         textures,
@@ -61,12 +61,12 @@ fn scene() -> Result<Scene, String> {
     let floor = Material::rough([1.0; 3], 0.45).textured(maps(Some(tiles), None, Some(joints)));
     scene.add(floor_mesh(), floor);
     for (x, material) in [
-        (-1.15, metal(maps(None, None, Some(dents)))),
+        (-1.15, metal(0.3, maps(None, None, Some(dents)))),
         (
             0.0,
             Material::rough([1.0; 3], 0.35).textured(maps(Some(planet), None, None)),
         ),
-        (1.15, metal(maps(None, Some(wear), None))),
+        (1.15, metal(1.0, maps(None, Some(wear), None))),
     ] {
         let tilt = Quat::from_rotation_y(0.4) * Quat::from_rotation_z(x);
         scene.add(globe().at([x, 0.0, 0.5]).rotated(tilt), material);
@@ -181,8 +181,8 @@ fn sky() -> Result<EnvironmentMap, String> {
 
 fn floor_mesh() -> Mesh {
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(Vec2::from);
-    let positions = corners.map(|corner| (6.0 * corner).extend(0.0));
-    let uvs = corners.map(|corner| 3.0 * Vec2::new(corner.x, -corner.y));
+    let positions = corners.map(|corner| (30.0 * corner).extend(0.0));
+    let uvs = corners.map(|corner| 15.0 * Vec2::new(corner.x, -corner.y));
     Mesh::new(positions.into(), vec![[0, 1, 2], [0, 2, 3]]).uvs(uvs.into())
 }
 

@@ -5,6 +5,7 @@ mod data;
 mod environment;
 mod material;
 mod mesh;
+mod punctual_light;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -25,6 +26,7 @@ pub use self::data::{
 pub use self::environment::{CompiledEnvironment, EnvironmentSample};
 use self::material::material_data;
 pub use self::mesh::CompiledMeshes;
+pub use self::punctual_light::PunctualLightData;
 #[cfg(feature = "gpu")]
 pub(crate) use self::texture::SRGB_LINEAR;
 pub use self::texture::{
@@ -63,6 +65,10 @@ pub struct CompiledScene {
     pub meshes: CompiledMeshes,
     /// Emitting rectangles; rays end on them.
     pub area_lights: Vec<AreaLightData>,
+    /// Lights without extent.
+    pub punctual_lights: Vec<PunctualLightData>,
+    /// Probability with which light sampling aims at one of them.
+    pub punctual_probability: f32,
     /// Materials; primitives hold indices.
     pub materials: Vec<MaterialData>,
     /// Image textures of the materials.
@@ -167,6 +173,8 @@ impl CompiledScene {
             csg_faces: Vec::new(),
             meshes: CompiledMeshes::default(),
             area_lights: area_lights(&scene.area_lights),
+            punctual_lights: scene.punctual_lights.iter().map(Into::into).collect(),
+            punctual_probability: 0.0,
             materials: scene.materials.values().map(material_data).collect(),
             textures: CompiledTextures::new(&scene.textures, materials.map(Material::textures))?,
             primitives: Vec::with_capacity(scene.objects.len()),
@@ -177,6 +185,7 @@ impl CompiledScene {
             cones: Vec::new(),
             base_camera: scene.camera,
         };
+        compiled.share_light_sampling();
         let names: Vec<&str> = scene.materials.keys().map(String::as_str).collect();
         let material = |name: &str| {
             let place = names.binary_search(&name);
@@ -478,12 +487,23 @@ impl CompiledScene {
         )
     }
 
-    /// The probability with which light sampling aims at an area light rather than at the environment.
+    /// The probability with which light sampling aims at an area light rather than at others.
     pub(crate) fn area_light_probability(&self) -> f64 {
         match self.area_lights.is_empty() {
             true => 1.0,
-            false => 1.0 - f64::from(self.environment_map.probability),
+            false => 1.0 - f64::from(self.environment_map.probability + self.punctual_probability),
         }
+    }
+
+    /// Lights without extent are aimed at as often as all others together.
+    fn share_light_sampling(&mut self) {
+        let has_others = !self.area_lights.is_empty() || self.environment_map.probability > 0.0;
+        self.punctual_probability = match (self.punctual_lights.is_empty(), has_others) {
+            (true, _) => 0.0,
+            (false, true) => 0.5,
+            (false, false) => 1.0,
+        };
+        self.environment_map.probability *= 1.0 - self.punctual_probability;
     }
 
     /// How many primitives of a shape there are.

@@ -84,6 +84,16 @@ pub enum SceneError {
         /// Its fault.
         fault: Box<SceneError>,
     },
+    /// A light without extent is at fault.
+    #[error("punctual light {index} `{name}`: {fault}")]
+    PunctualLight {
+        /// Index into the scene's punctual lights.
+        index: usize,
+        /// Its name.
+        name: String,
+        /// Its fault.
+        fault: Box<SceneError>,
+    },
     /// A subtraction from a box is at fault.
     #[error("subtraction {index}: {fault}")]
     Subtraction {

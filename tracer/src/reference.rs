@@ -10,9 +10,10 @@
 use glam::DVec3;
 
 use crate::CompiledScene;
-use crate::compiled::{AreaLightData, MaterialData, Primitive};
+use crate::compiled::{AreaLightData, MaterialData, Primitive, PunctualLightData};
 use crate::scalar::environment::environment_radiance;
 use crate::scalar::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
+use crate::scalar::punctual_light::PunctualIncidence;
 use crate::scalar::triangle::visible_shading_normal;
 use crate::scalar::{medium::uniform_direction, scatter::Scatter};
 
@@ -83,12 +84,13 @@ fn direct_light(
     vertex: &SurfaceVertex,
     random: &mut dyn FnMut() -> f64,
 ) -> DVec3 {
-    let lights = scene.area_lights.len() + usize::from(!scene.environment_map.is_empty());
-    let index = (random() * lights as f64) as usize;
+    let index = (random() / choice(scene)) as usize;
     let Some(light) = scene.area_lights.get(index) else {
-        return match lights {
-            0 => DVec3::ZERO,
-            _ => environment_light(scene, vertex, random),
+        let index = index - scene.area_lights.len();
+        return match scene.punctual_lights.get(index) {
+            Some(light) => punctual_light(scene, vertex, light),
+            None if scene.environment_map.is_empty() => DVec3::ZERO,
+            None => environment_light(scene, vertex, random),
         };
     };
     let [u, v] = (light.half_edges()).map(|half| (2.0 * random() - 1.0) * vector(half));
@@ -127,10 +129,28 @@ fn environment_light(
     f * chosen.radiance * (direction.dot(vertex.n).abs() * weight * inverse_pdf)
 }
 
-/// The probability of each light.
+/// Light from a light without extent, by its probability.
+fn punctual_light(
+    scene: &CompiledScene,
+    vertex: &SurfaceVertex,
+    light: &PunctualLightData,
+) -> DVec3 {
+    let incidence = PunctualIncidence::new(light, vertex.hit.point);
+    let (origin, direction) = (vertex.hit.point, incidence.wi);
+    let ray_origin = vertex.ray_origin(direction);
+    let nearest = intersect_from(scene, &Ray { origin, direction }, Some(ray_origin));
+    let is_dark = nearest.is_some_and(|hit| hit.t < incidence.distance);
+    if is_dark || ray_origin.is_inside || vertex.is_below(direction) {
+        return DVec3::ZERO;
+    }
+    let (f, _) = vertex.bsdf.eval(vertex.wo, direction, vertex.n);
+    f * incidence.irradiance * (direction.dot(vertex.n).abs() / choice(scene))
+}
+
+/// The probability of each light: area lights, those without extent, and the environment map.
 fn choice(scene: &CompiledScene) -> f64 {
     let map = usize::from(!scene.environment_map.is_empty());
-    1.0 / (scene.area_lights.len() + map) as f64
+    1.0 / (scene.area_lights.len() + scene.punctual_lights.len() + map) as f64
 }
 
 /// Density of light sampling per solid angle, for a light met at distance `t`; none from behind.

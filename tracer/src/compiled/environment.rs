@@ -25,7 +25,7 @@ pub struct CompiledEnvironment {
     pub height: u32,
     /// Turn about +z, added to the picture's horizontal coordinate, in [0, 1).
     pub turn: f32,
-    /// Probability with which light sampling aims at the environment rather than at an area light.
+    /// Probability with which light sampling aims at the environment rather than at another light.
     pub probability: f32,
     /// `height + 1` sums of the rows' probabilities; `width + 1` sums of the pixels' probabilities for each row; red,
     /// green and blue of each pixel, in W·sr⁻¹·m⁻².

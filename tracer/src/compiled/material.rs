@@ -72,18 +72,15 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             ior,
             emission,
             textures: _,
-        } => {
-            let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
-            MaterialData {
-                kind: KIND_METALLIC_ROUGHNESS,
-                albedo: base_color.to_array(),
-                metallic,
-                alpha: roughness * roughness,
-                eta: [f0; 3],
-                k: emission.to_array(),
-                ..MaterialData::zeroed()
-            }
-        }
+        } => MaterialData {
+            kind: KIND_METALLIC_ROUGHNESS,
+            albedo: base_color.to_array(),
+            metallic,
+            alpha: roughness * roughness,
+            eta: [((ior - 1.0) / (ior + 1.0)).powi(2); 3],
+            k: emission.to_array(),
+            ..MaterialData::zeroed()
+        },
     }
 }
 

@@ -58,6 +58,7 @@ fn poses(poses: &[ObjectPose]) -> SceneUpdate {
     SceneUpdate {
         camera: None,
         poses: poses.to_vec(),
+        particles: Vec::new(),
     }
 }
 
@@ -152,6 +153,7 @@ fn a_refused_update_leaves_nothing_behind() {
             SceneUpdate {
                 camera: Some(blind),
                 poses: vec![good],
+                particles: Vec::new(),
             },
             "the camera's fov_x_deg is NaN",
         ),

@@ -9,7 +9,6 @@ use super::lanes::{Float, LANES, Mask, Vec3x};
 use super::sampling::sin_cos_turns;
 use crate::CompiledScene;
 use crate::compiled::CompiledEnvironment;
-use crate::sampling::BELOW_1;
 
 /// The environment of a scene.
 pub(super) struct Environment {
@@ -87,17 +86,6 @@ impl Environment {
         u: [Float<S>; 2],
     ) -> Option<EnvironmentSample<S>> {
         Some(sample(simd, self.map.as_ref()?, u))
-    }
-
-    /// Divides `u[0]` between environment and area lights: returns the lanes that aim at the environment, and what
-    /// is left of `u[0]`.
-    #[inline(always)]
-    pub(super) fn choose<S: Simd>(&self, simd: S, u: Float<S>) -> (Mask<S>, Float<S>) {
-        let probability = self.probability();
-        let aimed = u.simd_lt(probability);
-        let rest = (u - probability) / Float::splat(simd, 1.0 - probability).max(f32::MIN_POSITIVE);
-        let within = u / Float::splat(simd, probability).max(f32::MIN_POSITIVE);
-        (aimed, aimed.select(within, rest).min(BELOW_1 as f32))
     }
 }
 

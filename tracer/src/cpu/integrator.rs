@@ -14,16 +14,17 @@ use super::environment::Environment;
 use super::geometry::Geometry;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::microfacet::{SCATTERED, untagged};
+use super::punctual_light::sample_punctual_light;
 use super::rays::{INSIDE, NONE, Nearest, Rays};
 use super::refracted_nee::NeeBoundaries;
 use super::regularisation::{regularised, with_spread};
 use super::sampling::{pair, sin_cos_turns};
 use super::stream::{Stream, StreamPacket, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
-use crate::compiled::{CameraFrame, CompiledScene};
+use crate::compiled::{CameraFrame, CompiledScene, PunctualLightData};
 use crate::sampling::{
-    BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light,
-    block_scatter,
+    BELOW_1, BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice,
+    block_light, block_scatter,
 };
 use crate::{ImageSize, RenderSettings};
 
@@ -34,6 +35,10 @@ pub(super) struct Prepared {
     pub(super) geometry: Geometry,
     pub(super) surfaces: Surfaces,
     pub(super) area_lights: AreaLights,
+    punctual_lights: Vec<PunctualLightData>,
+    /// With which light sampling aims at those, and at area lights.
+    punctual_probability: f32,
+    area_light_probability: f32,
     has_coat: bool,
     /// How wide the surface is that a pixel sees at a distance of 1 m, in metres.
     pub(super) footprint: f32,
@@ -50,6 +55,9 @@ impl Prepared {
             geometry: Geometry::new(scene),
             surfaces: Surfaces::new(scene),
             area_lights: AreaLights::new(&scene.area_lights),
+            punctual_lights: scene.punctual_lights.clone(),
+            punctual_probability: scene.punctual_probability,
+            area_light_probability: scene.area_light_probability() as f32,
             has_coat: scene.materials.iter().any(|material| material.ior > 0.0),
             settings,
         }
@@ -104,9 +112,14 @@ impl Prepared {
         rays
     }
 
+    /// Whether light is looked for elsewhere than at area lights.
+    fn shares_light_sampling(&self) -> bool {
+        self.environment.probability() > 0.0 || self.punctual_probability > 0.0
+    }
+
     /// Whether there are directions in which light is looked for.
     fn samples_light(&self) -> bool {
-        !self.area_lights.is_empty() || self.environment.probability() > 0.0
+        !self.area_lights.is_empty() || self.shares_light_sampling()
     }
 
     /// Whether area lights that a coat reflects are looked up: of denoised pictures the first hits' mirrors
@@ -372,6 +385,10 @@ impl Prepared {
     /// Scatters each path where it hit: a shadow ray towards an area light and the path's next direction.
     /// Returns the number of rays that this took.
     #[inline(always)]
+    #[expect(
+        clippy::too_many_lines,
+        reason = "one packet's values, all in registers"
+    )]
     fn shade<S: Simd>(&self, simd: S, stream: &mut Stream, depth: u32) -> u64 {
         let mut rays = 0;
         for packet in packets(stream.len) {
@@ -395,44 +412,27 @@ impl Prepared {
                 stream.store_aovs(at, aovs);
             }
             let beta = stream.beta.load(simd, at);
-            if let Some(surface) = &hit.metallic_roughness {
-                let emitting = alive & surface.lanes;
-                let black = Vec3x::splat(simd, [0.0; 3]);
-                let emission = Vec3x::select(emitting, beta.scale(surface.emission), black);
-                let radiance = stream.radiance.load(simd, at);
-                stream.radiance.store(at, radiance + emission);
-            }
+            add_emission(simd, stream, at, alive, &hit);
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
             let seed = self.settings.seed;
             let mut light_weight_sum = Float::splat(simd, 0.0);
             if self.samples_light() {
-                let mut u = pair(pixel, sample, block_light(depth), seed);
-                let aimed = self.aim_at_environment(simd, &hit, &mut u);
-                if self.area_lights.is_empty() {
-                    self.queue_no_shadow_rays(simd, stream, at, &hit);
-                } else {
-                    let mut light = self.area_lights.sample(simd, hit.position, u);
-                    self.weigh_beside_environment(&hit, &mut light);
-                    light_weight_sum = light.light_weight_sum;
-                    rays += self.queue_shadow_rays(
-                        simd,
-                        stream,
-                        at,
-                        alive,
-                        depth,
-                        &hit,
-                        &bsdf,
-                        tag,
-                        &light,
-                        regularised,
-                    );
-                }
-                if let Some(aimed) = aimed {
-                    self.queue_environment_shadow_ray(
-                        simd, stream, at, alive, aimed, &hit, &bsdf, u,
-                    );
-                }
+                let u = pair(pixel, sample, block_light(depth), seed);
+                let (traced, sum) = self.sample_light(
+                    simd,
+                    stream,
+                    at,
+                    alive,
+                    depth,
+                    &hit,
+                    &bsdf,
+                    tag,
+                    regularised,
+                    u,
+                );
+                rays += traced;
+                light_weight_sum = sum;
             }
             let [u1, u2] = pair(pixel, sample, block_scatter(depth), seed);
             let mut u0 = u1;
@@ -465,6 +465,53 @@ impl Prepared {
             store_words(&mut stream.primitive, at, left);
         }
         rays
+    }
+
+    /// Next-event estimation at a packet's hits, towards all kinds of lights. Returns the number of rays inside balls and
+    /// the area lights' `light_weight_sum`.
+    #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one packet's values, all in registers"
+    )]
+    fn sample_light<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        at: usize,
+        alive: Mask<S>,
+        depth: u32,
+        hit: &Hit<S>,
+        bsdf: &Bsdf<S>,
+        tag: Word<S>,
+        regularised: Mask<S>,
+        mut u: [Float<S>; 2],
+    ) -> (u64, Float<S>) {
+        let (mut rays, mut light_weight_sum) = (0, Float::splat(simd, 0.0));
+        let aims = self.divide_light_sampling(hit, &mut u);
+        if self.area_lights.is_empty() {
+            self.queue_no_shadow_rays(simd, stream, at, hit);
+        } else {
+            let mut light = self.area_lights.sample(simd, hit.position, u);
+            self.weigh_beside_others(hit, &mut light);
+            light_weight_sum = light.light_weight_sum;
+            rays = self.queue_shadow_rays(
+                simd,
+                stream,
+                at,
+                alive,
+                depth,
+                hit,
+                bsdf,
+                tag,
+                &light,
+                regularised,
+            );
+        }
+        if let Some(aims) = aims {
+            self.queue_other_shadow_rays(simd, stream, at, alive, &aims, hit, bsdf, u);
+        }
+        (rays, light_weight_sum)
     }
 
     /// Next-event estimation at a packet's hits, by all lobes. Returns the number of rays inside balls.
@@ -501,36 +548,53 @@ impl Prepared {
         rays
     }
 
-    /// The lanes that aim at the environment rather than at an area light, and what is left of `u` for either; none
-    /// without an environment map. Lanes that were scattered inside bodies aim at area lights alone.
+    /// The lanes that aim elsewhere than at an area light, and what is left of `u` for each; none where there is
+    /// nothing else. Lanes that were scattered inside bodies aim at area lights alone.
     #[inline(always)]
-    fn aim_at_environment<S: Simd>(
+    fn divide_light_sampling<S: Simd>(
         &self,
-        simd: S,
         hit: &Hit<S>,
         u: &mut [Float<S>; 2],
-    ) -> Option<Mask<S>> {
-        if self.environment.probability() == 0.0 {
+    ) -> Option<LightAims<S>> {
+        if !self.shares_light_sampling() {
             return None;
         }
-        let (mut aimed, mut rest) = self.environment.choose(simd, u[0]);
+        let shares = [
+            self.punctual_probability,
+            self.environment.probability(),
+            self.area_light_probability,
+        ];
+        let [punctual_share, environment_share, _] = shares;
+        let after = u[0] - punctual_share;
+        let mut punctual = after.simd_lt(0.0);
+        let mut environment = after.simd_lt(environment_share) & !punctual;
+        let part = |u: Float<S>, share: f32| u * (1.0 / share.max(f32::MIN_POSITIVE));
+        let rest = part(after - environment_share, shares[2]);
+        let rest = environment.select(part(after, environment_share), rest);
+        let mut rest = punctual
+            .select(part(u[0], punctual_share), rest)
+            .min(BELOW_1 as f32);
         if let Some(microfacet) = &hit.microfacet {
-            rest = microfacet.is_scattered().select(u[0], rest);
-            aimed &= !microfacet.is_scattered();
+            let scattered = microfacet.is_scattered();
+            rest = scattered.select(u[0], rest);
+            punctual &= !scattered;
+            environment &= !scattered;
         }
         u[0] = rest;
-        Some(aimed)
+        Some(LightAims {
+            punctual,
+            environment,
+        })
     }
 
-    /// Area lights are aimed at less often where the environment is too.
+    /// Area lights are aimed at less often where others are too.
     #[inline(always)]
-    fn weigh_beside_environment<S: Simd>(&self, hit: &Hit<S>, light: &mut LightSample<S>) {
-        let probability = 1.0 - self.environment.probability();
-        if probability == 1.0 {
+    fn weigh_beside_others<S: Simd>(&self, hit: &Hit<S>, light: &mut LightSample<S>) {
+        if !self.shares_light_sampling() {
             return;
         }
         let simd = light.inverse_pdf.token();
-        let mut factor = Float::splat(simd, 1.0 / probability);
+        let mut factor = Float::splat(simd, 1.0 / self.area_light_probability);
         if let Some(microfacet) = &hit.microfacet {
             let one = Float::splat(simd, 1.0);
             factor = microfacet.is_scattered().select(one, factor);
@@ -549,47 +613,57 @@ impl Prepared {
         }
     }
 
-    /// Next-event estimation: a shadow ray towards a random direction of the environment, in place of those that are
-    /// queued in lanes that are `aimed` at it.
+    /// Next-event estimation towards other than area lights, in place of the rays that are queued in the lanes that aim
+    /// there.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
         reason = "one packet's values, all in registers"
     )]
-    fn queue_environment_shadow_ray<S: Simd>(
+    fn queue_other_shadow_rays<S: Simd>(
         &self,
         simd: S,
         stream: &mut Stream,
         at: usize,
         alive: Mask<S>,
-        aimed: Mask<S>,
+        aims: &LightAims<S>,
         hit: &Hit<S>,
         bsdf: &Bsdf<S>,
         u: [Float<S>; 2],
     ) {
-        let Some(drawn) = self.environment.sample(simd, u) else {
-            return;
-        };
-        let cos_i = hit.normal.dot(drawn.wi);
-        let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, drawn.wi, cos_i);
-        let weight = power_heuristic(bsdf_pdf * drawn.inverse_density) * drawn.inverse_density;
-        let mut lit = alive & bsdf.sees(cos_i);
-        if let Some(geometric) = hit.geometric {
-            lit &= geometric.dot(drawn.wi).simd_ge(0.0);
+        let environment = alive & aims.environment;
+        if environment.any_true()
+            && let Some(drawn) = self.environment.sample(simd, u)
+        {
+            let cos_i = hit.normal.dot(drawn.wi);
+            let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, drawn.wi, cos_i);
+            let weight = power_heuristic(bsdf_pdf * drawn.inverse_density) * drawn.inverse_density;
+            let light = f_cos.scale(drawn.radiance) * weight;
+            let distance = Float::splat(simd, f32::MAX);
+            let lanes = environment & bsdf.sees(cos_i);
+            replace_shadow_ray(
+                stream,
+                at,
+                environment,
+                lanes,
+                hit,
+                drawn.wi,
+                distance,
+                light,
+            );
         }
-        let shadow = &mut stream.shadows[OTHER];
-        let before = shadow.direction.load(simd, at);
-        (shadow.direction).store(at, Vec3x::select(aimed, drawn.wi, before));
-        let beta = stream.beta.load(simd, at);
-        let light = beta.scale(f_cos).scale(drawn.radiance) * weight;
-        let before = shadow.radiance.load(simd, at);
-        (shadow.radiance).store(at, Vec3x::select(aimed, light, before));
-        let distance = lit.select(Float::splat(simd, f32::MAX), Float::splat(simd, 0.0));
-        let before = load(simd, &shadow.distance, at);
-        store(&mut shadow.distance, at, aimed.select(distance, before));
-        let before = load_words(simd, &shadow.light, at);
-        let none = Word::splat(simd, NONE);
-        store_words(&mut shadow.light, at, aimed.select(none, before));
+        let punctual = alive & aims.punctual;
+        if punctual.any_true() {
+            let lights = &self.punctual_lights;
+            let chosen = sample_punctual_light(simd, lights, hit.position, u[0]);
+            let cos_i = hit.normal.dot(chosen.wi);
+            let (f_cos, _) = bsdf.evaluate(simd, chosen.wi, cos_i);
+            let weight = Float::splat(simd, 1.0 / self.punctual_probability);
+            let light = f_cos.scale(chosen.irradiance) * weight;
+            let lanes = punctual & bsdf.sees(cos_i);
+            let distance = chosen.distance;
+            replace_shadow_ray(stream, at, punctual, lanes, hit, chosen.wi, distance, light);
+        }
     }
 
     /// The surfaces that a packet's rays have met, their mirrors mollified in the lanes returned.
@@ -840,6 +914,60 @@ impl Prepared {
         }
         rays
     }
+}
+
+/// Adds what the surfaces of a packet's hits emit.
+#[inline(always)]
+fn add_emission<S: Simd>(simd: S, stream: &mut Stream, at: usize, alive: Mask<S>, hit: &Hit<S>) {
+    let Some(surface) = &hit.metallic_roughness else {
+        return;
+    };
+    let beta = stream.beta.load(simd, at);
+    let black = Vec3x::splat(simd, [0.0; 3]);
+    let emission = beta.scale(surface.emission);
+    let emission = Vec3x::select(alive & surface.lanes, emission, black);
+    let radiance = stream.radiance.load(simd, at);
+    stream.radiance.store(at, radiance + emission);
+}
+
+/// The lanes that aim elsewhere than at an area light.
+struct LightAims<S: Simd> {
+    punctual: Mask<S>,
+    environment: Mask<S>,
+}
+
+/// Queues a ray that no area light ends in place of those in lanes that are `aimed`, to be traced where it is `lit`.
+#[inline(always)]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "one packet's values, all in registers"
+)]
+fn replace_shadow_ray<S: Simd>(
+    stream: &mut Stream,
+    at: usize,
+    aimed: Mask<S>,
+    mut lit: Mask<S>,
+    hit: &Hit<S>,
+    wi: Vec3x<S>,
+    distance: Float<S>,
+    light: Vec3x<S>,
+) {
+    let simd = distance.token();
+    if let Some(geometric) = hit.geometric {
+        lit &= geometric.dot(wi).simd_ge(0.0);
+    }
+    let beta = stream.beta.load(simd, at);
+    let shadow = &mut stream.shadows[OTHER];
+    let before = shadow.direction.load(simd, at);
+    shadow.direction.store(at, Vec3x::select(aimed, wi, before));
+    let before = shadow.radiance.load(simd, at);
+    (shadow.radiance).store(at, Vec3x::select(aimed, beta.scale(light), before));
+    let distance = lit.select(distance, Float::splat(simd, 0.0));
+    let before = load(simd, &shadow.distance, at);
+    store(&mut shadow.distance, at, aimed.select(distance, before));
+    let before = load_words(simd, &shadow.light, at);
+    let none = Word::splat(simd, NONE);
+    store_words(&mut shadow.light, at, aimed.select(none, before));
 }
 
 /// Which shadow rays, in [`Stream::shadows`].

@@ -86,7 +86,7 @@ impl<S: Simd> MetallicRoughness<S> {
                     diffuse: base * (1.0 - metallic),
                     f0: (base - even).mul_add(metallic, even),
                     dielectric_f0,
-                    base_f90: (1.0 - alpha.sqrt()).max(dielectric_f0),
+                    base_f90: ((1.0 - alpha) * (1.0 - alpha)).max(dielectric_f0),
                     alpha: alpha.max(ALPHA_LEAST),
                 })
             },

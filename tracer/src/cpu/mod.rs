@@ -34,6 +34,7 @@ mod math;
 mod medium;
 mod metallic_roughness;
 mod microfacet;
+mod punctual_light;
 mod rays;
 mod refracted_nee;
 mod regularisation;

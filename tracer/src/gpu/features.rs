@@ -150,6 +150,10 @@ pub(crate) struct Features {
     /// Pixels across and down the environment map; 0 without.
     pub(crate) environment_map: [u32; 2],
     pub(crate) area_lights: u32,
+    /// Lights without extent.
+    pub(crate) punctual_lights: u32,
+    /// Their probability in light sampling, in halves.
+    pub(crate) punctual_halves: u32,
     /// At least 1: an array has no length of 0.
     pub(crate) materials: u32,
     /// Rays find the primitives of a shape by a BVH.
@@ -182,7 +186,7 @@ pub(crate) struct Features {
     pub(crate) discs_coplanar: bool,
     /// The same of area lights.
     pub(crate) area_lights_coplanar: bool,
-    /// Some area light may be before the face of another, or before the environment.
+    /// Some area light may be before the face of another, or before another light.
     pub(crate) area_lights_occlude: bool,
     /// Solid angles in metres would leave the range of f32.
     pub(crate) area_lights_scaled: bool,
@@ -195,6 +199,8 @@ impl Features {
     /// What `scene` requires, its arrays in constant memory.
     pub(crate) fn new(scene: &CompiledScene) -> Self {
         let any = |has: fn(&MaterialData) -> bool| scene.materials.iter().any(has);
+        let shares_light_sampling =
+            !(scene.environment_map.is_empty() && scene.punctual_lights.is_empty());
         Self {
             spheres: scene.spheres.len() as u32,
             boxes: scene.boxes.len() as u32,
@@ -214,6 +220,8 @@ impl Features {
                 false => scene.textures.images.len() as u32,
             },
             area_lights: scene.area_lights.len() as u32,
+            punctual_lights: scene.punctual_lights.len() as u32,
+            punctual_halves: (2.0 * scene.punctual_probability) as u32,
             materials: scene.materials.len().max(1) as u32,
             bvhs: ShapeKind::ALL.map(|shape| bvh(scene, shape).is_some()),
             has_csg_cone: scene
@@ -234,7 +242,7 @@ impl Features {
             discs_coplanar: coplanar::discs_coplanar(scene),
             area_lights_coplanar: coplanar::area_lights_coplanar(scene),
             area_lights_occlude: coplanar::area_lights_occlude(scene)
-                || !(scene.environment_map.is_empty() || scene.area_lights.is_empty()),
+                || (shares_light_sampling && !scene.area_lights.is_empty()),
             area_lights_scaled: needs_scale(scene),
             memory: SceneMemory::Uniform,
             workgroup_blocks: 1,
@@ -260,6 +268,11 @@ impl Features {
             ShapeKind::CsgFace => self.csg_faces,
             ShapeKind::Triangle => self.triangles,
         }
+    }
+
+    /// Whether light is looked for elsewhere than at area lights.
+    pub(crate) const fn shares_light_sampling(&self) -> bool {
+        self.has_environment_map() || self.punctual_lights > 0
     }
 
     /// Whether there is an environment map.

@@ -6,7 +6,8 @@ use glam::Vec3;
 use crate::bvh::{BvhNode, LEAF, leaves};
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
-    MaterialData, RectangleData, ShapeKind, SphereData, TriangleData, TriangleNormals, TriangleUvs,
+    MaterialData, PunctualLightData, RectangleData, ShapeKind, SphereData, TriangleData,
+    TriangleNormals, TriangleUvs,
 };
 use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features, SceneMemory};
@@ -194,6 +195,7 @@ pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
             .sum::<usize>()
         + features.csg_boxes as usize * size_of::<CsgBoxData>()
         + features.area_lights as usize * size_of::<AreaLightData>()
+        + features.punctual_lights as usize * size_of::<PunctualLightData>()
         + features.materials as usize * size_of::<MaterialData>();
     (size_of::<SceneHeader>() + arrays) as u64
 }
@@ -247,6 +249,7 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     bytes.extend_from_slice(cast_slice(&scene.csg_faces));
     bytes.extend_from_slice(cast_slice(&scene.csg_boxes));
     bytes.extend_from_slice(cast_slice(&scene.area_lights));
+    bytes.extend_from_slice(cast_slice(&scene.punctual_lights));
     bytes.extend_from_slice(cast_slice(&scene.materials));
     if scene.materials.is_empty() {
         bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));

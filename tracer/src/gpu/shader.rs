@@ -75,6 +75,9 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => ENVIRONMENT_MAP,
         false => include_str!("shaders/environment_stub.wgsl"),
     });
+    if features.punctual_lights > 0 {
+        parts.push(PUNCTUAL_LIGHT);
+    }
     parts.push(match features.has_coat {
         true => include_str!("shaders/bsdf_plastic.wgsl"),
         false => include_str!("shaders/bsdf_diffuse.wgsl"),
@@ -86,14 +89,7 @@ fn parts(features: &Features) -> Vec<&'static str> {
     if features.has_microfacet || features.has_metallic_roughness {
         parts.push(include_str!("shaders/ggx.wgsl"));
     }
-    if features.has_metallic_roughness {
-        parts.push(METALLIC_ROUGHNESS);
-        parts.push(include_str!("shaders/texture_factors.wgsl"));
-        parts.push(match features.textures {
-            0 => include_str!("shaders/texture_factors_stub.wgsl"),
-            _ => include_str!("shaders/image_texture.wgsl"),
-        });
-    }
+    parts.extend(metallic_roughness_parts(features));
     parts.push(match features.has_sheen {
         true => include_str!("shaders/sheen.wgsl"),
         false => include_str!("shaders/sheen_stub.wgsl"),
@@ -124,6 +120,18 @@ fn parts(features: &Features) -> Vec<&'static str> {
     parts
 }
 
+fn metallic_roughness_parts(features: &Features) -> Vec<&'static str> {
+    if !features.has_metallic_roughness {
+        return Vec::new();
+    }
+    let factors = include_str!("shaders/texture_factors.wgsl");
+    let textures = match features.textures {
+        0 => include_str!("shaders/texture_factors_stub.wgsl"),
+        _ => include_str!("shaders/image_texture.wgsl"),
+    };
+    vec![METALLIC_ROUGHNESS, factors, textures]
+}
+
 fn triangle_normal_parts(features: &Features) -> Vec<&'static str> {
     if !features.has_shading_normals() {
         return vec![include_str!("shaders/triangle_flat.wgsl")];
@@ -140,6 +148,7 @@ fn triangle_normal_parts(features: &Features) -> Vec<&'static str> {
 }
 
 const ENVIRONMENT_MAP: &str = include_str!("shaders/environment_map.wgsl");
+const PUNCTUAL_LIGHT: &str = include_str!("shaders/punctual_light.wgsl");
 const SHADING_NORMAL: &str = include_str!("shaders/shading_normal.wgsl");
 const METALLIC_ROUGHNESS: &str = include_str!("shaders/metallic_roughness.wgsl");
 
@@ -220,7 +229,7 @@ fn constants(features: &Features) -> String {
         features.has_refracted_nee,
         features.has_metallic_roughness,
         features.has_environment_map(),
-        features.area_lights > 0 || features.has_environment_map(),
+        features.area_lights > 0 || features.shares_light_sampling(),
         SphereData::REFRACTED_NEE_STEPS,
         features.has_number,
         features.has_wood,
@@ -236,12 +245,18 @@ fn constants(features: &Features) -> String {
         );
     }
     text += &workgroup_constants(features.workgroup_blocks);
+    text += &light_sampling_constants(features);
     text += &sampling_constants();
     text += &kinds();
     let floats = KernelOutput::Aovs.floats();
     _ = writeln!(text, "const AOV_FLOATS: u32 = {floats}u;");
     text += &texture::wgsl();
-    let mut first = 0;
+    text + &primitive_numbers(features)
+}
+
+/// Numbers of primitives, area lights last.
+fn primitive_numbers(features: &Features) -> String {
+    let (mut text, mut first) = (String::new(), 0);
     for shape in features.numbered_shapes() {
         let (name, count) = (shape.constant(), features.count(shape));
         _ = writeln!(
@@ -257,6 +272,21 @@ fn constants(features: &Features) -> String {
         "const AREA_LIGHT_FIRST: u32 = {first}u;\nconst AREA_LIGHT_COUNT: u32 = {lights}u;"
     );
     text
+}
+
+/// How light sampling is divided among kinds of lights.
+fn light_sampling_constants(features: &Features) -> String {
+    let punctual = 0.5 * features.punctual_halves as f32;
+    // Where there are no others, so that nothing is divided by 0.
+    let others = if punctual < 1.0 { 1.0 - punctual } else { 1.0 };
+    format!(
+        "const SHARES_LIGHT_SAMPLING: bool = {};\n\
+         const PUNCTUAL_LIGHT_COUNT: u32 = {}u;\n\
+         const PUNCTUAL_SHARE: f32 = {punctual:?};\n\
+         const OTHERS_SHARE: f32 = {others:?};\n",
+        features.shares_light_sampling(),
+        features.punctual_lights
+    )
 }
 
 /// Pixels of a block, and blocks of a workgroup.
@@ -316,6 +346,13 @@ fn scene_declaration(features: &Features) -> String {
             text,
             "    area_lights: array<AreaLightData, {}>,",
             features.area_lights
+        );
+    }
+    if features.punctual_lights > 0 {
+        let count = features.punctual_lights;
+        _ = writeln!(
+            text,
+            "    punctual_lights: array<PunctualLightData, {count}>,"
         );
     }
     _ = writeln!(
@@ -427,7 +464,7 @@ fn environment_declaration(features: &Features) -> String {
 }
 
 /// A part of a kernel with functions of other parts around its own: those of `shading_normal.wgsl`, and within those of
-/// `metallic_roughness.wgsl` and `environment_map.wgsl`.
+/// `metallic_roughness.wgsl`, of `punctual_light.wgsl` and of `environment_map.wgsl`.
 fn with_wrappers(features: &Features, part: &str) -> String {
     let mut text = part.to_owned();
     if features.has_metallic_roughness && part != METALLIC_ROUGHNESS && part != SHADING_NORMAL {
@@ -445,8 +482,12 @@ fn with_wrappers(features: &Features, part: &str) -> String {
             text = text.replace(&format!("fn {name}("), &format!("fn plain_{name}("));
         }
     }
-    if features.has_environment_map() && part != ENVIRONMENT_MAP && part != SHADING_NORMAL {
+    let is_outer = [ENVIRONMENT_MAP, PUNCTUAL_LIGHT, SHADING_NORMAL].contains(&part);
+    if features.has_environment_map() && !is_outer {
         text = text.replace("fn direct_light(", "fn area_direct_light(");
+    }
+    if features.punctual_lights > 0 && ![PUNCTUAL_LIGHT, SHADING_NORMAL].contains(&part) {
+        text = text.replace("fn direct_light(", "fn other_direct_light(");
     }
     if features.has_shading_normals() && part != SHADING_NORMAL {
         for name in ["direct_light", "bsdf_sample"] {
@@ -531,7 +572,7 @@ mod tests {
     use super::*;
     use crate::compiled::{
         AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData, MaterialData,
-        RectangleData, SphereData, TextureData, TriangleNormals, TriangleUvs,
+        PunctualLightData, RectangleData, SphereData, TextureData, TriangleNormals, TriangleUvs,
     };
     use crate::gpu::layout::{
         BoxBound, BvhNodeData, DispatchData, SceneHeader, SphereBound, SphereLeaf, TileEntry,
@@ -550,6 +591,8 @@ mod tests {
         triangles: 12,
         smooth_triangles: 7,
         environment_map: [16, 8],
+        punctual_lights: 2,
+        punctual_halves: 1,
         uv_triangles: 5,
         textures: 3,
         bvhs: [true, false, true, true, false, true],
@@ -615,6 +658,12 @@ mod tests {
                 has_sheen: i % 17 < 8,
                 has_microfacet: i % 7 < 4,
                 environment_map: [i % 3 * 4, i % 3 * 2],
+                punctual_lights: i / 3 % 3,
+                punctual_halves: match (i / 3 % 3, i >> 6, i % 3) {
+                    (0, ..) => 0,
+                    (_, 0, 0) => 2,
+                    _ => 1,
+                },
                 has_dielectric: i % 7 < 2,
                 has_metallic_roughness: i % 5 > 2,
                 has_refracted_nee: i & 1 == 1 && i >> 6 > 0 && i % 7 == 1,
@@ -692,7 +741,7 @@ mod tests {
     }
 
     #[rustfmt::skip]
-    fn layouts_in_rust() -> [Layout; 21] {
+    fn layouts_in_rust() -> [Layout; 22] {
         [
             layout!(SphereData, center radius stripe_axis material number_axis allows_refracted_nee),
             layout!(BoxData, min material max),
@@ -707,6 +756,8 @@ mod tests {
             layout!(MaterialTextureData, base_color metallic_roughness normal emission),
             layout!(AreaLightData,
                 center brightness axis_u length_u axis_v length_v normal radiance),
+            layout!(PunctualLightData,
+                center is_distant direction cone_scale strength cone_offset),
             layout!(MaterialData,
                 albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha majorant
                 eta pattern k number extinction grain_axis scattering sheen_roughness sheen

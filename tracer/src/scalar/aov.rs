@@ -51,7 +51,7 @@ impl PathTracer<'_> {
             sum.emission += self.emission(ray, hit.as_ref());
             return;
         };
-        let vertex = Vertex::new(self.scene, ray, &hit, self.footprint_m(&hit));
+        let vertex = Vertex::new(self.scene, ray, &hit, self.footprint_m(&hit, 0));
         let axis = vector(self.frame.dx)
             .cross(-vector(self.frame.dy))
             .normalize();

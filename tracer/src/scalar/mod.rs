@@ -45,7 +45,8 @@
 //!
 //! A constant environment is found by scattering alone. An environment map is aimed at instead of an area light with
 //! probability [`CompiledEnvironment::probability`] by `u[0]` of `block_light(k)`, which is then stretched to [0, 1) again, and
-//! weighed in the same way; what coats and media lead to it counts in full. From the second vertex on, paths outside of bodies that would bring
+//! weighed in the same way; what coats and media lead to it counts in full. Before both, [`mod@punctual_light`]s have their
+//! share of `u[0]`, which chance does not find. From the second vertex on, paths outside of bodies that would bring
 //! little light are ended by Russian roulette ([`crate::sampling::SURVIVAL_PER_THROUGHPUT`]). There is no clamping; a
 //! sample that is not finite counts as black and is reported.
 //!
@@ -61,6 +62,7 @@ pub mod medium;
 pub mod metallic_roughness;
 pub mod microfacet;
 mod normal_map;
+pub mod punctual_light;
 mod ray;
 pub mod refracted_nee;
 pub mod scatter;
@@ -96,6 +98,7 @@ use intersect::{RayOrigin, intersect_from, nearest_area_light, vector};
 use medium::{Medium, uniform_direction};
 use metallic_roughness::MetallicRoughness;
 use microfacet::Conductor;
+use punctual_light::sample_punctual_light;
 use refracted_nee::RefractedPath;
 use scatter::Scatter;
 use triangle::visible_shading_normal;
@@ -406,15 +409,9 @@ impl<'a> PathTracer<'a> {
             if depth == self.settings.max_depth {
                 return radiance;
             }
-            let footprint_m = if depth == 0 {
-                self.footprint_m(&hit)
-            } else {
-                0.0
-            };
-            let mut vertex = Vertex::new(self.scene, &ray, &hit, footprint_m);
-            if prev.is_spread && key & KEY_MASK == 0 {
-                vertex.regularise();
-            }
+            let footprint_m = self.footprint_m(&hit, depth);
+            let vertex = Vertex::new(self.scene, &ray, &hit, footprint_m);
+            let vertex = vertex.regularised(prev.is_spread && key & KEY_MASK == 0);
             radiance += beta * vertex.scatter.emission();
             if !vertex.is_regularised && (!self.settings.denoise || depth > 0) {
                 radiance += beta * self.coat_reflected_light(&vertex, rays);
@@ -438,9 +435,12 @@ impl<'a> PathTracer<'a> {
         radiance
     }
 
-    /// About how wide the surface is that a pixel sees where a camera ray meets it, in metres.
-    fn footprint_m(&self, hit: &Hit) -> f64 {
-        hit.t * vector(self.frame.dx).length()
+    /// About how wide the surface is that a pixel sees where a camera ray meets it, in metres; 0 where others meet it.
+    fn footprint_m(&self, hit: &Hit, depth: u32) -> f64 {
+        match depth {
+            0 => hit.t * vector(self.frame.dx).length(),
+            _ => 0.0,
+        }
     }
 
     /// Whether light that a path ends in is first hits' emission, which for denoised pictures is traced
@@ -589,15 +589,37 @@ impl<'a> PathTracer<'a> {
         reflectance * vector(light.radiance)
     }
 
-    /// Next-event estimation: light that comes straight from the environment, or from one point of one area
-    /// light.
+    /// Next-event estimation: light that comes straight from a light without extent, from the environment, or from
+    /// one point of one area light.
     fn direct_light(&self, vertex: &Vertex, [u, v]: [f64; 2], rays: &mut u64) -> DVec3 {
-        let probability = f64::from(self.scene.environment_map.probability);
-        if u < probability {
-            return self.direct_environment_light(vertex, [u / probability, v], rays);
+        let punctual = f64::from(self.scene.punctual_probability);
+        if u < punctual {
+            return self.direct_punctual_light(vertex, u / punctual, rays);
         }
-        let u = (u - probability) / (1.0 - probability);
-        self.direct_area_light(vertex, [u, v], rays)
+        let u = u - punctual;
+        let environment = f64::from(self.scene.environment_map.probability);
+        if u < environment {
+            return self.direct_environment_light(vertex, [u / environment, v], rays);
+        }
+        let u = (u - environment) / self.scene.area_light_probability();
+        self.direct_area_light(vertex, [u.min(BELOW_1), v], rays)
+    }
+
+    fn direct_punctual_light(&self, vertex: &Vertex, u: f64, rays: &mut u64) -> DVec3 {
+        let lights = &self.scene.punctual_lights;
+        let Some(chosen) = sample_punctual_light(lights, vertex.point, u.min(BELOW_1)) else {
+            return DVec3::ZERO;
+        };
+        let (f, _) = vertex.scatter.eval(vertex.wo, chosen.wi, vertex.n);
+        if f == DVec3::ZERO
+            || vertex.is_below(chosen.wi)
+            || vertex.ray_origin(chosen.wi).is_inside
+            || self.is_occluded(vertex, chosen.wi, chosen.distance, usize::MAX, rays)
+        {
+            return DVec3::ZERO;
+        }
+        let cos_i = chosen.wi.dot(vertex.n).abs();
+        f * chosen.irradiance * (cos_i / f64::from(self.scene.punctual_probability))
     }
 
     fn direct_environment_light(&self, vertex: &Vertex, u: [f64; 2], rays: &mut u64) -> DVec3 {
@@ -758,9 +780,12 @@ impl Vertex {
         sample
     }
 
-    /// Mollifies its mirror.
-    fn regularise(&mut self) {
-        self.is_regularised = true;
+    /// Its mirror mollified, if it is to be.
+    fn regularised(mut self, is_regularised: bool) -> Self {
+        self.is_regularised = is_regularised;
+        if !is_regularised {
+            return self;
+        }
         match &mut self.scatter {
             Scatter::Conductor(Conductor { alpha, .. })
             | Scatter::MetallicRoughness(MetallicRoughness { alpha, .. }) => {
@@ -768,6 +793,7 @@ impl Vertex {
             }
             Scatter::Layered(_) | Scatter::Dielectric(_) => {}
         }
+        self
     }
 
     /// The share of light from `wi` that a coat's mirror reflects where it is regularised, sr⁻¹.

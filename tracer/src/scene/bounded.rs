@@ -10,10 +10,10 @@ use serde::de::{Error as _, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::validate::{
-    AREA_LIGHTS_MAX, MATERIALS_MAX, OBJECTS_MAX, SUBTRACTIONS_MAX, SUBTRACTIONS_TOTAL_MAX,
-    TEXTURES_MAX, TRIANGLES_MAX, VERTICES_MAX, count,
+    AREA_LIGHTS_MAX, MATERIALS_MAX, OBJECTS_MAX, PUNCTUAL_LIGHTS_MAX, SUBTRACTIONS_MAX,
+    SUBTRACTIONS_TOTAL_MAX, TEXTURES_MAX, TRIANGLES_MAX, VERTICES_MAX, count,
 };
-use super::{AreaLight, ImageTexture, Material, Object, Shape, Subtraction};
+use super::{AreaLight, ImageTexture, Material, Object, PunctualLight, Shape, Subtraction};
 use crate::SceneError;
 
 pub(super) fn objects<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Object>, D::Error> {
@@ -53,6 +53,13 @@ pub(super) fn triangles<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[u32; 
 
 pub(super) fn area_lights<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<AreaLight>, D::Error> {
     list(from, "area lights", AREA_LIGHTS_MAX, |_| Ok(()))
+}
+
+pub(super) fn punctual_lights<'de, D>(from: D) -> Result<Vec<PunctualLight>, D::Error>
+where
+    D: Deserializer<'de>,
+{
+    list(from, "punctual lights", PUNCTUAL_LIGHTS_MAX, |_| Ok(()))
 }
 
 pub(super) fn subtractions<'de, D>(from: D) -> Result<Vec<Subtraction>, D::Error>

@@ -8,7 +8,7 @@ use glam::{Quat, Vec3};
 
 use super::{
     AreaLight, Axis, Camera, Environment, EnvironmentMap, ImageTexture, Lens, Material,
-    MaterialTextures, Mesh, Object, ObjectPose, ProceduralTexture, Scene, Shape,
+    MaterialTextures, Mesh, Object, ObjectPose, ProceduralTexture, PunctualLight, Scene, Shape,
 };
 use crate::{Error, SceneError};
 
@@ -55,6 +55,7 @@ impl Scene {
             area_lights: Vec::new(),
             textures: Vec::new(),
             environment_map: None,
+            punctual_lights: Vec::new(),
             identity: SceneIdentity::default(),
         }
     }
@@ -131,6 +132,11 @@ impl Scene {
         self.area_lights.push(light);
     }
 
+    /// Adds a light without extent.
+    pub fn add_punctual_light(&mut self, light: PunctualLight) {
+        self.punctual_lights.push(light);
+    }
+
     /// The pose of an object, for a [`super::SceneUpdate`]: `position` in metres.
     ///
     /// # Errors
@@ -188,13 +194,24 @@ impl Scene {
         if self.objects.is_empty() && self.area_lights.is_empty() {
             return Err(Error::InvalidScene(SceneError::NoObjects));
         }
-        let emits = |light: &AreaLight| light.radiance != Vec3::ZERO;
         let sky = self.environment.radiance;
-        if sky == Vec3::ZERO && !self.area_lights.iter().any(emits) {
+        if sky == Vec3::ZERO && !self.has_light() {
             let lights = self.area_lights.len();
             return Err(Error::InvalidScene(SceneError::NoLight { sky, lights }));
         }
         Ok(())
+    }
+
+    /// Whether anything but the environment shines.
+    fn has_light(&self) -> bool {
+        let glows = |material: &Material| match material {
+            Material::MetallicRoughness { emission, .. } => *emission != Vec3::ZERO,
+            _ => false,
+        };
+        let areas = self.area_lights.iter().map(|light| light.radiance);
+        let points = self.punctual_lights.iter().map(PunctualLight::strength);
+        areas.chain(points).any(|strength| strength != Vec3::ZERO)
+            || self.materials.values().any(glows)
     }
 
     /// The name of a material of the scene; it is added if there is none like it.

@@ -13,6 +13,7 @@ mod image_texture;
 mod mesh;
 pub mod mesh_file;
 mod particles;
+mod punctual_light;
 pub mod validate;
 
 use std::collections::BTreeMap;
@@ -33,6 +34,7 @@ pub use image_texture::{
 pub(crate) use image_texture::{halved, levels};
 pub use mesh::Mesh;
 pub use particles::ParticleCloud;
+pub use punctual_light::{PunctualEmitter, PunctualLight};
 
 /// Everything that can be seen, and from where.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,6 +59,9 @@ pub struct Scene {
     /// A picture of the surroundings, which [`Environment::radiance`] multiplies.
     #[serde(default)]
     pub environment_map: Option<EnvironmentMap>,
+    /// Points, spots and suns.
+    #[serde(default, deserialize_with = "bounded::punctual_lights")]
+    pub punctual_lights: Vec<PunctualLight>,
     /// What the handles of its objects belong to; [`SceneIdentity::default`] for those without.
     #[serde(skip)]
     pub identity: SceneIdentity,

@@ -13,8 +13,8 @@ pub use self::mesh::{TRIANGLES_MAX, VERTICES_MAX};
 use self::mesh::{check_mesh, check_triangles};
 pub use self::texture::{TEXTURE_BYTES_MAX, TEXTURES_MAX, UV_MAX};
 use crate::scene::{
-    AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, ObjectPose, ParticleCloud,
-    ProceduralTexture, Scene, SceneUpdate, Shape, Stripe,
+    AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, Object, ObjectPose, ParticleCloud,
+    ProceduralTexture, PunctualEmitter, PunctualLight, Scene, SceneUpdate, Shape, Stripe,
 };
 use crate::{Error, SceneError};
 
@@ -26,6 +26,8 @@ pub const PARTICLES_MAX: usize = 1 << 16;
 pub const CLOUDS_MAX: usize = 16;
 /// The most area lights in a scene.
 pub const AREA_LIGHTS_MAX: usize = 64;
+/// The most lights without extent in a scene: each hit weighs all of them.
+pub const PUNCTUAL_LIGHTS_MAX: usize = 64;
 /// The most materials in a scene.
 pub const MATERIALS_MAX: usize = 1024;
 /// The longest name in bytes.
@@ -84,6 +86,11 @@ impl Scene {
     fn check(&self) -> Check {
         count("objects", self.objects.len(), OBJECTS_MAX)?;
         count("area lights", self.area_lights.len(), AREA_LIGHTS_MAX)?;
+        count(
+            "punctual lights",
+            self.punctual_lights.len(),
+            PUNCTUAL_LIGHTS_MAX,
+        )?;
         count("materials", self.materials.len(), MATERIALS_MAX)?;
         let subtractions = self.objects.iter().map(|object| match &object.shape {
             Shape::CsgBox { subtractions, .. } => subtractions.len(),
@@ -109,35 +116,45 @@ impl Scene {
         for (index, object) in self.objects.iter().enumerate() {
             name(&object.name)?;
             name(&object.material)?;
-            let place = |fault| SceneError::Object {
+            self.check_object(object)
+                .map_err(|fault| SceneError::Object {
+                    index,
+                    name: object.name.clone(),
+                    fault: Box::new(fault),
+                })?;
+        }
+        self.check_lights()
+    }
+
+    fn check_object(&self, object: &Object) -> Check {
+        check_shape(&object.shape)?;
+        self.check_subtractions(&object.shape)?;
+        let name = &object.material;
+        let Some(material) = self.materials.get(name) else {
+            return Err(SceneError::UnknownMaterial(name.clone()));
+        };
+        self.check_textured(object)?;
+        if !matches!(material, Material::Dielectric { .. }) {
+            return Ok(());
+        }
+        match object.shape {
+            Shape::Disc { .. } | Shape::Rectangle { .. } => {
+                Err(SceneError::DielectricFlat(name.clone()))
+            }
+            Shape::TruncatedCone { .. } => Err(SceneError::DielectricSurface(name.clone())),
+            Shape::Mesh(_) => Err(SceneError::DielectricMesh(name.clone())),
+            Shape::Sphere { .. } | Shape::Box { .. } | Shape::CsgBox { .. } => Ok(()),
+        }
+    }
+
+    fn check_lights(&self) -> Check {
+        for (index, light) in self.punctual_lights.iter().enumerate() {
+            name(&light.name)?;
+            check_punctual_light(light).map_err(|fault| SceneError::PunctualLight {
                 index,
-                name: object.name.clone(),
+                name: light.name.clone(),
                 fault: Box::new(fault),
-            };
-            check_shape(&object.shape).map_err(place)?;
-            self.check_subtractions(&object.shape).map_err(place)?;
-            if !self.materials.contains_key(&object.material) {
-                return Err(place(SceneError::UnknownMaterial(object.material.clone())));
-            }
-            self.check_textured(object).map_err(place)?;
-            if matches!(
-                self.materials[&object.material],
-                Material::Dielectric { .. }
-            ) {
-                let material = object.material.clone();
-                match object.shape {
-                    Shape::Disc { .. } | Shape::Rectangle { .. } => {
-                        return Err(place(SceneError::DielectricFlat(material)));
-                    }
-                    Shape::TruncatedCone { .. } => {
-                        return Err(place(SceneError::DielectricSurface(material)));
-                    }
-                    Shape::Mesh(_) => {
-                        return Err(place(SceneError::DielectricMesh(material)));
-                    }
-                    Shape::Sphere { .. } | Shape::Box { .. } | Shape::CsgBox { .. } => {}
-                }
-            }
+            })?;
         }
         for (index, light) in self.area_lights.iter().enumerate() {
             name(&light.name)?;
@@ -392,6 +409,33 @@ fn corners(min: Vec3, max: Vec3) -> Check {
 fn check_area_light(light: &AreaLight) -> Check {
     rectangle(light.center, light.half_u, light.half_v)?;
     radiance("area light", light.radiance)
+}
+
+fn check_punctual_light(light: &PunctualLight) -> Check {
+    let axis = |direction: Vec3| {
+        finite("its direction", direction)?;
+        match direction == Vec3::ZERO {
+            true => Err(SceneError::ZeroNormal(direction)),
+            false => Ok(()),
+        }
+    };
+    match light.emitter {
+        PunctualEmitter::Point { center, .. } => position("its center", center)?,
+        PunctualEmitter::Spot {
+            center,
+            direction,
+            inner_deg,
+            outer_deg,
+            ..
+        } => {
+            position("its center", center)?;
+            axis(direction)?;
+            in_range("its outer_deg", outer_deg, &(0.0..=90.0))?;
+            in_range("its inner_deg", inner_deg, &(0.0..=outer_deg))?;
+        }
+        PunctualEmitter::Distant { direction, .. } => axis(direction)?,
+    }
+    radiance("punctual light", light.strength())
 }
 
 fn rectangle(center: Vec3, half_u: Vec3, half_v: Vec3) -> Check {

@@ -11,6 +11,7 @@ mod laws;
 mod materials;
 mod meshes;
 mod particles;
+mod punctual_lights;
 mod reference;
 mod scenes;
 mod textures;

@@ -10,6 +10,7 @@ use glam::{Quat, Vec3};
 
 use crate::environments::surrounded_still_life;
 use crate::meshes::mesh_still_life;
+use crate::punctual_lights::punctual_still_life;
 use crate::textures::image_textured_still_life;
 
 pub(crate) fn diffuse(albedo: f32) -> Material {
@@ -432,6 +433,8 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
     for has_area_lights in [true, false] {
         let scene = surrounded_still_life(has_area_lights);
         scenes.push(("still life among surroundings", scene));
+        let scene = punctual_still_life(has_area_lights);
+        scenes.push(("still life with lights without extent", scene));
     }
     scenes
         .into_iter()

@@ -103,7 +103,7 @@ fn direct_light(
     light_weight_sum: ptr<function, f32>,
 ) -> ShadowRay {
     var chosen = sample_light(surface.position, u);
-    if (HAS_ENVIRONMENT_MAP) {
+    if (SHARES_LIGHT_SAMPLING) {
         chosen.light_weight_sum *= area_light_factor();
     }
     *light_weight_sum = chosen.light_weight_sum;

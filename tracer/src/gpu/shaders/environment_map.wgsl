@@ -8,9 +8,9 @@ fn note_density(pdf: f32) {
     sampled_density = pdf;
 }
 
-// Area lights are aimed at less often where the environment is too.
+// Area lights are aimed at less often where others are too.
 fn area_light_factor() -> f32 {
-    return 1.0 / (1.0 - environment_map.probability);
+    return 1.0 / (OTHERS_SHARE - environment_map.probability);
 }
 
 fn environment_radiance(direction: vec3f) -> vec3f {
@@ -37,10 +37,11 @@ fn direct_light(
     cone_density: f32,
     light_weight_sum: ptr<function, f32>,
 ) -> ShadowRay {
-    let probability = environment_map.probability;
+    // Among what is left beside lights without extent.
+    let probability = environment_map.probability / OTHERS_SHARE;
     var ray = NO_SHADOW_RAY;
     if (AREA_LIGHT_COUNT > 0u) {
-        let rest = clamp((u.x - probability) * area_light_factor(), 0.0, BELOW_1);
+        let rest = clamp((u.x - probability) / (1.0 - probability), 0.0, BELOW_1);
         ray = area_direct_light(surface, bsdf, wo, vec2f(rest, u.y), cone_density, light_weight_sum);
     }
     if (u.x < probability) {

@@ -11,5 +11,5 @@ fn environment_with_mis(direction: vec3f) -> vec3f {
 fn note_density(pdf: f32) {}
 
 fn area_light_factor() -> f32 {
-    return 1.0;
+    return 1.0 / OTHERS_SHARE;
 }

@@ -28,7 +28,7 @@ fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
         base * (1.0 - metallic),
         fma(base - dielectric_f0, vec3f(metallic), vec3f(dielectric_f0)),
         dielectric_f0,
-        max(1.0 - sqrt(alpha), dielectric_f0),
+        max((1.0 - alpha) * (1.0 - alpha), dielectric_f0),
         max(alpha, ALPHA_LEAST),
         scene_storage.materials[material].k * textures.emission,
     );

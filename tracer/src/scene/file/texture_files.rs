@@ -1,14 +1,14 @@
 //! Textures and environment maps that lie in files beside a scene file.
 
-use std::fs::File;
-use std::io::Read as _;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read as _};
 use std::path::Path;
 
 use crate::Error;
 use crate::scene::{FileBytes, ImageSource, Scene};
 
 /// The most bytes that such files have together: 4 GiB of texels as PNG files that hardly shrink.
-pub(crate) const TEXTURE_FILES_BYTES_MAX: u64 = 2 << 30;
+const TEXTURE_FILES_BYTES_MAX: u64 = 2 << 30;
 
 /// Puts the bytes of files in place of their names, which are relative to the folder of the scene file.
 pub(super) fn read(scene: &mut Scene, scene_file: &Path) -> Result<(), Error> {
@@ -28,9 +28,15 @@ pub(super) fn read(scene: &mut Scene, scene_file: &Path) -> Result<(), Error> {
 }
 
 /// A file of at most `left` bytes.
-pub(crate) fn read_limited(path: &Path, left: u64) -> Result<Vec<u8>, Error> {
+fn read_limited(path: &Path, left: u64) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(left + 1).read_to_end(&mut bytes));
+    let read = fs::metadata(path).and_then(|metadata| {
+        // A pipe would be waited for.
+        if !metadata.is_file() {
+            return Err(io::Error::new(ErrorKind::InvalidInput, "it is no file"));
+        }
+        File::open(path)?.take(left + 1).read_to_end(&mut bytes)
+    });
     read.map_err(|source| Error::Io {
         path: path.to_owned(),
         source,

@@ -3,6 +3,7 @@
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec2, Vec3};
 use gltf_json::accessor::Type;
 use gltf_json::camera::Perspective;
+use gltf_json::extensions::scene::khr_lights_punctual::Type as LightType;
 use gltf_json::mesh::{Mode, Primitive, Semantic};
 use gltf_json::root::Index;
 use gltf_json::scene::Node;
@@ -11,7 +12,7 @@ use gltf_json::validation::Checked;
 use super::material::{MaterialEntry, UvSet};
 use super::{Document, Refusal};
 use crate::scene::validate::{NAME_BYTES_MAX, OBJECTS_MAX, TRIANGLES_MAX, VERTICES_MAX};
-use crate::scene::{Camera, Lens, Mesh, Object, Scene, Shape};
+use crate::scene::{Camera, Lens, Mesh, Object, PunctualEmitter, PunctualLight, Scene, Shape};
 use crate::text::printable;
 
 /// What nodes have added so far.
@@ -60,6 +61,10 @@ pub(super) fn read(
         stack.extend(children.map(|child| (*child, world_from_node)));
     }
     let camera = contents.camera;
+    if !scene.punctual_lights.is_empty() {
+        // What the file lights is lit by that alone.
+        scene.environment.radiance = Vec3::ZERO;
+    }
     scene.camera = camera.unwrap_or_else(|| framed(scene));
     Ok(())
 }
@@ -110,6 +115,52 @@ impl Contents<'_> {
                 self.camera = Some(perspective_camera(perspective, world_from_node));
             }
         }
+        let light = node
+            .extensions
+            .as_ref()
+            .and_then(|all| all.khr_lights_punctual.as_ref());
+        if let Some(light) = light {
+            self.add_light(light.light.value(), &name, world_from_node)?;
+        }
+        Ok(())
+    }
+
+    /// Candela and lux are taken as W·sr⁻¹ and W·m⁻², as the radiance of emission is.
+    fn add_light(
+        &mut self,
+        index: usize,
+        node: &str,
+        world_from_node: DMat4,
+    ) -> Result<(), Refusal> {
+        let lights = self.document.root.extensions.as_ref();
+        let lights = lights.and_then(|all| all.khr_lights_punctual.as_ref());
+        let light = lights.and_then(|all| all.lights.get(index));
+        let light = light.ok_or_else(|| format!("light {index} does not exist"))?;
+        let strength = light.intensity * Vec3::from(light.color);
+        let center = world_from_node.w_axis.truncate().as_vec3();
+        let direction = world_from_node.transform_vector3(DVec3::NEG_Z);
+        let direction = direction.normalize_or_zero().as_vec3();
+        let emitter = match (&light.type_, &light.spot) {
+            (Checked::Valid(LightType::Directional), _) => PunctualEmitter::Distant {
+                direction,
+                irradiance: strength,
+            },
+            (Checked::Valid(LightType::Point), _) => PunctualEmitter::Point {
+                center,
+                intensity: strength,
+            },
+            (Checked::Valid(LightType::Spot), Some(spot)) => PunctualEmitter::Spot {
+                center,
+                direction,
+                intensity: strength,
+                inner_deg: spot.inner_cone_angle.to_degrees(),
+                // A right angle in radians is a little more than 90° once it is rounded.
+                outer_deg: spot.outer_cone_angle.to_degrees().min(90.0),
+            },
+            _ => return Err(format!("light {index} is of no type that glTF knows")),
+        };
+        self.scene
+            .add_punctual_light(PunctualLight::new(emitter).named(node));
         Ok(())
     }
 

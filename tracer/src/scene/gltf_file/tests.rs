@@ -1,3 +1,5 @@
+use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_2};
+
 use glam::{Quat, Vec2, Vec3};
 use serde_json::{Value, json};
 
@@ -55,7 +57,7 @@ fn sample() -> (Value, Vec<u8>) {
             { "name": "a", "mesh": 0 },
             { "name": "eye", "camera": 0, "translation": [0, 0, 5] },
             { "name": "b", "mesh": 0, "scale": [-2, 1, 1], "translation": [1, 0, 0],
-              "rotation": [0, 0.70710678, 0, 0.70710678] }
+              "rotation": [0, FRAC_1_SQRT_2, 0, FRAC_1_SQRT_2] }
         ],
         "cameras": [{ "type": "perspective", "perspective": {
             "aspectRatio": 2.0, "yfov": 0.9272952, "znear": 0.1 } }],
@@ -154,6 +156,57 @@ fn nodes_meshes_materials_and_camera_are_read() {
 }
 
 #[test]
+fn lights_shine_along_minus_z_of_their_nodes() {
+    use crate::scene::PunctualEmitter;
+    let (mut json, binary) = sample();
+    json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [
+        { "type": "directional", "intensity": 3.0, "color": [1, 0.5, 0] },
+        { "type": "point", "intensity": 40.0 },
+        { "type": "spot", "spot": { "innerConeAngle": 0.5, "outerConeAngle": FRAC_PI_2 } }
+    ] } });
+    for node in [1, 2, 3] {
+        json["nodes"][node]["extensions"] = json!({ "KHR_lights_punctual": { "light": node - 1 } });
+    }
+    let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+    assert_eq!(scene.environment.radiance, Vec3::ZERO);
+    // In the order in which nodes are reached: the group's children first.
+    let [sun, spot, point] = &scene.punctual_lights[..] else {
+        panic!("{:?}", scene.punctual_lights);
+    };
+    assert_eq!(sun.name, "1 a");
+    let PunctualEmitter::Distant {
+        direction,
+        irradiance,
+    } = sun.emitter
+    else {
+        panic!("{sun:?}");
+    };
+    close(direction, Vec3::Y);
+    close(irradiance, Vec3::new(3.0, 1.5, 0.0));
+    let PunctualEmitter::Point { center, intensity } = point.emitter else {
+        panic!("{point:?}");
+    };
+    close(center, Vec3::new(0.0, -5.0, 0.0));
+    close(intensity, Vec3::splat(40.0));
+    let PunctualEmitter::Spot {
+        direction,
+        outer_deg,
+        ..
+    } = spot.emitter
+    else {
+        panic!("{spot:?}");
+    };
+    // Turned by a right angle about +y of the file, −z is −x.
+    close(direction, Vec3::NEG_X);
+    assert_eq!(outer_deg, 90.0);
+    json["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = json!(3);
+    let refusal = Scene::from_gltf(&glb(&json, &binary))
+        .unwrap_err()
+        .to_string();
+    assert!(refusal.contains("light 3 does not exist"), "{refusal}");
+}
+
+#[test]
 fn files_beside_a_gltf_are_read_and_no_others() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.gltf");
@@ -200,7 +253,7 @@ fn files_beside_a_gltf_are_read_and_no_others() {
 fn texture_transforms_are_applied_to_coordinates() {
     let (mut json, binary) = sample();
     let transform = json!({ "KHR_texture_transform": {
-        "offset": [0.5, 0.25], "rotation": 1.5707964, "scale": [2, 3] } });
+        "offset": [0.5, 0.25], "rotation": FRAC_PI_2, "scale": [2, 3] } });
     for texture in ["baseColorTexture", "metallicRoughnessTexture"] {
         json["materials"][0]["pbrMetallicRoughness"][texture]["extensions"] = transform.clone();
     }
@@ -255,6 +308,7 @@ fn integers_strips_fans_and_sparse_elements_are_read() {
 }
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "faults as data")]
 fn each_fault_is_a_sentence_with_its_place() {
     type Spoil = fn(&mut Value, &mut Vec<u8>);
     let cases: [(Spoil, &str); 18] = [
