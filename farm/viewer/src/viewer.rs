@@ -16,7 +16,7 @@ use egui::{Id, Key, Modifiers, Rect, Sense, Ui};
 use crate::camera::OrbitCamera;
 use crate::controls::{self, Walk};
 use crate::lights::LightSwitches;
-use crate::render::{Look, News, OpenedScene, Renderer, ShownPicture};
+use crate::render::{News, OpenedScene, Renderer, SceneLook, ShownPicture};
 use crate::save_form::SaveForm;
 use crate::ui::{help, notices, panel};
 
@@ -420,7 +420,7 @@ impl Viewer {
 
     /// Tells the renderer what is wanted, if it has changed.
     fn follow(&mut self) {
-        let look = self.document.as_ref().map(|document| Look {
+        let look = self.document.as_ref().map(|document| SceneLook {
             scene: document.number,
             camera: self.camera.camera(),
             lights: self.lights.clone(),

@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 use carom_farm::{FarmConfig, LocalNode, NodeStatus};
 use carom_tracer::{AreaLight, Camera, ImageSize, Material, Plane, Scene, Sphere};
 use carom_view::lights::LightSwitches;
-use carom_view::render::{Accuracy, Look, News, OpenedScene, Renderer, SaveOrder, ShownPicture};
+use carom_view::render::{
+    Accuracy, News, OpenedScene, Renderer, SaveOrder, SceneLook, ShownPicture,
+};
 use tempfile::TempDir;
 
 const SIZE: ImageSize = ImageSize::new(48, 32);
@@ -102,7 +104,7 @@ impl Viewing {
         })
     }
 
-    fn look(&self, look: Look) {
+    fn look(&self, look: SceneLook) {
         self.renderer.want(|wanted| wanted.look = Some(look));
     }
 
@@ -146,7 +148,7 @@ fn a_scene_is_opened_drafted_gathered_and_looked_at_from_elsewhere() {
     let whole = viewing.whole();
     assert_eq!(whole.frame.size, SIZE);
     let camera = Camera::looking_at([0.0, -3.0, 8.0], [0.0; 3]);
-    viewing.look(Look {
+    viewing.look(SceneLook {
         scene: opened.number,
         camera,
         lights: LightSwitches::of(&opened.scene),
@@ -176,7 +178,7 @@ fn exposure_shows_at_once_and_lights_change_what_is_traced() {
     viewing.renderer.want(|wanted| wanted.exposure = 1.0);
     viewing.whole();
     let mut lights = LightSwitches::of(&opened.scene);
-    let look = |lights: &LightSwitches| Look {
+    let look = |lights: &LightSwitches| SceneLook {
         scene: opened.number,
         camera: opened.scene.camera,
         lights: lights.clone(),
@@ -230,7 +232,7 @@ fn a_file_that_changes_is_read_again_and_seen_as_before() {
     let camera = Camera::looking_at([0.0, -5.0, 4.0], [0.0; 3]);
     let mut lights = LightSwitches::of(&opened.scene);
     lights.toggle(0);
-    viewing.look(Look {
+    viewing.look(SceneLook {
         scene: opened.number,
         camera,
         lights,

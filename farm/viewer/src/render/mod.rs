@@ -30,7 +30,7 @@ pub struct Wanted {
     /// A file to open, and how often one was asked for so far: the same file again is read again.
     pub file: Option<(u64, PathBuf)>,
     /// How a scene is looked at; until it is known, as the scene has it.
-    pub look: Option<Look>,
+    pub look: Option<SceneLook>,
     /// Pixels of the window; none while it has no area.
     pub size: Option<ImageSize>,
     /// Radiance is shown times this.
@@ -53,7 +53,7 @@ pub struct Wanted {
 
 /// How a scene is looked at.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Look {
+pub struct SceneLook {
     /// Which, see [`OpenedScene::number`].
     pub scene: u64,
     /// From where.

@@ -10,7 +10,7 @@ use carom_window::display::DisplayFrame;
 
 use super::document::{Document, FileWatch, Reading};
 use super::save::Saving;
-use super::{Accuracy, Exchange, Look, OpenedScene, ShownPicture, Wanted};
+use super::{Accuracy, Exchange, OpenedScene, SceneLook, ShownPicture, Wanted};
 use crate::lights::LightSwitches;
 
 /// Works until the window is closed.
@@ -168,12 +168,12 @@ impl Worker<'_> {
     }
 
     /// How the scene that is open is looked at.
-    fn look(&self, wanted: &Wanted) -> Option<Look> {
+    fn look(&self, wanted: &Wanted) -> Option<SceneLook> {
         let document = self.document.as_ref()?;
-        let of_scene = |look: &&Look| look.scene == document.number;
+        let of_scene = |look: &&SceneLook| look.scene == document.number;
         Some(match wanted.look.as_ref().filter(of_scene) {
             Some(look) => look.clone(),
-            None => Look {
+            None => SceneLook {
                 scene: document.number,
                 camera: document.camera,
                 lights: document.lights.clone(),
@@ -211,7 +211,7 @@ impl Worker<'_> {
         }
     }
 
-    fn begin_view(&mut self, look: &Look, size: ImageSize, wanted: &Wanted) {
+    fn begin_view(&mut self, look: &SceneLook, size: ImageSize, wanted: &Wanted) {
         let Some(document) = &self.document else {
             return;
         };
