@@ -130,6 +130,8 @@ pub enum Reason {
         "its particles are coded against request {id}, which is not the last one with particles"
     )]
     ParticleReference { id: u64 },
+    #[error("its particles become {bytes} bytes of too few: store them")]
+    ParticleExpansion { bytes: usize },
     #[error("its {count} particles are too many, or other bytes are theirs")]
     ParticleCount { count: usize },
 

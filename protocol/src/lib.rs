@@ -70,10 +70,10 @@ mod validate;
 
 pub use error::{Error, Reason};
 pub use message::{
-    FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, ReferenceRange, Refusal, RefusalReason,
-    RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    CodedCloud, CodedParticles, FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat,
+    ReferenceRange, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone,
+    ToClient, ToNode, TraceRequest,
 };
-pub use particle_codec::CodedParticles;
 pub use precision::{PixelPrecision, PrecisionRange};
 pub use session::{
     Channel, ClientEvent, ClientSession, NodeEvent, NodeSession, Packet, ReceivedScene, SceneStatus,

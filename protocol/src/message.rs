@@ -1,11 +1,11 @@
 //! Messages as plain data. [`crate::codec`] turns them into bytes and back.
 
 use carom_tracer::{
-    DeviceInfo, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
+    DeviceInfo, ImageSize, Material, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
 };
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use crate::particle_codec::CodedParticles;
 use crate::precision::PrecisionRange;
 
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
@@ -155,6 +155,33 @@ pub struct TraceRequest {
     pub particles: CodedParticles,
 }
 
+/// Particles of a request, coded.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CodedParticles {
+    /// The request whose particles clouds are coded against: the one before, if any cloud is.
+    pub reference: Option<RequestId>,
+    /// The clouds, in order.
+    pub clouds: Vec<CodedCloud>,
+}
+
+/// A cloud of particles, coded.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CodedCloud {
+    /// See [`carom_tracer::ParticleCloud::material`].
+    pub material: Material,
+    /// See [`carom_tracer::ParticleCloud::radius_m`].
+    pub radius_m: f32,
+    /// See [`carom_tracer::ParticleCloud::min`].
+    pub min: Vec3,
+    /// See [`carom_tracer::ParticleCloud::max`].
+    pub max: Vec3,
+    /// How many particles there are.
+    pub count: u32,
+    /// Their places: a byte of flags and planes, by [`crate::particle_codec`].
+    #[serde(with = "byte_string")]
+    pub places: Vec<u8>,
+}
+
 /// A range of tiles that a client has received and remembers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReferenceRange {
@@ -283,17 +310,17 @@ mod without_particles {
 }
 
 /// Bytes as one copy, where serde's own `Vec<u8>` visits them one by one. Same form on the wire.
-pub(crate) mod byte_string {
+mod byte_string {
     use std::fmt;
 
     use serde::de::{Error, Visitor};
     use serde::{Deserializer, Serializer};
 
-    pub(crate) fn serialize<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
+    pub(super) fn serialize<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
         to.serialize_bytes(bytes)
     }
 
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
         from.deserialize_bytes(Bytes)
     }
 

@@ -12,41 +12,13 @@
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-use carom_tracer::{Material, ParticleCloud};
-use glam::{I16Vec3, U16Vec3, Vec3};
-use serde::{Deserialize, Serialize};
+use carom_tracer::ParticleCloud;
+use glam::{I16Vec3, U16Vec3};
 use zstd::bulk::Compressor;
 
 use crate::error::Reason;
-use crate::message::RequestId;
+use crate::message::{CodedCloud, CodedParticles, RequestId};
 use crate::tile_codec::check_frame;
-
-/// Particles of a request, coded.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct CodedParticles {
-    /// The request whose particles clouds are coded against: the one before, if any cloud is.
-    pub reference: Option<RequestId>,
-    /// The clouds, in order.
-    pub clouds: Vec<CodedCloud>,
-}
-
-/// A cloud of particles, coded.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CodedCloud {
-    /// See [`ParticleCloud::material`].
-    pub material: Material,
-    /// See [`ParticleCloud::radius_m`].
-    pub radius_m: f32,
-    /// See [`ParticleCloud::min`].
-    pub min: Vec3,
-    /// See [`ParticleCloud::max`].
-    pub max: Vec3,
-    /// How many particles there are.
-    pub count: u32,
-    /// Their places: a byte of flags ([`ZSTD`], [`DELTA`]) and planes.
-    #[serde(with = "crate::message::byte_string")]
-    pub places: Vec<u8>,
-}
 
 /// Flag of a cloud whose planes are one zstd frame.
 const ZSTD: u8 = 1;
@@ -54,6 +26,9 @@ const ZSTD: u8 = 1;
 const DELTA: u8 = 2;
 /// 30 times as fast as level 3, for a twentieth more bytes.
 const ZSTD_LEVEL: i32 = 1;
+/// Planes may be so many times as long as their zstd frame, or so long.
+const EXPANSION_MAX: usize = 16;
+const EXPANSION_FREE_BYTES: usize = 16 * 1024;
 /// Bytes of a place.
 const PLACE_BYTES: usize = 6;
 
@@ -124,8 +99,8 @@ impl ParticleEncoder {
         let new = || Compressor::new(ZSTD_LEVEL).expect("memory for a zstd context");
         let zstd = self.zstd.get_or_insert_with(new);
         match zstd.compress_to_buffer(&self.planes, &mut places[1..]) {
-            Ok(length) => places.truncate(1 + length),
-            Err(_) => {
+            Ok(length) if may_expand(length, self.planes.len()) => places.truncate(1 + length),
+            _ => {
                 places.truncate(1);
                 places[0] = flags;
                 places.extend_from_slice(&self.planes);
@@ -212,13 +187,23 @@ fn stored<'a>(
     if flags & ZSTD == 0 {
         return Ok(Cow::Borrowed(planes));
     }
-    let mut bytes = vec![0; check_frame(planes, sizes)?];
+    let size = check_frame(planes, sizes)?;
+    if !may_expand(planes.len(), size) {
+        return Err(Reason::ParticleExpansion { bytes: size });
+    }
+    let mut bytes = vec![0; size];
     let length = zstd::bulk::decompress_to_buffer(planes, &mut bytes[..]);
     let length = length.map_err(|error| Reason::Zstd {
         message: error.to_string(),
     })?;
     bytes.truncate(length);
     Ok(Cow::Owned(bytes))
+}
+
+/// Whether so many bytes of zstd may become so many of planes: else a few bytes of a hostile player would cost its node's
+/// network a millisecond.
+fn may_expand(compressed: usize, size: usize) -> bool {
+    size <= EXPANSION_FREE_BYTES.max(EXPANSION_MAX * compressed)
 }
 
 fn whole_planes(places: &[U16Vec3], planes: &mut Vec<u8>) {
@@ -306,6 +291,9 @@ fn unfold(folded: U16Vec3) -> U16Vec3 {
 
 #[cfg(test)]
 mod tests {
+    use carom_tracer::Material;
+    use glam::Vec3;
+
     use super::*;
 
     fn cloud(places: Vec<U16Vec3>) -> ParticleCloud {
@@ -393,6 +381,23 @@ mod tests {
         assert!(changed(&|cloud| cloud.count += 1).is_err());
         assert!(changed(&|cloud| cloud.places.truncate(300)).is_err());
         assert!(changed(&|cloud| cloud.places[0] |= DELTA).is_err());
+    }
+
+    #[test]
+    fn few_bytes_cost_little() {
+        let lying = vec![U16Vec3::ONE; 20_000];
+        let coded = ParticleEncoder::default().encode(&[cloud(lying)]);
+        let mut bomb = coded.clone();
+        assert_eq!(
+            bomb.clouds[0].places[0], 0,
+            "it is stored: it would be too short"
+        );
+        let planes = bomb.clouds[0].places.split_off(1);
+        bomb.clouds[0].places[0] = ZSTD;
+        let frame = zstd::bulk::compress(&planes, ZSTD_LEVEL).unwrap();
+        bomb.clouds[0].places.extend(frame);
+        let refused = ParticleDecoder::default().decode(&bomb).unwrap_err();
+        assert_eq!(refused, Reason::ParticleExpansion { bytes: 120_000 });
     }
 
     /// Every cut and every changed byte is refused or gives particles of the stated number.

@@ -11,10 +11,9 @@ use crate::limits::{
     SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
 };
 use crate::message::{
-    NodeInfo, NodeLoad, PixelFormat, ReferenceRange, RefusalReason, TilesDone, ToClient, ToNode,
-    TraceRequest,
+    CodedParticles, NodeInfo, NodeLoad, PixelFormat, ReferenceRange, RefusalReason, TilesDone,
+    ToClient, ToNode, TraceRequest,
 };
-use crate::particle_codec::CodedParticles;
 
 type Check = Result<(), Reason>;
 

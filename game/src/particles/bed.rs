@@ -48,24 +48,61 @@ fn clouds(track: &ParticleTrack, secs: f64) -> Vec<ParticleCloud> {
     clouds
 }
 
-/// Radii over the distance of particles, and materials, one after the other. Grains of sand and snow are rough and of
-/// many sizes; jelly and water are glossy beads that touch, without a surface of their own.
+/// Radii over the distance of particles, and materials, one after the other: of grains seven, which no edge of a patch
+/// is a multiple of, so that they make no stripes. Grains of sand and snow are rough and of many sizes; jelly and water
+/// are glossy beads that touch, without a surface of their own.
 fn looks(material: ParticleMaterial) -> Vec<(f32, Material)> {
-    let grain = |radius, albedo: [f32; 3]| (radius, Material::diffuse(albedo));
+    let grains = |albedos: [[f32; 3]; 7]| {
+        let radii = [0.52, 0.4, 0.6, 0.36, 0.47, 0.56, 0.43];
+        let grains = radii.into_iter().zip(albedos.map(Material::diffuse));
+        grains.collect()
+    };
     match material {
-        ParticleMaterial::Sand => vec![
-            grain(0.52, [0.58, 0.45, 0.28]),
-            grain(0.4, [0.45, 0.33, 0.2]),
-            grain(0.6, [0.63, 0.52, 0.35]),
-            grain(0.47, [0.52, 0.41, 0.26]),
-            grain(0.34, [0.3, 0.22, 0.14]),
-        ],
-        ParticleMaterial::Snow => vec![
-            grain(0.6, [0.86, 0.89, 0.93]),
-            grain(0.45, [0.9, 0.92, 0.95]),
-            grain(0.7, [0.84, 0.88, 0.93]),
-        ],
+        ParticleMaterial::Sand => grains([
+            [0.58, 0.45, 0.28],
+            [0.45, 0.33, 0.2],
+            [0.63, 0.52, 0.35],
+            [0.3, 0.22, 0.14],
+            [0.52, 0.41, 0.26],
+            [0.6, 0.47, 0.29],
+            [0.4, 0.3, 0.19],
+        ]),
+        ParticleMaterial::Snow => grains([[0.87, 0.9, 0.94]; 7])
+            .into_iter()
+            .map(|(radius, snow): (f32, Material)| (1.25 * radius, snow))
+            .collect(),
         ParticleMaterial::Jelly => vec![(0.75, Material::plastic([0.55, 0.03, 0.06]))],
         ParticleMaterial::Water => vec![(0.7, Material::plastic([0.12, 0.28, 0.36]))],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use carom_billiards::physics::{ParticlePatch, ParticlePrecision, Table};
+    use carom_tracer::scene::validate::CLOUDS_MAX;
+
+    use super::*;
+    use crate::particles::chalk::CLOUDS;
+
+    #[test]
+    fn all_materials_and_dust_together_are_an_update() {
+        let patch = |(material, column)| ParticlePatch {
+            material,
+            column,
+            row: 0,
+        };
+        let patches = ParticleMaterial::ALL.into_iter().zip(0..).map(patch);
+        let patches: Vec<_> = patches.collect();
+        let table = Table::nine_foot();
+        let precision = ParticlePrecision::Standard;
+        let bed = ParticleBed::new(&table, &[], &patches, precision).unwrap();
+        let particles = bed.centers().len();
+        let clouds = BedMoment::Lying(Arc::new(bed)).clouds();
+        assert!(clouds.len() + CLOUDS <= CLOUDS_MAX, "{}", clouds.len());
+        let drawn: usize = clouds.iter().map(|cloud| cloud.places.len()).sum();
+        assert_eq!(drawn, particles);
+        for cloud in &clouds {
+            cloud.validate().unwrap();
+        }
     }
 }

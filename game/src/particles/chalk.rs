@@ -252,6 +252,9 @@ fn tip_offset_m(ball: &BallState) -> DVec3 {
     offset.clamp_length_max(0.9 * radius_m)
 }
 
+/// Clouds of a puff.
+#[cfg(test)]
+pub(super) const CLOUDS: usize = KINDS.len();
 /// From the coarse specks that fly farthest to the fine ones that stay in the air.
 const KINDS: [SpeckKind; 4] = [
     SpeckKind {

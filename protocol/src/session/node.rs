@@ -15,10 +15,10 @@ use crate::limits::{
     SCENE_TEXTURE_BYTES_MAX, SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
 };
 use crate::message::{
-    FrameId, NodeInfo, NodeLoad, Refusal, RefusalReason, RequestId, RequestReport, SceneHash,
-    TilesDone, ToClient, ToNode, TraceRequest, VERSION,
+    CodedParticles, FrameId, NodeInfo, NodeLoad, Refusal, RefusalReason, RequestId, RequestReport,
+    SceneHash, TilesDone, ToClient, ToNode, TraceRequest, VERSION,
 };
-use crate::particle_codec::{CodedParticles, ParticleDecoder};
+use crate::particle_codec::ParticleDecoder;
 use crate::tile_codec::TilePixels;
 
 /// An event of a node's session.

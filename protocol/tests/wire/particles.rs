@@ -160,7 +160,7 @@ fn too_many_particles_are_not_sent() {
     let (mut sent, mut node) = (request(2, Vec::new()), pair().1);
     let mut coded = CodedParticles::default();
     coded.clouds = vec![
-        carom_protocol::particle_codec::CodedCloud {
+        carom_protocol::CodedCloud {
             material: Material::grey(0.5),
             radius_m: 1e-3,
             min: Vec3::ZERO,

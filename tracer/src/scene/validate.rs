@@ -23,7 +23,7 @@ pub const OBJECTS_MAX: usize = 1 << 17;
 /// The most particles of an update: 393 kB.
 pub const PARTICLES_MAX: usize = 1 << 16;
 /// The most clouds of particles in an update.
-pub const CLOUDS_MAX: usize = 16;
+pub const CLOUDS_MAX: usize = 32;
 /// The most area lights in a scene.
 pub const AREA_LIGHTS_MAX: usize = 64;
 /// The most lights without extent in a scene: each hit weighs all of them.
@@ -296,10 +296,11 @@ impl ParticleCloud {
     /// The rule that is broken, with the value.
     pub fn validate(&self) -> Check {
         check_material(&self.material)?;
-        if matches!(
+        let is_patterned = matches!(
             self.material,
             Material::Coated { .. } | Material::Cloth { marks: Some(_), .. }
-        ) {
+        );
+        if is_patterned || self.material.textures().indices().next().is_some() {
             return Err(SceneError::PatternedParticles);
         }
         extent("its radius", self.radius_m)?;

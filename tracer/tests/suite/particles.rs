@@ -133,7 +133,7 @@ fn particles_out_of_range_are_refused_and_leave_the_scene() {
         change(&mut broken);
         refused(vec![cloud(5), broken], words);
     }
-    refused(vec![cloud(0); CLOUDS_MAX + 1], "17 clouds");
+    refused(vec![cloud(0); CLOUDS_MAX + 1], "33 clouds");
     let mut many = cloud(0);
     many.places = vec![U16Vec3::ZERO; PARTICLES_MAX + 1];
     refused(vec![many], "65537 particles");

@@ -16,7 +16,7 @@ use crate::BenchError;
 use crate::timing::{median, ms_since};
 
 /// What a request with particles costs.
-struct Cost {
+struct RequestCost {
     bytes: usize,
     encode_ms: f64,
     decode_ms: f64,
@@ -111,7 +111,7 @@ fn cloud(simulation: &Simulation, size: Vec3, box_m: f32) -> ParticleCloud {
 }
 
 /// Sends each cloud in a request of its own; what arrives is what was sent.
-fn send(frames: &[ParticleCloud]) -> Result<Vec<Cost>, BenchError> {
+fn send(frames: &[ParticleCloud]) -> Result<Vec<RequestCost>, BenchError> {
     let scene = Scene::from_json(include_str!("../../../../assets/scenes/pool.json"))?;
     let device = DeviceInfo {
         kind: DeviceKind::Cpu,
@@ -168,7 +168,7 @@ fn send(frames: &[ParticleCloud]) -> Result<Vec<Cost>, BenchError> {
         while let Some(packet) = node.poll_transmit() {
             client.handle(packet).context("an answer")?;
         }
-        Ok(Cost {
+        Ok(RequestCost {
             bytes,
             encode_ms,
             decode_ms,

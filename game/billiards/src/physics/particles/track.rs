@@ -1,4 +1,4 @@
-//! Where particles are over a shot: 60 frames a second, of which each holds what has moved.
+//! Track of particles over a shot: 60 frames a second, of which each holds what has moved.
 
 use glam::{U16Vec3, Vec3};
 use serde::{Deserialize, Serialize};
