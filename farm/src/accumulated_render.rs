@@ -29,6 +29,8 @@ pub struct AccumulatedRender {
     spec: FrameSpec,
     priority: Priority,
     frame_samples: Option<u32>,
+    /// At most so many frames in flight.
+    frames_max: usize,
     samples_done: u32,
     /// The first sample that no frame has been asked for.
     next_sample: u32,
@@ -56,6 +58,7 @@ impl AccumulatedRender {
             spec,
             priority,
             frame_samples: None,
+            frames_max: usize::MAX,
             samples_done: 0,
             next_sample: 0,
             in_flight: Vec::new(),
@@ -79,6 +82,12 @@ impl AccumulatedRender {
         self.frame_samples = Some(samples.max(1));
     }
 
+    /// Keeps at most so many frames in flight from now on: more hide the time that pixels travel, and make
+    /// each wait for those before it.
+    pub(crate) fn set_frames_max(&mut self, frames: usize) {
+        self.frames_max = frames;
+    }
+
     /// The next frame to submit; none while enough are in flight, or if all have been asked for.
     pub fn next_frame(&self) -> Option<FrameSpec> {
         // The first frame tells in how many passes the farm traces: each is sent, and frames of several
@@ -89,6 +98,7 @@ impl AccumulatedRender {
             (Priority::Background, ..) => BACKGROUND_FRAMES_MAX,
         };
         let samples = self.next_samples();
+        let in_flight_max = in_flight_max.min(self.frames_max);
         (samples > 0 && self.in_flight.len() < in_flight_max).then(|| FrameSpec {
             settings: RenderSettings {
                 samples,

@@ -417,6 +417,9 @@ impl LiveRun {
         let mut render = AccumulatedRender::new(spec, Priority::Interactive);
         let mut frame_samples = self.live.samples_per_frame;
         render.set_frame_samples(frame_samples);
+        if has_draft {
+            render.set_frames_max(SLOW_FRAMES_MAX);
+        }
         while !render.is_done() && !cancelled.is_cancelled() {
             let is_shown = has_draft || render.samples_done() > 0;
             let (has_changed, is_paused) = {
@@ -444,6 +447,7 @@ impl LiveRun {
             // What changes next is seen in a draft: until then, larger frames are less transport.
             let is_quick = frame.samples == frame_samples && frame.stats.busy_secs < QUICK_SECS;
             if has_draft && is_quick {
+                render.set_frames_max(usize::MAX);
                 frame_samples = (2 * frame_samples).min(FRAME_SAMPLES_MAX);
                 render.set_frame_samples(frame_samples);
             }
@@ -518,6 +522,8 @@ fn spec(update: &SceneUpdate, size: ImageSize, settings: RenderSettings) -> Fram
 
 /// Frames that keep a node busy for less are doubled.
 const QUICK_SECS: f64 = 0.03;
+/// Frames in flight that are not quick: one is traced while pixels of another travel.
+const SLOW_FRAMES_MAX: usize = 2;
 /// Samples of a pixel in a frame that has been doubled.
 const FRAME_SAMPLES_MAX: u32 = 64;
 /// How long to wait for a frame before looking at what has changed.

@@ -138,11 +138,12 @@ setting-pockets-wide-about = 10 % wider: 5 inches in the corners of a 9-foot tab
 
 setting-particle-precision = Sand, snow, jelly, water
 setting-particle-precision-coarse = Coarse
-setting-particle-precision-coarse-about = Cells of 15 mm: a third of the time, coarse grains
+setting-particle-precision-coarse-about = Cells of 15 mm: coarse grains, a third of the time
 setting-particle-precision-standard = Standard
-setting-particle-precision-standard-about = Cells of 10 mm
+setting-particle-precision-standard-about = Cells of 12.5 mm
 setting-particle-precision-fine = Fine
-setting-particle-precision-fine-about = Cells of 7.5 mm: three times the time, fine grains
+setting-particle-precision-fine-about = Cells of 10 mm: fine grains, four times the time
+particle-cost = A shot into the sand trap: { $particles } particles, { $time } s of a core, and the cue ball is on average { $differs } mm from where it is at the finest over the first second. The stroke waits for it
 
 setting-particles = Dust
 setting-particles-off = Off
@@ -282,7 +283,7 @@ lesson-suggest = Press { $suggest } for a suggested shot, then { $strike } to st
 ## Practice
 
 practice-how = Drag the balls. Click a number to add or remove its ball
-practice-paint = Paint the cloth with
+practice-paint = Choose what the cloth is painted with
 practice-sand = Sand
 practice-snow = Snow
 practice-jelly = Jelly

@@ -81,7 +81,7 @@ impl Viewer {
             saving: None,
             window: ImageSize::new(0, 0),
             toasts: Toasts::default(),
-            notifier: FarmNotifier::default(),
+            notifier: FarmNotifier::without_latency(),
             nodes: Vec::new(),
             stats: Stats::new(folder.join(STATS_FOLDER)),
             quality: Quality::default(),

@@ -19,9 +19,9 @@ pub fn passes(mut raw: RawInput) -> Vec<RawInput> {
         let is_after_button = was_button && is_pointer;
         if is_after_button || (is_button && !pass.events.is_empty()) || (has_key && is_key) {
             passes.push(std::mem::replace(&mut pass, raw.clone()));
-            has_key = false;
+            (was_button, has_key) = (false, false);
         }
-        was_button = is_button;
+        was_button |= is_button;
         has_key |= is_key;
         pass.events.push(event);
     }
@@ -85,6 +85,24 @@ mod tests {
         let quick = slid(std::iter::once(still()).chain(passes(quick)));
         assert!(slow > 0.6, "{slow}");
         assert_eq!(quick, slow);
+    }
+
+    /// Windows tell of more than the pointer while a button is down.
+    #[test]
+    fn a_drag_begins_in_a_pass_of_its_own_whatever_comes_between() {
+        let (from, to) = (pos2(20.0, 10.0), pos2(150.0, 10.0));
+        let raw = RawInput {
+            events: vec![
+                Event::PointerMoved(from),
+                button(from, true),
+                Event::ModifiersChanged(Modifiers::NONE),
+                Event::PointerMoved(to),
+                button(to, false),
+            ],
+            ..RawInput::default()
+        };
+        let lengths: Vec<usize> = passes(raw).iter().map(|pass| pass.events.len()).collect();
+        assert_eq!(lengths, [1, 2, 1, 1]);
     }
 
     #[test]

@@ -1,5 +1,5 @@
 //! Notifications of the farm: a sentence when something changes, and one that stays while
-//! there is no picture. Play never waits for either.
+//! there is no picture. Nothing waits for either.
 //!
 //! | what is | what happens | what is said |
 //! |---|---|---|
@@ -20,6 +20,8 @@ use carom_tracer::DeviceKind;
 #[derive(Clone, Debug, Default)]
 pub struct FarmNotifier {
     seen: Vec<NodeNotice>,
+    /// Whether latency makes no difference to what is seen.
+    ignores_latency: bool,
     /// Whether the player knows that there is no GPU.
     told_of_cpu: bool,
 }
@@ -43,8 +45,17 @@ enum Availability {
 }
 
 impl FarmNotifier {
+    /// Of an application that shows frames when they come, and asks for none ahead of their time.
+    pub fn without_latency() -> Self {
+        Self {
+            ignores_latency: true,
+            ..Self::default()
+        }
+    }
+
     /// What is new of `nodes` at `now_secs`, a sentence each.
     pub fn observe(&mut self, nodes: &[NodeStatus], now_secs: f64) -> Vec<String> {
+        let ignores_latency = self.ignores_latency;
         self.seen.resize_with(nodes.len(), NodeNotice::default);
         let mut notes = Vec::new();
         notes.extend(self.cpu_only(nodes));
@@ -61,7 +72,7 @@ impl FarmNotifier {
             let note = seen
                 .changed(node, others(index))
                 .or_else(|| seen.slowed(node, fastest))
-                .or_else(|| seen.distanced(node))
+                .or_else(|| seen.distanced(node).filter(|_| !ignores_latency))
                 .or_else(|| seen.doubted(node));
             if let Some(note) = note {
                 let again = seen

@@ -480,6 +480,65 @@ mod tests {
         );
     }
 
+    #[test]
+    fn cloth_is_painted_kept_laid_again_and_swept() {
+        let mut practice = practice();
+        let at = DVec2::new(0.4, 0.2);
+        assert!(!practice.is_bare(at), "nothing is painted with");
+        practice.set_brush(Some(ParticleMaterial::Sand));
+        assert!(practice.is_bare(at));
+        practice.paint(at).unwrap();
+        assert!(!practice.is_bare(at));
+        let bed = |practice: &Practice| practice.world().particles().map(Arc::clone);
+        let sand = bed(&practice).unwrap();
+        assert_eq!(sand.patches().len(), 9);
+        // The brush covers what lay there.
+        practice.set_brush(Some(ParticleMaterial::Snow));
+        practice
+            .paint(at + DVec2::new(ParticlePatch::EDGE_M, 0.0))
+            .unwrap();
+        let materials = bed(&practice).unwrap().groups().to_vec();
+        assert_eq!(materials.len(), 2, "{materials:?}");
+        let layout = practice.layout("painted").unwrap();
+        let read = Recording::from_bytes(&layout.to_bytes().unwrap()).unwrap();
+        let viewing = ReplayPlayer::new(read, practice.world().table(), 0.0).unwrap();
+        let mut other = self::practice();
+        other.lay(viewing.start().balls, viewing.patches()).unwrap();
+        assert_eq!(
+            bed(&other).unwrap().centers(),
+            bed(&practice).unwrap().centers()
+        );
+        assert!(
+            !viewing
+                .particles(0.0)
+                .clouds(crate::particles::ParticleDetail::Off)
+                .is_empty()
+        );
+        // Balls are still laid, and paint stays; beyond the cushions nothing is painted.
+        practice.set_brush(None);
+        assert!(practice.grab(practice.world().table().head_spot()));
+        practice.let_go().unwrap();
+        assert!(bed(&practice).is_some());
+        practice.set_brush(Some(ParticleMaterial::Water));
+        assert!(!practice.is_bare(DVec2::new(5.0, 0.0)));
+        practice.sweep();
+        assert!(bed(&practice).is_none() && practice.particles().bed.is_none());
+    }
+
+    #[test]
+    fn every_trick_table_can_be_laid_and_struck() {
+        for trick in <TrickTable as clap::ValueEnum>::value_variants() {
+            let mut practice = practice();
+            practice.lay_trick(*trick).unwrap();
+            assert!(practice.world().particles().is_some(), "{trick:?}");
+            let table = practice.world().table();
+            let (world, stroke) = trick.world(table, ParticlePrecision::Coarse).unwrap();
+            let shot = world.strike(stroke).unwrap();
+            let places = |secs| shot.particles().unwrap().places_at(secs);
+            assert_ne!(places(0.0), places(0.5), "{trick:?}");
+        }
+    }
+
     proptest! {
         #[test]
         fn what_may_be_put_down_is_put_down_and_nothing_else(

@@ -603,3 +603,56 @@ fn the_whole_table_is_seen_once_a_match_is_over() {
         "{seen:?}"
     );
 }
+
+#[test]
+fn a_stroke_into_sand_waits_for_its_shot() {
+    use carom_billiards::physics::ParticlePrecision;
+    let mut game = Game::new(1).unwrap();
+    let trick = super::tricks::TrickTable::SandTrap;
+    let (world, _) = trick
+        .world(game.table(), ParticlePrecision::Coarse)
+        .unwrap();
+    game.lay(&PracticeLayout {
+        balls: world.balls(),
+        particles: world.particles().map(Arc::clone),
+    })
+    .unwrap();
+    let lying = game
+        .particles(0.0)
+        .clouds(crate::particles::ParticleDetail::Off);
+    assert!(!lying.is_empty());
+    game.change_aim(AimIntent::SetPower(0.3), 0.0);
+    game.stroke(StrokeIntent::Strike, 0.0, 0.0);
+    assert!(game.shot().is_none() && game.is_moving() && game.cue(0.0).is_some());
+    let mut now_secs = 0.0;
+    while game.shot().is_none() {
+        std::thread::yield_now();
+        now_secs += 0.01;
+        game.tick(now_secs, 0.01);
+    }
+    let end_secs = game.shot_clock(now_secs).unwrap().end_secs;
+    let last = game
+        .particles(end_secs)
+        .clouds(crate::particles::ParticleDetail::Off);
+    assert_eq!(
+        game.particles(0.0)
+            .clouds(crate::particles::ParticleDetail::Off),
+        lying
+    );
+    game.tick(now_secs + end_secs + 1.0, 0.01);
+    assert!(game.shot().is_none());
+    let left = game
+        .particles(0.0)
+        .clouds(crate::particles::ParticleDetail::Off);
+    let count = |clouds: &[carom_tracer::ParticleCloud]| -> usize {
+        clouds.iter().map(|cloud| cloud.places.len()).sum()
+    };
+    assert_eq!(count(&left), count(&last));
+    assert_ne!(left, lying, "the groove stays");
+    game.decide(MatchIntent::Undo, now_secs);
+    assert_eq!(
+        game.particles(0.0)
+            .clouds(crate::particles::ParticleDetail::Off),
+        lying
+    );
+}

@@ -13,11 +13,13 @@
 
 mod engine_cost;
 mod field;
+mod particle_cost;
 mod store;
 
 use carom_farm::quality::{QualityPreference, Resolution};
 pub use engine_cost::{engine_cost, engine_cost_table};
 pub use field::{FIELDS, SettingsField};
+pub use particle_cost::particle_cost;
 pub use store::SettingsStore;
 
 use carom_billiards::physics::{Engine, ParticlePrecision, PocketSize, TableOptions, TableSpeed};

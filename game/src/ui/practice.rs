@@ -51,7 +51,10 @@ pub fn panel(
                     }
                 }
             });
-            ui.horizontal_wrapped(|ui| command = command.take().or(brushes(ui, practice)));
+            ui.horizontal_wrapped(|ui| {
+                let brush = brushes(ui, practice);
+                command = command.take().or(brush);
+            });
             ui.horizontal_wrapped(|ui| {
                 if ui.button(text!("practice-play")).clicked() {
                     command = Some(PracticeCommand::Play);
@@ -79,7 +82,6 @@ pub fn panel(
 /// What the cloth is painted with, and tables that are.
 fn brushes(ui: &mut Ui, practice: &Practice) -> Option<PracticeCommand> {
     let mut command = None;
-    ui.label(text!("practice-paint"));
     for material in ParticleMaterial::ALL {
         let is_chosen = practice.brush() == Some(material);
         let name = text!(&format!("practice-{}", value_name(&material)));
@@ -102,6 +104,11 @@ fn brushes(ui: &mut Ui, practice: &Practice) -> Option<PracticeCommand> {
             }
         }
     });
+    ui.label(
+        RichText::new(text!("practice-paint"))
+            .color(theme::FAINT)
+            .small(),
+    );
     command
 }
 

@@ -10,7 +10,7 @@ use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
 use super::page::{MenuInput, Page};
 use crate::input::MouseSettings;
-use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table};
+use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table, particle_cost};
 
 /// Draws the settings and changes them; returns the page that was asked for.
 pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>) -> Option<Page> {
@@ -159,6 +159,9 @@ fn advanced(ui: &mut Ui, settings: &mut Settings) {
     });
     ui.end_row();
     choice(ui, "particle-precision", &mut settings.particle_precision);
+    ui.label("");
+    ui.vertical(|ui| explain(ui, &particle_cost(settings.particle_precision)));
+    ui.end_row();
 }
 
 fn mouse(ui: &mut Ui, mouse: &mut MouseSettings) {

@@ -19,7 +19,7 @@ use player::{Seat, at, click, harness, harness_of, press};
 #[test]
 fn the_menu_leads_to_every_page_and_back_and_out() {
     // As high as the settings.
-    let mut harness = harness_of(Seat::free(), Vec2::new(1280.0, 1280.0));
+    let mut harness = harness_of(Seat::free(), Vec2::new(1280.0, 1440.0));
     for (entry, page) in [("New game", Page::NewGame), ("Settings", Page::Settings)] {
         press(&mut harness, "Esc");
         assert_eq!(harness.state().shell.page(), Some(Page::Top));

@@ -308,7 +308,7 @@ impl GpuTracer {
         let features = layout::features(scene, uniform_bytes_max);
         Features {
             output,
-            workgroup_blocks: self.device.workgroup_blocks,
+            workgroup_blocks: features.workgroup_blocks(self.device.workgroup_blocks),
             ..features
         }
     }

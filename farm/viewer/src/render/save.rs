@@ -129,7 +129,7 @@ fn film(order: &SaveOrder, accuracy: Accuracy, shared: &Arc<Exchange>) -> Result
 fn update(camera: Option<&Camera>) -> SceneUpdate {
     SceneUpdate {
         camera: camera.copied(),
-        poses: Vec::new(),
+        ..SceneUpdate::default()
     }
 }
 

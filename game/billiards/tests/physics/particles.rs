@@ -186,9 +186,9 @@ fn patches_that_no_table_has_are_refused_with_a_sentence() {
         "{}",
         refused(&far)
     );
-    let wide: Vec<_> = strip(ParticleMaterial::Jelly, -30..30);
+    let wide: Vec<_> = strip(ParticleMaterial::Jelly, -40..40);
     assert!(
-        refused(&wide).contains("more than 16000"),
+        refused(&wide).contains("more than 32000"),
         "{}",
         refused(&wide)
     );

@@ -34,7 +34,7 @@ impl fmt::Debug for ParticleBed {
 
 impl ParticleBed {
     /// Most particles of a table: a shot through all of them takes some seconds.
-    pub const PARTICLES_MAX: usize = 16_000;
+    pub const PARTICLES_MAX: usize = 32_000;
 
     /// Fresh particles on patches of a table, but where balls lie.
     ///
@@ -53,7 +53,8 @@ impl ParticleBed {
         check_places(table, &patches)?;
         let settings = Settings {
             cell_size_m: precision.cell_size_m() as f32,
-            rest_speed_m_s: 0.004,
+            // Grains that creep more slowly lie: a shot is not to wait for the last of them.
+            rest_speed_m_s: 0.02,
             ..Settings::default()
         };
         let mut simulation = Simulation::new(settings).map_err(ParticleFault::from)?;

@@ -29,17 +29,17 @@ pub struct ParticlePatch {
     pub row: i16,
 }
 
-/// How finely particles are simulated. Figures are those of a ball at 3 m/s through a strip of sand 0.3 m wide:
-/// `carom-bench particles --part precision`.
+/// How finely particles are simulated: `carom-bench particles --part precision` measures what each costs, and how far a
+/// ball's way is from that at the finest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ParticlePrecision {
-    /// Cells of 15 mm: a third of the time, coarse grains
+    /// Cells of 15 mm: coarse grains, a third of the time
     Coarse,
-    /// Cells of 10 mm
+    /// Cells of 12.5 mm
     #[default]
     Standard,
-    /// Cells of 7.5 mm: three times the time, fine grains
+    /// Cells of 10 mm: fine grains, four times the time
     Fine,
 }
 
@@ -57,15 +57,16 @@ impl ParticleMaterial {
     }
 
     /// The model. Sand, snow and water are softer than real ones, whose sound would take a hundred times as many
-    /// steps: a ball's weight presses sand by 2 %.
+    /// steps: a ball's weight presses sand by 4 %.
     pub(crate) fn model(self) -> Material {
         match self {
             Self::Sand => Material::Sand(Sand {
-                young_pa: 1.6e5,
+                young_pa: 8e4,
                 ..Sand::default()
             }),
             Self::Snow => Material::Snow(Snow {
                 young_pa: 5e4,
+                hardening: 4.0,
                 ..Snow::default()
             }),
             Self::Jelly => Material::Jelly(Jelly {
@@ -74,8 +75,10 @@ impl ParticleMaterial {
                 ..Jelly::default()
             }),
             Self::Water => Material::Water(Water {
-                sound_speed_m_s: 10.0,
-                viscosity_pa_s: 0.05,
+                sound_speed_m_s: 8.0,
+                // As thick as syrup, and held by the cloth: it is to come to rest.
+                viscosity_pa_s: 0.3,
+                friction: 0.3,
                 ..Water::default()
             }),
         }
@@ -108,8 +111,8 @@ impl ParticlePrecision {
     pub fn cell_size_m(self) -> f64 {
         match self {
             Self::Coarse => 0.015,
-            Self::Standard => 0.01,
-            Self::Fine => 0.0075,
+            Self::Standard => 0.0125,
+            Self::Fine => 0.01,
         }
     }
 }

@@ -84,9 +84,9 @@ fn push(engine: &mut EventEngine<'_>, ball: usize, pushed: &Ball) {
         false => (pushed.impulse / body.mass_kg).with_z(0.0),
     };
     let turn = pushed.angular_impulse / pushed.moment_of_inertia();
-    // What rests on the cloth withstands as much as slows it when it rolls.
+    // What rests is held by the cloth as long as it need not slide, or it would creep as long as grains do.
     let cloth = &engine.laws.cloth;
-    let withstood = cloth.rolling_friction * cloth.gravity_m_s2 * STEP_SECS;
+    let withstood = cloth.sliding_friction * cloth.gravity_m_s2 * STEP_SECS;
     let is_small = change.length() <= withstood && turn.length() * body.radius_m <= withstood;
     if is_small && motion.phase == Phase::Resting || change == DVec3::ZERO && turn == DVec3::ZERO {
         return;
@@ -108,4 +108,4 @@ const STEP_SECS: f64 = 1.0 / 480.0;
 /// [`ParticleTrack::FRAMES_PER_SEC`].
 const STEPS_A_FRAME: u32 = 8;
 /// When balls rest, particles are watched for so long: what sloshes on does so in the next shot.
-const SETTLE_STEPS_MAX: u32 = 480;
+const SETTLE_STEPS_MAX: u32 = 240;
