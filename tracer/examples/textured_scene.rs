@@ -22,6 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     scene.save(folder.join("textured_scene.json"))?;
     let settings = RenderSettings {
         samples,
+        denoise: true,
         ..RenderSettings::default()
     };
     let size = ImageSize::new(960, 540);
@@ -42,7 +43,7 @@ fn scene() -> Result<Scene, String> {
     let tiles = scene.add_texture(texture("tiles", 512, tile_color)?);
     let joints = scene.add_texture(texture("joints", 512, tile_normal)?.linear());
     let planet = scene.add_texture(texture("planet", 512, planet_color)?);
-    let dents = scene.add_texture(texture("dents", 512, dent_normal)?.linear());
+    let bumps = scene.add_texture(texture("bumps", 512, bump_normal)?.linear());
     let wear = scene.add_texture(texture("wear", 512, wear)?.linear());
     let maps = |base_color, metallic_roughness, normal| MaterialTextures {
         base_color,
@@ -61,7 +62,7 @@ fn scene() -> Result<Scene, String> {
     let floor = Material::rough([1.0; 3], 0.45).textured(maps(Some(tiles), None, Some(joints)));
     scene.add(floor_mesh(), floor);
     for (x, material) in [
-        (-1.15, metal(0.3, maps(None, None, Some(dents)))),
+        (-1.15, metal(0.3, maps(None, None, Some(bumps)))),
         (
             0.0,
             Material::rough([1.0; 3], 0.35).textured(maps(Some(planet), None, None)),
@@ -141,7 +142,7 @@ fn planet_color(uv: Vec2) -> Vec3 {
     }
 }
 
-fn dent_normal(uv: Vec2) -> Vec3 {
+fn bump_normal(uv: Vec2) -> Vec3 {
     let within = (Vec2::new(24.0, 12.0) * uv).fract() - 0.5;
     let falloff = (1.0 - 4.0 * within.length_squared()).max(0.0);
     let normal = Vec3::new(within.x * falloff, -within.y * falloff, 0.45).normalize();
@@ -181,8 +182,8 @@ fn sky() -> Result<EnvironmentMap, String> {
 
 fn floor_mesh() -> Mesh {
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(Vec2::from);
-    let positions = corners.map(|corner| (30.0 * corner).extend(0.0));
-    let uvs = corners.map(|corner| 15.0 * Vec2::new(corner.x, -corner.y));
+    let positions = corners.map(|corner| (600.0 * corner).extend(0.0));
+    let uvs = corners.map(|corner| 300.0 * Vec2::new(corner.x, -corner.y));
     Mesh::new(positions.into(), vec![[0, 1, 2], [0, 2, 3]]).uvs(uvs.into())
 }
 
