@@ -18,7 +18,6 @@ use crate::controls::{self, Walk};
 use crate::lights::LightSwitches;
 use crate::render::{News, OpenedScene, Renderer, SceneLook, ShownPicture};
 use crate::save_form::SaveForm;
-use crate::ui::{help, notices, panel};
 
 /// See the [module](self).
 pub struct Viewer {
@@ -46,7 +45,7 @@ pub struct Viewer {
     /// How far a file is that is being saved.
     pub(crate) saving: Option<f64>,
     pub(crate) window: ImageSize,
-    toasts: Toasts,
+    pub(crate) toasts: Toasts,
     notifier: FarmNotifier,
     nodes: Vec<NodeStatus>,
     stats: Stats,
@@ -234,25 +233,8 @@ impl Viewer {
         self.toasts.push(sentence, now_secs);
     }
 
-    /// Draws the interface and does what the person at it wants.
-    pub fn draw(&mut self, ui: &mut Ui, now_secs: f64, present: &str) {
-        self.take_news(now_secs);
-        self.press(ui);
-        let mut room = self.draw_stats(ui, now_secs, present);
-        if self.has_panel && self.document.is_some() {
-            room = panel::show(ui.ctx(), room, self);
-        }
-        let standing = self.standing();
-        notices::show(ui.ctx(), room, self, &self.toasts, &standing);
-        if self.has_help {
-            help::show(ui.ctx());
-        }
-        self.look(ui, now_secs);
-        self.follow();
-    }
-
     /// What is to be known as long as it lasts.
-    fn standing(&self) -> Vec<String> {
+    pub(crate) fn standing(&self) -> Vec<String> {
         let file = |path: &PathBuf| file_name(path);
         let reading = self.reading.as_ref();
         let reading = reading.map(|path| text!("view-reading", file = file(path)));
@@ -272,7 +254,7 @@ impl Viewer {
     }
 
     /// Draws the statistics; the part of the window that is left free.
-    fn draw_stats(&mut self, ui: &Ui, now_secs: f64, present: &str) -> Rect {
+    pub(crate) fn draw_stats(&mut self, ui: &Ui, now_secs: f64, present: &str) -> Rect {
         let ctx = ui.ctx();
         if !self.stats.is_shown() {
             return ctx.content_rect();
@@ -311,7 +293,7 @@ impl Viewer {
     }
 
     /// Does what keys mean that are pressed.
-    fn press(&mut self, ui: &Ui) {
+    pub(crate) fn press(&mut self, ui: &Ui) {
         if ui.ctx().text_edit_focused() {
             return;
         }
@@ -395,7 +377,7 @@ impl Viewer {
     }
 
     /// Moves the camera as pointer and keys want it.
-    fn look(&mut self, ui: &Ui, now_secs: f64) {
+    pub(crate) fn look(&mut self, ui: &Ui, now_secs: f64) {
         let whole = ui.ctx().content_rect();
         let picture = ui.interact(whole, Id::unique("picture"), Sense::click_and_drag());
         if picture.clicked() || picture.dragged() {
@@ -419,7 +401,7 @@ impl Viewer {
     }
 
     /// Tells the renderer what is wanted, if it has changed.
-    fn follow(&mut self) {
+    pub(crate) fn follow(&mut self) {
         let look = self.document.as_ref().map(|document| SceneLook {
             scene: document.number,
             camera: self.camera.camera(),
