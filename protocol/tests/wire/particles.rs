@@ -158,19 +158,18 @@ fn too_many_particles_are_not_sent() {
         .unwrap();
     assert!(client.poll_transmit().unwrap().bytes.len() <= TRACE_BYTES_MAX);
     let (mut sent, mut node) = (request(2, Vec::new()), pair().1);
-    let mut coded = CodedParticles::default();
-    coded.clouds = vec![
-        carom_protocol::CodedCloud {
-            material: Material::grey(0.5),
-            radius_m: 1e-3,
-            min: Vec3::ZERO,
-            max: Vec3::ONE,
-            count: u32::MAX,
-            places: vec![2],
-        };
-        3
-    ];
-    sent.particles = coded;
+    let coded = carom_protocol::CodedCloud {
+        material: Material::grey(0.5),
+        radius_m: 1e-3,
+        min: Vec3::ZERO,
+        max: Vec3::ONE,
+        count: u32::MAX,
+        places: vec![2],
+    };
+    sent.particles = CodedParticles {
+        reference: None,
+        clouds: vec![coded; 3],
+    };
     let bytes = postcard_bytes(sent);
     assert!(node.handle(Packet::new(Channel::Control, bytes)).is_err());
 }

@@ -108,7 +108,8 @@ fn kernels_are_of_few_sizes_of_clouds() {
 
 #[test]
 fn particles_out_of_range_are_refused_and_leave_the_scene() {
-    let changes: [(&dyn Fn(&mut ParticleCloud), &str); 6] = [
+    type Change<'a> = (&'a dyn Fn(&mut ParticleCloud), &'a str);
+    let changes: [Change<'_>; 6] = [
         (&|cloud| cloud.radius_m = 0.0, "radius"),
         (&|cloud| cloud.radius_m = f32::NAN, "radius"),
         (&|cloud| cloud.max.y = cloud.min.y, "below its max"),
