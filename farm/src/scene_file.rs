@@ -123,7 +123,11 @@ mod tests {
     fn what_is_no_scene_is_refused_with_the_file_and_the_reason() {
         let folder = tempfile::tempdir().unwrap();
         for (name, text, reason) in [
-            ("a.fbx", "", "must end with one of .json, .gltf, .glb, .obj, .ply"),
+            (
+                "a.fbx",
+                "",
+                "must end with one of .json, .gltf, .glb, .obj, .ply",
+            ),
             ("a.json", "{", "line 1"),
             ("a.obj", "v 0 0 nan\n", "line 1"),
             ("a.ply", "plz", "a.ply"),

@@ -416,4 +416,4 @@ fn a_node_reports_the_progress_of_a_long_scene() {
     );
 }
 
-const OBJECTS: usize = 4000;
+const OBJECTS: usize = 12_000;

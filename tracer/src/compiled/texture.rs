@@ -10,7 +10,9 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::scene::{ColorSpace, ImageTexture, MaterialTextures, Wrap, halved, levels};
+#[cfg(feature = "image-io")]
+use crate::scene::{ColorSpace, Wrap, levels};
+use crate::scene::{ImageTexture, MaterialTextures, halved};
 use crate::{Error, SceneError};
 
 /// The textures of a scene, shared with copies of it.

@@ -143,6 +143,7 @@ pub(crate) const fn halved(edge: u32) -> u32 {
 }
 
 /// Levels of detail of a texture down to a single texel.
+#[cfg(feature = "image-io")]
 pub(crate) const fn levels(width: u32, height: u32) -> u32 {
     let edge = if width > height { width } else { height };
     1 + edge.ilog2()

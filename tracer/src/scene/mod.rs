@@ -26,12 +26,12 @@ pub use construction::{Cuboid, ObjectHandle, Plane, SceneIdentity, Sphere};
 #[cfg(feature = "image-io")]
 pub(crate) use environment_map::environment_bytes;
 pub use environment_map::{ENVIRONMENT_EDGE_MAX, EnvironmentMap};
-#[cfg(feature = "image-io")]
-pub(crate) use image_texture::texels_with_levels;
+pub(crate) use image_texture::halved;
 pub use image_texture::{
     ColorSpace, FileBytes, ImageSource, ImageTexture, MaterialTextures, TEXTURE_EDGE_MAX, Wrap,
 };
-pub(crate) use image_texture::{halved, levels};
+#[cfg(feature = "image-io")]
+pub(crate) use image_texture::{levels, texels_with_levels};
 pub use mesh::Mesh;
 pub use particles::ParticleCloud;
 pub use punctual_light::{PunctualEmitter, PunctualLight};
