@@ -23,6 +23,9 @@ use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::{ClothColour, TableStyle};
 use crate::settings::engine_cost_table;
 
+/// The command that needs no display.
+pub const HEADLESS_COMMAND: &str = "carom --headless";
+
 /// Pool, path-traced in real time by a farm of any mix of GPUs and CPUs.
 ///
 /// Without options a window opens and this machine traces the pictures. Without a display a

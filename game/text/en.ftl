@@ -1043,7 +1043,6 @@ place-outside = The cue ball is in hand { $area }
 
 view-title = Carom viewer
 view-title-file = { $file } – Carom viewer
-view-no-display = there is no display (DISPLAY and WAYLAND_DISPLAY are not set): `carom-farm render --scene FILE --out picture.png` renders a scene without one
 view-drop = Drop a scene on this window
 # $endings: .json, .obj and others.
 view-drop-endings = A file whose name ends with one of { $endings }
@@ -1052,7 +1051,7 @@ view-reading = Reading { $file } …
 view-refusal-close = Esc closes this
 view-fault = No pictures: { $why }
 view-dark = All lights are off
-view-saved = Saved { $path }
+view-file-saved = Saved { $path }
 view-not-saved = Not saved: { $why }
 view-save-cancelled = it was cancelled
 view-turntable-cancelled = it was cancelled after { $done } of { $frames } frames; saved under the same name again, it goes on with them

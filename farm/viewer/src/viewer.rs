@@ -226,7 +226,7 @@ impl Viewer {
         let sentence = match saved {
             Ok(path) => {
                 self.form.go_on(&path);
-                text!("view-saved", path = path.display().to_string())
+                text!("view-file-saved", path = path.display().to_string())
             }
             Err(why) => text!("view-not-saved", why = why),
         };

@@ -27,7 +27,7 @@ use crate::app::app_shell::AppShell;
 #[cfg(feature = "gamepad")]
 use crate::app::gamepads::Gamepads;
 use crate::app::session::GameSession;
-use crate::args::Args;
+use crate::args::{Args, HEADLESS_COMMAND};
 use crate::audio::Playback;
 use crate::audio::playback::SoundOutput;
 use crate::capture::ShotRecorder;
@@ -41,7 +41,7 @@ use crate::settings::{Settings, SettingsStore};
 /// # Errors
 /// What was tried and what to install, if no window can be opened or drawn on.
 pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
-    let event_loop = open_event_loop::<()>(INSTEAD)?;
+    let event_loop = open_event_loop::<()>(HEADLESS_COMMAND)?;
     let (_, recording) = args.table_and_recording()?;
     let settings = store(args);
     let kept_in = settings.path().map(|path| path.with_file_name(MATCH_FILE));
@@ -245,7 +245,7 @@ impl App {
         };
         let attributes = attributes.with_fullscreen(fullscreen(settings.fullscreen));
         let window = event_loop.create_window(attributes);
-        let window = window.map_err(|why| WindowError::not_opened(INSTEAD, why))?;
+        let window = window.map_err(|why| WindowError::not_opened(HEADLESS_COMMAND, why))?;
         self.open_screen(Arc::new(window), event_loop, self.present)
     }
 
@@ -255,7 +255,7 @@ impl App {
         event_loop: &ActiveEventLoop,
         present: Option<Present>,
     ) -> anyhow::Result<Screen> {
-        let screen = Screen::open(window, event_loop, present, INSTEAD)?;
+        let screen = Screen::open(window, event_loop, present, HEADLESS_COMMAND)?;
         window::apply_theme(&screen, self.shell.settings());
         Ok(screen)
     }
@@ -349,7 +349,5 @@ fn fullscreen(wanted: bool) -> Option<Fullscreen> {
     wanted.then_some(Fullscreen::Borderless(None))
 }
 
-/// What needs no display.
-const INSTEAD: &str = "carom --headless";
 /// Beside the settings.
 const MATCH_FILE: &str = "match.carom";

@@ -41,6 +41,10 @@ const NOT_SHOWN: &[(&str, &str)] = &[
         "names of quantities in errors",
     ),
     (
+        "billiards/src/physics/particles/track.rs",
+        "faults of a damaged file",
+    ),
+    (
         "billiards/src/physics/recording.rs",
         "faults of a damaged file",
     ),

@@ -26,7 +26,7 @@ pub struct ParticleBed {
 
 impl fmt::Debug for ParticleBed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut fields = f.debug_struct("ParticleBed");
+        let mut fields = f.debug_struct(stringify!(ParticleBed));
         fields.field("patches", &self.patches.len());
         fields.field("groups", &self.groups).finish_non_exhaustive()
     }
