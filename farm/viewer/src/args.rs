@@ -15,7 +15,7 @@ use crate::render::Accuracy;
 #[derive(Clone, Debug, Parser)]
 #[command(name = "carom-view", version)]
 pub struct Args {
-    /// Scene to open: a .json, .obj or .ply file; others can be dropped on the window
+    /// Scene to open: a .json, .gltf, .glb, .obj or .ply file; others can be dropped on the window
     #[arg(value_name = "FILE")]
     pub scene: Option<PathBuf>,
     /// Size of the window in pixels

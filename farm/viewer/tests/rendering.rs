@@ -208,7 +208,7 @@ fn meshes_are_opened_and_bad_files_are_refused_while_the_scene_stays() {
     for (name, text, reason) in [
         ("bad.obj", "v 0 zero 0\n", "line 1"),
         ("bad.json", "{", "line 1"),
-        ("bad.fbx", "", ".json, .obj, .ply"),
+        ("bad.fbx", "", ".json, .gltf, .glb, .obj, .ply"),
     ] {
         let path = viewing.path(name);
         std::fs::write(&path, text).unwrap();

@@ -52,7 +52,7 @@ fn press(stage: &mut Stage, key: Key) {
 fn an_empty_window_says_what_can_be_dropped_and_where_the_keys_are() {
     let stage = stage();
     assert!(stage.has("Drop a scene on this window"));
-    assert!(stage.has(".json, .obj, .ply"));
+    assert!(stage.has(".json, .gltf, .glb, .obj, .ply"));
     assert!(stage.has("F1 shows the keys"));
     assert!(!stage.has("Exposure"), "nothing to expose");
     assert!(stage.wanted().look.is_none());
