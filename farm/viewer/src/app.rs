@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use carom_farm::FarmConfig;
-use carom_text::text;
 use carom_window::connection::{WindowError, is_displayless, open_event_loop};
 use carom_window::display::Present;
 use carom_window::screen::Screen;
@@ -30,7 +29,11 @@ struct RendererNews;
 /// # Errors
 /// What was tried and what to install, if no window can be opened or drawn on.
 pub fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
-    anyhow::ensure!(!is_displayless(), "{}", text!("view-no-display"));
+    anyhow::ensure!(
+        !is_displayless(),
+        "there is no display (DISPLAY and WAYLAND_DISPLAY are not set): `carom-farm render --scene FILE --out picture.png` \
+         renders a scene without one"
+    );
     let event_loop = open_event_loop::<RendererNews>(INSTEAD)?;
     let proxy = event_loop.create_proxy();
     // Once the loop has ended nobody is to be woken.
