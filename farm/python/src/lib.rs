@@ -63,7 +63,6 @@ impl PyScene {
     }
 
     #[pyo3(signature = (name, positions, triangles, material, *, normals = None, uvs = None))]
-    #[expect(clippy::too_many_arguments, reason = "keywords of a Python function")]
     fn add_mesh(
         &mut self,
         name: String,
