@@ -43,19 +43,37 @@ impl SettingsStore {
     /// Reads a file. One that is not there, or wrong, gives the defaults for what it lacks, and
     /// [`SettingsStore::warnings`] say what is wrong.
     pub fn open(path: PathBuf) -> Self {
-        let mut store = Self::default();
-        match read(&path) {
-            Ok(text) => store.parse(&text),
-            Err(error) if error.kind() == ErrorKind::NotFound => {}
-            Err(error) => store.give_up(error.to_string()),
-        }
+        let mut store = match read(&path) {
+            Ok(text) => Self::from_toml(&text),
+            Err(error) if error.kind() == ErrorKind::NotFound => Self::default(),
+            Err(error) => {
+                let mut store = Self::default();
+                store.give_up(error.to_string());
+                store
+            }
+        };
         let name = path.display().to_string();
         for warning in &mut store.warnings {
             *warning = format!("{name}: {warning}");
         }
-        store.saved = store.settings.clone();
         store.path = Some(path);
         store
+    }
+
+    /// Settings of a file's text, kept nowhere. A wrong one gives the defaults for what it lacks, as
+    /// [`SettingsStore::open`] does.
+    pub fn from_toml(text: &str) -> Self {
+        let mut store = Self::default();
+        store.parse(text);
+        store.saved = store.settings.clone();
+        store
+    }
+
+    /// Text of the file with what was changed since it was read; all else as it was.
+    pub fn to_toml(&self) -> String {
+        let mut document = self.document.clone();
+        self.enter_changes(&mut document);
+        document.to_string()
     }
 
     /// What is wrong with the file, a sentence each.
@@ -86,13 +104,15 @@ impl SettingsStore {
         if self.settings == self.saved {
             return Ok(());
         }
-        self.enter_changes();
+        let mut document = self.document.clone();
+        self.enter_changes(&mut document);
         let written = self.make_room(&path).and_then(|()| {
             let fresh = path.with_extension("toml.new");
-            fs::write(&fresh, self.document.to_string())?;
+            fs::write(&fresh, document.to_string())?;
             fs::rename(&fresh, &path)
         });
         written.map_err(|source| Error::Settings { path, source })?;
+        self.document = document;
         self.saved = self.settings.clone();
         Ok(())
     }
@@ -177,18 +197,33 @@ impl SettingsStore {
         self.warnings.push(text!("settings-broken", why = why));
     }
 
-    fn enter_changes(&mut self) {
+    fn enter_changes(&self, document: &mut DocumentMut) {
         for field in FIELDS {
             let value = (field.read)(&self.settings);
             if value.to_string() != (field.read)(&self.saved).to_string() {
-                enter(&mut self.document, field.table, field.key, value);
+                enter(document, field.table, field.key, value);
             }
+        }
+        if self.settings.bindings == self.saved.bindings {
+            return;
         }
         for control in ACTIONS {
             let triggers = |settings: &Settings| settings.bindings.triggers(control.action);
-            if triggers(&self.settings) != triggers(&self.saved) {
+            // A row that lost a key to another action, which may give it back now, is of no more use.
+            let row = document.get("keys").and_then(|rows| rows.get(control.name));
+            let row = row
+                .and_then(Item::as_value)
+                .map(|row| field::read_triggers(row).ok());
+            let is_of_use = row.flatten().is_none_or(|mut chosen| {
+                let mut bound = triggers(&self.settings);
+                chosen.sort();
+                chosen.dedup();
+                bound.sort();
+                chosen == bound
+            });
+            if triggers(&self.settings) != triggers(&self.saved) || !is_of_use {
                 let value = field::triggers(&self.settings.bindings, control.action);
-                enter(&mut self.document, "keys", control.name, value);
+                enter(document, "keys", control.name, value);
             }
         }
     }

@@ -4,18 +4,20 @@
 mod files;
 mod images;
 mod scenes;
+mod settings;
 mod wire;
 
 pub use files::*;
 pub use images::*;
 pub use scenes::*;
+pub use settings::*;
 pub use wire::*;
 
 /// A target: its name, its body and inputs to begin from.
 pub type Target = (&'static str, fn(&[u8]), fn() -> Vec<Vec<u8>>);
 
 /// All targets that crates have in public; `datagrams` is in `fuzz_targets/` alone.
-pub const TARGETS: [Target; 14] = [
+pub const TARGETS: [Target; 15] = [
     ("to_node", to_node, to_node_seeds),
     ("to_client", to_client, to_client_seeds),
     ("tile_codec", tile_codec, tile_codec_seeds),
@@ -27,6 +29,7 @@ pub const TARGETS: [Target; 14] = [
     ("traced_scene", traced_scene, traced_scene_seeds),
     ("recording", recording, recording_seeds),
     ("match_save", match_save, match_save_seeds),
+    ("settings", settings, settings_seeds),
     ("texture", texture, texture_seeds),
     ("environment", environment, environment_seeds),
     ("gltf", gltf, gltf_seeds),
