@@ -48,18 +48,22 @@ struct FirstFrames {
     ratio: f64,
     /// Tiles of the many nodes that were asked for again, each on average so often.
     reissued_per_tile: f64,
+    /// Those of them whose node was taken for lost.
+    lost_per_tile: f64,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let folder = FarmFolder::new("carom-bench-first-frames")?;
     let pair = |_| -> Result<FirstFrames, BenchError> {
-        let (one_secs, _) = play(args, &folder, 1, args.nodes)?;
-        let (many_secs, reissued_per_tile) = play(args, &folder, args.nodes, 1)?;
+        let one = play(args, &folder, 1, args.nodes)?;
+        let many = play(args, &folder, args.nodes, 1)?;
+        let per_tile = |tiles| f64::from(tiles) / f64::from(many.tiles.max(1));
         Ok(FirstFrames {
-            one_secs,
-            many_secs,
-            ratio: many_secs / one_secs,
-            reissued_per_tile,
+            one_secs: one.secs,
+            many_secs: many.secs,
+            ratio: many.secs / one.secs,
+            reissued_per_tile: per_tile(many.reissued),
+            lost_per_tile: per_tile(many.lost),
         })
     };
     let pairs: Vec<FirstFrames> = (0..args.pairs).map(pair).collect::<Result<_, _>>()?;
@@ -69,15 +73,20 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         return Ok(());
     }
     let (nodes, frames) = (args.nodes, args.frames);
-    println!("one node s  {nodes} nodes s  ratio  requested again, per tile");
+    println!(
+        "one node s  {nodes} nodes s  ratio  requested again, per tile  of it, taken for lost"
+    );
     for pair in &pairs {
         let FirstFrames {
             one_secs,
             many_secs,
             ratio,
             reissued_per_tile,
+            lost_per_tile,
         } = pair;
-        println!("{one_secs:>10.2}  {many_secs:>9.2}  {ratio:>5.2}  {reissued_per_tile:.2}");
+        println!(
+            "{one_secs:>10.2}  {many_secs:>9.2}  {ratio:>5.2}  {reissued_per_tile:>25.2}  {lost_per_tile:>21.2}"
+        );
     }
     let mut ratios: Vec<f64> = pairs.iter().map(|pair| pair.ratio).collect();
     ratios.sort_by(f64::total_cmp);
@@ -96,14 +105,16 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// Starts nodes and a farm, and waits for its first frames. Returns the seconds that they took, and how
-/// often each tile was asked for again.
-fn play(
-    args: &Args,
-    folder: &FarmFolder,
-    nodes: u16,
-    threads: u16,
-) -> Result<(f64, f64), BenchError> {
+/// The first frames of a farm.
+struct Opening {
+    secs: f64,
+    tiles: u32,
+    reissued: u32,
+    lost: u32,
+}
+
+/// Starts nodes and a farm, and waits for its first frames.
+fn play(args: &Args, folder: &FarmFolder, nodes: u16, threads: u16) -> Result<Opening, BenchError> {
     let start = |index| RunningProcess::start(&folder.0, usize::from(index), threads, 1.0);
     let nodes: Vec<RunningProcess> = (0..nodes).map(start).collect::<Result<_, _>>()?;
     let begun = Instant::now();
@@ -115,7 +126,7 @@ fn play(
         ..FarmConfig::default()
     })?;
     farm.set_scene(&scenes::scene(None)?.scene)?;
-    let (mut submitted, mut reissued, mut tiles) = (0, 0, 0);
+    let (mut submitted, mut tiles, mut reissued, mut lost) = (0, 0, 0, 0);
     for _ in 0..args.frames {
         while submitted < args.frames && farm.in_flight() < FRAMES_IN_FLIGHT {
             farm.submit(spec(args, submitted))?;
@@ -123,10 +134,15 @@ fn play(
         }
         let frame = farm.wait_frame(PATIENCE).with_context(|| no_frame(&farm))?;
         reissued += frame.stats.reissued_tiles;
+        lost += frame.stats.lost_tiles;
         tiles += frame.stats.tiles_by_node.iter().sum::<u32>();
     }
-    let secs = begun.elapsed().as_secs_f64();
-    Ok((secs, f64::from(reissued) / f64::from(tiles.max(1))))
+    Ok(Opening {
+        secs: begun.elapsed().as_secs_f64(),
+        tiles,
+        reissued,
+        lost,
+    })
 }
 
 fn no_frame(farm: &Farm) -> String {
