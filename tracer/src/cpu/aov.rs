@@ -112,7 +112,8 @@ impl Prepared {
         let id = met.select(nearest.id, Word::splat(simd, 0));
         let distance = met.select(nearest.distance, Float::splat(simd, 1.0));
         let footprint = self.footprint;
-        let hit = (self.surfaces).hit(simd, rays.origin, direction, distance, id, footprint);
+        let hit =
+            (self.surfaces).hit::<S, true>(simd, rays.origin, direction, distance, id, footprint);
         let bsdf = Bsdf::new(simd, &hit, -direction);
         self.surface_aovs(simd, met, id, &hit, &bsdf, length / distance, emitted)
     }

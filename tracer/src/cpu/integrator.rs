@@ -39,6 +39,8 @@ pub(super) struct Prepared {
     /// With which light sampling aims at those, and at area lights.
     punctual_probability: f32,
     area_light_probability: f32,
+    /// The scene has what few have: glTF's material, an environment map, lights that are points or far away.
+    is_general: bool,
     has_coat: bool,
     /// How wide the surface is that a pixel sees at a distance of 1 m, in metres.
     pub(super) footprint: f32,
@@ -48,16 +50,21 @@ pub(super) struct Prepared {
 impl Prepared {
     pub(super) fn new(scene: &CompiledScene, size: ImageSize, settings: RenderSettings) -> Self {
         let camera = scene.camera_frame(size);
+        let surfaces = Surfaces::new(scene);
+        let is_general = surfaces.is_general()
+            || scene.punctual_probability > 0.0
+            || !scene.environment_map.is_empty();
         Self {
             footprint: glam::Vec3::from(camera.dx).length(),
             camera,
             environment: Environment::new(scene),
             geometry: Geometry::new(scene),
-            surfaces: Surfaces::new(scene),
+            surfaces,
             area_lights: AreaLights::new(&scene.area_lights),
             punctual_lights: scene.punctual_lights.clone(),
             punctual_probability: scene.punctual_probability,
             area_light_probability: scene.area_light_probability() as f32,
+            is_general,
             has_coat: scene.materials.iter().any(|material| material.ior > 0.0),
             settings,
         }
@@ -88,10 +95,18 @@ impl Prepared {
             if stream.len == 0 || cancelled.load(Ordering::Relaxed) {
                 break;
             }
-            rays += simd.vectorize(
-                #[inline(always)]
-                || self.shade(simd, stream, depth),
-            );
+            // Two copies of the code: of the simple scenes' one nothing else takes registers.
+            rays += if self.is_general {
+                simd.vectorize(
+                    #[inline(always)]
+                    || self.shade::<S, true>(simd, stream, depth),
+                )
+            } else {
+                simd.vectorize(
+                    #[inline(always)]
+                    || self.shade::<S, false>(simd, stream, depth),
+                )
+            };
             if self.samples_light() {
                 // One call for both lobes: two would be two copies of the traversal.
                 let lobes = 1 + usize::from(self.samples_coat_reflection(depth));
@@ -389,7 +404,7 @@ impl Prepared {
         clippy::too_many_lines,
         reason = "one packet's values, all in registers"
     )]
-    fn shade<S: Simd>(&self, simd: S, stream: &mut Stream, depth: u32) -> u64 {
+    fn shade<S: Simd, const GENERAL: bool>(&self, simd: S, stream: &mut Stream, depth: u32) -> u64 {
         let mut rays = 0;
         for packet in packets(stream.len) {
             let at = packet.at;
@@ -403,8 +418,9 @@ impl Prepared {
             let direction = stream.direction.load(simd, at);
             let distance = load(simd, &stream.distance, at);
             let footprint = if depth == 0 { self.footprint } else { 0.0 };
-            let (hit, regularised) =
-                self.regularised_hit(simd, stream, at, direction, distance, tag, footprint);
+            let (hit, regularised) = self.regularised_hit::<S, GENERAL>(
+                simd, stream, at, direction, distance, tag, footprint,
+            );
             let bsdf = Bsdf::new(simd, &hit, -direction);
             if self.records_aovs_at(depth) {
                 let (inverse_depth, emitted) = stream.load_emission(simd, at);
@@ -419,7 +435,7 @@ impl Prepared {
             let mut light_weight_sum = Float::splat(simd, 0.0);
             if self.samples_light() {
                 let u = pair(pixel, sample, block_light(depth), seed);
-                let (traced, sum) = self.sample_light(
+                let (traced, sum) = self.sample_light::<S, GENERAL>(
                     simd,
                     stream,
                     at,
@@ -444,7 +460,7 @@ impl Prepared {
             stream.origin.store(at, hit.position);
             stream.direction.store(at, scattered.wi);
             stream.beta.store(at, beta.scale(scattered.weight));
-            if stream.has_sampled_pdf {
+            if GENERAL && stream.has_sampled_pdf {
                 store(&mut stream.sampled_pdf, at, scattered.pdf);
             }
             let pdf = weighed(scattered.pdf, light_weight_sum);
@@ -474,7 +490,7 @@ impl Prepared {
         clippy::too_many_arguments,
         reason = "one packet's values, all in registers"
     )]
-    fn sample_light<S: Simd>(
+    fn sample_light<S: Simd, const GENERAL: bool>(
         &self,
         simd: S,
         stream: &mut Stream,
@@ -488,12 +504,18 @@ impl Prepared {
         mut u: [Float<S>; 2],
     ) -> (u64, Float<S>) {
         let (mut rays, mut light_weight_sum) = (0, Float::splat(simd, 0.0));
-        let aims = self.divide_light_sampling(hit, &mut u);
-        if self.area_lights.is_empty() {
+        let aims = if GENERAL {
+            self.divide_light_sampling(hit, &mut u)
+        } else {
+            None
+        };
+        if GENERAL && self.area_lights.is_empty() {
             self.queue_no_shadow_rays(simd, stream, at, hit);
         } else {
             let mut light = self.area_lights.sample(simd, hit.position, u);
-            self.weigh_beside_others(hit, &mut light);
+            if aims.is_some() {
+                self.weigh_beside_others(hit, &mut light);
+            }
             light_weight_sum = light.light_weight_sum;
             rays = self.queue_shadow_rays(
                 simd,
@@ -590,9 +612,6 @@ impl Prepared {
     /// Area lights are aimed at less often where others are too.
     #[inline(always)]
     fn weigh_beside_others<S: Simd>(&self, hit: &Hit<S>, light: &mut LightSample<S>) {
-        if !self.shares_light_sampling() {
-            return;
-        }
         let simd = light.inverse_pdf.token();
         let mut factor = Float::splat(simd, 1.0 / self.area_light_probability);
         if let Some(microfacet) = &hit.microfacet {
@@ -672,7 +691,7 @@ impl Prepared {
         clippy::too_many_arguments,
         reason = "one packet's values, all in registers"
     )]
-    fn regularised_hit<S: Simd>(
+    fn regularised_hit<S: Simd, const GENERAL: bool>(
         &self,
         simd: S,
         stream: &Stream,
@@ -683,7 +702,8 @@ impl Prepared {
         footprint: f32,
     ) -> (Hit<S>, Mask<S>) {
         let origin = stream.origin.load(simd, at);
-        let mut hit = (self.surfaces).hit(simd, origin, direction, distance, tag, footprint);
+        let surfaces = &self.surfaces;
+        let mut hit = surfaces.hit::<S, GENERAL>(simd, origin, direction, distance, tag, footprint);
         let regularised = regularised(simd, stream, at);
         if let Some(microfacet) = &mut hit.microfacet {
             microfacet.regularise(regularised);

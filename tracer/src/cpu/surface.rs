@@ -153,6 +153,11 @@ impl Surfaces {
         Sheen::new(simd, &self.sheen, id)
     }
 
+    /// Whether glTF's material is in the scene, which [`Surfaces::hit`] leaves out unless `GENERAL`.
+    pub(super) fn is_general(&self) -> bool {
+        !self.metallic_roughness.is_empty()
+    }
+
     #[inline(always)]
     fn metallic_roughness_at<S: Simd>(
         &self,
@@ -186,7 +191,7 @@ impl Surfaces {
     /// where the path was scattered. At a distance of 1 m a ray sees as much of it as `footprint`, in metres; 0 for
     /// the finest level of textures.
     #[inline(always)]
-    pub(super) fn hit<S: Simd>(
+    pub(super) fn hit<S: Simd, const GENERAL: bool>(
         &self,
         simd: S,
         origin: Vec3x<S>,
@@ -262,7 +267,11 @@ impl Surfaces {
             diffuse_scale: rows.number(simd, DIFFUSE_SCALE),
             microfacet,
             sheen: self.sheen_at(simd, id),
-            metallic_roughness: self.metallic_roughness_at(simd, id, triangles.as_ref()),
+            metallic_roughness: if GENERAL {
+                self.metallic_roughness_at(simd, id, triangles.as_ref())
+            } else {
+                None
+            },
         }
     }
 }
