@@ -40,18 +40,35 @@ pub fn environment(bytes: &[u8]) {
     }
 }
 
-/// A file is a sentence, or a scene that compiles or says why not, and reads back from JSON as the same.
+/// A file is a sentence, or a scene that compiles or says why not, and reads back from JSON as the same. At any time of its
+/// animations it is a sentence or a scene too, and what an update moves are meshes that it has.
 pub fn gltf(bytes: &[u8]) {
-    let Ok(scene) = Scene::from_gltf(bytes) else {
+    let Ok(animated) = AnimatedScene::from_gltf(bytes) else {
         return;
     };
+    for (index, animation) in animated.animations().iter().enumerate().take(4) {
+        let end_secs = animation.duration_secs();
+        assert!(end_secs.is_finite() && end_secs >= 0.0);
+        let middle = AnimationTime::At(index, 0.4 * end_secs);
+        let moved = animated.scene(middle);
+        let update = animated.update(AnimationTime::Rest, middle);
+        let update = update.expect("a scene that was read has poses");
+        if let (Ok(moved), Some(update)) = (moved, update) {
+            assert_eq!(moved.objects.len(), animated.rest().objects.len());
+            for pose in update.poses {
+                assert!((pose.object as usize) < moved.objects.len());
+                assert!((pose.rotation.length() - 1.0).abs() < 1e-5);
+            }
+        }
+    }
+    let scene = animated.rest();
     let json = scene.to_json().expect("a scene that was read is valid");
     assert_eq!(
         Scene::from_json(&json).expect("a written scene is right"),
-        scene
+        **scene
     );
     if scene.texture_bytes().is_ok_and(|bytes| bytes < 1 << 22) {
-        _ = CompiledScene::new(&scene);
+        _ = CompiledScene::new(scene);
     }
 }
 

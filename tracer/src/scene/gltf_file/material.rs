@@ -15,6 +15,7 @@ use crate::scene::{ColorSpace, ImageTexture, Material, MaterialTextures, Scene, 
 use crate::text::printable;
 
 /// A material of the file, by its name in the scene.
+#[derive(Debug)]
 pub(super) struct MaterialEntry {
     pub(super) name: String,
     /// The texture coordinates that its textures use, if it has any.

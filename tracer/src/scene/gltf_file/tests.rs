@@ -8,7 +8,7 @@ use crate::scene::{ColorSpace, Material, Mesh, Object, Shape, Wrap};
 use crate::texture_file::{Texels, encode_png};
 
 /// A `.glb` of JSON and a binary chunk.
-fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
+pub(super) fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
     let mut json = json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let mut file = b"glTF\x02\0\0\0\0\0\0\0".to_vec();
@@ -91,14 +91,14 @@ fn sample() -> (Value, Vec<u8>) {
     (json, binary)
 }
 
-fn mesh(object: &Object) -> &Mesh {
+pub(super) fn mesh(object: &Object) -> &Mesh {
     match &object.shape {
         Shape::Mesh(mesh) => mesh,
         other => panic!("{other:?}"),
     }
 }
 
-fn close(a: Vec3, b: Vec3) {
+pub(super) fn close(a: Vec3, b: Vec3) {
     assert!((a - b).length() < 1e-5, "{a} {b}");
 }
 
