@@ -329,6 +329,12 @@ impl ParticleCloud {
     }
 }
 
+/// Whether a mesh that keeps all rules can be of a dielectric.
+#[cfg(feature = "gltf")]
+pub(crate) fn bounds_body(mesh: &super::Mesh) -> bool {
+    check_mesh(mesh).and_then(|()| check_closed(mesh)).is_ok()
+}
+
 fn check_shape(shape: &Shape) -> Check {
     match *shape {
         Shape::Sphere {

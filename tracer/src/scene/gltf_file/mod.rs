@@ -3,7 +3,9 @@
 //! Read are the nodes of the file's scene with their meshes, as one object for each primitive of each; materials with
 //! their textures; lights (`KHR_lights_punctual`); and the first perspective camera. Its +y is this tracer's +z. The extensions
 //! `KHR_materials_ior`, `KHR_materials_emissive_strength` and `KHR_texture_transform` are read too. Animations, skins and
-//! morph targets give the scene at a time ([`AnimatedScene`]). Passed over are opacity, vertex colours,
+//! morph targets give the scene at a time ([`AnimatedScene`]). Closed meshes of a material that transmits half of its light or
+//! more (`KHR_materials_transmission`) are dielectrics that absorb as `KHR_materials_volume` says; open ones are opaque, and the
+//! base colour does not tint what is transmitted. Passed over are opacity, vertex colours,
 //! occlusion and the scale of normal maps. A file that requires another extension, or holds points or lines, is refused.
 //!
 //! The types of the file's JSON are those of the crate `gltf-json`; its buffers and images are read here.
@@ -102,10 +104,12 @@ impl Document {
     }
 }
 
-const EXTENSIONS: [&str; 4] = [
+const EXTENSIONS: [&str; 6] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
     "KHR_texture_transform",
 ];
 

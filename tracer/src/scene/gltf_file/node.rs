@@ -15,7 +15,9 @@ use super::deformation::{self, DISPLACEMENTS_MAX, Vertices};
 use super::material::{MaterialEntry, UvSet};
 use super::pose::{Hierarchy, Pose};
 use super::{Document, Refusal};
-use crate::scene::validate::{NAME_BYTES_MAX, OBJECTS_MAX, TRIANGLES_MAX, VERTICES_MAX};
+use crate::scene::validate::{
+    NAME_BYTES_MAX, OBJECTS_MAX, TRIANGLES_MAX, VERTICES_MAX, bounds_body,
+};
 use crate::scene::{
     Camera, Lens, Mesh, Object, ObjectPose, PunctualEmitter, PunctualLight, Scene, SceneUpdate,
     Shape,
@@ -159,9 +161,10 @@ impl Contents<'_> {
                 None => &self.materials[default],
             };
             let shape = self.shape(primitive, entry.uvs.as_ref(), placement, &weights, &what)?;
+            let body = entry.body.as_ref().filter(|_| bounds_body(&shape));
             self.scene.objects.push(Object {
                 name: name.to_owned(),
-                material: entry.name.clone(),
+                material: body.unwrap_or(&entry.name).clone(),
                 shape: Shape::Mesh(shape),
             });
             if self.scene.objects.len() > OBJECTS_MAX {

@@ -77,7 +77,9 @@ impl ObjReader {
         let position = parts.next().unwrap_or_default();
         let position = index(position, self.positions.len(), "positions")?;
         // Files name texture coordinates that they do not have.
-        let uv = parts.next().and_then(|part| index(part, self.uvs.len(), "").ok());
+        let uv = parts
+            .next()
+            .and_then(|part| index(part, self.uvs.len(), "").ok());
         let has_uvs = *self.has_uvs.get_or_insert(uv.is_some());
         self.lacks_uvs |= uv.is_none();
         let normal = parts
@@ -93,7 +95,10 @@ impl ObjReader {
             return Ok(position);
         }
         let (uv, normal) = (uv.filter(|_| has_uvs), normal.unwrap_or_default());
-        let (vertices, vertex) = (&mut self.vertices, [position, uv.unwrap_or_default(), normal]);
+        let (vertices, vertex) = (
+            &mut self.vertices,
+            [position, uv.unwrap_or_default(), normal],
+        );
         Ok(*self.numbers.entry(vertex).or_insert_with(|| {
             vertices.push(vertex);
             vertices.len() as u32 - 1
@@ -109,7 +114,9 @@ impl ObjReader {
             return Ok(Mesh::new(self.positions, self.triangles));
         }
         let vertices = self.vertices.iter();
-        let positions = vertices.clone().map(|vertex| self.positions[vertex[0] as usize]);
+        let positions = vertices
+            .clone()
+            .map(|vertex| self.positions[vertex[0] as usize]);
         let mut mesh = Mesh::new(positions.collect(), self.triangles);
         if has_uvs && !self.lacks_uvs {
             let uvs = vertices.clone().map(|vertex| self.uvs[vertex[1] as usize]);
