@@ -57,10 +57,25 @@ class Scene:
 
     def __new__(cls, source: _SceneLike) -> Self:
         """A scene from a dictionary in the format of scene files (`tracer/src/scene/file.rs`), in which NumPy arrays
-        stand for lists, from the path of such a file or of one of glTF 2.0 (`.gltf`, `.glb`), or from another scene, which is
+        stand for lists, from the path of a file as `load` opens it, or from another scene, which is
         copied. Textures and environment maps of dictionaries are base64 (`{"encoded": ...}`).
 
         Raises ValueError if it breaks a rule of scenes, with the object and the value.
+        """
+    @staticmethod
+    def load(
+        path: str | PathLike[str],
+        *,
+        time: float | None = None,
+        animation: str | int | None = None,
+    ) -> Scene:
+        """The scene of a file, by the ending of its name: `.json`, glTF 2.0 (`.gltf`, `.glb`), or a mesh (`.obj`, `.ply`) in
+        grey under a sky and a lamp.
+
+        time: seconds of a glTF file's animation. animation: its name or number; the first by default. Without either the
+        file is as it is without its animations.
+
+        Raises ValueError with the file, the place and the value if it cannot be drawn.
         """
     def save(self, path: str | PathLike[str]) -> None:
         """Writes a scene file."""
@@ -124,6 +139,8 @@ class Farm:
         denoise: bool = False,
         layers: Literal[False] = False,
         progress: Callable[[float], object] | None = None,
+        time: float | None = None,
+        animation: str | int | None = None,
     ) -> NDArray[np.float32]: ...
     @overload
     def render(
@@ -137,12 +154,14 @@ class Farm:
         denoise: bool = False,
         layers: Literal[True],
         progress: Callable[[float], object] | None = None,
+        time: float | None = None,
+        animation: str | int | None = None,
     ) -> Layers:
         """Radiance of `size` (width, height) with `spp` samples per pixel: float32, height times width times 3, row 0 at
         the top. The same arguments give the same bits on the same kind of device.
 
         max_depth: scattering events of a path at most. progress: called with the share that is done, 0 to 1; what it
-        raises, Ctrl-C too, cancels the render.
+        raises, Ctrl-C too, cancels the render. time, animation: of a scene's path, as in `Scene.load`.
 
         Raises ValueError for a scene or arguments that cannot be traced, FarmError if the farm cannot.
         """

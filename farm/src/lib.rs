@@ -92,7 +92,7 @@ pub use job::Canceller;
 pub use live::{Live, LiveFrame, LiveView};
 pub use node_status::{NodeIndex, NodeState, NodeStatus};
 pub use picture::{FileFormat, Picture};
-pub use scene_file::{SCENE_FILES, open_scene};
+pub use scene_file::{SCENE_FILES, SceneAnimation, SceneFile, open_scene};
 pub use stats::{Delivery, FrameStats, LatencySplit, NodeEffort};
 pub use still::{Still, StillJob, StillProgress};
 pub use submission::{Priority, SceneHandle, Submission};

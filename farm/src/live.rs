@@ -128,7 +128,6 @@ impl Live {
 
 /// A live picture. Its calls never wait; dropped, it ends.
 pub struct LiveView {
-    scene: Scene,
     handle: SceneHandle,
     settings: RenderSettings,
     shared: Arc<Shared>,
@@ -142,9 +141,10 @@ struct Shared {
 }
 
 struct LiveState {
+    scene: SceneHandle,
     update: SceneUpdate,
     size: ImageSize,
-    /// Counts changes of the two.
+    /// Counts changes of the three.
     version: u64,
     is_paused: bool,
     /// Of drafts, if there are any.
@@ -182,6 +182,7 @@ impl Farm {
         let handle = self.announce(scene)?;
         let shared = Arc::new(Shared {
             state: Mutex::new(LiveState {
+                scene: handle.clone(),
                 update: SceneUpdate::default(),
                 size: live.size,
                 version: 1,
@@ -210,7 +211,6 @@ impl Farm {
             live,
         };
         Ok(LiveView {
-            scene: scene.clone(),
             handle,
             settings,
             shared,
@@ -242,7 +242,7 @@ impl LiveView {
         position: impl Into<Vec3>,
         rotation: Quat,
     ) -> Result<(), Error> {
-        let pose = self.scene.pose(object, position, rotation)?;
+        let pose = self.handle.scene.pose(object, position, rotation)?;
         self.pose(pose)
     }
 
@@ -251,8 +251,37 @@ impl LiveView {
     /// # Errors
     /// As [`LiveView::move_to`].
     pub fn set_visible(&mut self, object: ObjectHandle, visible: bool) -> Result<(), Error> {
-        let pose = self.scene.base_pose(object)?;
+        let pose = self.handle.scene.base_pose(object)?;
         self.pose(ObjectPose { visible, ..pose })
+    }
+
+    /// Shows this state of the scene from now on: what is not in `update` is as the scene has it.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] with the rule that the update breaks; the view stays as it was.
+    pub fn set_update(&mut self, update: SceneUpdate) -> Result<(), Error> {
+        self.change(|before, _| *before = update)
+    }
+
+    /// Shows this state of another scene from now on, of the farm that the view is of.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] with the first rule that the scene or the update breaks; the view stays as it was.
+    pub fn set_scene(
+        &mut self,
+        farm: &Farm,
+        scene: &Scene,
+        update: SceneUpdate,
+    ) -> Result<(), Error> {
+        let handle = farm.announce(scene)?;
+        let mut state = self.shared.lock();
+        handle.check(&spec(&update, state.size, self.settings))?;
+        self.handle = handle.clone();
+        (state.scene, state.update) = (handle, update);
+        state.version += 1;
+        drop(state);
+        self.shared.changed.notify_all();
+        Ok(())
     }
 
     /// Traces so many pixels from now on, as when a window has another size.
@@ -357,6 +386,9 @@ impl LiveRun {
         while !cancelled.is_cancelled() {
             let (version, spec) = {
                 let state = self.shared.lock();
+                if self.scene.hash != state.scene.hash {
+                    self.scene = state.scene.clone();
+                }
                 let spec = spec(&state.update, state.size, self.live.settings);
                 (state.version, spec)
             };

@@ -1,10 +1,15 @@
 //! Scenes by the names of their files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+#[cfg(feature = "gltf")]
+use carom_protocol::limits::POSES_MAX;
 use carom_tracer::glam::Vec3;
+#[cfg(feature = "gltf")]
+use carom_tracer::scene::gltf_file::{AnimatedScene, AnimationTime};
 use carom_tracer::text::printable;
-use carom_tracer::{AreaLight, Camera, Material, Mesh, Scene};
+use carom_tracer::{AreaLight, Camera, Material, Mesh, Scene, SceneUpdate};
 
 use crate::error::Error;
 
@@ -39,6 +44,159 @@ pub fn open_scene(path: impl AsRef<Path>) -> Result<Scene, Error> {
     let checked = scene.validate_visible();
     checked.map_err(|fault| format(fault.to_string()))?;
     Ok(scene)
+}
+
+/// A scene file that has been read, and its animations, if it is one of glTF 2.0 and has any: the scene of any time without
+/// reading it again.
+///
+/// ```no_run
+/// # fn main() -> carom_farm::Result<()> {
+/// let mut file = carom_farm::SceneFile::open("windmill.glb")?;
+/// let first = file.find_animation(None)?;
+/// for frame in 0..48 {
+///     let (scene, update) = file.seek(first, f64::from(frame) / 24.0)?;
+///     # let _ = (scene, update);
+///     // A still of `scene` with this update is this frame.
+/// }
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct SceneFile {
+    path: PathBuf,
+    animations: Vec<SceneAnimation>,
+    #[cfg(feature = "gltf")]
+    animated: Option<AnimatedScene>,
+    rest: Arc<Scene>,
+    /// The scene that updates refer to, and the time that it is of.
+    #[cfg(feature = "gltf")]
+    base: (Arc<Scene>, AnimationTime),
+}
+
+/// An animation of a scene file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneAnimation {
+    /// Its name; may be empty.
+    pub name: String,
+    /// From its start to its last key frame in seconds, at least 0.
+    pub duration_secs: f64,
+}
+
+impl SceneFile {
+    /// Reads a file that [`open_scene`] opens.
+    ///
+    /// # Errors
+    /// As [`open_scene`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        #[cfg(feature = "gltf")]
+        if is_gltf(path) {
+            let animated = AnimatedScene::load(path)?;
+            let rest = Arc::clone(animated.rest());
+            let animations = animated.animations().iter();
+            let animations = animations.map(|animation| SceneAnimation {
+                name: animation.name().to_owned(),
+                duration_secs: animation.duration_secs(),
+            });
+            return Ok(Self {
+                path: path.to_owned(),
+                animations: animations.collect(),
+                animated: Some(animated),
+                base: (Arc::clone(&rest), AnimationTime::Rest),
+                rest,
+            });
+        }
+        let rest = Arc::new(open_scene(path)?);
+        Ok(Self {
+            path: path.to_owned(),
+            animations: Vec::new(),
+            #[cfg(feature = "gltf")]
+            animated: None,
+            #[cfg(feature = "gltf")]
+            base: (Arc::clone(&rest), AnimationTime::Rest),
+            rest,
+        })
+    }
+
+    /// The scene without its animations.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.rest
+    }
+
+    /// Its animations, in the file's order.
+    pub fn animations(&self) -> &[SceneAnimation] {
+        &self.animations
+    }
+
+    /// The index of the animation of a name, or else of a number, the first being 0; without either that of the first.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] with the animations that the file has.
+    pub fn find_animation(&self, name: Option<&str>) -> Result<usize, Error> {
+        #[cfg(feature = "gltf")]
+        if let (Some(animated), Some(name)) = (&self.animated, name) {
+            return Ok(animated.find_animation(name)?);
+        }
+        match self.animations.is_empty() {
+            false => Ok(0),
+            true => Err(self.without_animation()),
+        }
+    }
+
+    /// The scene at so many seconds of an animation; before its start as at its start, after its end as at its end.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] if there is no such animation, the time is not finite, or the scene cannot be drawn then.
+    pub fn scene_at(&self, animation: usize, secs: f64) -> Result<Scene, Error> {
+        #[cfg(feature = "gltf")]
+        if let Some(animated) = &self.animated {
+            return Ok(animated.scene(AnimationTime::At(animation, secs))?);
+        }
+        let _ = (animation, secs);
+        Err(self.without_animation())
+    }
+
+    /// The scene at so many seconds of an animation, as an update of a scene that stays the same from call to call for as
+    /// long as updates can tell the difference: they move up to 64 objects and the camera. What a skin, morph targets or
+    /// a scale deform, and a light that moves, takes another scene.
+    ///
+    /// # Errors
+    /// As [`SceneFile::scene_at`].
+    pub fn seek(
+        &mut self,
+        animation: usize,
+        secs: f64,
+    ) -> Result<(Arc<Scene>, SceneUpdate), Error> {
+        #[cfg(feature = "gltf")]
+        if let Some(animated) = &self.animated {
+            let to = AnimationTime::At(animation, secs);
+            let update = animated.update(self.base.1, to)?;
+            if let Some(update) = update.filter(|update| update.poses.len() <= POSES_MAX) {
+                return Ok((Arc::clone(&self.base.0), update));
+            }
+            let scene = Arc::new(animated.scene(to)?);
+            self.base = (Arc::clone(&scene), to);
+            return Ok((scene, SceneUpdate::default()));
+        }
+        let _ = (animation, secs);
+        Err(self.without_animation())
+    }
+
+    fn without_animation(&self) -> Error {
+        let sentence = "it has no animation: leave the time out".to_owned();
+        let path = self.path.clone();
+        carom_tracer::Error::Format {
+            path,
+            message: sentence,
+        }
+        .into()
+    }
+}
+
+#[cfg(feature = "gltf")]
+fn is_gltf(path: &Path) -> bool {
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    ending.is_some_and(|ending| ["gltf", "glb"].contains(&ending.to_ascii_lowercase().as_str()))
 }
 
 /// A mesh in the middle of the picture, lit from the upper left.
@@ -117,6 +275,77 @@ mod tests {
             let path = write(folder.path(), name, &json.to_json().unwrap());
             assert_eq!(open_scene(path).unwrap(), json);
         }
+    }
+
+    /// A triangle that slides along x by 2 m in 2 s, and in the second animation grows from nothing.
+    #[cfg(feature = "gltf")]
+    fn sliding(folder: &Path) -> std::path::PathBuf {
+        let numbers = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0],
+            [2.0, 0.0, 0.0],
+        ];
+        let times = [0.0, 2.0];
+        let numbers = numbers.as_flattened().iter().chain(&times);
+        let bytes: Vec<u8> = numbers
+            .flat_map(|number: &f32| number.to_le_bytes())
+            .collect();
+        std::fs::write(folder.join("slide.bin"), bytes).unwrap();
+        let json = r#"{ "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0] }],
+            "nodes": [{ "mesh": 0 }], "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+            "animations": [
+                { "name": "slide", "channels": [{ "sampler": 0, "target": { "node": 0, "path": "translation" } }],
+                  "samplers": [{ "input": 2, "output": 1 }] },
+                { "channels": [{ "sampler": 0, "target": { "node": 0, "path": "scale" } }],
+                  "samplers": [{ "input": 2, "output": 1 }] }],
+            "accessors": [
+                { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" },
+                { "bufferView": 0, "byteOffset": 36, "componentType": 5126, "count": 2, "type": "VEC3" },
+                { "bufferView": 0, "byteOffset": 60, "componentType": 5126, "count": 2, "type": "SCALAR" }],
+            "bufferViews": [{ "buffer": 0, "byteLength": 68 }],
+            "buffers": [{ "uri": "slide.bin", "byteLength": 68 }] }"#;
+        write(folder, "slide.gltf", json)
+    }
+
+    #[cfg(feature = "gltf")]
+    #[test]
+    fn an_animation_is_an_update_where_it_can_be_and_a_scene_elsewhere() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = SceneFile::open(sliding(folder.path())).unwrap();
+        let durations: Vec<_> = file
+            .animations()
+            .iter()
+            .map(|one| one.duration_secs)
+            .collect();
+        assert_eq!(
+            (file.animations()[0].name.as_str(), durations),
+            ("slide", vec![2.0, 2.0])
+        );
+        let slide = file.find_animation(None).unwrap();
+        let rest = Arc::clone(file.scene());
+        for (secs, x) in [(0.5, 0.5), (1.5, 1.5), (9.0, 2.0)] {
+            let (scene, update) = file.seek(slide, secs).unwrap();
+            assert!(Arc::ptr_eq(&scene, &rest));
+            assert_eq!(update.poses[0].position, Vec3::new(x, 0.0, 0.0));
+        }
+        let (shrunk, update) = file.seek(1, 0.0).unwrap();
+        assert!(!Arc::ptr_eq(&shrunk, &rest) && update == SceneUpdate::default());
+        assert_eq!(*shrunk, file.scene_at(1, 0.0).unwrap());
+        assert_eq!(
+            shrunk.camera, rest.camera,
+            "the view stays where it was at rest"
+        );
+        let why = file.find_animation(Some("jump")).unwrap_err().to_string();
+        assert!(
+            why.contains("slide.gltf") && why.contains("0 `slide`, 1 ``"),
+            "{why}"
+        );
+        assert!(file.seek(0, f64::NAN).is_err());
+        let mesh = SceneFile::open(write(folder.path(), "still.obj", TRIANGLE)).unwrap();
+        let why = mesh.find_animation(None).unwrap_err().to_string();
+        assert!(why.contains("still.obj: it has no animation"), "{why}");
     }
 
     #[test]

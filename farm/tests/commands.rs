@@ -125,6 +125,14 @@ fn invalid_render_arguments_are_refused() {
         ),
         ("--config missing.toml --out a.png", "missing.toml"),
         ("--backend none --out a.png", "no renderer"),
+        ("--time 1 --out a.png", "--scene"),
+        ("--scene a.glb --time inf --out a.png", "seconds"),
+        ("--scene a.glb --frames 5-2 --out a#.png", "5-2"),
+        ("--scene a.glb --fps 24 --out a.png", "--frames"),
+        (
+            "--scene a.glb --frames 0-1 --fps 0 --out a#.png",
+            "0.01 to 10000",
+        ),
     ] {
         let mut all = vec!["render"];
         all.extend(args.split(' '));
@@ -132,6 +140,55 @@ fn invalid_render_arguments_are_refused() {
         assert!(said.contains(place), "{args}: {said}");
     }
     assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 0);
+}
+
+/// A triangle that slides past the camera in 2 s, and the bytes that it names.
+const SLIDE: &str = r#"{ "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0, 1] }],
+    "nodes": [{ "mesh": 0 }, { "camera": 0, "translation": [0, 0, 4] }],
+    "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.6, "znear": 0.1 } }],
+    "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+    "animations": [{ "name": "slide", "samplers": [{ "input": 2, "output": 1 }],
+        "channels": [{ "sampler": 0, "target": { "node": 0, "path": "translation" } }] }],
+    "accessors": [
+        { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" },
+        { "bufferView": 0, "byteOffset": 36, "componentType": 5126, "count": 2, "type": "VEC3" },
+        { "bufferView": 0, "byteOffset": 60, "componentType": 5126, "count": 2, "type": "SCALAR" }],
+    "bufferViews": [{ "buffer": 0, "byteLength": 68 }],
+    "buffers": [{ "uri": "slide.bin", "byteLength": 68 }] }"#;
+
+#[test]
+fn frames_of_an_animation_are_numbered_files() {
+    let dir = tempfile::tempdir().unwrap();
+    let dir = dir.path();
+    let numbers: [f32; 17] = [
+        0., 0., 0., 1., 0., 0., 0., 1., 0., -1., 0., 0., 1., 0., 0., 0., 2.,
+    ];
+    let bytes: Vec<u8> = numbers.into_iter().flat_map(f32::to_le_bytes).collect();
+    std::fs::write(dir.join("slide.bin"), bytes).unwrap();
+    std::fs::write(dir.join("slide.gltf"), SLIDE).unwrap();
+    let scene = "render --scene slide.gltf --backend cpu --size 64x36 --spp 4";
+    let scene: Vec<_> = scene.split(' ').collect();
+    let frames = ["--frames", "1-3", "--fps", "2", "--out", "slide_##.exr"];
+    done(dir, &[&scene[..], &frames].concat());
+    let third = ["--animation", "slide", "--time", "1", "--out", "third.exr"];
+    done(dir, &[&scene[..], &third].concat());
+    done(dir, &[&scene[..], &["--out", "rest.exr"]].concat());
+    let frame = |name: &str| pixels(dir, name);
+    assert_eq!(frame("slide_02.exr"), frame("third.exr"));
+    // Half way it is where it is at rest.
+    assert_eq!(frame("slide_02.exr"), frame("rest.exr"));
+    assert_ne!(frame("slide_01.exr"), frame("slide_02.exr"));
+    assert_ne!(frame("slide_02.exr"), frame("slide_03.exr"));
+    for (args, place) in [
+        ("--frames 0-1 --out a.png", "frame_####.png"),
+        ("--animation jump --out a.png", "0 `slide`"),
+    ] {
+        let args: Vec<_> = args.split(' ').collect();
+        let said = refused(dir, &[&scene[..], &args].concat());
+        assert!(said.contains(place), "{said}");
+    }
+    // The file and its bytes, and the five pictures.
+    assert_eq!(std::fs::read_dir(dir).unwrap().count(), 7);
 }
 
 #[test]

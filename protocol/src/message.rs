@@ -1,7 +1,8 @@
 //! Messages as plain data. [`crate::codec`] turns them into bytes and back.
 
 use carom_tracer::{
-    DeviceInfo, ImageSize, Material, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
+    DeviceInfo, ImageSize, Material, ParticleForm, RenderSettings, Scene, SceneUpdate, TileGrid,
+    TileRange,
 };
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -11,7 +12,7 @@ use crate::precision::PrecisionRange;
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
 /// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
 /// ends of different versions can say so.
-pub const VERSION: u16 = 11;
+pub const VERSION: u16 = 12;
 
 /// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -171,6 +172,8 @@ pub struct CodedCloud {
     pub material: Material,
     /// See [`carom_tracer::ParticleCloud::radius_m`].
     pub radius_m: f32,
+    /// See [`carom_tracer::ParticleCloud::form`].
+    pub form: ParticleForm,
     /// See [`carom_tracer::ParticleCloud::min`].
     pub min: Vec3,
     /// See [`carom_tracer::ParticleCloud::max`].

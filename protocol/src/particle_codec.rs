@@ -84,6 +84,7 @@ impl ParticleEncoder {
         CodedCloud {
             material: cloud.material,
             radius_m: cloud.radius_m,
+            form: cloud.form,
             min: cloud.min,
             max: cloud.max,
             count: cloud.places.len() as u32,
@@ -172,6 +173,7 @@ fn decode_cloud(
     Ok(ParticleCloud {
         material: coded.material,
         radius_m: coded.radius_m,
+        form: coded.form,
         min: coded.min,
         max: coded.max,
         places: places.ok_or(Reason::ParticleCount { count })?,
@@ -291,7 +293,7 @@ fn unfold(folded: U16Vec3) -> U16Vec3 {
 
 #[cfg(test)]
 mod tests {
-    use carom_tracer::Material;
+    use carom_tracer::{Material, ParticleForm};
     use glam::Vec3;
 
     use super::*;
@@ -300,6 +302,7 @@ mod tests {
         ParticleCloud {
             material: Material::grey(0.5),
             radius_m: 1e-3,
+            form: ParticleForm::Balls,
             min: Vec3::ZERO,
             max: Vec3::ONE,
             places,

@@ -5,6 +5,7 @@ mod data;
 mod environment;
 mod material;
 mod mesh;
+mod particle_surface;
 mod punctual_light;
 #[cfg(test)]
 mod tests;
@@ -34,8 +35,8 @@ pub use self::texture::{
 };
 use crate::bvh::{Bounds, Bvh};
 use crate::scene::{
-    AreaLight, Camera, CsgSolid, Material, ObjectPose, ParticleCloud, Scene, SceneUpdate, Shape,
-    Subtraction,
+    AreaLight, Camera, CsgSolid, Material, ObjectPose, ParticleCloud, ParticleForm, Scene,
+    SceneUpdate, Shape, Subtraction,
 };
 use crate::{Error, ImageSize, SceneError};
 
@@ -349,6 +350,7 @@ impl CompiledScene {
         if applied.is_err() {
             self.reset();
             self.place_meshes(&[]);
+            let _ = self.push_particles(&[]);
         }
         applied
     }
@@ -382,13 +384,38 @@ impl CompiledScene {
         }
         self.place_meshes(&of_meshes);
         update.validate_particles().map_err(Error::InvalidUpdate)?;
-        self.push_particles(&update.particles);
+        self.push_particles(&update.particles)
+            .map_err(Error::InvalidUpdate)
+    }
+
+    /// Adds particles, surfaces first: so their materials keep their places when dust comes and goes.
+    fn push_particles(&mut self, clouds: &[ParticleCloud]) -> Result<(), SceneError> {
+        let is_surface = |cloud: &ParticleCloud| matches!(cloud.form, ParticleForm::Surface { .. });
+        let surfaces = clouds
+            .iter()
+            .enumerate()
+            .filter(|(_, cloud)| is_surface(cloud));
+        let surfaces: Vec<_> = (self.base_materials as u32..)
+            .zip(surfaces)
+            .map(|(material, (index, cloud))| (material, index, cloud))
+            .collect();
+        let materials = surfaces
+            .iter()
+            .map(|(_, _, cloud)| material_data(&cloud.material));
+        self.materials.extend(materials);
+        let changed = self.meshes.set_surfaces(&surfaces);
+        if !matches!(changed, Ok(false)) {
+            self.bvhs[ShapeKind::Triangle as usize] = OnceLock::new();
+        }
+        changed?;
+        let balls = clouds.iter().filter(|cloud| !is_surface(cloud));
+        self.push_balls(&balls.collect::<Vec<_>>());
         Ok(())
     }
 
-    /// Adds particles behind the scene's own spheres, and hidden ones up to a power of two: kernels are built for
+    /// Adds balls behind the scene's own spheres, and hidden ones up to a power of two: kernels are built for
     /// numbers of primitives, and so need not be built anew for each frame of a cloud that grows.
-    fn push_particles(&mut self, clouds: &[ParticleCloud]) {
+    fn push_balls(&mut self, clouds: &[&ParticleCloud]) {
         let particles: usize = clouds.iter().map(|cloud| cloud.places.len()).sum();
         if particles == 0 {
             return;
@@ -504,6 +531,14 @@ impl CompiledScene {
             (false, false) => 1.0,
         };
         self.environment_map.probability *= 1.0 - self.punctual_probability;
+    }
+
+    /// Whether some mesh is of a dielectric.
+    pub(crate) fn has_dielectric_mesh(&self) -> bool {
+        // Consecutive triangles are mostly of one material.
+        let runs = (self.meshes.triangles).chunk_by(|a, b| a.material == b.material);
+        let mut materials = runs.map(|run| self.materials.get(run[0].material as usize));
+        materials.any(|material| material.is_some_and(|m| m.kind == KIND_DIELECTRIC))
     }
 
     /// How many primitives of a shape there are.

@@ -121,6 +121,28 @@ pub enum SceneError {
     /// Particles are of a material with a pattern.
     #[error("its material has a pattern, which only objects can have: give it a plain one")]
     PatternedParticles,
+    /// The box of a cloud is too large for the smoothing radius of its surface.
+    #[error(
+        "an edge of its box is {edge_m} m, but its smoothing radius {smoothing_m} m: the edge may be at most {max} times \
+         that"
+    )]
+    SurfaceBox {
+        /// The longest edge, metres.
+        edge_m: f32,
+        /// The smoothing radius, metres.
+        smoothing_m: f32,
+        /// The most that the first may be over the second.
+        max: f32,
+    },
+    /// Particles of a surface are too far apart.
+    #[error(
+        "its particles are so far apart that their surface takes more than {max} blocks of its grid, at most {max} are \
+         allowed: draw them as balls, or raise the smoothing radius"
+    )]
+    SurfaceBlocks {
+        /// The most blocks that are allowed.
+        max: usize,
+    },
     /// There is more of something than is allowed.
     #[error("it has {count} {what}: at most {max} are allowed")]
     TooMany {
@@ -380,11 +402,29 @@ pub enum SceneError {
         "its material `{0}` is a dielectric, which needs an inside: give it to a sphere or a box"
     )]
     DielectricFlat(String),
-    /// A mesh is of a dielectric.
+    /// A mesh of a dielectric is not closed, or its triangles do not go round the same way.
     #[error(
-        "its material `{0}` is a dielectric, which no mesh can be of: give it to a sphere or a box"
+        "its material is a dielectric, so its mesh must be closed, but of the edge from {from} to {to} of triangle \
+         {triangle} there are {along} that way and {against} the other way: there must be one of each"
     )]
-    DielectricMesh(String),
+    OpenMesh {
+        /// Index into the mesh's triangles of the first that has such an edge.
+        triangle: usize,
+        /// Where the edge begins, in the mesh's own frame.
+        from: Vec3,
+        /// Where it ends.
+        to: Vec3,
+        /// How many triangles have it in this direction.
+        along: usize,
+        /// How many have it in the other.
+        against: usize,
+    },
+    /// The triangles of a mesh of a dielectric go round clockwise as seen from outside.
+    #[error(
+        "its material is a dielectric, but its mesh is inside out: let its triangles go round counterclockwise as seen \
+         from outside"
+    )]
+    InwardMesh,
     /// A compiled surface names a material that does not exist.
     #[error("a surface has material {material}, but there are {count}")]
     MaterialIndex {

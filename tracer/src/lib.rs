@@ -55,9 +55,9 @@ pub use scalar::ScalarTracer;
 pub use scene::{
     AreaLight, Axis, Camera, ClothMarks, ColorSpace, CsgSolid, Cuboid, Environment, EnvironmentMap,
     ImageSource, ImageTexture, Lens, Material, MaterialTextures, Medium, Mesh, Object,
-    ObjectHandle, ObjectPose, ParticleCloud, Plane, ProceduralTexture, PunctualEmitter,
-    PunctualLight, Scene, SceneIdentity, SceneUpdate, Shape, Sights, Sphere, Stripe, Subtraction,
-    Wrap,
+    ObjectHandle, ObjectPose, ParticleCloud, ParticleForm, Plane, ProceduralTexture,
+    PunctualEmitter, PunctualLight, Scene, SceneIdentity, SceneUpdate, Shape, Sights, Sphere,
+    Stripe, Subtraction, Wrap,
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRange};

@@ -212,9 +212,11 @@ impl SurfaceVertex {
         }
     }
 
-    /// Whether `wi` is on the far side of a triangle that is shaded with another normal than its own.
+    /// Whether a triangle that is shaded with another normal than its own lets `wi` go to another side than that does.
     fn is_below(&self, wi: DVec3) -> bool {
-        let is_far = wi.dot(self.hit.n) * self.wo.dot(self.hit.n) <= 0.0;
+        let is_passed = self.bsdf.is_dielectric() && wi.dot(self.n) < 0.0;
+        let side = wi.dot(self.hit.n) * self.wo.dot(self.hit.n);
+        let is_far = if is_passed { side >= 0.0 } else { side <= 0.0 };
         is_far && self.hit.shading_n != self.hit.n
     }
 

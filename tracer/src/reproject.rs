@@ -6,7 +6,7 @@
 //! mesh was, and the old picture is looked up there (reverse re-projection: Nehab et al., "Accelerating
 //! Real-Time Shading with Reverse Reprojection Caching", 2007). A primitive is convex, so the point
 //! was visible if the old picture shows the same primitive there, from the same side; a mesh is taken for
-//! one. Where it was not, the nearest pixel of the same primitive stands in, and is counted. Mirror images, shadows
+//! one, and so are all surfaces of particles, which are taken to stay where they are. Where it was not, the nearest pixel of the same primitive stands in, and is counted. Mirror images, shadows
 //! and turning numbers stay as they were: the price of no tracing, gone with the next picture.
 
 use std::ops::Range;

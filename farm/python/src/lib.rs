@@ -10,7 +10,9 @@ use std::time::{Duration, Instant};
 use carom_farm::carom_tracer::tonemap::srgb8;
 use carom_farm::carom_tracer::{Camera, Mesh, Object, Scene, Shape};
 use carom_farm::glam::{Vec2, Vec3};
-use carom_farm::{Error, Farm, FarmConfig, LocalNode, Picture, Still};
+use carom_farm::{
+    Error, Farm, FarmConfig, LocalNode, Picture, SceneFile, Still, open_scene,
+};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
@@ -41,7 +43,20 @@ struct PyScene {
 impl PyScene {
     #[new]
     fn new(source: &Bound<'_, PyAny>) -> PyResult<Self> {
-        scene_of(source).map(|scene| Self { scene })
+        scene_of(source, &Moment::default()).map(|scene| Self { scene })
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (path, *, time = None, animation = None))]
+    fn load(
+        py: Python<'_>,
+        path: PathBuf,
+        time: Option<f64>,
+        animation: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let moment = Moment::new(time, animation)?;
+        let scene = py.detach(|| moment.open(path)).map_err(raised)?;
+        Ok(Self { scene })
     }
 
     fn save(&self, path: PathBuf) -> PyResult<()> {
@@ -112,8 +127,53 @@ impl PyScene {
     }
 }
 
-/// A scene from a `carom.Scene`, a dictionary in the format of scene files, or the path of such a file.
-fn scene_of(source: &Bound<'_, PyAny>) -> PyResult<Scene> {
+/// When in a scene file's animation; without either, the file without its animations.
+#[derive(Default)]
+struct Moment {
+    secs: Option<f64>,
+    animation: Option<String>,
+}
+
+impl Moment {
+    /// An animation is given by its name or number.
+    fn new(secs: Option<f64>, animation: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let name = |animation: &Bound<'_, PyAny>| {
+            if let Ok(name) = animation.extract::<String>() {
+                return Ok(name);
+            }
+            let number = animation.extract::<usize>();
+            number.map(|number| number.to_string()).map_err(|_| {
+                PyTypeError::new_err("an animation is a name or a number, the first being 0")
+            })
+        };
+        let animation = animation.map(name).transpose()?;
+        Ok(Self { secs, animation })
+    }
+
+    fn is_given(&self) -> bool {
+        self.secs.is_some() || self.animation.is_some()
+    }
+
+    fn open(&self, path: PathBuf) -> Result<Scene, Error> {
+        if !self.is_given() {
+            return open_scene(path);
+        }
+        let file = SceneFile::open(path)?;
+        let animation = file.find_animation(self.animation.as_deref())?;
+        file.scene_at(animation, self.secs.unwrap_or(0.0))
+    }
+}
+
+/// A scene from a `carom.Scene`, a dictionary in the format of scene files, or the path of a scene file.
+fn scene_of(source: &Bound<'_, PyAny>, moment: &Moment) -> PyResult<Scene> {
+    if let Ok(path) = source.extract::<PathBuf>() {
+        return source.py().detach(|| moment.open(path)).map_err(raised);
+    }
+    if moment.is_given() {
+        return Err(wrong(
+            "time and animation are of scene files: give the path of one, or use carom.Scene.load",
+        ));
+    }
     if let Ok(scene) = source.cast::<PyScene>() {
         return Ok(scene.borrow().scene.clone());
     }
@@ -131,13 +191,10 @@ fn scene_of(source: &Bound<'_, PyAny>) -> PyResult<Scene> {
             .call_method("dumps", (source,), Some(&options))?;
         return Scene::from_json(&text.extract::<String>()?).map_err(wrong);
     }
-    match source.extract::<PathBuf>() {
-        Ok(path) => Scene::load(path).map_err(wrong),
-        Err(_) => Err(PyTypeError::new_err(format!(
-            "a scene is a carom.Scene, a dict or the path of a scene file, not {}",
-            source.get_type().name()?
-        ))),
-    }
+    Err(PyTypeError::new_err(format!(
+        "a scene is a carom.Scene, a dict or the path of a scene file, not {}",
+        source.get_type().name()?
+    )))
 }
 
 /// An array of n times 3 numbers, of any type that NumPy converts.
@@ -246,7 +303,7 @@ impl PyFarm {
         })
     }
 
-    #[pyo3(signature = (scene, size, spp, *, seed = 0, max_depth = None, denoise = false, layers = false, progress = None))]
+    #[pyo3(signature = (scene, size, spp, *, seed = 0, max_depth = None, denoise = false, layers = false, progress = None, time = None, animation = None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn render<'py>(
         &self,
@@ -259,8 +316,10 @@ impl PyFarm {
         denoise: bool,
         layers: bool,
         progress: Option<Bound<'py, PyAny>>,
+        time: Option<f64>,
+        animation: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let scene = scene_of(scene)?;
+        let scene = scene_of(scene, &Moment::new(time, animation)?)?;
         let mut still = Still::new(size.0, size.1).samples(spp).seed(seed);
         if let Some(max_depth) = max_depth {
             still = still.max_depth(max_depth);

@@ -57,6 +57,68 @@ def test_dictionaries_files_and_scenes_are_the_same_scene(farm, tmp_path):
     assert "objects" in repr(held)
 
 
+def sliding(folder):
+    """A glTF file of a triangle that slides along x by 2 m in 2 s."""
+    corners, slide, times = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[-1, 0, 0], [1, 0, 0]], [0, 2]
+    data = np.concatenate([np.ravel(part) for part in (corners, slide, times)]).astype("<f4")
+    (folder / "slide.bin").write_bytes(data.tobytes())
+    accessors = [(0, 3, "VEC3"), (36, 2, "VEC3"), (60, 2, "SCALAR")]
+    path = folder / "slide.gltf"
+    path.write_text(json.dumps({
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "animations": [{
+            "name": "slide",
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+            "samplers": [{"input": 2, "output": 1}],
+        }],
+        "accessors": [
+            {"bufferView": 0, "byteOffset": offset, "componentType": 5126, "count": count, "type": kind}
+            for offset, count, kind in accessors
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": data.nbytes}],
+        "buffers": [{"uri": "slide.bin", "byteLength": data.nbytes}],
+    }))
+    return path
+
+
+def test_files_of_all_kinds_are_opened_by_their_names(farm, tmp_path):
+    (tmp_path / "wing.obj").write_text("v 0 0 0\nv 4 0 0\nv 0 3 0\nf 1 2 3\n")
+    wing = carom.Scene.load(tmp_path / "wing.obj")
+    assert wing.to_dict()["objects"][0]["name"] == "wing"
+    assert farm.render(tmp_path / "wing.obj", (32, 18), 1).shape == (18, 32, 3)
+    assert carom.Scene.load(POOL).to_dict() == carom.Scene(POOL).to_dict()
+    with pytest.raises(ValueError, match="must end with one of"):
+        carom.Scene.load(tmp_path / "wing.fbx")
+
+
+def test_a_glTF_file_is_shown_at_a_time_of_its_animation(farm, tmp_path):
+    path = sliding(tmp_path)
+
+    def x(**moment):
+        return carom.Scene.load(path, **moment).to_dict()["objects"][0]["shape"]["mesh"]["center"][0]
+
+    assert [x(time=time) for time in (0, 0.5, 1, 9)] == [-1, -0.5, 0, 1]
+    assert x(time=2, animation="slide") == x(time=2, animation=0) == 1 and x() == 0
+    at_start = farm.render(path, (64, 36), 1, time=0)
+    assert not np.array_equal(at_start, farm.render(path, (64, 36), 1, time=2))
+    assert np.array_equal(at_start, farm.render(carom.Scene.load(path, time=0), (64, 36), 1))
+    for wrong, sentence in (
+        ({"animation": "jump"}, "0 `slide`"),
+        ({"time": float("nan")}, "the time is NaN s"),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            carom.Scene.load(path, **wrong)
+    with pytest.raises(ValueError, match="it has no animation"):
+        carom.Scene.load(POOL, time=1)
+    with pytest.raises(ValueError, match="give the path of one"):
+        farm.render(scene(), (8, 8), 1, time=1)
+    with pytest.raises(TypeError, match="a name or a number"):
+        carom.Scene.load(path, animation=[])
+
+
 def test_arrays_stand_for_lists_in_dictionaries(farm):
     arrays = scene()
     arrays["camera"]["eye"] = np.array([0.0, -4.0, 0.0])

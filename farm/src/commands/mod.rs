@@ -1,6 +1,7 @@
 //! The subcommands, one file each: arguments in, calls of the library, lines out.
 
 mod add;
+mod animation_frames;
 mod authority;
 mod bench;
 mod cloud;

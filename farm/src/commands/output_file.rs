@@ -48,6 +48,10 @@ impl OutputFile {
         })
     }
 
+    pub(crate) fn path(&self) -> &Path {
+        &self.picture.path
+    }
+
     pub(crate) fn format(&self) -> FileFormat {
         self.picture.format
     }

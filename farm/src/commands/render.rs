@@ -1,4 +1,4 @@
-//! `carom-farm render`: one picture, traced by the whole farm without the game.
+//! `carom-farm render`: a picture, or the frames of an animation, traced by the whole farm without the game.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,20 +9,23 @@ use carom_farm::net;
 use carom_farm::{
     Balancing, Distribution, Farm, FarmConfig, FileFormat, LocalNode, Picture, Still, StillJob,
 };
-use carom_tracer::{ImageSize, Preset};
+use carom_tracer::{ImageSize, Preset, Scene, SceneUpdate};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::commands::Failure;
-use crate::commands::inputs::{self, NamedScene, PictureFile};
+use crate::commands::animation_frames::{AnimationArgs, Frames};
+use crate::commands::inputs::{self, PictureFile};
 use crate::commands::output_file::OutputFile;
 use crate::commands::render_summary::{FrameTotals, RenderSummary};
 
-/// Trace a picture on this machine, on nodes, or on both
+/// Trace a picture or the frames of an animation on this machine, on nodes, or on both
 #[derive(Clone, clap::Args)]
 pub(crate) struct RenderArgs {
-    /// Trace this scene file: JSON, or a mesh as .obj or .ply [default: the built-in pool table]
+    /// Trace this scene file: JSON, glTF, or a mesh as .obj or .ply [default: the built-in pool table]
     #[arg(long)]
     scene: Option<PathBuf>,
+    #[command(flatten)]
+    animation: AnimationArgs,
     /// Set the picture's size in pixels
     #[arg(long, default_value = "1280x720", value_name = "WIDTHxHEIGHT")]
     size: ImageSize,
@@ -91,16 +94,53 @@ pub(crate) struct RenderArgs {
 
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let args = &args.with_preset();
-    let named = inputs::scene(args.scene.as_deref())?;
+    let mut frames = Frames::open(&args.animation, args.scene.as_deref())?;
     let config = config(args)?;
-    let outputs: Vec<OutputFile> = args
-        .out
-        .iter()
-        .map(OutputFile::claim)
-        .collect::<Result<_, _>>()?;
+    let mut numbers = frames.numbers();
+    let mut number = numbers.next().flatten();
+    // What is wrong with the first files is known before the farm starts.
+    let mut outputs = claim(args, number)?;
+    let mut farm = Farm::new(config)?;
+    let interrupted = net::interruption().context("Ctrl-C")?;
+    loop {
+        let (scene, update) = frames.scene(number)?;
+        let seen = Seen {
+            scene: &scene,
+            update,
+        };
+        render(args, &mut farm, seen, outputs, &interrupted)?;
+        match numbers.next() {
+            Some(next) => number = next,
+            None => return Ok(()),
+        }
+        outputs = claim(args, number)?;
+    }
+}
+
+/// A scene as it is seen in a frame.
+struct Seen<'a> {
+    scene: &'a Scene,
+    update: SceneUpdate,
+}
+
+/// The files of a frame.
+fn claim(args: &RenderArgs, number: Option<u32>) -> Result<Vec<OutputFile>, Failure> {
+    let files = args.animation.outputs(&args.out, number)?;
+    files.iter().map(OutputFile::claim).collect()
+}
+
+/// Traces a frame and writes its files.
+fn render(
+    args: &RenderArgs,
+    farm: &mut Farm,
+    seen: Seen<'_>,
+    outputs: Vec<OutputFile>,
+    interrupted: &AtomicBool,
+) -> Result<(), Failure> {
+    let checkpoint = checkpoint_path(outputs[0].path());
     let layered = outputs.iter().any(|out| out.format() == FileFormat::Exr);
-    let checkpoint = checkpoint_path(&args.out[0].path);
-    let (picture, summary) = trace(args, &named, config, layered, &checkpoint)?;
+    let still = args.still(&checkpoint, layered).update(seen.update);
+    let (picture, summary) = trace(args, farm, seen.scene, still, &checkpoint, interrupted)?;
     if picture.dropped_samples() > 0 {
         eprintln!(
             "carom-farm: {} samples were not finite and were counted as black",
@@ -129,22 +169,20 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Traces the picture by the farm of `config`, and says what it has cost.
+/// Traces a picture, and says what it has cost.
 fn trace(
     args: &RenderArgs,
-    named: &NamedScene,
-    config: FarmConfig,
-    layered: bool,
+    farm: &mut Farm,
+    scene: &Scene,
+    still: Still,
     checkpoint: &Path,
+    interrupted: &AtomicBool,
 ) -> Result<(Picture, RenderSummary), Failure> {
-    let mut farm = Farm::new(config)?;
-    let interrupted = net::interruption().context("Ctrl-C")?;
     let totals = FrameTotals::default();
     let counted = totals.clone();
-    let still = args.still(checkpoint, layered);
     let still = still.on_progress(move |progress| counted.count(progress));
     let begun = Instant::now();
-    let job = farm.still(&named.scene, still)?;
+    let job = farm.still(scene, still)?;
     if job.resumed_samples() > 0 {
         eprintln!(
             "carom-farm: resuming from {} with {} of {} samples",
@@ -153,9 +191,8 @@ fn trace(
             args.spp
         );
     }
-    let traced = wait(job, args.spp, &interrupted);
+    let traced = wait(job, args.spp, interrupted);
     let summary = totals.summary(begun.elapsed(), &farm.nodes());
-    drop(farm);
     if traced.is_err() && checkpoint.exists() {
         let path = checkpoint.display();
         eprintln!("carom-farm: run the same command again to resume from {path}");

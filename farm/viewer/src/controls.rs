@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::camera::OrbitCamera;
 
 /// Controls as the help lists them: the texts `view-key-…` and `view-does-…` of each.
-pub const CONTROLS: [&str; 18] = [
+pub const CONTROLS: [&str; 19] = [
     "orbit",
     "pan",
     "look",
@@ -19,6 +19,7 @@ pub const CONTROLS: [&str; 18] = [
     "home",
     "exposure",
     "lights",
+    "play",
     "pause",
     "save",
     "reload",

@@ -25,6 +25,7 @@ pub mod args;
 pub mod camera;
 pub mod controls;
 pub mod lights;
+mod playback;
 pub mod render;
 mod save_form;
 mod ui;

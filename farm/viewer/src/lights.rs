@@ -1,6 +1,6 @@
 //! Switches of a scene's lights.
 
-use carom_tracer::{Environment, Scene};
+use carom_tracer::{Environment, Material, Scene};
 use glam::Vec3;
 
 /// Which of a scene's lights are on.
@@ -10,6 +10,8 @@ pub struct LightSwitches {
     pub sky: Option<bool>,
     /// Its area lights, in their order.
     pub lamps: Vec<bool>,
+    /// Whether there are lights that stay on: points, spots, suns and surfaces that glow.
+    pub has_others: bool,
 }
 
 impl LightSwitches {
@@ -19,6 +21,8 @@ impl LightSwitches {
         Self {
             sky: has_sky.then_some(true),
             lamps: vec![true; scene.area_lights.len()],
+            has_others: !scene.punctual_lights.is_empty()
+                || scene.materials.values().any(is_emitter),
         }
     }
 
@@ -29,7 +33,7 @@ impl LightSwitches {
 
     /// Whether all lights are off.
     pub fn is_dark(&self) -> bool {
-        self.sky != Some(true) && !self.lamps.contains(&true)
+        self.sky != Some(true) && !self.lamps.contains(&true) && !self.has_others
     }
 
     /// Switches a light: 0 is the sky, 1 the first area light; others are none.
@@ -60,9 +64,13 @@ impl LightSwitches {
     }
 }
 
+fn is_emitter(material: &Material) -> bool {
+    matches!(material, Material::MetallicRoughness { emission, .. } if *emission != Vec3::ZERO)
+}
+
 #[cfg(test)]
 mod tests {
-    use carom_tracer::AreaLight;
+    use carom_tracer::{AreaLight, PunctualEmitter, PunctualLight};
 
     use super::*;
 
@@ -85,6 +93,13 @@ mod tests {
         assert!(!switches.is_dark());
         switches.toggle(1);
         assert!(switches.is_dark());
+        let mut sunny = Scene::new().sky([0.0; 3]);
+        let sun = PunctualEmitter::Distant {
+            direction: Vec3::NEG_Z,
+            irradiance: Vec3::ONE,
+        };
+        sunny.add_punctual_light(PunctualLight::new(sun));
+        assert!(!LightSwitches::of(&sunny).is_dark());
         let without_sky = LightSwitches::of(&Scene::new().sky([0.0; 3]));
         assert_eq!(without_sky.sky, None);
         assert!(without_sky.is_dark() && !without_sky.fit(&switches));

@@ -1,6 +1,7 @@
 //! Viewer: what is seen, and how; without a window, so that tests can play it.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use carom_farm::NodeStatus;
 use carom_farm::quality::{QUALITY_LEVELS, Quality};
@@ -16,6 +17,7 @@ use egui::{Id, Key, Modifiers, Rect, Sense, Ui};
 use crate::camera::OrbitCamera;
 use crate::controls::{self, Walk};
 use crate::lights::LightSwitches;
+use crate::playback::Playback;
 use crate::render::{News, OpenedScene, Renderer, SceneLook, ShownPicture};
 use crate::save_form::SaveForm;
 
@@ -25,6 +27,7 @@ pub struct Viewer {
     pub(crate) document: Option<OpenedScene>,
     pub(crate) camera: OrbitCamera,
     pub(crate) lights: LightSwitches,
+    pub(crate) playback: Playback,
     /// Powers of two by which radiance is brighter.
     pub(crate) exposure_stops: f32,
     pub(crate) is_paused: bool,
@@ -66,6 +69,7 @@ impl Viewer {
             document: None,
             camera: OrbitCamera::new(Camera::looking_at([0.0, -4.0, 2.0], [0.0; 3])),
             lights: LightSwitches::default(),
+            playback: Playback::default(),
             exposure_stops: 0.0,
             is_paused: false,
             form: SaveForm::new(folder),
@@ -213,9 +217,11 @@ impl Viewer {
             if !self.lights.fit(&lights) {
                 self.lights = lights;
             }
+            self.playback.reread(Arc::clone(&opened.animations));
         } else {
             self.camera = OrbitCamera::new(opened.scene.camera);
             self.lights = lights;
+            self.playback = Playback::new(Arc::clone(&opened.animations));
         }
         self.refusal = None;
         self.document = Some(opened);
@@ -326,6 +332,9 @@ impl Viewer {
         if pressed(Key::P) {
             self.is_paused = !self.is_paused;
         }
+        if pressed(Key::Space) && ui.ctx().memory(|memory| memory.focused().is_none()) {
+            self.playback.toggle();
+        }
         if pressed(Key::R)
             && let Some(document) = &self.document
         {
@@ -376,6 +385,15 @@ impl Viewer {
         self.renderer.want(|wanted| wanted.cancelled_save = last);
     }
 
+    /// Plays the animation.
+    pub(crate) fn play(&mut self, ui: &Ui, now_secs: f64) {
+        self.playback.advance(now_secs);
+        if self.playback.is_playing() {
+            self.has_moved = true;
+            ui.ctx().request_repaint();
+        }
+    }
+
     /// Moves the camera as pointer and keys want it.
     pub(crate) fn look(&mut self, ui: &Ui, now_secs: f64) {
         let whole = ui.ctx().content_rect();
@@ -406,6 +424,7 @@ impl Viewer {
             scene: document.number,
             camera: self.camera.camera(),
             lights: self.lights.clone(),
+            time: self.playback.time(),
         });
         let size = (self.window.pixels() > 0).then_some(self.window);
         let now = (size, self.exposure(), self.is_paused, self.stats.is_shown());

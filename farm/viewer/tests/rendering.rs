@@ -152,6 +152,7 @@ fn a_scene_is_opened_drafted_gathered_and_looked_at_from_elsewhere() {
         scene: opened.number,
         camera,
         lights: LightSwitches::of(&opened.scene),
+        time: None,
     });
     let above = viewing.whole();
     assert!(above.frame.rgba != whole.frame.rgba);
@@ -182,6 +183,7 @@ fn exposure_shows_at_once_and_lights_change_what_is_traced() {
         scene: opened.number,
         camera: opened.scene.camera,
         lights: lights.clone(),
+        time: None,
     };
     lights.toggle(0);
     viewing.look(look(&lights));
@@ -236,6 +238,7 @@ fn a_file_that_changes_is_read_again_and_seen_as_before() {
         scene: opened.number,
         camera,
         lights,
+        time: None,
     });
     let before = viewing.whole();
     let mut more = scene();

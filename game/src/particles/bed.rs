@@ -1,9 +1,10 @@
-//! Sand, snow, jelly and water on the table, as grains and drops.
+//! Sand and snow on the table as grains, jelly and water as what their particles fill.
 
 use std::sync::Arc;
 
 use carom_billiards::physics::{ParticleBed, ParticleMaterial, ParticleTrack};
-use carom_tracer::{Material, ParticleCloud};
+use carom_tracer::{Material, Medium, ParticleCloud, ParticleForm};
+use glam::Vec3;
 
 /// The particles of a table at a moment.
 #[derive(Clone, Debug)]
@@ -32,12 +33,20 @@ fn clouds(track: &ParticleTrack, secs: f64) -> Vec<ParticleCloud> {
         let (grains, others) = rest.split_at(group.count as usize);
         rest = others;
         let [min, max] = track.bounds();
+        let spacing_m = track.spacing_m();
         let grains_of = looks(group.material);
-        for (first, (radius, material)) in grains_of.iter().enumerate() {
+        for (first, look) in grains_of.iter().enumerate() {
             let places = grains.iter().skip(first).step_by(grains_of.len());
             clouds.push(ParticleCloud {
-                material: *material,
-                radius_m: radius * track.spacing_m(),
+                material: look.material,
+                radius_m: look.radius * spacing_m,
+                form: match look.is_body {
+                    false => ParticleForm::Balls,
+                    true => ParticleForm::Surface {
+                        smoothing_m: SMOOTHING * spacing_m,
+                        floor_m: FLOOR_M,
+                    },
+                },
                 min,
                 max,
                 places: places.copied().collect(),
@@ -48,31 +57,73 @@ fn clouds(track: &ParticleTrack, secs: f64) -> Vec<ParticleCloud> {
     clouds
 }
 
-/// Radii over the distance of particles, and materials, one after the other: of grains seven, which no edge of a patch
-/// is a multiple of, so that they make no stripes. Grains of sand and snow are rough and of many sizes; jelly and water
-/// are glossy beads that touch, without a surface of their own.
-fn looks(material: ParticleMaterial) -> Vec<(f32, Material)> {
-    let grains = |albedos: [[f32; 3]; 7]| {
+/// Radius within which particles make one surface, over their distance.
+const SMOOTHING: f32 = 2.5;
+/// Where surfaces end: below the cloth, so that what is seen through them is the cloth and not their underside.
+const FLOOR_M: f32 = -2e-4;
+
+/// How particles are drawn.
+struct ParticleLook {
+    /// Of each as a ball, over the distance of particles.
+    radius: f32,
+    material: Material,
+    /// All together as the body that they fill.
+    is_body: bool,
+}
+
+/// Of particles one after the other: of grains seven, which no edge of a patch is a multiple of, so that they make no
+/// stripes. Grains of sand and snow are rough and of many sizes.
+fn looks(material: ParticleMaterial) -> Vec<ParticleLook> {
+    let grains = |size: f32, albedos: [[f32; 3]; 7]| -> Vec<ParticleLook> {
         let radii = [0.52, 0.4, 0.6, 0.36, 0.47, 0.56, 0.43];
         let grains = radii.into_iter().zip(albedos.map(Material::diffuse));
+        let grains = grains.map(|(radius, material)| ParticleLook {
+            radius: size * radius,
+            material,
+            is_body: false,
+        });
         grains.collect()
     };
+    let body = |ior: f32, medium: Medium| {
+        vec![ParticleLook {
+            radius: 0.62,
+            material: Material::Dielectric {
+                ior,
+                alpha: 0.0,
+                medium: Some(medium),
+            },
+            is_body: true,
+        }]
+    };
     match material {
-        ParticleMaterial::Sand => grains([
-            [0.58, 0.45, 0.28],
-            [0.45, 0.33, 0.2],
-            [0.63, 0.52, 0.35],
-            [0.3, 0.22, 0.14],
-            [0.52, 0.41, 0.26],
-            [0.6, 0.47, 0.29],
-            [0.4, 0.3, 0.19],
-        ]),
-        ParticleMaterial::Snow => grains([[0.87, 0.9, 0.94]; 7])
-            .into_iter()
-            .map(|(radius, snow): (f32, Material)| (1.25 * radius, snow))
-            .collect(),
-        ParticleMaterial::Jelly => vec![(0.75, Material::plastic([0.55, 0.03, 0.06]))],
-        ParticleMaterial::Water => vec![(0.7, Material::plastic([0.12, 0.28, 0.36]))],
+        ParticleMaterial::Sand => grains(
+            1.0,
+            [
+                [0.58, 0.45, 0.28],
+                [0.45, 0.33, 0.2],
+                [0.63, 0.52, 0.35],
+                [0.3, 0.22, 0.14],
+                [0.52, 0.41, 0.26],
+                [0.6, 0.47, 0.29],
+                [0.4, 0.3, 0.19],
+            ],
+        ),
+        ParticleMaterial::Snow => grains(1.25, [[0.87, 0.9, 0.94]; 7]),
+        ParticleMaterial::Jelly => body(
+            1.35,
+            Medium {
+                extinction: Vec3::new(10.0, 60.0, 50.0),
+                albedo: Vec3::new(0.6, 0.1, 0.1),
+            },
+        ),
+        // A drink.
+        ParticleMaterial::Water => body(
+            1.33,
+            Medium {
+                extinction: Vec3::new(15.0, 45.0, 110.0),
+                albedo: Vec3::ZERO,
+            },
+        ),
     }
 }
 

@@ -11,7 +11,7 @@ use carom_billiards::physics::{BallState, EventKind, Shot};
 use carom_mpm::{Ball, Bodies, Dust, Grain, Obstacle};
 use carom_tracer::glam::{DVec3, Vec3};
 use carom_tracer::sampling::uniforms;
-use carom_tracer::{Material, ParticleCloud};
+use carom_tracer::{Material, ParticleCloud, ParticleForm};
 
 use super::ParticleDetail;
 
@@ -210,6 +210,7 @@ fn empty_cloud(kind: &SpeckKind, contact: Vec3) -> ParticleCloud {
     ParticleCloud {
         material: Material::diffuse(CHALK),
         radius_m: kind.radius_m,
+        form: ParticleForm::Balls,
         min: (contact - REACH_M).with_z(-2e-3),
         max: (contact + REACH_M).with_z(REACH_M),
         places: Vec::new(),

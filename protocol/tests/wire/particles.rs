@@ -9,7 +9,8 @@ use carom_protocol::{
 use carom_tracer::glam::{U16Vec3, Vec3};
 use carom_tracer::scene::validate::PARTICLES_MAX;
 use carom_tracer::{
-    ImageSize, Material, ParticleCloud, RenderSettings, SceneUpdate, TileGrid, sampling,
+    ImageSize, Material, ParticleCloud, ParticleForm, RenderSettings, SceneUpdate, TileGrid,
+    sampling,
 };
 
 use super::any;
@@ -24,6 +25,7 @@ fn cloud(count: usize, frame: u32) -> ParticleCloud {
     ParticleCloud {
         material: Material::diffuse([0.7, 0.6, 0.4]),
         radius_m: 2e-3,
+        form: ParticleForm::Balls,
         min: Vec3::ZERO,
         max: Vec3::splat(0.5),
         places: (0..count).map(place).collect::<Vec<U16Vec3>>(),
@@ -161,6 +163,7 @@ fn too_many_particles_are_not_sent() {
     let coded = carom_protocol::CodedCloud {
         material: Material::grey(0.5),
         radius_m: 1e-3,
+        form: ParticleForm::Balls,
         min: Vec3::ZERO,
         max: Vec3::ONE,
         count: u32::MAX,

@@ -1,6 +1,7 @@
 //! Files of others: pictures, environment maps, glTF.
 
 use carom_tracer::glam::Vec3;
+use carom_tracer::scene::gltf_file::{AnimatedScene, AnimationTime};
 use carom_tracer::texture_file::{Texels, encode_png};
 use carom_tracer::{
     CompiledScene, ImageSize, RadianceImage, Scene, environment_file, texture_file,
@@ -40,18 +41,35 @@ pub fn environment(bytes: &[u8]) {
     }
 }
 
-/// A file is a sentence, or a scene that compiles or says why not, and reads back from JSON as the same.
+/// A file is a sentence, or a scene that compiles or says why not, and reads back from JSON as the same. At any time of its
+/// animations it is a sentence or a scene too, and what an update moves are meshes that it has.
 pub fn gltf(bytes: &[u8]) {
-    let Ok(scene) = Scene::from_gltf(bytes) else {
+    let Ok(animated) = AnimatedScene::from_gltf(bytes) else {
         return;
     };
+    for (index, animation) in animated.animations().iter().enumerate().take(4) {
+        let end_secs = animation.duration_secs();
+        assert!(end_secs.is_finite() && end_secs >= 0.0);
+        let middle = AnimationTime::At(index, 0.4 * end_secs);
+        let moved = animated.scene(middle);
+        let update = animated.update(AnimationTime::Rest, middle);
+        let update = update.expect("a scene that was read has poses");
+        if let (Ok(moved), Some(update)) = (moved, update) {
+            assert_eq!(moved.objects.len(), animated.rest().objects.len());
+            for pose in update.poses {
+                assert!((pose.object as usize) < moved.objects.len());
+                assert!((pose.rotation.length() - 1.0).abs() < 1e-5);
+            }
+        }
+    }
+    let scene = animated.rest();
     let json = scene.to_json().expect("a scene that was read is valid");
     assert_eq!(
         Scene::from_json(&json).expect("a written scene is right"),
-        scene
+        **scene
     );
     if scene.texture_bytes().is_ok_and(|bytes| bytes < 1 << 22) {
-        _ = CompiledScene::new(&scene);
+        _ = CompiledScene::new(scene);
     }
 }
 
@@ -81,7 +99,7 @@ pub fn environment_seeds() -> Vec<Vec<u8>> {
     ]
 }
 
-/// A textured triangle as `.glb` and as text.
+/// A textured triangle as `.glb` and as text, and one that a skin, morph targets and an animation move.
 pub fn gltf_seeds() -> Vec<Vec<u8>> {
     let corners: [f32; 15] = [0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 1.];
     let mut binary: Vec<u8> = corners.into_iter().flat_map(f32::to_le_bytes).collect();
@@ -99,16 +117,65 @@ pub fn gltf_seeds() -> Vec<Vec<u8>> {
         [{{"byteLength":{}}}]}}"#,
         binary.len()
     );
+    vec![glb(&json, &binary), json.into_bytes(), moving_triangle()]
+}
+
+/// A triangle that follows two joints and has a morph target; all move.
+fn moving_triangle() -> Vec<u8> {
+    let corners = [0., 0., 0., 1., 0., 0., 0., 1., 0.];
+    let joints = [0., 1., 0., 0., 0., 1., 0., 0., 1., 0., 0., 0.];
+    let weights = [0.5, 0.5, 0., 0., 1., 0., 0., 0., 1., 0., 0., 0.];
+    let (times, turns) = ([0., 1.], [0., 0., 0., 1., 0., 0., 1., 0.]);
+    let slide = [
+        0., 0., 0., 0., 0., 0., 1., 0., 0., 0., 1., 0., 2., 0., 0., 0., 0., 0.,
+    ];
+    let parts: [(&str, &[f32]); 6] = [
+        ("VEC3", &corners),
+        ("VEC4", &joints),
+        ("VEC4", &weights),
+        ("SCALAR", &times),
+        ("VEC4", &turns),
+        ("VEC3", &slide),
+    ];
+    let (mut binary, mut accessors) = (Vec::new(), Vec::new());
+    for (kind, numbers) in parts {
+        let width = kind.as_bytes().last().map_or(1, |digit| match digit {
+            b'3' => 3,
+            b'4' => 4,
+            _ => 1,
+        });
+        accessors.push(format!(
+            r#"{{"bufferView":0,"byteOffset":{},"componentType":5126,"count":{},"type":"{kind}"}}"#,
+            binary.len(),
+            numbers.len() / width
+        ));
+        binary.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+    }
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0,1]}}],"nodes":[{{"mesh":0,"skin":0}},{{"children":[2]}},
+        {{"mesh":1}}],"skins":[{{"joints":[1,2]}}],"meshes":[{{"weights":[0.5],"primitives":[{{"attributes":
+        {{"POSITION":0,"JOINTS_0":1,"WEIGHTS_0":2}},"targets":[{{"POSITION":0}}]}}]}},{{"primitives":[{{"attributes":
+        {{"POSITION":0}}}}]}}],"animations":[{{"channels":[{{"sampler":0,"target":{{"node":2,"path":"rotation"}}}},
+        {{"sampler":1,"target":{{"node":1,"path":"translation"}}}},{{"sampler":2,"target":{{"node":0,"path":"weights"}}}}],
+        "samplers":[{{"input":3,"output":4}},{{"input":3,"output":5,"interpolation":"CUBICSPLINE"}},
+        {{"input":3,"output":3,"interpolation":"STEP"}}]}}],"accessors":[{}],"bufferViews":[{{"buffer":0,"byteLength":
+        {length}}}],"buffers":[{{"byteLength":{length}}}]}}"#,
+        accessors.join(","),
+        length = binary.len()
+    );
+    glb(&json, &binary)
+}
+
+fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
     let chunk = |kind: &[u8], bytes: &[u8]| {
         let length = (bytes.len() as u32).to_le_bytes();
         [&length[..], kind, bytes].concat()
     };
     let header = b"glTF\x02\0\0\0\0\0\0\0";
-    let glb = [
+    [
         &header[..],
         &chunk(b"JSON", json.as_bytes()),
-        &chunk(b"BIN\0", &binary),
+        &chunk(b"BIN\0", binary),
     ]
-    .concat();
-    vec![glb, json.into_bytes()]
+    .concat()
 }

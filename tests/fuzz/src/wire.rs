@@ -15,8 +15,8 @@ use carom_protocol::{
 };
 use carom_tracer::glam::{U16Vec3, Vec3};
 use carom_tracer::{
-    DeviceInfo, DeviceKind, ImageSize, Material, ParticleCloud, RenderSettings, Scene, SceneUpdate,
-    Tile, TileGrid, TileRange,
+    CompiledScene, DeviceInfo, DeviceKind, ImageSize, Material, ParticleCloud, ParticleForm,
+    RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRange,
 };
 
 /// What decodes can be sent, and then decodes to the same.
@@ -84,8 +84,8 @@ pub fn tile_codec(bytes: &[u8]) {
     }
 }
 
-/// Particles are an error or as many as were stated, and those that are read are sent and read again as they were. The
-/// first byte is how many.
+/// Particles are an error or as many as were stated, and those that are read are sent and read again as they were, and
+/// have a surface. The first byte is how many.
 pub fn particles(bytes: &[u8]) {
     let Some((&count, places)) = bytes.split_first() else {
         return;
@@ -100,7 +100,10 @@ pub fn particles(bytes: &[u8]) {
         assert_eq!(read[0].places.len(), usize::from(count));
         let mut encoder = ParticleEncoder::default();
         encoder.remember(RequestId(1), reference);
-        assert_eq!(decoder.decode(&encoder.encode(&read)), Ok(read));
+        assert_eq!(decoder.decode(&encoder.encode(&read)).as_ref(), Ok(&read));
+        let mut scene = CompiledScene::new(&Scene::new()).expect("a scene without anything");
+        // Their surface is made, or a sentence says why not.
+        let _ = scene.apply(&SceneUpdate::default().particles(read));
     }
 }
 
@@ -113,6 +116,10 @@ fn small_cloud(count: usize) -> ParticleCloud {
     ParticleCloud {
         material: Material::grey(0.5),
         radius_m: 1e-3,
+        form: ParticleForm::Surface {
+            smoothing_m: 0.05,
+            floor_m: 0.1,
+        },
         min: Vec3::ZERO,
         max: Vec3::ONE,
         places: (0..count).map(place).collect(),

@@ -10,13 +10,15 @@ use bytemuck::Zeroable as _;
 use glam::{DQuat, DVec3, Vec3};
 
 use super::data::{TriangleData, TriangleNormals, TriangleUvs};
-use crate::scene::{Mesh, ObjectPose};
+use super::particle_surface::SurfaceMesh;
+use crate::SceneError;
+use crate::scene::{Mesh, ObjectPose, ParticleCloud, ParticleForm};
 
 /// The meshes of a scene. Their triangles are shared with copies of it and with what back ends have laid out,
 /// until some of them move.
 #[derive(Clone, Debug, Default)]
 pub struct CompiledMeshes {
-    /// Triangles, mesh by mesh in the order of the scene's objects.
+    /// Triangles, mesh by mesh in the order of the scene's objects, then those of surfaces of the update's particles.
     pub triangles: Arc<Vec<TriangleData>>,
     /// Vertex normals of those that have some.
     pub normals: Arc<Vec<TriangleNormals>>,
@@ -25,6 +27,8 @@ pub struct CompiledMeshes {
     /// The largest sum of a vertex's coordinates, each without its sign, in metres.
     pub reach: f32,
     placed: Vec<PlacedMesh>,
+    /// The clouds whose surfaces are there, with their materials.
+    surfaces: Vec<(u32, ParticleCloud)>,
     /// What the CPU tracer has made of the triangles.
     pub(crate) layout: LayoutCache,
 }
@@ -145,14 +149,80 @@ impl CompiledMeshes {
         has_moved
     }
 
+    /// Puts the surfaces of `clouds`, which are valid and have these materials, behind the scene's own triangles, and hidden ones up to a
+    /// power of two: kernels are built for numbers of primitives. Returns whether any surface is another than before.
+    ///
+    /// # Errors
+    /// As [`SurfaceMesh::new`], with the index of the cloud in the update; then there are none.
+    pub(super) fn set_surfaces(
+        &mut self,
+        clouds: &[(u32, usize, &ParticleCloud)],
+    ) -> Result<bool, SceneError> {
+        let before = self
+            .surfaces
+            .iter()
+            .map(|(material, cloud)| (*material, cloud));
+        if before.eq(clouds
+            .iter()
+            .map(|(material, _, cloud)| (*material, *cloud)))
+        {
+            return Ok(false);
+        }
+        self.surfaces.clear();
+        let own = self.placed.last();
+        let [triangles_own, normals_own] =
+            own.map_or([0; 2], |mesh| [mesh.triangles.end, mesh.normals.end]);
+        let triangles = Arc::make_mut(&mut self.triangles);
+        let normals = Arc::make_mut(&mut self.normals);
+        triangles.truncate(triangles_own);
+        normals.truncate(normals_own);
+        self.layout = LayoutCache::default();
+        for (material, index, cloud) in clouds {
+            let ParticleForm::Surface {
+                smoothing_m,
+                floor_m,
+            } = cloud.form
+            else {
+                continue;
+            };
+            let mesh = SurfaceMesh::new(cloud, smoothing_m, floor_m);
+            let mesh = mesh.map_err(|fault| SceneError::Cloud {
+                index: *index,
+                fault: Box::new(fault),
+            });
+            match mesh {
+                Ok(mesh) => push_surface(triangles, normals, &mesh, *material),
+                Err(fault) => {
+                    triangles.truncate(triangles_own);
+                    normals.truncate(normals_own);
+                    self.reach = reach(triangles);
+                    return Err(fault);
+                }
+            }
+        }
+        hide_up_to_slots(triangles, normals, triangles_own);
+        self.reach = reach(triangles);
+        self.surfaces = (clouds.iter())
+            .map(|(material, _, cloud)| (*material, (*cloud).clone()))
+            .collect();
+        Ok(true)
+    }
+
     fn place_of(&self, object: u32) -> Option<usize> {
         self.placed
             .binary_search_by_key(&object, |mesh| mesh.base.object)
             .ok()
     }
 
-    /// The index of the first triangle of the mesh that a triangle is of.
+    /// The index of the first triangle of the mesh that a triangle is of; all surfaces of particles are one.
     pub(crate) fn first_of_mesh(&self, triangle: u32) -> u32 {
+        let own = self
+            .placed
+            .last()
+            .map_or(0, |mesh| mesh.triangles.end as u32);
+        if triangle >= own {
+            return own;
+        }
         let next = (self.placed).partition_point(|mesh| mesh.triangles.start <= triangle as usize);
         self.placed[next - 1].triangles.start as u32
     }
@@ -226,6 +296,60 @@ impl Movement {
         direction.as_vec3().to_array()
     }
 }
+
+fn push_surface(
+    triangles: &mut Vec<TriangleData>,
+    normals: &mut Vec<TriangleNormals>,
+    mesh: &SurfaceMesh,
+    material: u32,
+) {
+    let first = normals.len() as u32;
+    let added = mesh.triangles.iter().zip(first..);
+    triangles.extend(added.map(|(corners, normals)| {
+        let [a, b, c] = corners.map(|corner| mesh.positions[corner as usize].to_array());
+        TriangleData {
+            a,
+            b,
+            c,
+            material,
+            normals,
+            uvs: TriangleData::FLAT,
+        }
+    }));
+    normals.extend(mesh.triangles.iter().map(|corners| {
+        let [a, b, c] = corners.map(|corner| mesh.normals[corner as usize].to_array());
+        TriangleNormals {
+            a,
+            b,
+            c,
+            ..TriangleNormals::zeroed()
+        }
+    }));
+}
+
+/// Adds triangles without area until the update's are a power of two.
+fn hide_up_to_slots(
+    triangles: &mut Vec<TriangleData>,
+    normals: &mut Vec<TriangleNormals>,
+    own: usize,
+) {
+    let count = triangles.len() - own;
+    if let (Some(last), Some(normal)) = (triangles.last().copied(), normals.last().copied())
+        && count > 0
+    {
+        let hidden = TriangleData {
+            b: last.a,
+            c: last.a,
+            ..last
+        };
+        let slots = count.next_power_of_two().max(SURFACE_SLOTS_MIN);
+        triangles.extend(std::iter::repeat_n(hidden, slots - count));
+        normals.extend(std::iter::repeat_n(normal, slots - count));
+    }
+}
+
+/// The fewest triangles that surfaces of an update's particles take up.
+const SURFACE_SLOTS_MIN: usize = 1024;
 
 fn triangle_uvs(mesh: &Mesh, corners: &[u32; 3]) -> TriangleUvs {
     let [a, b, c] = corners.map(|corner| mesh.positions[corner as usize].as_dvec3());

@@ -102,9 +102,22 @@ impl<S: Simd> Bsdf<S> {
         )
     }
 
+    /// Whether a direction is on the same side of the surface as of the normal that it is shaded with, where that is
+    /// another than its own.
+    #[inline(always)]
+    pub(super) fn is_above(&self, wi: Vec3x<S>) -> Option<Mask<S>> {
+        let height = self.geometric?.dot(wi);
+        let above = height.simd_ge(0.0);
+        let Some(microfacet) = &self.microfacet else {
+            return Some(above);
+        };
+        let passed = microfacet.is_transmissive() & self.normal.dot(wi).simd_lt(0.0);
+        Some((passed & height.simd_le(0.0)) | (!passed & above))
+    }
+
     /// Draws a direction by `u[1]` and `u[2]`, which choose between coat and base too; `u[0]` chooses
-    /// the lobe of a dielectric and of glTF's material. Sets the lanes whose ray goes on inside one in `inside`. A direction below the surface
-    /// of a triangle that is shaded with another normal has no weight.
+    /// the lobe of a dielectric and of glTF's material. Sets the lanes whose ray goes on inside one in `inside`. A direction on
+    /// the other side of a triangle than of the normal that it is shaded with has no weight.
     #[inline(always)]
     pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> BsdfSample<S> {
         let mut u1 = u[1];
@@ -142,10 +155,9 @@ impl<S: Simd> Bsdf<S> {
             scattered.weight = Vec3x::select(surface.lanes, rough.weight, scattered.weight);
             scattered.pdf = surface.lanes.select(rough.pdf, scattered.pdf);
         }
-        if let Some(geometric) = self.geometric {
-            let below = geometric.dot(scattered.wi).simd_lt(0.0);
+        if let Some(above) = self.is_above(scattered.wi) {
             let black = Vec3x::splat(simd, [0.0; 3]);
-            scattered.weight = Vec3x::select(below, black, scattered.weight);
+            scattered.weight = Vec3x::select(above, scattered.weight, black);
         }
         scattered
     }

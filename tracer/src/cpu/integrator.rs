@@ -457,7 +457,7 @@ impl Prepared {
             }
             let mut inside = Mask::splat(simd, false);
             let scattered = bsdf.sample(simd, [u0, u1, u2], &mut inside);
-            stream.origin.store(at, hit.position);
+            stream.origin.store(at, hit.origin(scattered.wi));
             stream.direction.store(at, scattered.wi);
             stream.beta.store(at, beta.scale(scattered.weight));
             if GENERAL && stream.has_sampled_pdf {
@@ -665,7 +665,7 @@ impl Prepared {
                 at,
                 environment,
                 lanes,
-                hit,
+                bsdf,
                 drawn.wi,
                 distance,
                 light,
@@ -681,7 +681,9 @@ impl Prepared {
             let light = f_cos.scale(chosen.irradiance) * weight;
             let lanes = punctual & bsdf.sees(cos_i);
             let distance = chosen.distance;
-            replace_shadow_ray(stream, at, punctual, lanes, hit, chosen.wi, distance, light);
+            replace_shadow_ray(
+                stream, at, punctual, lanes, bsdf, chosen.wi, distance, light,
+            );
         }
     }
 
@@ -830,8 +832,8 @@ impl Prepared {
             reflected = reflected + Vec3x::new(coat, coat, coat);
         }
         let mut lit = alive & bsdf.sees(cos_i) & light.distance.simd_gt(0.0);
-        if let Some(geometric) = hit.geometric {
-            lit &= geometric.dot(light.wi).simd_ge(0.0);
+        if let Some(above) = bsdf.is_above(light.wi) {
+            lit &= above;
         }
         let shadow = &mut stream.shadows[OTHER];
         shadow.direction.store(at, light.wi);
@@ -967,14 +969,14 @@ fn replace_shadow_ray<S: Simd>(
     at: usize,
     aimed: Mask<S>,
     mut lit: Mask<S>,
-    hit: &Hit<S>,
+    bsdf: &Bsdf<S>,
     wi: Vec3x<S>,
     distance: Float<S>,
     light: Vec3x<S>,
 ) {
     let simd = distance.token();
-    if let Some(geometric) = hit.geometric {
-        lit &= geometric.dot(wi).simd_ge(0.0);
+    if let Some(above) = bsdf.is_above(wi) {
+        lit &= above;
     }
     let beta = stream.beta.load(simd, at);
     let shadow = &mut stream.shadows[OTHER];

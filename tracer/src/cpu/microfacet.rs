@@ -121,6 +121,12 @@ impl<S: Simd> MicrofacetBsdf<S> {
         self.scattered
     }
 
+    /// Where light can pass.
+    #[inline(always)]
+    pub(super) fn is_transmissive(&self) -> Mask<S> {
+        self.dielectric
+    }
+
     /// Where the boundary of a dielectric is met from inside.
     #[inline(always)]
     pub(super) fn is_left(&self) -> Mask<S> {

@@ -74,6 +74,8 @@ pub(super) struct Hit<S: Simd> {
     pub(super) normal: Vec3x<S>,
     /// Where that is interpolated, the surface's own, on the same side, and 0 elsewhere; if any lane's is.
     pub(super) geometric: Option<Vec3x<S>>,
+    /// Where rays that pass a surface begin, if elsewhere than at `position` in any lane.
+    beyond: Option<Vec3x<S>>,
     pub(super) albedo: Vec3x<S>,
     /// 0 for a diffuse surface.
     pub(super) ior: Float<S>,
@@ -84,6 +86,20 @@ pub(super) struct Hit<S: Simd> {
     pub(super) sheen: Option<Sheen<S>>,
     /// glTF's material, if any lane met it.
     pub(super) metallic_roughness: Option<MetallicRoughness<S>>,
+}
+
+impl<S: Simd> Hit<S> {
+    /// Where a ray towards `wi` begins.
+    #[inline(always)]
+    pub(super) fn origin(&self, wi: Vec3x<S>) -> Vec3x<S> {
+        match self.beyond {
+            Some(beyond) => {
+                let passed = self.normal.dot(wi).simd_lt(0.0);
+                Vec3x::select(passed, beyond, self.position)
+            }
+            None => self.position,
+        }
+    }
 }
 
 impl Surfaces {
@@ -184,6 +200,7 @@ impl Surfaces {
         u: Float<S>,
     ) -> FreeFlight<S> {
         let body = within.select(untagged(start), Word::splat(simd, 0));
+        let body = self.triangles.rows(simd, body);
         FreeFlight::new(simd, &self.microfacet, body, within, distance, u)
     }
 
@@ -201,16 +218,25 @@ impl Surfaces {
         footprint: f32,
     ) -> Hit<S> {
         let (mut id, mut within, mut microfacet) = (tag, Mask::splat(simd, false), None);
+        let mut scattered = None;
         if !self.microfacet.is_empty() {
             id = untagged(tag);
             within = (tag & INSIDE).simd_ne(0);
+            scattered = Some((tag & SCATTERED).simd_ne(0));
         }
-        let triangles = self.triangles.hit(simd, origin, direction, id, footprint);
+        let triangles = (self.triangles).hit(simd, origin, direction, id, scattered, footprint);
+        let mut boundary = None;
         if let Some(triangles) = &triangles {
             id = triangles.row;
+            boundary = triangles.boundary;
         }
         if !self.microfacet.is_empty() {
-            let tags = tag & (INSIDE | SCATTERED);
+            let mut tags = tag & (INSIDE | SCATTERED);
+            if let (Some(triangles), Some(boundary)) = (&triangles, &boundary) {
+                let [inside, outside] = [INSIDE, 0].map(|tag| Word::splat(simd, tag));
+                let side = boundary.is_left.select(inside, outside);
+                tags = triangles.lanes.select(side, tags);
+            }
             microfacet = MicrofacetBsdf::new(simd, &self.microfacet, tags | id);
         }
         let rows = Rows::new(&self.rows, id);
@@ -246,6 +272,9 @@ impl Surfaces {
             let inside = direction.mul_add(distance, origin);
             position = Vec3x::select(microfacet.is_scattered(), inside, position);
         }
+        let beyond = boundary.zip(triangles.as_ref());
+        let beyond = beyond
+            .map(|(boundary, triangles)| Vec3x::select(triangles.lanes, boundary.beyond, position));
         let mut albedo = rows.triple(simd, ALBEDO);
         let ior = rows.number(simd, IOR);
         if ior.simd_gt(0.0).any_true() {
@@ -262,6 +291,7 @@ impl Surfaces {
             position,
             normal: Vec3x::select(behind, -normal, normal),
             geometric,
+            beyond,
             albedo,
             ior,
             diffuse_scale: rows.number(simd, DIFFUSE_SCALE),

@@ -7,11 +7,11 @@ use fearless_simd::prelude::*;
 use super::bvh16::Bvh16;
 use super::image_texture::{LaneHit, TextureColumns, TextureLanes, TriangleTextures};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
-use super::rays::{HitMask, Nearest, Rays};
+use super::rays::{HitMask, INSIDE, Nearest, Rays};
 use super::sampling::basis;
 use super::shapes::{PackedPrimitive, Primitives, Shape, join};
 use crate::CompiledScene;
-use crate::compiled::{ShapeKind, TriangleData, TriangleNormals};
+use crate::compiled::{KIND_DIELECTRIC, ShapeKind, TriangleData, TriangleNormals};
 use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
 
 /// A triangle: its corners.
@@ -116,6 +116,10 @@ impl Shape<9> for Triangle {
         if !candidate.any_true() {
             return None;
         }
+        if primitives.has_dielectric {
+            let within = rays.start.simd_eq(primitives.id | INSIDE);
+            candidate &= !within | seen.sum().simd_gt(0.0);
+        }
         let on_line = a.simd_eq(0.0) | b.simd_eq(0.0) | c.simd_eq(0.0);
         if (candidate & on_line).any_true() {
             candidate &= seen.is_in_bounds() | !on_line;
@@ -139,7 +143,11 @@ impl Triangles {
     pub(super) fn new(scene: &CompiledScene, first: u32) -> Self {
         let each = || {
             let triangles = scene.meshes.triangles.iter().zip(first..);
-            triangles.map(|(data, id)| PackedPrimitive::new(Triangle::numbers(data), id, false))
+            triangles.map(|(data, id)| {
+                let material = &scene.materials[data.material as usize];
+                let is_dielectric = material.kind == KIND_DIELECTRIC;
+                PackedPrimitive::new(Triangle::numbers(data), id, is_dielectric)
+            })
         };
         let Some(bvh) = scene.bvh(ShapeKind::Triangle, Triangle::BVH_MIN) else {
             return Self {
@@ -216,6 +224,8 @@ pub(super) struct TriangleSurfaces {
     ids: [u32; 2],
     /// The row of the first material.
     rows_first: u32,
+    /// Some are of dielectrics.
+    has_dielectric: bool,
 }
 
 /// Where rays meet triangles.
@@ -231,6 +241,17 @@ pub(super) struct TriangleHit<S: Simd> {
     pub(super) geometric: Vec3x<S>,
     /// Of lanes whose materials have some, if any can.
     pub(super) textures: Option<TextureLanes<S>>,
+    /// Of scenes with meshes of dielectrics.
+    pub(super) boundary: Option<Boundary<S>>,
+}
+
+/// What light that passes a triangle needs to know.
+#[derive(Clone, Copy)]
+pub(super) struct Boundary<S: Simd> {
+    /// The ray was inside the body.
+    pub(super) is_left: Mask<S>,
+    /// As far on the other side of the surface as the position is on this one.
+    pub(super) beyond: Vec3x<S>,
 }
 
 impl TriangleSurfaces {
@@ -242,6 +263,7 @@ impl TriangleSurfaces {
             textures: TriangleTextures::new(scene),
             ids: [first, scene.meshes.triangles.len() as u32],
             rows_first,
+            has_dielectric: scene.has_dielectric_mesh(),
         }
     }
 
@@ -250,7 +272,8 @@ impl TriangleSurfaces {
         !self.normals.is_empty() || !self.textures.is_empty()
     }
 
-    /// The triangles that rays meet, whose ids have no tags; none if they meet other shapes alone.
+    /// The triangles that rays meet, whose ids have no tags; none if they meet other shapes alone. Paths that were
+    /// `scattered` inside a body have the id of the triangle by which they came in, and are on none.
     #[inline(always)]
     pub(super) fn hit<S: Simd>(
         &self,
@@ -258,12 +281,13 @@ impl TriangleSurfaces {
         origin: Vec3x<S>,
         direction: Vec3x<S>,
         id: Word<S>,
+        scattered: Option<Mask<S>>,
         footprint: f32,
     ) -> Option<TriangleHit<S>> {
         let [first, count] = self.ids;
         // Those before the first wrap round.
         let is_met = count > 0 && (id - first).simd_lt(count).any_true();
-        is_met.then(|| self.hit_some(simd, origin, direction, id, footprint))
+        is_met.then(|| self.hit_some(simd, origin, direction, id, scattered, footprint))
     }
 
     #[inline(never)]
@@ -273,13 +297,14 @@ impl TriangleSurfaces {
         origin: Vec3x<S>,
         direction: Vec3x<S>,
         id: Word<S>,
+        scattered: Option<Mask<S>>,
         footprint: f32,
     ) -> TriangleHit<S> {
         simd.vectorize(
             #[inline(always)]
             || {
                 let [first, count] = self.ids;
-                let lanes = (id - first).simd_lt(count);
+                let mut lanes = (id - first).simd_lt(count);
                 let columns = self.columns(id.to_array());
                 let vector = |first: usize| load(simd, &columns.numbers, first);
                 let corners = [vector(0), vector(3), vector(6)];
@@ -296,8 +321,21 @@ impl TriangleSurfaces {
                     normal,
                     geometric: Vec3x::splat(simd, [0.0; 3]),
                     textures: None,
+                    boundary: None,
                 };
                 let mut smooth = Mask::from_bitmask(simd, columns.smooth);
+                if self.has_dielectric {
+                    let outward = wound_normal(corners);
+                    hit.boundary = Some(Boundary {
+                        is_left: outward.dot(direction).simd_gt(0.0),
+                        beyond: point_above(corners, weights, -normal),
+                    });
+                    if let Some(scattered) = scattered {
+                        lanes &= !scattered;
+                        smooth &= !scattered;
+                        hit.lanes = lanes;
+                    }
+                }
                 let mut interpolated = normal;
                 if smooth.any_true() {
                     interpolated = interpolate([vector(9), vector(12), vector(15)], weights);
@@ -352,6 +390,19 @@ impl TriangleSurfaces {
             self.textures.look_up(&mut columns, lane, &hit);
         }
         columns
+    }
+
+    /// The rows of bodies whose ids, or those of triangles by which rays came in, are given.
+    #[inline(always)]
+    pub(super) fn rows<S: Simd>(&self, simd: S, id: Word<S>) -> Word<S> {
+        if !self.has_dielectric {
+            return id;
+        }
+        let row = |id: u32| {
+            let triangle = self.triangles.get(id.wrapping_sub(self.ids[0]) as usize);
+            triangle.map_or(id, |triangle| self.rows_first + triangle.material)
+        };
+        Word::load_array(simd, id.to_array().map(row))
     }
 
     fn columns(&self, ids: [u32; LANES]) -> TriangleColumns {

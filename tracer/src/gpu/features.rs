@@ -143,6 +143,8 @@ pub(crate) struct Features {
     pub(crate) triangles: u32,
     /// Those with vertex normals.
     pub(crate) smooth_triangles: u32,
+    /// Some are of dielectrics.
+    pub(crate) has_dielectric_mesh: bool,
     /// Those with texture coordinates, if any material has a texture.
     pub(crate) uv_triangles: u32,
     /// Image textures, if any material has one.
@@ -210,6 +212,7 @@ impl Features {
             csg_boxes: scene.csg_boxes.len() as u32,
             triangles: scene.meshes.triangles.len() as u32,
             smooth_triangles: scene.meshes.normals.len() as u32,
+            has_dielectric_mesh: scene.has_dielectric_mesh(),
             environment_map: [scene.environment_map.width, scene.environment_map.height],
             uv_triangles: match scene.textures.is_empty() || scene.meshes.uvs.is_empty() {
                 true => 0,

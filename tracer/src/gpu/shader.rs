@@ -34,8 +34,15 @@ pub(crate) fn source(features: &Features) -> String {
     text += &environment_declaration(features);
     for part in parts(features) {
         let part = with_wrappers(features, part);
-        text += &match features.copies_csg() {
+        let part = match features.copies_csg() {
             true => part.replace("scene.csg_", "copied_csg_"),
+            false => part,
+        };
+        text += &match features.has_dielectric_mesh {
+            true => part.replace(
+                "Ray(surface.position, next.wi)",
+                "Ray(origin_towards(surface, primitive, next.wi), next.wi)",
+            ),
             false => part,
         };
     }
@@ -108,6 +115,9 @@ fn parts(features: &Features) -> Vec<&'static str> {
     });
     if features.triangles > 0 {
         parts.extend(triangle_normal_parts(features));
+    }
+    if features.has_dielectric_mesh {
+        parts.push(include_str!("shaders/dielectric_mesh.wgsl"));
     }
     parts.push(match features.copies_csg() {
         true => include_str!("shaders/csg_copy.wgsl"),
@@ -406,8 +416,10 @@ fn mesh_declaration(features: &Features) -> String {
         "const FLAT: u32 = {}u;\n\
          const POINT_ROUNDING: f32 = {POINT_ROUNDING:e};\n\
          const REFLECTION_SINE_MIN: f32 = {REFLECTION_SINE_MIN:e};\n\
+         const HAS_DIELECTRIC_MESH: bool = {};\n\
          struct MeshData {{\n    triangles: array<TriangleData, {triangles}>,\n",
-        TriangleData::FLAT
+        TriangleData::FLAT,
+        features.has_dielectric_mesh
     );
     if normals > 0 {
         _ = writeln!(text, "    normals: array<TriangleNormals, {normals}>,");
@@ -560,6 +572,10 @@ fn material_of(features: &Features) -> String {
              return scene_storage.{array}[primitive - {constant}_FIRST].material;\n    }}"
         );
     }
+    if features.has_dielectric_mesh {
+        text += "    if (primitive - TRIANGLE_FIRST < TRIANGLE_COUNT) {\n        \
+                 return mesh.triangles[primitive - TRIANGLE_FIRST].material;\n    }\n";
+    }
     text + "    return 0u;\n}\n"
 }
 
@@ -590,6 +606,7 @@ mod tests {
         materials: 20,
         triangles: 12,
         smooth_triangles: 7,
+        has_dielectric_mesh: true,
         environment_map: [16, 8],
         punctual_lights: 2,
         punctual_halves: 1,
@@ -637,6 +654,7 @@ mod tests {
                 csg_boxes: i / 2 % 2,
                 triangles: if i % 4 < 2 { 5 + i % 7 } else { 0 },
                 smooth_triangles: if i % 4 < 2 { i % 3 } else { 0 },
+                has_dielectric_mesh: i % 4 < 2 && i % 7 < 2,
                 uv_triangles: if i % 4 < 2 && i % 5 == 3 {
                     1 + i % 2
                 } else {

@@ -40,7 +40,7 @@ pub fn intersect(scene: &CompiledScene, ray: &Ray) -> Option<Hit> {
 }
 
 /// [`intersect`] for a ray that leaves a surface outwards, which is skipped, or that is inside a
-/// sphere or box, whose far side it meets wherever rounding has put its origin.
+/// sphere or box, whose far side it meets wherever rounding has put its origin, or a mesh.
 pub fn intersect_from(scene: &CompiledScene, ray: &Ray, start: Option<RayOrigin>) -> Option<Hit> {
     let skipped = start
         .filter(|start| !start.is_inside)
@@ -91,7 +91,7 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, start: Option<RayOrigin>
     if let Some(hit) = nearest_csg_face(scene, ray, skipped, nearest) {
         nearest = Some(hit);
     }
-    if let Some((t, index)) = nearest_triangle(scene, ray, skipped, nearest.map(|hit| hit.t)) {
+    if let Some((t, index)) = nearest_triangle(scene, ray, start, nearest.map(|hit| hit.t)) {
         // The surface is looked at once it is known to be the nearest.
         offer(
             &mut nearest,

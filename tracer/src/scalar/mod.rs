@@ -9,7 +9,7 @@
 //! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
 //!    spheres, boxes, discs, rectangles, CSG boxes, triangles, area lights. The primitive that the ray leaves is skipped: each
 //!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
-//!    a dielectric meets that body's far side and no other of its own. There it flies freely first:
+//!    a dielectric meets that body's far side and no other of its own, or any triangle of a mesh ([`triangle`]). There it flies freely first:
 //!    it is scattered after `−ln(1 − u[1]) / majorant` metres if that is nearer, with `u` of block
 //!    `block_choice(k)`, evenly by `block_scatter(k)`, which counts as a scattering. A ray that
 //!    meets nothing adds `beta · environment` and ends. A ray that meets an area light ends; from the
@@ -766,9 +766,12 @@ impl Vertex {
         }
     }
 
-    /// Whether `wi` is below a surface that is shaded with another normal than its own.
+    /// Whether `wi` is on the other side of a surface than of the normal that it is shaded with; what lets no light pass
+    /// has only one.
     fn is_below(&self, wi: DVec3) -> bool {
-        self.n != self.geometric_n && wi.dot(self.geometric_n) <= 0.0
+        let is_passed = self.scatter.is_dielectric() && wi.dot(self.n) < 0.0;
+        let height = wi.dot(self.geometric_n) * if is_passed { -1.0 } else { 1.0 };
+        self.n != self.geometric_n && height <= 0.0
     }
 
     /// Draws a direction: one below the surface brings nothing.

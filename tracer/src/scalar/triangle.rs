@@ -16,9 +16,16 @@
 //! not leak through a surface). So shading may lose light near silhouettes and terminators and never makes any. Where
 //! the mirror image of the viewer would be below, the normal is turned towards the viewer until it is not (Keller et
 //! al., "The Iray Light Transport Simulation and Rendering System", 2017, appendix A.3).
+//!
+//! # Bodies
+//! Triangles of a dielectric are closed and go round counterclockwise as seen from outside, so that the side on which one
+//! is met tells whether a ray was inside. A ray that goes on inside may meet the triangle that it comes from only where
+//! it would leave, after it has been scattered within: on the surface it leads away from it. What is refracted goes to the
+//! side of the triangle to which the normal that it is shaded with sends it, or is lost.
 
 use glam::DVec3;
 
+use super::intersect::RayOrigin;
 use super::normal_map::mapped_normal;
 use super::ray::{Ray, vector};
 use crate::CompiledScene;
@@ -47,6 +54,8 @@ pub struct TriangleHit {
     pub t: f64,
     /// Weights of the corners, whose sum is 1.
     pub barycentric: [f64; 3],
+    /// The ray leaves through it: it is met where its corners go round clockwise.
+    pub is_left: bool,
 }
 
 impl RayFrame {
@@ -80,17 +89,17 @@ impl RayFrame {
             TriangleHit {
                 t: DVec3::from(barycentric).dot(DVec3::new(a.z, b.z, c.z)),
                 barycentric,
+                is_left: sum > 0.0,
             }
         })
     }
 }
 
-/// The nearest triangle ahead of a ray before `t_max`, if given, but `skipped`: its distance and index, of equal
-/// distances the first.
+/// The nearest triangle ahead of a ray before `t_max`, if given: its distance and index, of equal distances the first.
 pub(super) fn nearest_triangle(
     scene: &CompiledScene,
     ray: &Ray,
-    skipped: Option<Primitive>,
+    start: Option<RayOrigin>,
     t_max: Option<f64>,
 ) -> Option<(f64, u32)> {
     let triangles = &scene.meshes.triangles[..];
@@ -100,10 +109,14 @@ pub(super) fn nearest_triangle(
     let frame = RayFrame::new(ray);
     let t_max = t_max.unwrap_or(f64::INFINITY);
     let mut nearest = (t_max, u32::MAX);
+    let is_skipped = |index: u32, met: &TriangleHit| {
+        start.is_some_and(|start| {
+            start.primitive == Primitive::Triangle(index) && !(start.is_inside && met.is_left)
+        })
+    };
     let mut offer = |index: u32, t_max: &mut f64| {
         let met = frame.intersect(&triangles[index as usize]);
-        if let Some(met) =
-            met.filter(|met| met.t > 0.0 && skipped != Some(Primitive::Triangle(index)))
+        if let Some(met) = met.filter(|met| met.t > 0.0 && !is_skipped(index, met))
             && (met.t, index) < nearest
         {
             nearest = (met.t, index);

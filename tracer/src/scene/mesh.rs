@@ -9,6 +9,9 @@ use super::{Shape, bounded};
 ///
 /// With vertex normals a surface is shaded as if its normal were interpolated between them; what rays meet
 /// stays flat ([`crate::scalar::triangle`]). A triangle without area is never met.
+///
+/// A mesh of a dielectric bounds a body: each edge belongs to two triangles, which go along it in opposite directions
+/// and round counterclockwise as seen from outside. Vertices in the same place count as one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
@@ -16,7 +19,7 @@ pub struct Mesh {
     #[serde(deserialize_with = "bounded::positions")]
     pub positions: Vec<Vec3>,
     /// Three indices into `positions` each; at most [`super::validate::TRIANGLES_MAX`] in a scene. Which way
-    /// round they go does not matter.
+    /// round they go matters for dielectrics alone.
     #[serde(deserialize_with = "bounded::triangles")]
     pub triangles: Vec<[u32; 3]>,
     /// A normal for each position, of any length but 0, on the side of the surface that is outside; or none at

@@ -33,7 +33,7 @@ pub use image_texture::{
 #[cfg(feature = "image-io")]
 pub(crate) use image_texture::{levels, texels_with_levels};
 pub use mesh::Mesh;
-pub use particles::ParticleCloud;
+pub use particles::{ParticleCloud, ParticleForm};
 pub use punctual_light::{PunctualEmitter, PunctualLight};
 
 /// Everything that can be seen, and from where.

@@ -1,11 +1,11 @@
-//! Particles: clouds of small balls that come with an update, not with the scene.
+//! Particles: clouds that come with an update, not with the scene, drawn as small balls or as the surface of what they fill.
 
 use glam::{U16Vec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::Material;
 
-/// Balls of one material and size, many and elsewhere in each frame: dust, grains, drops.
+/// Particles of one material and size, many and elsewhere in each frame: dust, grains, drops, a liquid.
 ///
 /// Their centres lie on a lattice of [`ParticleCloud::STEPS`] steps along each edge of a box, so that a particle is
 /// 6 bytes, in memory and on the wire, and every node sees the same. A box that stays the same from frame to frame
@@ -14,14 +14,36 @@ use super::Material;
 pub struct ParticleCloud {
     /// Of all particles; without a pattern, which needs an object.
     pub material: Material,
-    /// Of every particle, in metres, above 0.
+    /// Of every particle's ball, in metres, above 0.
     pub radius_m: f32,
+    /// How they are drawn.
+    pub form: ParticleForm,
     /// Corner of the box of the smallest coordinates, in metres.
     pub min: Vec3,
     /// Corner of the largest.
     pub max: Vec3,
     /// Centres: 0 lies at `min`, [`ParticleCloud::STEPS`] at `max`. Particles keep their order from frame to frame.
     pub places: Vec<U16Vec3>,
+}
+
+/// How particles are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ParticleForm {
+    /// Each as a ball.
+    #[default]
+    Balls,
+    /// All together as the closed surface of a liquid or a soft body, whose density is smoothed: a lone particle becomes a
+    /// drop whose radius is a quarter of the smoothing radius. Each node makes it anew for each frame in which particles have
+    /// moved, as some six triangles a particle (`carom-bench particles --part surface` says what that costs).
+    Surface {
+        /// Radius within which particles make one surface, in metres: about 2.5 times their distance. A larger one makes it
+        /// smoother and rounds edges off, a smaller one shows single particles.
+        smoothing_m: f32,
+        /// Height of a plane that the surface ends on, in metres; particles below are left out. A little below what
+        /// they lie on leaves no gap.
+        floor_m: f32,
+    },
 }
 
 impl ParticleCloud {
@@ -56,6 +78,7 @@ mod tests {
         let cloud = ParticleCloud {
             material: Material::grey(0.5),
             radius_m: 1e-3,
+            form: ParticleForm::Balls,
             min: Vec3::new(-0.3, 0.1, 0.0),
             max: Vec3::new(0.2, 0.4, 0.05),
             places: Vec::new(),

@@ -10,11 +10,12 @@ use std::ops::RangeInclusive;
 use glam::{Quat, Vec3};
 
 pub use self::mesh::{TRIANGLES_MAX, VERTICES_MAX};
-use self::mesh::{check_mesh, check_triangles};
+use self::mesh::{check_closed, check_mesh, check_triangles};
 pub use self::texture::{TEXTURE_BYTES_MAX, TEXTURES_MAX, UV_MAX};
 use crate::scene::{
     AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, Object, ObjectPose, ParticleCloud,
-    ProceduralTexture, PunctualEmitter, PunctualLight, Scene, SceneUpdate, Shape, Stripe,
+    ParticleForm, ProceduralTexture, PunctualEmitter, PunctualLight, Scene, SceneUpdate, Shape,
+    Stripe,
 };
 use crate::{Error, SceneError};
 
@@ -24,6 +25,8 @@ pub const OBJECTS_MAX: usize = 1 << 17;
 pub const PARTICLES_MAX: usize = 1 << 16;
 /// The most clouds of particles in an update.
 pub const CLOUDS_MAX: usize = 32;
+/// The longest edge of a cloud's box, over the smoothing radius of its surface.
+pub const SMOOTHING_RADII_MAX: f32 = 16_384.0;
 /// The most area lights in a scene.
 pub const AREA_LIGHTS_MAX: usize = 64;
 /// The most lights without extent in a scene: each hit weighs all of them.
@@ -142,7 +145,7 @@ impl Scene {
                 Err(SceneError::DielectricFlat(name.clone()))
             }
             Shape::TruncatedCone { .. } => Err(SceneError::DielectricSurface(name.clone())),
-            Shape::Mesh(_) => Err(SceneError::DielectricMesh(name.clone())),
+            Shape::Mesh(ref mesh) => check_closed(mesh),
             Shape::Sphere { .. } | Shape::Box { .. } | Shape::CsgBox { .. } => Ok(()),
         }
     }
@@ -290,7 +293,7 @@ impl SceneUpdate {
 }
 
 impl ParticleCloud {
-    /// Checks material, radius and box.
+    /// Checks material, radius, box and form.
     ///
     /// # Errors
     /// The rule that is broken, with the value.
@@ -304,8 +307,32 @@ impl ParticleCloud {
             return Err(SceneError::PatternedParticles);
         }
         extent("its radius", self.radius_m)?;
-        corners(self.min, self.max)
+        corners(self.min, self.max)?;
+        let ParticleForm::Surface {
+            smoothing_m,
+            floor_m,
+        } = self.form
+        else {
+            return Ok(());
+        };
+        extent("its smoothing radius", smoothing_m)?;
+        position("its floor", Vec3::Z * floor_m)?;
+        let edge_m = (self.max - self.min).max_element();
+        match edge_m <= SMOOTHING_RADII_MAX * smoothing_m {
+            true => Ok(()),
+            false => Err(SceneError::SurfaceBox {
+                edge_m,
+                smoothing_m,
+                max: SMOOTHING_RADII_MAX,
+            }),
+        }
     }
+}
+
+/// Whether a mesh that keeps all rules can be of a dielectric.
+#[cfg(feature = "gltf")]
+pub(crate) fn bounds_body(mesh: &super::Mesh) -> bool {
+    check_mesh(mesh).and_then(|()| check_closed(mesh)).is_ok()
 }
 
 fn check_shape(shape: &Shape) -> Check {

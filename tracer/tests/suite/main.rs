@@ -3,6 +3,7 @@
 
 mod cpu;
 mod denoise;
+mod dielectric_meshes;
 mod environments;
 mod extremes;
 mod gpu;

@@ -16,7 +16,7 @@ use crate::tracers::tracers;
 const SIZE: ImageSize = ImageSize::new(24, 16);
 
 /// A box as twelve triangles.
-fn cube(min: Vec3, max: Vec3) -> Mesh {
+pub(crate) fn cube(min: Vec3, max: Vec3) -> Mesh {
     let corner = |i: u32| {
         let pick = |bit: u32| if i >> bit & 1 == 0 { min } else { max };
         Vec3::new(pick(0).x, pick(1).y, pick(2).z)
@@ -51,17 +51,22 @@ pub(crate) fn facetted_ball(halvings: u32) -> Mesh {
                 (signs * point).normalize()
             }));
         }
+        let outwards = |[a, b, c]: [u32; 3]| match signs.element_product() > 0.0 {
+            true => [a, b, c],
+            false => [a, c, b],
+        };
         for row in 0..edge {
             let (upper, lower) = (row_first(row), row_first(row + 1));
-            triangles.extend((0..=row).map(|c| [upper + c, lower + c, lower + c + 1]));
-            triangles.extend((0..row).map(|c| [upper + c, lower + c + 1, upper + c + 1]));
+            let down = (0..=row).map(|c| [upper + c, lower + c, lower + c + 1]);
+            let up = (0..row).map(|c| [upper + c, lower + c + 1, upper + c + 1]);
+            triangles.extend(down.chain(up).map(outwards));
         }
     }
     Mesh::new(positions, triangles)
 }
 
 /// The same, shaded as the ball.
-fn smooth_ball(halvings: u32) -> Mesh {
+pub(crate) fn smooth_ball(halvings: u32) -> Mesh {
     let ball = facetted_ball(halvings);
     let normals = ball.positions.clone();
     ball.normals(normals)

@@ -5,8 +5,8 @@ use carom_tracer::glam::{U16Vec3, Vec3};
 use carom_tracer::sampling::uniforms;
 use carom_tracer::scene::validate::{CLOUDS_MAX, PARTICLES_MAX};
 use carom_tracer::{
-    CompiledScene, CpuTracer, Error, ImageSize, Material, ParticleCloud, RadianceImage,
-    RenderSettings, Scene, SceneUpdate, Sphere, Tracer,
+    CompiledScene, CpuTracer, Error, ImageSize, Material, ParticleCloud, ParticleForm,
+    RadianceImage, RenderSettings, Scene, SceneUpdate, Sphere, Tracer,
 };
 
 use super::tracers::tracers;
@@ -22,6 +22,7 @@ fn cloud(count: u32) -> ParticleCloud {
     let mut cloud = ParticleCloud {
         material: Material::diffuse([0.6, 0.5, 0.3]),
         radius_m: 0.012,
+        form: ParticleForm::Balls,
         min: Vec3::new(-0.8, -0.4, 0.0),
         max: Vec3::new(0.8, 0.4, 0.3),
         places: Vec::new(),

@@ -8,6 +8,7 @@ use carom_tracer::{
 };
 use glam::{Quat, Vec3};
 
+use crate::dielectric_meshes::{MAX_DEPTH, glass_meshes};
 use crate::environments::surrounded_still_life;
 use crate::meshes::mesh_still_life;
 use crate::punctual_lights::punctual_still_life;
@@ -489,6 +490,7 @@ pub(crate) fn scenes_of_materials() -> Vec<LawScene> {
         ("polished ball of gold", furnace(gold(0.0))),
         ("ball of cloth", furnace(cloth)),
         ("glass box", glass_box()),
+        ("glass meshes", glass_meshes()),
         ("CSG box", white_csg_block()),
         ("textured still life", textured_still_life()),
     ];
@@ -497,7 +499,11 @@ pub(crate) fn scenes_of_materials() -> Vec<LawScene> {
         .map(|(name, scene)| LawScene {
             name,
             scene,
-            max_depth: 63,
+            max_depth: if name == "glass meshes" {
+                MAX_DEPTH
+            } else {
+                63
+            },
         })
         .collect()
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant, SystemTime};
 
-use carom_farm::{Error, open_scene};
-use carom_tracer::{Camera, Scene};
+use carom_farm::{Error, SceneFile};
+use carom_tracer::{Camera, Scene, SceneUpdate};
 
 use super::Exchange;
 use crate::lights::LightSwitches;
@@ -15,17 +15,39 @@ use crate::lights::LightSwitches;
 pub(super) struct Document {
     pub(super) number: u64,
     pub(super) path: PathBuf,
+    pub(super) file: SceneFile,
+    /// What is shown of it: a scene, and what has moved there since.
     pub(super) scene: Arc<Scene>,
+    pub(super) update: SceneUpdate,
+    /// When that is.
+    pub(super) time: Option<(usize, f64)>,
     /// How it is looked at until the window says it.
     pub(super) camera: Camera,
     pub(super) lights: LightSwitches,
+}
+
+impl Document {
+    /// Shows another moment.
+    ///
+    /// # Errors
+    /// What cannot be drawn then; what is shown stays.
+    pub(super) fn seek(&mut self, time: Option<(usize, f64)>) -> Result<(), Error> {
+        if time == self.time {
+            return Ok(());
+        }
+        self.time = time;
+        if let Some((animation, secs)) = time {
+            (self.scene, self.update) = self.file.seek(animation, secs)?;
+        }
+        Ok(())
+    }
 }
 
 /// A file that is being read.
 pub(super) struct Reading {
     pub(super) path: PathBuf,
     pub(super) is_reread: bool,
-    scene: Receiver<Result<Scene, Error>>,
+    file: Receiver<Result<SceneFile, Error>>,
 }
 
 impl Reading {
@@ -35,11 +57,11 @@ impl Reading {
         is_reread: bool,
         exchange: &Arc<Exchange>,
     ) -> std::io::Result<Self> {
-        let (sender, scene) = channel();
+        let (sender, receiver) = channel();
         let (file, exchange) = (path.clone(), Arc::clone(exchange));
         let read = move || {
             // Nobody waits for it any more once the window is closed.
-            let _ = sender.send(open_scene(&file));
+            let _ = sender.send(SceneFile::open(&file));
             exchange.notify();
         };
         let thread = std::thread::Builder::new().name("carom-view-read".to_owned());
@@ -47,13 +69,13 @@ impl Reading {
         Ok(Self {
             path,
             is_reread,
-            scene,
+            file: receiver,
         })
     }
 
     /// What was read, once it is there.
-    pub(super) fn poll(&self) -> Option<Result<Scene, String>> {
-        match self.scene.try_recv() {
+    pub(super) fn poll(&self) -> Option<Result<SceneFile, String>> {
+        match self.file.try_recv() {
             Ok(read) => Some(read.map_err(|why| why.to_string())),
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => {

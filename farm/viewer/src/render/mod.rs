@@ -18,7 +18,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use carom_farm::quality::{Quality, QualityPreference};
-use carom_farm::{Balancing, Distribution, FarmConfig, LiveFrame, NodeStatus};
+use carom_farm::{Balancing, Distribution, FarmConfig, LiveFrame, NodeStatus, SceneAnimation};
 use carom_tracer::{Camera, ImageSize, Scene};
 use carom_window::display::DisplayFrame;
 
@@ -60,6 +60,8 @@ pub struct SceneLook {
     pub camera: Camera,
     /// By which lights.
     pub lights: LightSwitches,
+    /// An animation of it and when in that, seconds; none if it has none.
+    pub time: Option<(usize, f64)>,
 }
 
 /// A picture or film to save.
@@ -97,8 +99,10 @@ pub struct OpenedScene {
     pub number: u64,
     /// Its file.
     pub path: PathBuf,
-    /// What was read.
+    /// What was read, without its animations.
     pub scene: Arc<Scene>,
+    /// The animations that it has.
+    pub animations: Arc<[SceneAnimation]>,
     /// Whether its file has changed since it was read before.
     pub is_reread: bool,
 }

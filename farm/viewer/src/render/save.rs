@@ -21,13 +21,13 @@ pub(super) struct Saving {
 }
 
 impl Saving {
-    /// Begins to trace what `order` wants of a scene.
+    /// Begins to trace what `order` wants of a scene in which something has moved.
     ///
     /// # Errors
     /// What the farm refuses, that the name says no format, or that there can be no thread.
     pub(super) fn begin(
         farm: &mut Farm,
-        scene: &Scene,
+        (scene, moved): (&Scene, &SceneUpdate),
         accuracy: Accuracy,
         order: SaveOrder,
         exchange: &Arc<Exchange>,
@@ -37,12 +37,12 @@ impl Saving {
         let (canceller, write): (_, Box<dyn FnOnce() -> Result<(), Error> + Send>) =
             match order.frames_per_sec {
                 None => {
-                    let job = farm.still(scene, still(&order, accuracy, exchange)?)?;
+                    let job = farm.still(scene, still(&order, moved, accuracy, exchange)?)?;
                     let canceller = job.canceller();
                     (canceller, Box::new(move || job.wait()?.save(&order.path)))
                 }
                 Some(rate) => {
-                    let film = film(&order, accuracy, exchange)?;
+                    let film = film(&order, moved, accuracy, exchange)?;
                     let job = farm.film(scene, film, frames_folder(&order.path))?;
                     let canceller = job.canceller();
                     let write = move || finish_film(job.wait()?, &order.path, rate);
@@ -84,14 +84,19 @@ impl Drop for Saving {
     }
 }
 
-fn still(order: &SaveOrder, accuracy: Accuracy, shared: &Arc<Exchange>) -> Result<Still, Error> {
+fn still(
+    order: &SaveOrder,
+    moved: &SceneUpdate,
+    accuracy: Accuracy,
+    shared: &Arc<Exchange>,
+) -> Result<Still, Error> {
     let format = FileFormat::of(&order.path)?;
     let shared = Arc::clone(shared);
     let still = Still::new(order.size.width, order.size.height)
         .samples(order.samples)
         .max_depth(accuracy.max_depth)
         .exposure(order.exposure)
-        .update(update(order.cameras.first()))
+        .update(update(moved, order.cameras.first()))
         .background()
         .on_progress(move |progress: &StillProgress| {
             let fraction = progress.fraction();
@@ -103,10 +108,18 @@ fn still(order: &SaveOrder, accuracy: Accuracy, shared: &Arc<Exchange>) -> Resul
     })
 }
 
-fn film(order: &SaveOrder, accuracy: Accuracy, shared: &Arc<Exchange>) -> Result<Film, Error> {
+fn film(
+    order: &SaveOrder,
+    moved: &SceneUpdate,
+    accuracy: Accuracy,
+    shared: &Arc<Exchange>,
+) -> Result<Film, Error> {
     FilmFormat::of(&order.path)?;
     let shared = Arc::clone(shared);
-    let updates = order.cameras.iter().map(|camera| update(Some(camera)));
+    let updates = order
+        .cameras
+        .iter()
+        .map(|camera| update(moved, Some(camera)));
     let settings = RenderSettings {
         samples: order.samples,
         max_depth: accuracy.max_depth,
@@ -126,10 +139,10 @@ fn film(order: &SaveOrder, accuracy: Accuracy, shared: &Arc<Exchange>) -> Result
     Ok(film)
 }
 
-fn update(camera: Option<&Camera>) -> SceneUpdate {
+fn update(moved: &SceneUpdate, camera: Option<&Camera>) -> SceneUpdate {
     SceneUpdate {
         camera: camera.copied(),
-        ..SceneUpdate::default()
+        ..moved.clone()
     }
 }
 

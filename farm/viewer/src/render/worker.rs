@@ -4,7 +4,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use carom_farm::{Balancing, Distribution, Error, Farm, FarmConfig, Live, LiveView, Picture};
+use carom_farm::{
+    Balancing, Distribution, Error, Farm, FarmConfig, Live, LiveView, Picture, SceneFile,
+};
 use carom_tracer::{ImageSize, Scene, SceneUpdate};
 use carom_window::display::DisplayFrame;
 
@@ -35,6 +37,8 @@ pub(super) fn run(config: FarmConfig, accuracy: Accuracy, exchange: &Arc<Exchang
         watch: None,
         view: None,
         view_of: None,
+        view_scene: None,
+        is_stuck: false,
         lost: None,
         picture: None,
         pictures: 0,
@@ -67,6 +71,10 @@ struct Worker<'a> {
     view: Option<LiveView>,
     /// The scene of the view, and its lights.
     view_of: Option<(u64, LightSwitches)>,
+    /// That scene as it was when the view got it.
+    view_scene: Option<Arc<Scene>>,
+    /// Whether the moment that is wanted cannot be shown.
+    is_stuck: bool,
     /// Since when there has been no view because no node answered.
     lost: Option<Instant>,
     /// The newest picture, and whether it has been shown at its exposure.
@@ -107,7 +115,7 @@ impl Worker<'_> {
         {
             self.exchange.post(|news| news.reading = None);
             match read {
-                Ok(scene) => self.opened(path, Arc::new(scene), is_reread, wanted),
+                Ok(file) => self.opened(path, file, is_reread, wanted),
                 Err(why) => self.exchange.post(|news| news.refused = Some(why)),
             }
         }
@@ -140,8 +148,10 @@ impl Worker<'_> {
         }
     }
 
-    fn opened(&mut self, path: PathBuf, scene: Arc<Scene>, is_reread: bool, wanted: &Wanted) {
+    fn opened(&mut self, path: PathBuf, file: SceneFile, is_reread: bool, wanted: &Wanted) {
         self.documents += 1;
+        let scene = Arc::clone(file.scene());
+        let animations = file.animations().into();
         let number = self.documents;
         let (mut camera, mut lights) = (scene.camera, LightSwitches::of(&scene));
         // One that is read again is seen as before.
@@ -154,7 +164,10 @@ impl Worker<'_> {
         self.document = Some(Document {
             number,
             path: path.clone(),
+            file,
             scene: Arc::clone(&scene),
+            update: SceneUpdate::default(),
+            time: None,
             camera,
             lights,
         });
@@ -162,6 +175,7 @@ impl Worker<'_> {
             number,
             path,
             scene,
+            animations,
             is_reread,
         };
         self.exchange.post(|news| news.opened = Some(opened));
@@ -177,6 +191,7 @@ impl Worker<'_> {
                 scene: document.number,
                 camera: document.camera,
                 lights: document.lights.clone(),
+                time: document.time,
             },
         })
     }
@@ -187,17 +202,46 @@ impl Worker<'_> {
             return;
         };
         self.recover();
+        self.seek(&look);
         if self.view_of.as_ref() != Some(&(look.scene, look.lights.clone())) {
             self.begin_view(&look, size, wanted);
         }
         let is_saving = self.saving.is_some();
-        let Some(view) = &mut self.view else { return };
+        let (Some(view), Some(document)) = (&mut self.view, &self.document) else {
+            return;
+        };
         view.set_paused(wanted.is_paused || is_saving);
         view.set_quality_preference(wanted.preference);
         let followed = view.resize(size.width, size.height);
-        let followed = followed.and_then(|()| view.set_camera(look.camera));
+        let update = document.update.clone().camera(look.camera);
+        let shown = self.view_scene.as_ref();
+        let followed = followed.and_then(|()| {
+            if shown.is_some_and(|shown| Arc::ptr_eq(shown, &document.scene)) {
+                return view.set_update(update);
+            }
+            view.set_scene(&self.farm, &look.lights.apply(&document.scene), update)
+        });
+        self.view_scene = Some(Arc::clone(&document.scene));
         if let Err(why) = followed {
             self.fail(&why);
+        }
+    }
+
+    /// Shows the moment that is wanted.
+    fn seek(&mut self, look: &SceneLook) {
+        let Some(document) = &mut self.document else {
+            return;
+        };
+        if document.time == look.time {
+            return;
+        }
+        let sentence = match document.seek(look.time) {
+            Ok(()) => String::new(),
+            Err(why) => why.to_string(),
+        };
+        if !sentence.is_empty() || self.is_stuck {
+            self.is_stuck = !sentence.is_empty();
+            self.exchange.post(|news| news.fault = Some(sentence));
         }
     }
 
@@ -218,6 +262,7 @@ impl Worker<'_> {
         self.view = None;
         self.lost = None;
         self.view_of = Some((look.scene, look.lights.clone()));
+        self.view_scene = Some(Arc::clone(&document.scene));
         self.exchange.post(|news| news.fault = Some(String::new()));
         if look.lights.is_dark() {
             self.picture = None;
@@ -318,7 +363,8 @@ impl Worker<'_> {
         };
         let scene = look.lights.apply(&document.scene);
         let (accuracy, exchange) = (self.accuracy, self.exchange);
-        match Saving::begin(&mut self.farm, &scene, accuracy, order.clone(), exchange) {
+        let seen = (&scene, &document.update);
+        match Saving::begin(&mut self.farm, seen, accuracy, order.clone(), exchange) {
             Ok(saving) => {
                 self.saving = Some(saving);
                 // The view makes room for it.

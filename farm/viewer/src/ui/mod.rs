@@ -1,5 +1,6 @@
 //! Interface over the picture, and what is done in a pass of it.
 
+pub(crate) mod animation;
 pub(crate) mod help;
 pub(crate) mod notices;
 pub(crate) mod panel;
@@ -13,6 +14,7 @@ impl Viewer {
     pub fn draw(&mut self, ui: &mut Ui, now_secs: f64, present: &str) {
         self.take_news(now_secs);
         self.press(ui);
+        self.play(ui, now_secs);
         let mut room = self.draw_stats(ui, now_secs, present);
         if self.has_panel && self.document.is_some() {
             room = panel::show(ui.ctx(), room, self);

@@ -10,6 +10,7 @@ use egui::{
 use glam::Vec3;
 
 use crate::camera::OrbitCamera;
+use crate::ui::animation;
 use crate::viewer::{STOPS_MAX, Viewer};
 
 /// Draws it at the left of a part of the window; what it leaves of that.
@@ -64,6 +65,11 @@ fn contents(ui: &mut Ui, viewer: &mut Viewer) {
         ui.checkbox(&mut viewer.is_paused, text!("view-pause"))
             .on_hover_text(text!("view-pause-about"));
     });
+    if !viewer.playback.animations().is_empty() {
+        section(ui, text!("view-animation"), |ui| {
+            animation::show(ui, &mut viewer.playback);
+        });
+    }
     section(ui, text!("view-lights"), |ui| lights(ui, viewer));
     section(ui, text!("view-save"), |ui| save(ui, viewer));
 }

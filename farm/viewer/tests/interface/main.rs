@@ -7,9 +7,11 @@ mod pictures;
 mod stage;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use carom_farm::FrameStats;
+use carom_farm::{FrameStats, SceneAnimation};
 use carom_view::controls::CONTROLS;
+use carom_view::render::OpenedScene;
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, PointerButton, Pos2, pos2};
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
@@ -375,4 +377,38 @@ fn ctrl_q_quits_and_f11_fills_the_screen() {
         .key_press_modifiers(Modifiers::COMMAND, Key::Q);
     stage.harness.run_steps(2);
     assert!(stage.viewer().wants_quit());
+}
+
+#[test]
+fn an_animation_plays_stops_and_is_wound_by_keys_and_panel() {
+    let mut stage = stage();
+    let animations = [("walk", 2.0), ("", 5.0)].map(|(name, duration_secs)| SceneAnimation {
+        name: name.to_owned(),
+        duration_secs,
+    });
+    stage.post(|news| {
+        news.opened = Some(OpenedScene {
+            animations: Arc::new(animations),
+            ..opened(1, "dancer.glb", false)
+        });
+    });
+    let time = |stage: &Stage| stage.wanted().look.unwrap().time.expect("it is animated");
+    stage.harness.run_steps(5);
+    assert_eq!(time(&stage), (0, 0.0), "it stands until it is to play");
+    press(&mut stage, Key::Space);
+    stage.harness.run_steps(5);
+    let (_, playing) = time(&stage);
+    assert!((0.3..1.5).contains(&playing), "{playing}");
+    // It begins again at its end.
+    stage.harness.run_steps(22);
+    assert!((0.0..2.0).contains(&time(&stage).1));
+    stage.harness.get_by_label("Stop").click();
+    stage.harness.run_steps(2);
+    let stopped = time(&stage);
+    stage.harness.run_steps(5);
+    assert_eq!(time(&stage), stopped);
+    stage.harness.get_by_label("Play").click();
+    stage.harness.run_steps(3);
+    assert_ne!(time(&stage), stopped);
+    assert!(stage.has("Time") && stage.has("Speed") && stage.has("walk"));
 }

@@ -45,6 +45,7 @@ pub(crate) fn opened(number: u64, path: &str, is_reread: bool) -> OpenedScene {
         number,
         path: path.into(),
         scene: Arc::new(scene()),
+        animations: Arc::new([]),
         is_reread,
     }
 }

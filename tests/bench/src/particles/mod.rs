@@ -2,6 +2,7 @@
 
 mod picture;
 mod precision;
+mod surface;
 mod wire;
 
 use clap::ValueEnum;
@@ -14,7 +15,8 @@ use crate::BenchError;
 /// to a node, the farthest that a particle is drawn from its place, and CPU time at both ends. picture: CPU time (on
 /// a GPU that tells it, its own) of the game's room at several moments of a stroke, with each level of dust. precision:
 /// particles, time and the cue ball's way through each trick table, at each precision, and how far it is from that at
-/// the finest over the first second.
+/// the finest over the first second. surface: CPU time of one core to make the surfaces of jelly and water of a frame and
+/// their tree, and of a frame with them and with their particles as beads.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Only this part.
@@ -32,6 +34,7 @@ enum Part {
     Wire,
     Picture,
     Precision,
+    Surface,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
@@ -41,6 +44,9 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     }
     if is_wanted(Part::Picture) {
         picture::run(&args.picture)?;
+    }
+    if is_wanted(Part::Surface) {
+        surface::run(&args.picture)?;
     }
     if is_wanted(Part::Precision) {
         precision::run()?;

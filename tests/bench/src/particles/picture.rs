@@ -16,16 +16,16 @@ use crate::timing::{best_ms, milliseconds};
 pub(super) struct PictureArgs {
     /// Only this back end [default: all].
     #[arg(long)]
-    backend: Option<Backend>,
+    pub(super) backend: Option<Backend>,
     /// Pixels.
     #[arg(long, default_value = "1280x720")]
-    size: ImageSize,
+    pub(super) size: ImageSize,
     /// Samples per pixel.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=65_536))]
-    spp: u32,
+    pub(super) spp: u32,
     /// Turns; the best of each is taken.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    repetitions: u32,
+    pub(super) repetitions: u32,
 }
 
 pub(super) fn run(args: &PictureArgs) -> Result<(), BenchError> {

@@ -7,7 +7,8 @@ use carom_protocol::{
     PrecisionRange, RequestId, SceneHash, TraceRequest,
 };
 use carom_tracer::{
-    DeviceInfo, DeviceKind, ImageSize, ParticleCloud, RenderSettings, Scene, SceneUpdate, TileGrid,
+    DeviceInfo, DeviceKind, ImageSize, ParticleCloud, ParticleForm, RenderSettings, Scene,
+    SceneUpdate, TileGrid,
 };
 use cpu_time::ThreadTime;
 use glam::{DVec3, Vec3};
@@ -100,6 +101,7 @@ fn cloud(simulation: &Simulation, size: Vec3, box_m: f32) -> ParticleCloud {
     let mut cloud = ParticleCloud {
         material: carom_tracer::Material::diffuse([0.6, 0.5, 0.35]),
         radius_m: 2e-3,
+        form: ParticleForm::Balls,
         min: middle - Vec3::new(box_m / 2.0, box_m / 2.0, 0.0),
         max: middle + Vec3::new(box_m / 2.0, box_m / 2.0, box_m / 2.0),
         places: vec![glam::U16Vec3::ZERO; simulation.len()],

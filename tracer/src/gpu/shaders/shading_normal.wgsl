@@ -13,6 +13,15 @@ fn visible_normal(shading: vec3f, normal: vec3f, wo: vec3f) -> vec3f {
     return normalize(wo + normalize(fma(vec3f(lift), normal, reflected)));
 }
 
+// Whether a direction is on the other side of the surface than of the normal that it is shaded with.
+fn is_below(bsdf: Bsdf, normal: vec3f, wi: vec3f) -> bool {
+    let height = dot(wi, geometric_normal);
+    if (HAS_DIELECTRIC && bsdf_is_transmissive(bsdf) && dot(wi, normal) < 0.0) {
+        return height > 0.0;
+    }
+    return height < 0.0;
+}
+
 // No light comes from below the surface.
 fn direct_light(
     surface: Surface,
@@ -23,7 +32,7 @@ fn direct_light(
     light_weight_sum: ptr<function, f32>,
 ) -> ShadowRay {
     let ray = bare_direct_light(surface, bsdf, wo, u, cone_density, light_weight_sum);
-    if (dot(ray.direction, geometric_normal) < 0.0) {
+    if (is_below(bsdf, surface.normal, ray.direction)) {
         return NO_SHADOW_RAY;
     }
     return ray;
@@ -32,7 +41,7 @@ fn direct_light(
 // Nor goes any there.
 fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
     var next = bare_bsdf_sample(bsdf, n, wo, u);
-    if (dot(next.wi, geometric_normal) < 0.0) {
+    if (is_below(bsdf, n, next.wi)) {
         next.weight = vec3f(0.0);
     }
     return next;

@@ -22,6 +22,10 @@ struct SeenTriangle {
 
 // Two axes across the ray that is being traced.
 var<private> ray_axes: Basis;
+// The triangle by which the ray that is being traced came inside its body, or no number of one.
+var<private> came_in_by: u32;
+// As far on the other side of the triangle that was met last as the position is on this one.
+var<private> beyond: vec3f;
 
 fn dot_fused(a: vec3f, b: vec3f) -> f32 {
     return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z));
@@ -46,6 +50,10 @@ fn triangle_t(prepared: PreparedRay, index: u32) -> f32 {
     if (!is_inside || !(abs(sum) > 0.0)) {
         return T_MISS;
     }
+    // On the surface a ray that goes inside leads away from it.
+    if (HAS_DIELECTRIC_MESH && index == came_in_by && sum < 0.0) {
+        return T_MISS;
+    }
     // Equal products tell only that the ray meets the line of an edge.
     if (any(seen.weights == vec3f(0.0))) {
         let is_beside_x = smallest(seen.x) > 0.0 || largest(seen.x) < 0.0;
@@ -58,9 +66,12 @@ fn triangle_t(prepared: PreparedRay, index: u32) -> f32 {
     return select(T_MISS, t, t > 0.0);
 }
 
-// Nothing can be inside of one.
+// A ray inside a body meets any triangle of it where it leaves.
 fn own_triangle(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
     ray_axes = basis(prepared.ray.direction);
+    if (HAS_DIELECTRIC_MESH) {
+        came_in_by = (start ^ INSIDE) - TRIANGLE_FIRST;
+    }
     return start;
 }
 
@@ -71,16 +82,20 @@ fn triangle_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let b = mesh.triangles[index].b;
     let c = mesh.triangles[index].c;
     var normal = normalize(cross(b - a, c - a));
-    normal = select(normal, -normal, dot(normal, ray.direction) > 0.0);
+    let is_left = dot(normal, ray.direction) > 0.0;
+    normal = select(normal, -normal, is_left);
     // Moved above by the most that rounding can have put it below.
     let magnitude = abs(weights.x * a) + abs(weights.y * b) + abs(weights.z * c);
     let above = dot(magnitude, abs(normal)) * POINT_ROUNDING;
     let material = mesh.triangles[index].material;
+    if (HAS_DIELECTRIC_MESH) {
+        beyond = fma(vec3f(-above), normal, weights.x * a + weights.y * b + weights.z * c);
+    }
     return Surface(
         fma(vec3f(above), normal, weights.x * a + weights.y * b + weights.z * c),
         triangle_shading_normal(index, weights, normal, -ray.direction, t),
         scene_storage.materials[material].albedo,
         material,
-        false,
+        HAS_DIELECTRIC_MESH && is_left,
     );
 }

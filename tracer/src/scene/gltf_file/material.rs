@@ -11,12 +11,15 @@ use gltf_json::validation::Checked;
 use super::container::{self, Files};
 use super::{Document, Fault, Refusal};
 use crate::scene::validate::NAME_BYTES_MAX;
-use crate::scene::{ColorSpace, ImageTexture, Material, MaterialTextures, Scene, Wrap};
+use crate::scene::{ColorSpace, ImageTexture, Material, MaterialTextures, Medium, Scene, Wrap};
 use crate::text::printable;
 
 /// A material of the file, by its name in the scene.
+#[derive(Debug)]
 pub(super) struct MaterialEntry {
     pub(super) name: String,
+    /// That of a body that is filled with it, if it transmits light.
+    pub(super) body: Option<String>,
     /// The texture coordinates that its textures use, if it has any.
     pub(super) uvs: Option<UvSet>,
 }
@@ -60,17 +63,65 @@ pub(super) fn read(
         let given = material.name.as_deref().unwrap_or("material");
         let name = printable(&format!("{index} {given}"), NAME_BYTES_MAX);
         let what = format!("material {index} `{given}`");
+        let body = dielectric(material, &what)?;
         let (material, uvs) = textures.material(material, &what, scene)?;
         scene.materials.insert(name.clone(), material);
-        entries.push(MaterialEntry { name, uvs });
+        let body = body.map(|material| {
+            let name = printable(&format!("{index} body of {given}"), NAME_BYTES_MAX);
+            scene.materials.insert(name.clone(), material);
+            name
+        });
+        entries.push(MaterialEntry { name, body, uvs });
     }
     let name = "default".to_owned();
     scene
         .materials
         .insert(name.clone(), Material::rough([1.0; 3], 1.0));
-    entries.push(MaterialEntry { name, uvs: None });
+    entries.push(MaterialEntry {
+        name,
+        body: None,
+        uvs: None,
+    });
     Ok(entries)
 }
+
+/// What fills a closed mesh of a material that transmits most of its light.
+fn dielectric(from: &gltf_json::Material, what: &str) -> Result<Option<Material>, Refusal> {
+    let extensions = from.extensions.as_ref();
+    let transmission = extensions.and_then(|all| all.transmission.as_ref());
+    if transmission.is_none_or(|part| part.transmission_factor.0 < TRANSMISSION_MIN) {
+        return Ok(None);
+    }
+    let volume = extensions.and_then(|all| all.volume.as_ref());
+    let volume = volume.filter(|volume| volume.thickness_factor.0 > 0.0);
+    let medium = volume.map(|volume| {
+        let (distance_m, color) = (volume.attenuation_distance.0, volume.attenuation_color.0);
+        if !(distance_m > 0.0 && color.iter().all(|channel| (0.0..=1.0).contains(channel))) {
+            return Err(format!(
+                "{what}: it attenuates light to {color:?} in {distance_m} m: they must be from 0 to 1, and above 0"
+            ));
+        }
+        let color = Vec3::from(color).max(Vec3::splat(ATTENUATION_MIN));
+        Ok(Medium {
+            // +0, also of white.
+            extinction: (Vec3::from(color.to_array().map(f32::ln)) / -distance_m).max(Vec3::ZERO),
+            albedo: Vec3::ZERO,
+        })
+    });
+    let medium = medium.transpose()?;
+    let ior = extensions.and_then(|all| all.ior.as_ref());
+    let roughness = from.pbr_metallic_roughness.roughness_factor.0;
+    Ok(Some(Material::Dielectric {
+        ior: ior.map_or(1.5, |ior| ior.ior.0),
+        alpha: roughness * roughness,
+        medium: medium.filter(|medium| medium.extinction != Vec3::ZERO),
+    }))
+}
+
+/// What transmits less is opaque.
+const TRANSMISSION_MIN: f32 = 0.5;
+/// Black is as dark as this, since no medium is opaque.
+const ATTENUATION_MIN: f32 = 1e-6;
 
 impl Textures<'_> {
     fn material(

@@ -2,27 +2,37 @@
 //!
 //! Read are the nodes of the file's scene with their meshes, as one object for each primitive of each; materials with
 //! their textures; lights (`KHR_lights_punctual`); and the first perspective camera. Its +y is this tracer's +z. The extensions
-//! `KHR_materials_ior`, `KHR_materials_emissive_strength` and `KHR_texture_transform` are read too. Everything is drawn
-//! as the file has it at rest: animations, skins and morph targets are passed over, and so are opacity, vertex colours,
+//! `KHR_materials_ior`, `KHR_materials_emissive_strength` and `KHR_texture_transform` are read too. Animations, skins and
+//! morph targets give the scene at a time ([`AnimatedScene`]). Closed meshes of a material that transmits half of its light or
+//! more (`KHR_materials_transmission`) are dielectrics that absorb as `KHR_materials_volume` says; open ones are opaque, and the
+//! base colour does not tint what is transmitted. Passed over are opacity, vertex colours,
 //! occlusion and the scale of normal maps. A file that requires another extension, or holds points or lines, is refused.
 //!
 //! The types of the file's JSON are those of the crate `gltf-json`; its buffers and images are read here.
 
 mod accessor;
+mod animated_scene;
+mod animation;
+#[cfg(test)]
+mod animation_tests;
 mod container;
+mod deformation;
 mod material;
 mod node;
+mod pose;
 #[cfg(test)]
 mod tests;
+mod track;
 
 use std::path::Path;
 
 use gltf_json::Root;
 
+pub use self::animated_scene::{AnimatedScene, AnimationTime};
+pub use self::animation::Animation;
 use self::container::Files;
 use super::Scene;
-use crate::text::{SENTENCE_BYTES_MAX, printable};
-use crate::{Error, SceneError};
+use crate::Error;
 
 /// The most bytes of a glTF file and the files that it names, together: ten million triangles have 0.7 GB, and as much
 /// again may be textures.
@@ -40,21 +50,7 @@ impl Scene {
     /// [`Error::Io`] if a file cannot be read; [`Error::Format`] with the place and the value if it is no glTF, needs what
     /// is not read, has more than [`GLTF_BYTES_MAX`] or breaks a rule of [`super::validate`].
     pub fn load_gltf(path: impl AsRef<Path>) -> Result<Self, Error> {
-        let path = path.as_ref();
-        let mut files = Files::beside(path);
-        let bytes = files.read(path)?;
-        let scene = read(&bytes, &mut files).map_err(|fault| match fault {
-            Fault::File(error) => error,
-            Fault::Refused(message) => Error::Format {
-                path: path.to_owned(),
-                message: printable(&message, SENTENCE_BYTES_MAX),
-            },
-        })?;
-        scene.validate().map_err(|error| Error::Format {
-            path: path.to_owned(),
-            message: error.to_string(),
-        })?;
-        Ok(scene)
+        AnimatedScene::load(path).map(AnimatedScene::into_rest)
     }
 
     /// Reads and checks glTF 2.0 that holds all that it needs: the bytes of a `.glb`, or JSON with `data:` URIs.
@@ -62,12 +58,7 @@ impl Scene {
     /// # Errors
     /// [`Error::InvalidScene`] as [`Scene::load_gltf`].
     pub fn from_gltf(bytes: &[u8]) -> Result<Self, Error> {
-        let scene = read(bytes, &mut Files::none()).map_err(|fault| match fault {
-            Fault::File(error) => error,
-            Fault::Refused(message) => Error::InvalidScene(SceneError::Gltf(message)),
-        })?;
-        scene.validate()?;
-        Ok(scene)
+        AnimatedScene::from_gltf(bytes).map(AnimatedScene::into_rest)
     }
 }
 
@@ -85,32 +76,40 @@ impl From<Refusal> for Fault {
 }
 
 /// A file with its buffers.
+#[derive(Debug)]
 struct Document {
     root: Root,
     buffers: Vec<Vec<u8>>,
+    /// Morph targets of each mesh.
+    targets: Vec<usize>,
 }
 
-fn read(bytes: &[u8], files: &mut Files) -> Result<Scene, Fault> {
-    let (json, binary) = container::split(bytes)?;
-    if json.len() > GLTF_JSON_BYTES_MAX {
-        let max = GLTF_JSON_BYTES_MAX;
-        return Err(format!("its JSON is longer than {max} bytes").into());
+impl Document {
+    fn read(bytes: &[u8], files: &mut Files) -> Result<Self, Fault> {
+        let (json, binary) = container::split(bytes)?;
+        if json.len() > GLTF_JSON_BYTES_MAX {
+            let max = GLTF_JSON_BYTES_MAX;
+            return Err(format!("its JSON is longer than {max} bytes").into());
+        }
+        let root =
+            Root::from_slice(json).map_err(|error| format!("its JSON is no glTF 2.0: {error}"))?;
+        check(&root)?;
+        let buffers = container::buffers(&root, binary, files)?;
+        let targets = pose::targets(&root)?;
+        Ok(Self {
+            root,
+            buffers,
+            targets,
+        })
     }
-    let root =
-        Root::from_slice(json).map_err(|error| format!("its JSON is no glTF 2.0: {error}"))?;
-    check(&root)?;
-    let buffers = container::buffers(&root, binary, files)?;
-    let document = Document { root, buffers };
-    let mut scene = Scene::new();
-    let materials = material::read(&document, files, &mut scene)?;
-    node::read(&document, &materials, &mut scene)?;
-    Ok(scene)
 }
 
-const EXTENSIONS: [&str; 4] = [
+const EXTENSIONS: [&str; 6] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
     "KHR_texture_transform",
 ];
 

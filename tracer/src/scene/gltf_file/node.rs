@@ -1,6 +1,8 @@
 //! Nodes of a glTF file: meshes, cameras and lights where they stand.
 
-use glam::{DMat3, DMat4, DQuat, DVec3, Vec2, Vec3};
+use std::collections::BTreeMap;
+
+use glam::{DMat3, DMat4, DQuat, DVec3, Quat, Vec2, Vec3};
 use gltf_json::accessor::Type;
 use gltf_json::camera::Perspective;
 use gltf_json::extensions::scene::khr_lights_punctual::Type as LightType;
@@ -9,118 +11,77 @@ use gltf_json::root::Index;
 use gltf_json::scene::Node;
 use gltf_json::validation::Checked;
 
+use super::deformation::{self, DISPLACEMENTS_MAX, Vertices};
 use super::material::{MaterialEntry, UvSet};
+use super::pose::{Hierarchy, Pose};
 use super::{Document, Refusal};
-use crate::scene::validate::{NAME_BYTES_MAX, OBJECTS_MAX, TRIANGLES_MAX, VERTICES_MAX};
-use crate::scene::{Camera, Lens, Mesh, Object, PunctualEmitter, PunctualLight, Scene, Shape};
+use crate::scene::validate::{
+    NAME_BYTES_MAX, OBJECTS_MAX, TRIANGLES_MAX, VERTICES_MAX, bounds_body,
+};
+use crate::scene::{
+    Camera, Lens, Mesh, Object, ObjectPose, PunctualEmitter, PunctualLight, Scene, SceneUpdate,
+    Shape,
+};
 use crate::text::printable;
 
 /// What nodes have added so far.
 struct Contents<'a> {
     document: &'a Document,
     materials: &'a [MaterialEntry],
+    pose: &'a Pose,
     scene: &'a mut Scene,
     camera: Option<Camera>,
+    /// Of skins, where their joints are.
+    joints: BTreeMap<usize, Vec<DMat4>>,
     vertices: usize,
     triangles: usize,
+    displacements: usize,
 }
 
-/// Adds all that the nodes of the file's scene hold.
+/// Adds all that the nodes of the file's scene hold in a pose; the first perspective camera, if there is one.
 pub(super) fn read(
     document: &Document,
     materials: &[MaterialEntry],
+    hierarchy: &Hierarchy,
+    pose: &Pose,
     scene: &mut Scene,
-) -> Result<(), Refusal> {
+) -> Result<Option<Camera>, Refusal> {
     let mut contents = Contents {
         document,
         materials,
+        pose,
         scene,
         camera: None,
+        joints: BTreeMap::new(),
         vertices: 0,
         triangles: 0,
+        displacements: 0,
     };
-    let root = &document.root;
-    let mut is_reached = vec![false; root.nodes.len()];
-    let mut stack: Vec<(Index<Node>, DMat4)> = roots(document)?
-        .into_iter()
-        .rev()
-        .map(|node| (node, Z_UP))
-        .collect();
-    while let Some((index, world_from_parent)) = stack.pop() {
-        let place = index.value();
-        let node = root.nodes.get(place);
-        let node = node.ok_or_else(|| format!("node {place} does not exist"))?;
-        if std::mem::replace(&mut is_reached[place], true) {
-            return Err(format!(
-                "node {place} is reached twice: a node must have one parent, and none below itself"
-            ));
-        }
-        let world_from_node = world_from_parent * transform(node);
-        contents.add(place, node, world_from_node)?;
-        let children = node.children.iter().flatten().rev();
-        stack.extend(children.map(|child| (*child, world_from_node)));
+    for place in hierarchy.nodes() {
+        contents.add(place)?;
     }
     let camera = contents.camera;
     if !scene.punctual_lights.is_empty() {
         // What the file lights is lit by that alone.
         scene.environment.radiance = Vec3::ZERO;
     }
-    scene.camera = camera.unwrap_or_else(|| framed(scene));
-    Ok(())
-}
-
-/// From glTF's +y upwards to +z upwards.
-const Z_UP: DMat4 = DMat4::from_cols_array(&[
-    1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0,
-]);
-
-fn roots(document: &Document) -> Result<Vec<Index<Node>>, Refusal> {
-    let root = &document.root;
-    let place = root.scene.map_or(0, |scene| scene.value());
-    match root.scenes.get(place) {
-        Some(scene) => Ok(scene.nodes.clone()),
-        None => Err(format!("scene {place} does not exist")),
-    }
-}
-
-fn transform(node: &Node) -> DMat4 {
-    if let Some(matrix) = node.matrix {
-        return DMat4::from_cols_array(&matrix.map(f64::from));
-    }
-    let vector =
-        |v: Option<[f32; 3]>, default| v.map_or(default, |v| DVec3::from(v.map(f64::from)));
-    let rotation = node
-        .rotation
-        .as_ref()
-        .map_or([0.0, 0.0, 0.0, 1.0], |rotation| rotation.0);
-    DMat4::from_scale_rotation_translation(
-        vector(node.scale, DVec3::ONE),
-        DQuat::from_array(rotation.map(f64::from)),
-        vector(node.translation, DVec3::ZERO),
-    )
+    Ok(camera)
 }
 
 impl Contents<'_> {
-    fn add(&mut self, place: usize, node: &Node, world_from_node: DMat4) -> Result<(), Refusal> {
+    fn add(&mut self, place: usize) -> Result<(), Refusal> {
+        let node = &self.document.root.nodes[place];
+        let world_from_node = self.pose.world_from_node(place).unwrap_or_default();
         let given = node.name.as_deref().unwrap_or("node");
         let name = printable(&format!("{place} {given}"), NAME_BYTES_MAX);
         if let Some(mesh) = node.mesh {
-            self.add_mesh(mesh, &name, world_from_node)?;
+            self.add_mesh(mesh, place, &name, world_from_node)?;
         }
-        if let Some(camera) = node.camera {
-            let index = camera.value();
-            let camera = self.document.root.cameras.get(index);
-            let camera = camera.ok_or_else(|| format!("camera {index} does not exist"))?;
-            if let (None, Some(perspective)) = (self.camera, &camera.perspective) {
-                self.camera = Some(perspective_camera(perspective, world_from_node));
-            }
+        if let (None, Some(perspective)) = (self.camera, camera(self.document, node)?) {
+            self.camera = Some(perspective_camera(perspective, world_from_node));
         }
-        let light = node
-            .extensions
-            .as_ref()
-            .and_then(|all| all.khr_lights_punctual.as_ref());
-        if let Some(light) = light {
-            self.add_light(light.light.value(), &name, world_from_node)?;
+        if let Some(light) = light(node) {
+            self.add_light(light, &name, world_from_node)?;
         }
         Ok(())
     }
@@ -167,12 +128,25 @@ impl Contents<'_> {
     fn add_mesh(
         &mut self,
         mesh: Index<gltf_json::Mesh>,
-        node: &str,
+        node: usize,
+        name: &str,
         world_from_node: DMat4,
     ) -> Result<(), Refusal> {
         let place = mesh.value();
         let mesh = self.document.root.meshes.get(place);
         let mesh = mesh.ok_or_else(|| format!("mesh {place} does not exist"))?;
+        let placement = match self.document.root.nodes[node].skin {
+            None => Placement::Rigid(world_from_node),
+            Some(skin) => {
+                let skin = skin.value();
+                if !self.joints.contains_key(&skin) {
+                    let joints = deformation::joints(self.document, skin, self.pose)?;
+                    self.joints.insert(skin, joints);
+                }
+                Placement::Skinned(skin)
+            }
+        };
+        let weights = self.pose.weights(self.document, node)?;
         for (index, primitive) in mesh.primitives.iter().enumerate() {
             let what = format!("mesh {place}, primitive {index}");
             let default = self.materials.len() - 1;
@@ -186,10 +160,11 @@ impl Contents<'_> {
                 }
                 None => &self.materials[default],
             };
-            let shape = self.shape(primitive, entry.uvs.as_ref(), world_from_node, &what)?;
+            let shape = self.shape(primitive, entry.uvs.as_ref(), placement, &weights, &what)?;
+            let body = entry.body.as_ref().filter(|_| bounds_body(&shape));
             self.scene.objects.push(Object {
-                name: node.to_owned(),
-                material: entry.name.clone(),
+                name: name.to_owned(),
+                material: body.unwrap_or(&entry.name).clone(),
                 shape: Shape::Mesh(shape),
             });
             if self.scene.objects.len() > OBJECTS_MAX {
@@ -203,46 +178,53 @@ impl Contents<'_> {
         &mut self,
         primitive: &Primitive,
         uvs: Option<&UvSet>,
-        world_from_node: DMat4,
+        placement: Placement,
+        weights: &[f64],
         what: &str,
     ) -> Result<Mesh, Refusal> {
         let document = self.document;
-        let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
-        let positions =
-            attribute(Semantic::Positions).ok_or_else(|| format!("{what} has no positions"))?;
-        let positions = document.numbers(positions, Type::Vec3, what)?;
-        let count = positions.len() / 3;
+        let mut vertices = Vertices::read(document, primitive, what)?;
+        let count = vertices.positions.len();
         self.vertices += count;
         if self.vertices > VERTICES_MAX {
             return Err(format!("{what}: it has more than {VERTICES_MAX} vertices"));
         }
+        if let Some(targets) = &primitive.targets {
+            self.displacements += vertices.morph(document, targets, weights, what)?;
+            if self.displacements > DISPLACEMENTS_MAX {
+                return Err(format!(
+                    "{what}: morph targets displace more than {DISPLACEMENTS_MAX} vertices"
+                ));
+            }
+        }
+        let (center, is_mirrored) = match placement {
+            Placement::Rigid(world_from_node) => {
+                let linear = DMat3::from_mat4(world_from_node);
+                vertices.transform(linear);
+                let center = world_from_node.w_axis.truncate().as_vec3();
+                (center, linear.determinant() < 0.0)
+            }
+            Placement::Skinned(skin) => {
+                vertices.skin(document, primitive, &self.joints[&skin], what)?;
+                (Vec3::ZERO, false)
+            }
+        };
         let corners = match primitive.indices {
             Some(indices) => document.indices(indices, what)?,
             None => (0..count as u32).collect(),
         };
-        let linear = DMat3::from_mat4(world_from_node);
-        let determinant = linear.determinant();
-        let triangles = triangles(&primitive.mode, &corners, determinant < 0.0, what)?;
+        let triangles = triangles(&primitive.mode, &corners, is_mirrored, what)?;
         self.triangles += triangles.len();
         if self.triangles > TRIANGLES_MAX {
             return Err(format!(
                 "{what}: it has more than {TRIANGLES_MAX} triangles"
             ));
         }
-        let turned = |matrix: DMat3, v: &[f32; 3]| matrix * Vec3::from(*v).as_dvec3();
-        let triples = |numbers: &[f32], matrix: DMat3| {
-            let triples = numbers.as_chunks().0.iter();
-            triples
-                .map(|v| turned(matrix, v).as_vec3())
-                .collect::<Vec<Vec3>>()
-        };
-        let mut mesh = Mesh::new(triples(&positions, linear), triangles)
-            .at(world_from_node.w_axis.truncate().as_vec3());
-        if let Some(normals) = attribute(Semantic::Normals).filter(|_| determinant != 0.0) {
-            let normals = document.numbers(normals, Type::Vec3, what)?;
-            let cofactor = linear.inverse().transpose() * determinant.abs();
-            mesh = mesh.normals(triples(&normals, cofactor));
-        }
+        let rounded = |vectors: &[DVec3]| vectors.iter().map(|v| v.as_vec3()).collect();
+        let mut mesh = Mesh::new(rounded(&vertices.positions), triangles)
+            .normals(rounded(&vertices.normals))
+            .at(center);
+        let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
         if let Some(uvs) = uvs {
             let set = attribute(Semantic::TexCoords(uvs.index)).ok_or_else(|| {
                 format!(
@@ -261,6 +243,93 @@ impl Contents<'_> {
         Ok(mesh)
     }
 }
+
+/// How the vertices of a mesh come to their places in the world.
+#[derive(Clone, Copy)]
+enum Placement {
+    /// As the mesh's node stands.
+    Rigid(DMat4),
+    /// By the joints of this skin.
+    Skinned(usize),
+}
+
+/// What shows a scene of one pose in another; none if more than places of objects and the camera differ.
+pub(super) fn update(
+    document: &Document,
+    hierarchy: &Hierarchy,
+    from: &Pose,
+    to: &Pose,
+) -> Result<Option<SceneUpdate>, Refusal> {
+    let mut update = SceneUpdate::default();
+    let mut is_same_skin: BTreeMap<usize, bool> = BTreeMap::new();
+    let mut object = 0;
+    for place in hierarchy.nodes() {
+        let node = &document.root.nodes[place];
+        let [before, after] =
+            [from, to].map(|pose| pose.world_from_node(place).unwrap_or_default());
+        if light(node).is_some() && before != after {
+            return Ok(None);
+        }
+        if let (None, Some(camera)) = (update.camera, camera(document, node)?) {
+            update.camera = Some(perspective_camera(camera, after));
+        }
+        let Some(mesh) = node.mesh else { continue };
+        let first: u32 = object;
+        object += document.root.meshes[mesh.value()].primitives.len() as u32;
+        if from.weights(document, place)? != to.weights(document, place)? {
+            return Ok(None);
+        }
+        if let Some(skin) = node.skin {
+            let skin = skin.value();
+            if !is_same_skin.contains_key(&skin) {
+                let [before, after] =
+                    [from, to].map(|pose| deformation::joints(document, skin, pose));
+                is_same_skin.insert(skin, before? == after?);
+            }
+            if !is_same_skin[&skin] {
+                return Ok(None);
+            }
+        } else if before != after {
+            let Some(rotation) = rotation(before, after) else {
+                return Ok(None);
+            };
+            update
+                .poses
+                .extend((first..object).map(|object| ObjectPose {
+                    object,
+                    position: after.w_axis.truncate().as_vec3(),
+                    rotation,
+                    visible: true,
+                }));
+        }
+    }
+    Ok(Some(update))
+}
+
+/// Turns what one matrix has turned, scaled and sheared as another does, if no more than a rotation is between them.
+fn rotation(before: DMat4, after: DMat4) -> Option<Quat> {
+    let [before, after] = [before, after].map(DMat3::from_mat4);
+    if before == after {
+        return Some(Quat::IDENTITY);
+    }
+    if before.determinant() == 0.0 {
+        return None;
+    }
+    let between = after * before.inverse();
+    let unlike = between.transpose() * between - DMat3::IDENTITY;
+    let off = unlike
+        .to_cols_array()
+        .into_iter()
+        .map(f64::abs)
+        .fold(0.0, f64::max);
+    let is_rotation = off < ROTATION_ERROR_MAX && between.determinant() > 0.0;
+    let rotation =
+        is_rotation.then(|| DQuat::from_mat3(&between).normalize().as_quat().normalize());
+    rotation.filter(|rotation| rotation.is_finite())
+}
+
+/// Numbers of a file are rounded to 24 bits.
+const ROTATION_ERROR_MAX: f64 = 1e-5;
 
 /// Triangles that go round anticlockwise, of corners in a mode.
 fn triangles(
@@ -300,6 +369,23 @@ fn triangles(
     Ok(triangles)
 }
 
+/// The perspective camera of a node.
+fn camera<'a>(document: &'a Document, node: &Node) -> Result<Option<&'a Perspective>, Refusal> {
+    let Some(index) = node.camera else {
+        return Ok(None);
+    };
+    let place = index.value();
+    let camera = document.root.cameras.get(place);
+    let camera = camera.ok_or_else(|| format!("camera {place} does not exist"))?;
+    Ok(camera.perspective.as_ref())
+}
+
+/// The light of a node.
+fn light(node: &Node) -> Option<usize> {
+    let extensions = node.extensions.as_ref()?;
+    Some(extensions.khr_lights_punctual.as_ref()?.light.value())
+}
+
 /// Its picture is as wide as the file says, whatever size is drawn.
 fn perspective_camera(perspective: &Perspective, world_from_node: DMat4) -> Camera {
     let aspect = f64::from(perspective.aspect_ratio.unwrap_or(16.0 / 9.0));
@@ -316,7 +402,7 @@ fn perspective_camera(perspective: &Perspective, world_from_node: DMat4) -> Came
 }
 
 /// A camera that sees all objects from above their front.
-fn framed(scene: &Scene) -> Camera {
+pub(super) fn framed(scene: &Scene) -> Camera {
     let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for object in &scene.objects {
         if let Shape::Mesh(mesh) = &object.shape {

@@ -8,7 +8,7 @@ use crate::scene::{ColorSpace, Material, Mesh, Object, Shape, Wrap};
 use crate::texture_file::{Texels, encode_png};
 
 /// A `.glb` of JSON and a binary chunk.
-fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
+pub(super) fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
     let mut json = json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let mut file = b"glTF\x02\0\0\0\0\0\0\0".to_vec();
@@ -91,14 +91,14 @@ fn sample() -> (Value, Vec<u8>) {
     (json, binary)
 }
 
-fn mesh(object: &Object) -> &Mesh {
+pub(super) fn mesh(object: &Object) -> &Mesh {
     match &object.shape {
         Shape::Mesh(mesh) => mesh,
         other => panic!("{other:?}"),
     }
 }
 
-fn close(a: Vec3, b: Vec3) {
+pub(super) fn close(a: Vec3, b: Vec3) {
     assert!((a - b).length() < 1e-5, "{a} {b}");
 }
 
@@ -394,6 +394,78 @@ fn each_fault_is_a_sentence_with_its_place() {
             "`{sentence}` is not in `{refusal}`"
         );
     }
+}
+
+/// A tetrahedron and a triangle of glass, of which only the former has an inside.
+#[test]
+fn closed_meshes_that_transmit_are_dielectrics() {
+    let corners = [
+        [0.0f32, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0],
+    ];
+    let bytes = corners.as_flattened().iter();
+    let mut binary: Vec<u8> = bytes.flat_map(|number| number.to_le_bytes()).collect();
+    binary.extend([0u8, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3]);
+    let mut json = json!({
+        "asset": { "version": "2.0" },
+        "extensionsRequired": ["KHR_materials_transmission", "KHR_materials_volume"],
+        "scenes": [{ "nodes": [0, 1] }],
+        "nodes": [{ "mesh": 0 }, { "mesh": 0, "scale": [1, 1, -1] }],
+        "meshes": [{ "primitives": [
+            { "material": 0, "indices": 1, "attributes": { "POSITION": 0 } },
+            { "material": 0, "indices": 2, "attributes": { "POSITION": 0 } }] }],
+        "materials": [{ "name": "glass", "pbrMetallicRoughness": { "roughnessFactor": 0.5 },
+            "extensions": { "KHR_materials_ior": { "ior": 1.6 },
+                "KHR_materials_transmission": { "transmissionFactor": 1.0 },
+                "KHR_materials_volume": { "thicknessFactor": 0.1, "attenuationDistance": 0.5,
+                    "attenuationColor": [1.0, 0.5, 0.0] } } }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3" },
+            { "bufferView": 1, "componentType": 5121, "count": 12, "type": "SCALAR" },
+            { "bufferView": 1, "componentType": 5121, "count": 3, "type": "SCALAR" }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 48 },
+            { "buffer": 0, "byteOffset": 48, "byteLength": 12 }],
+        "buffers": [{ "byteLength": 60 }]
+    });
+    let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+    let materials: Vec<_> = scene
+        .objects
+        .iter()
+        .map(|object| object.material.as_str())
+        .collect();
+    // A mirrored one is closed too.
+    let (body, surface) = ("0 body of glass", "0 glass");
+    assert_eq!(materials, [body, surface, body, surface]);
+    let Material::Dielectric { ior, alpha, medium } = scene.materials[body] else {
+        panic!("{:?}", scene.materials);
+    };
+    assert_eq!((ior, alpha), (1.6, 0.25));
+    // Of light of these colours as much is left after half a metre.
+    let medium = medium.unwrap();
+    let left = (-0.5 * medium.extinction).exp();
+    close(left, Vec3::new(1.0, 0.5, 1e-6));
+    assert_eq!(medium.albedo, Vec3::ZERO);
+
+    let extensions = &mut json["materials"][0]["extensions"];
+    extensions["KHR_materials_volume"]["attenuationDistance"] = json!(0.0);
+    let refusal = Scene::from_gltf(&glb(&json, &binary))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        refusal.contains("material 0 `glass`: it attenuates light to"),
+        "{refusal}"
+    );
+    let extensions = &mut json["materials"][0]["extensions"];
+    extensions["KHR_materials_transmission"]["transmissionFactor"] = json!(0.25);
+    let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+    assert!(
+        scene
+            .objects
+            .iter()
+            .all(|object| object.material == surface)
+    );
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Mesh files: Wavefront OBJ and Stanford PLY.
 //!
 //! Both are read here and by no library, for the sake of messages that name the line and the value. Read are positions,
-//! normals and faces, which are cut into triangles that share their first corner; texture coordinates,
-//! materials and groups are passed over.
+//! normals and faces, which are cut into triangles that share their first corner, and of OBJ texture coordinates, if all corners
+//! have them; materials and groups are passed over.
 
 mod obj;
 mod ply;

@@ -1,6 +1,6 @@
 use std::fs;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::*;
 
@@ -44,6 +44,28 @@ fn obj_files_of_all_kinds_of_corners_are_read() {
     assert_eq!(mesh.positions, [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ZERO]);
     assert_eq!(mesh.normals, [Vec3::Z, Vec3::Z, Vec3::Z, Vec3::Y]);
     assert_eq!(mesh.triangles, [[0, 1, 2], [3, 2, 1]]);
+}
+
+#[test]
+fn texture_coordinates_of_obj_files_begin_at_the_lower_left() {
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0.25 0\nvt 0.5\n";
+    let read = |faces: &str| loaded("a.obj", format!("{corners}{faces}").as_bytes()).unwrap();
+    let mesh = read("f 1/1 2/2 3/3\nf 3/-3 2/2 1/1\n");
+    assert_eq!(mesh.positions, [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Y]);
+    let [origin, right, middle] = [(0.0, 1.0), (1.0, 0.75), (0.5, 1.0)].map(Vec2::from);
+    assert_eq!(mesh.uvs, [origin, right, middle, origin]);
+    assert_eq!(mesh.triangles, [[0, 1, 2], [3, 1, 0]]);
+    assert!(mesh.normals.is_empty());
+    let smooth = read("vn 0 0 1\nf 1/1/1 2/2/1 3/3/1\n");
+    assert_eq!((smooth.uvs.len(), smooth.normals.len()), (3, 3));
+    // Where a corner has none, or names one that is not there, the mesh has none.
+    for faces in ["f 1/1 2/2 3\n", "f 1 2/2 3/3\n", "f 1/1 2/2 3/9\n"] {
+        let mesh = read(faces);
+        assert!(mesh.uvs.is_empty());
+        assert_eq!(mesh.positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    }
+    let why = loaded("a.obj", b"vt x 0\n").unwrap_err().to_string();
+    assert!(why.contains("line 1: `x` is not a number"), "{why}");
 }
 
 const ASCII: &str = "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 4\nproperty double x\n\

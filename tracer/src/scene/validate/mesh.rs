@@ -81,3 +81,76 @@ fn check_uvs(mesh: &Mesh) -> Check {
         None => Ok(()),
     }
 }
+
+/// An edge of a triangle from one corner to the next: both corners, the lower first, and twice the triangle's index,
+/// and one more where the edge goes from the higher to the lower.
+type DirectedEdge = ([u32; 2], u32);
+
+/// Checks that a mesh bounds a body: each edge belongs to two triangles, which go along it in opposite directions, and
+/// they go round counterclockwise as seen from outside. Vertices in the same place count as one, and triangles between
+/// fewer than three places as none.
+pub(super) fn check_closed(mesh: &Mesh) -> Check {
+    let welded = welded(&mesh.positions);
+    let mut edges: Vec<DirectedEdge> = Vec::with_capacity(3 * mesh.triangles.len());
+    for (corners, triangle) in mesh.triangles.iter().zip(0u32..) {
+        let [a, b, c] = corners.map(|corner| welded[corner as usize]);
+        if a == b || b == c || c == a {
+            continue;
+        }
+        edges.extend([(a, b), (b, c), (c, a)].map(|(from, to)| {
+            let is_downwards = u32::from(from > to);
+            ([from.min(to), from.max(to)], 2 * triangle + is_downwards)
+        }));
+    }
+    edges.sort_unstable();
+    let same_edge = |a: &DirectedEdge, b: &DirectedEdge| a.0 == b.0;
+    let is_bad = |edge: &&[DirectedEdge]| {
+        let directions =
+            [0, 1].map(|direction| edge.iter().filter(|e| e.1 & 1 == direction).count());
+        directions != [1, 1]
+    };
+    let bad = edges.chunk_by(same_edge).filter(is_bad);
+    if let Some(edge) = bad.min_by_key(|edge| edge[0].1) {
+        let ([low, high], first) = edge[0];
+        let along = edge.iter().filter(|e| e.1 & 1 == first & 1).count();
+        let (from, to) = if first & 1 == 0 {
+            (low, high)
+        } else {
+            (high, low)
+        };
+        return Err(SceneError::OpenMesh {
+            triangle: (first / 2) as usize,
+            from: mesh.positions[from as usize],
+            to: mesh.positions[to as usize],
+            along,
+            against: edge.len() - along,
+        });
+    }
+    let volumes = mesh.triangles.iter().map(|corners| {
+        let [a, b, c] = corners.map(|corner| mesh.positions[corner as usize].as_dvec3());
+        a.dot(b.cross(c))
+    });
+    match volumes.sum::<f64>() > 0.0 {
+        true => Ok(()),
+        false => Err(SceneError::InwardMesh),
+    }
+}
+
+/// For each vertex the first in the same place.
+fn welded(positions: &[Vec3]) -> Vec<u32> {
+    // A sum with 0 makes −0 the same place as 0.
+    let place = |vertex: u32| {
+        (positions[vertex as usize] + Vec3::ZERO)
+            .to_array()
+            .map(f32::to_bits)
+    };
+    let mut order: Vec<u32> = (0..positions.len() as u32).collect();
+    order.sort_unstable_by_key(|vertex| (place(*vertex), *vertex));
+    let mut welded = vec![0; positions.len()];
+    for same in order.chunk_by(|a, b| place(*a) == place(*b)) {
+        for vertex in same {
+            welded[*vertex as usize] = same[0];
+        }
+    }
+    welded
+}

@@ -1,0 +1,150 @@
+//! Densities on the nodes of a grid, in memory where there are particles alone.
+
+use glam::{IVec3, Vec3};
+
+use super::{BLOCKS_MAX, Drop, key, unkey};
+use crate::SceneError;
+
+/// Nodes along the edge of a block.
+pub(super) const EDGE: i32 = 8;
+/// Nodes of a block.
+pub(super) const NODES: usize = (EDGE * EDGE * EDGE) as usize;
+/// The lowest plane of nodes above the floor: the floor lies half a cell below.
+pub(super) const ABOVE_FLOOR: i32 = 2;
+
+/// A grid of which the blocks are kept that particles reach, with a margin of a node.
+pub(super) struct DensityGrid {
+    pub(super) origin: Vec3,
+    pub(super) cell_m: f32,
+    /// In order.
+    keys: Vec<u64>,
+    /// Of each block's nodes, x first.
+    values: Vec<f32>,
+}
+
+impl DensityGrid {
+    /// The density of `drops`. Planes of nodes along z lie half a cell off the floor, two below it: there is nothing, and
+    /// what is above is mirrored in it, so that the surface meets the floor upright.
+    pub(super) fn new(drops: &[Drop], origin: Vec3, cell_m: f32) -> Result<Self, SceneError> {
+        let mut grid = Self {
+            origin,
+            cell_m,
+            keys: Vec::new(),
+            values: Vec::new(),
+        };
+        grid.reserve_blocks(drops)?;
+        grid.values = vec![0.0; grid.keys.len() * NODES];
+        let floor_z = origin.z + 1.5 * cell_m;
+        for drop in drops {
+            grid.splat(drop);
+            if drop.center.z - floor_z < drop.radius_m {
+                let mut mirrored = *drop;
+                mirrored.center.z = 2.0 * floor_z - drop.center.z;
+                grid.splat(&mirrored);
+            }
+        }
+        Ok(grid)
+    }
+
+    fn reserve_blocks(&mut self, drops: &[Drop]) -> Result<(), SceneError> {
+        let mut last = None;
+        for drop in drops {
+            let [low, high] = self.nodes(drop);
+            let blocks = [low - 1, high + 1].map(|node| node.max(IVec3::ZERO) / EDGE);
+            // Drops come in the order of their places.
+            if low.cmpgt(high).any() || last.replace(blocks) == Some(blocks) {
+                continue;
+            }
+            let [low, high] = blocks;
+            for z in low.z..=high.z {
+                for y in low.y..=high.y {
+                    self.keys
+                        .extend((low.x..=high.x).map(|x| key(IVec3::new(x, y, z))));
+                }
+            }
+            if self.keys.len() > 4 * BLOCKS_MAX {
+                self.sort_keys()?;
+            }
+        }
+        self.sort_keys()
+    }
+
+    fn sort_keys(&mut self) -> Result<(), SceneError> {
+        self.keys.sort_unstable();
+        self.keys.dedup();
+        match self.keys.len() <= BLOCKS_MAX {
+            true => Ok(()),
+            false => Err(SceneError::SurfaceBlocks { max: BLOCKS_MAX }),
+        }
+    }
+
+    /// The lowest and the highest node that a drop may reach, above the floor.
+    fn nodes(&self, drop: &Drop) -> [IVec3; 2] {
+        let place = |at: Vec3| (at - self.origin) / self.cell_m;
+        let low = place(drop.center - drop.radius_m).ceil().as_ivec3();
+        let high = place(drop.center + drop.radius_m).floor().as_ivec3();
+        let least = IVec3::new(0, 0, ABOVE_FLOOR);
+        [low.max(least), high]
+    }
+
+    fn splat(&mut self, drop: &Drop) {
+        let [low, high] = self.nodes(drop);
+        if low.cmpgt(high).any() {
+            return;
+        }
+        let inverse_square = 1.0 / (drop.radius_m * drop.radius_m);
+        let (low_block, high_block) = (low / EDGE, high / EDGE);
+        for bz in low_block.z..=high_block.z {
+            for by in low_block.y..=high_block.y {
+                for bx in low_block.x..=high_block.x {
+                    let block = IVec3::new(bx, by, bz);
+                    let Some(found) = self.find(block) else {
+                        continue;
+                    };
+                    let first = (low - block * EDGE).max(IVec3::ZERO);
+                    let last = (high - block * EDGE).min(IVec3::splat(EDGE - 1));
+                    let values = &mut self.values[found * NODES..][..NODES];
+                    let corner = self.origin + (block * EDGE).as_vec3() * self.cell_m - drop.center;
+                    for z in first.z..=last.z {
+                        let dz = corner.z + z as f32 * self.cell_m;
+                        for y in first.y..=last.y {
+                            let dy = corner.y + y as f32 * self.cell_m;
+                            let beside = 1.0 - (dy * dy + dz * dz) * inverse_square;
+                            if beside <= 0.0 {
+                                continue;
+                            }
+                            let row =
+                                &mut values[((z * EDGE + y) * EDGE) as usize..][..EDGE as usize];
+                            for x in first.x..=last.x {
+                                let dx = corner.x + x as f32 * self.cell_m;
+                                let left = (beside - dx * dx * inverse_square).max(0.0);
+                                row[x as usize] += drop.weight * (left * left * left);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// The place of a block among those that are kept.
+    pub(super) fn find(&self, block: IVec3) -> Option<usize> {
+        let is_in_range = block.cmpge(IVec3::ZERO).all();
+        is_in_range.then(|| self.keys.binary_search(&key(block)).ok())?
+    }
+
+    /// The blocks, each with the densities of its nodes.
+    pub(super) fn blocks(&self) -> impl Iterator<Item = (IVec3, &[f32])> {
+        let blocks = self.keys.iter().map(|key| unkey(*key));
+        blocks.zip(self.values.chunks_exact(NODES))
+    }
+
+    pub(super) fn values_of(&self, block: usize) -> &[f32] {
+        &self.values[block * NODES..][..NODES]
+    }
+
+    /// Where a node lies, in steps that need not be whole.
+    pub(super) fn position(&self, node: Vec3) -> Vec3 {
+        self.origin + node * self.cell_m
+    }
+}

@@ -1,0 +1,283 @@
+//! Surface nets: a vertex in each cell of the grid that the surface goes through, at the mean of where it crosses the
+//! cell's edges, and a quad across each such edge between the cells around it (Gibson, "Constrained Elastic Surface
+//! Nets", MICCAI 1998).
+//!
+//! Each edge of the grid has its quad whatever the others have, so the net is closed. Where the surface comes close to
+//! itself, an edge of the net may have four triangles, two each way.
+
+use glam::{IVec3, Vec3};
+
+use super::SurfaceMesh;
+use super::density::{ABOVE_FLOOR, DensityGrid, EDGE, NODES};
+
+/// Of density, inside.
+const LEVEL: f32 = 0.5;
+/// Turns of smoothing; each moves vertices to the mean of their neighbours and back (Taubin, "A Signal Processing
+/// Approach to Fair Surface Design", SIGGRAPH 1995), which leaves volumes as they are.
+const SMOOTHING_TURNS: u32 = 3;
+const SMOOTHING: [f32; 2] = [0.5, -0.53];
+/// How often normals take on the mean of those of their neighbours that are alike: by the eighth power of the cosine, so that
+/// rims stay round.
+const NORMAL_TURNS: u32 = 6;
+
+/// A block's densities and those of the next nodes along each axis.
+const PADDED: usize = EDGE as usize + 1;
+
+/// No vertex is in a cell.
+const NONE: u32 = u32::MAX;
+
+/// The net as it is made.
+struct Net<'a> {
+    grid: &'a DensityGrid,
+    /// Whether something of a block, or of a next one along an axis, is inside.
+    is_reached: Vec<bool>,
+    /// The vertex of each cell, by its lowest node, block by block.
+    vertex_of: Vec<u32>,
+    positions: Vec<Vec3>,
+    is_on_floor: Vec<bool>,
+    /// Corners counterclockwise as seen from outside.
+    quads: Vec<[u32; 4]>,
+}
+
+/// The surface through a grid.
+pub(super) fn surface(grid: &DensityGrid) -> SurfaceMesh {
+    let mut net = Net {
+        grid,
+        is_reached: reached(grid),
+        vertex_of: Vec::new(),
+        positions: Vec::new(),
+        is_on_floor: Vec::new(),
+        quads: Vec::new(),
+    };
+    for (place, (block, values)) in grid.blocks().enumerate() {
+        net.add_vertices(place, block, values);
+    }
+    for (place, (block, values)) in grid.blocks().enumerate() {
+        net.add_quads(place, block, values);
+    }
+    for _ in 0..SMOOTHING_TURNS {
+        for share in SMOOTHING {
+            net.smooth(share);
+        }
+    }
+    let normals = net.normals();
+    SurfaceMesh {
+        triangles: net.triangles(),
+        positions: net.positions,
+        normals,
+    }
+}
+
+fn reached(grid: &DensityGrid) -> Vec<bool> {
+    let inside = grid
+        .blocks()
+        .map(|(_, values)| values.iter().any(|value| *value > LEVEL));
+    let inside: Vec<bool> = inside.collect();
+    let is_inside = |block: IVec3| grid.find(block).is_some_and(|place| inside[place]);
+    let blocks = grid.blocks();
+    let reached = blocks.map(|(block, _)| (0..8).any(|corner| is_inside(block + offset(corner))));
+    reached.collect()
+}
+
+impl Net<'_> {
+    fn add_vertices(&mut self, place: usize, block: IVec3, values: &[f32]) {
+        let first = self.vertex_of.len();
+        self.vertex_of.resize(first + NODES, NONE);
+        if !self.is_reached[place] {
+            return;
+        }
+        let padded = self.padded(block, values);
+        for index in 0..NODES as i32 {
+            let cell = IVec3::new(index % EDGE, index / EDGE % EDGE, index / EDGE / EDGE);
+            let corners: [f32; 8] =
+                std::array::from_fn(|corner| padded[padded_index(cell + offset(corner))]);
+            let Some(within) = mean_crossing(&corners) else {
+                continue;
+            };
+            self.vertex_of[first + index as usize] = self.positions.len() as u32;
+            let cell = block * EDGE + cell;
+            let mut position = self.grid.position(cell.as_vec3() + within);
+            let is_on_floor = cell.z < ABOVE_FLOOR;
+            if is_on_floor {
+                position.z = self.grid.position(Vec3::splat(1.5)).z;
+            }
+            self.positions.push(position);
+            self.is_on_floor.push(is_on_floor);
+        }
+    }
+
+    fn padded(&self, block: IVec3, values: &[f32]) -> [f32; PADDED * PADDED * PADDED] {
+        let mut padded = [0.0; PADDED * PADDED * PADDED];
+        for corner in 0..8 {
+            let step = offset(corner);
+            let found = self.grid.find(block + step);
+            let values = match (corner, found) {
+                (0, _) => values,
+                (_, Some(found)) => self.grid.values_of(found),
+                (_, None) => continue,
+            };
+            let count = IVec3::select(step.cmpeq(IVec3::ZERO), IVec3::splat(EDGE), IVec3::ONE);
+            for z in 0..count.z {
+                for y in 0..count.y {
+                    for x in 0..count.x {
+                        let node = IVec3::new(x, y, z);
+                        padded[padded_index(node + step * EDGE)] = values[node_index(node)];
+                    }
+                }
+            }
+        }
+        padded
+    }
+
+    /// The quads across the edges of the grid that go up from a block's nodes.
+    fn add_quads(&mut self, place: usize, block: IVec3, values: &[f32]) {
+        if !self.is_reached[place] {
+            return;
+        }
+        let padded = self.padded(block, values);
+        for index in 0..NODES as i32 {
+            let node = IVec3::new(index % EDGE, index / EDGE % EDGE, index / EDGE / EDGE);
+            let is_inside = padded[padded_index(node)] > LEVEL;
+            for axis in 0..3 {
+                let along = IVec3::AXES[axis];
+                if is_inside == (padded[padded_index(node + along)] > LEVEL) {
+                    continue;
+                }
+                let [u, v] = [IVec3::AXES[(axis + 1) % 3], IVec3::AXES[(axis + 2) % 3]];
+                let cells = [node - u - v, node - v, node, node - u];
+                let mut corners = cells.map(|cell| self.vertex(place, block, cell));
+                if !is_inside {
+                    corners.reverse();
+                }
+                self.quads.push(corners);
+            }
+        }
+    }
+
+    /// The vertex of a cell that may lie in the block before.
+    fn vertex(&self, place: usize, block: IVec3, cell: IVec3) -> u32 {
+        if cell.cmpge(IVec3::ZERO).all() {
+            return self.vertex_of[place * NODES + node_index(cell)];
+        }
+        let before = IVec3::select(cell.cmplt(IVec3::ZERO), IVec3::NEG_ONE, IVec3::ZERO);
+        let found = self.grid.find(block + before);
+        // Blocks are kept with a margin.
+        let found = found.expect("the block of each cell that the surface crosses");
+        self.vertex_of[found * NODES + node_index(cell - before * EDGE)]
+    }
+
+    /// Moves each vertex by a share of the way to the mean of its neighbours; those on the floor stay on it.
+    fn smooth(&mut self, share: f32) {
+        let mut sums = vec![(Vec3::ZERO, 0.0f32); self.positions.len()];
+        for [a, b, c, d] in &self.quads {
+            for [one, other] in [[a, b], [b, c], [c, d], [d, a]] {
+                for [to, from] in [[one, other], [other, one]] {
+                    let sum = &mut sums[*to as usize];
+                    sum.0 += self.positions[*from as usize];
+                    sum.1 += 1.0;
+                }
+            }
+        }
+        let vertices = self.positions.iter_mut().zip(&self.is_on_floor);
+        for ((position, is_on_floor), (sum, count)) in vertices.zip(sums) {
+            let mut way = share * (sum / count - *position);
+            if *is_on_floor {
+                way.z = 0.0;
+            }
+            *position += way;
+        }
+    }
+
+    /// Normals of the quads around each vertex, and of their neighbours: at the rim those of the sides alone, so that
+    /// the edge with the floor is not rounded.
+    fn normals(&self) -> Vec<Vec3> {
+        let is_floor =
+            |quad: &[u32; 4]| quad.iter().all(|corner| self.is_on_floor[*corner as usize]);
+        let sides: Vec<&[u32; 4]> = self.quads.iter().filter(|quad| !is_floor(quad)).collect();
+        let mut normals = vec![Vec3::ZERO; self.positions.len()];
+        for quad in &sides {
+            let [a, b, c, d] = quad.map(|corner| self.positions[corner as usize]);
+            let normal = (c - a).cross(d - b);
+            for corner in **quad {
+                normals[corner as usize] += normal;
+            }
+        }
+        let unit = |normal: Vec3| {
+            let length = normal.length();
+            if length > 0.0 {
+                normal / length
+            } else {
+                Vec3::NEG_Z
+            }
+        };
+        let mut normals: Vec<Vec3> = normals.into_iter().map(unit).collect();
+        for _ in 0..NORMAL_TURNS {
+            let mut sums = normals.clone();
+            for quad in &sides {
+                let around = quad.map(|corner| normals[corner as usize]);
+                for (corner, own) in quad.iter().zip(around) {
+                    for other in around {
+                        let alike = own.dot(other).max(0.0);
+                        let alike = alike * alike * alike * alike;
+                        sums[*corner as usize] += alike * alike * other;
+                    }
+                }
+            }
+            normals = sums.into_iter().map(unit).collect();
+        }
+        normals
+    }
+
+    /// Each quad as two triangles, along its shorter diagonal.
+    fn triangles(&self) -> Vec<[u32; 3]> {
+        let square = |from: u32, to: u32| {
+            let [from, to] = [from, to].map(|corner| self.positions[corner as usize]);
+            (to - from).length_squared()
+        };
+        let halves =
+            self.quads
+                .iter()
+                .flat_map(|&[a, b, c, d]| match square(a, c) <= square(b, d) {
+                    true => [[a, b, c], [a, c, d]],
+                    false => [[a, b, d], [b, c, d]],
+                });
+        halves.collect()
+    }
+}
+
+/// A corner of a cell as seen from its lowest.
+fn offset(corner: usize) -> IVec3 {
+    let corner = corner as i32;
+    IVec3::new(corner & 1, corner >> 1 & 1, corner >> 2)
+}
+
+fn node_index(node: IVec3) -> usize {
+    ((node.z * EDGE + node.y) * EDGE + node.x) as usize
+}
+
+fn padded_index(node: IVec3) -> usize {
+    const EDGE: i32 = PADDED as i32;
+    ((node.z * EDGE + node.y) * EDGE + node.x) as usize
+}
+
+/// The mean of where the surface crosses the edges of a cell, in edges from its lowest corner; none if it does not.
+fn mean_crossing(corners: &[f32; 8]) -> Option<Vec3> {
+    let inside = corners.map(|value| value > LEVEL);
+    if inside == [inside[0]; 8] {
+        return None;
+    }
+    let (mut sum, mut count) = (Vec3::ZERO, 0.0);
+    for axis in 0..3 {
+        for from in (0..8).filter(|corner| corner >> axis & 1 == 0) {
+            let to = from | 1 << axis;
+            if inside[from] != inside[to] {
+                let share = (LEVEL - corners[from]) / (corners[to] - corners[from]);
+                let mut place = offset(from).as_vec3();
+                place[axis] = share;
+                sum += place;
+                count += 1.0;
+            }
+        }
+    }
+    Some(sum / count)
+}

@@ -1,0 +1,7 @@
+// Meshes of dielectrics.
+
+// Where a ray towards `wi` begins.
+fn origin_towards(surface: Surface, primitive: u32, wi: vec3f) -> vec3f {
+    let is_triangle = primitive - TRIANGLE_FIRST < TRIANGLE_COUNT;
+    return select(surface.position, beyond, is_triangle && dot(wi, surface.normal) < 0.0);
+}

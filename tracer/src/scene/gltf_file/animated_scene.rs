@@ -1,0 +1,201 @@
+//! Scenes of glTF files at any time of their animations.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::animation::{self, Animation};
+use super::container::Files;
+use super::material::{self, MaterialEntry};
+use super::pose::{Hierarchy, Pose};
+use super::{Document, Fault, Refusal, node};
+use crate::scene::{Scene, SceneUpdate};
+use crate::text::{SENTENCE_BYTES_MAX, printable};
+use crate::{Error, SceneError};
+
+/// A glTF 2.0 file that has been read, with its animations: the scene of any time without reading it again.
+///
+/// Nodes, cameras and lights move; skins and morph targets deform meshes. Before its first key frame and after its last
+/// one a quantity stays as it is there.
+#[derive(Debug)]
+pub struct AnimatedScene {
+    path: Option<PathBuf>,
+    document: Document,
+    materials: Vec<MaterialEntry>,
+    hierarchy: Hierarchy,
+    animations: Vec<Animation>,
+    rest: Arc<Scene>,
+}
+
+/// A moment of an [`AnimatedScene`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AnimationTime {
+    /// As the file has it without its animations.
+    Rest,
+    /// So many seconds after the start of an animation, an index into [`AnimatedScene::animations`].
+    At(usize, f64),
+}
+
+impl AnimatedScene {
+    /// Reads and checks a glTF 2.0 file, `.gltf` or `.glb`, and the files beside it that it names.
+    ///
+    /// # Errors
+    /// As [`Scene::load_gltf`].
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let mut files = Files::beside(path);
+        let bytes = files.read(path)?;
+        Self::read(&bytes, &mut files, Some(path))
+    }
+
+    /// Reads and checks glTF 2.0 that holds all that it needs: the bytes of a `.glb`, or JSON with `data:` URIs.
+    ///
+    /// # Errors
+    /// As [`Scene::from_gltf`].
+    pub fn from_gltf(bytes: &[u8]) -> Result<Self, Error> {
+        Self::read(bytes, &mut Files::none(), None)
+    }
+
+    fn read(bytes: &[u8], files: &mut Files, path: Option<&Path>) -> Result<Self, Error> {
+        let refused = |refusal| refused(path, refusal);
+        let of_fault = |fault| match fault {
+            Fault::File(error) => error,
+            Fault::Refused(refusal) => refused(refusal),
+        };
+        let document = Document::read(bytes, files).map_err(of_fault)?;
+        let mut rest = Scene::new();
+        let materials = material::read(&document, files, &mut rest).map_err(of_fault)?;
+        let hierarchy = Hierarchy::read(&document).map_err(refused)?;
+        let pose = hierarchy.pose(&document, None);
+        let camera = node::read(&document, &materials, &hierarchy, &pose, &mut rest);
+        let camera = camera.map_err(refused)?;
+        rest.camera = camera.unwrap_or_else(|| node::framed(&rest));
+        validate(path, &rest)?;
+        let animations = animation::read(&document).map_err(refused)?;
+        Ok(Self {
+            path: path.map(Path::to_owned),
+            document,
+            materials,
+            hierarchy,
+            animations,
+            rest: Arc::new(rest),
+        })
+    }
+
+    /// The animations of the file, in its order.
+    pub fn animations(&self) -> &[Animation] {
+        &self.animations
+    }
+
+    /// The index of the animation of a name, or else of a number, the first being 0.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the names that there are.
+    pub fn find_animation(&self, name: &str) -> Result<usize, Error> {
+        let mut animations = self.animations.iter();
+        let by_name = animations.position(|animation| animation.name() == name);
+        let by_number = || {
+            let number: Option<usize> = name.parse().ok();
+            number.filter(|number| *number < self.animations.len())
+        };
+        by_name.or_else(by_number).ok_or_else(|| {
+            let names = self.animations.iter().enumerate();
+            let names = names.map(|(index, animation)| format!("{index} `{}`", animation.name()));
+            let names: Vec<_> = names.collect();
+            self.refused(match names.as_slice() {
+                [] => format!("it has no animation `{name}`, nor any other"),
+                names => format!("it has no animation `{name}`, but {}", names.join(", ")),
+            })
+        })
+    }
+
+    /// The scene as the file has it without its animations.
+    pub fn rest(&self) -> &Arc<Scene> {
+        &self.rest
+    }
+
+    pub(super) fn into_rest(self) -> Scene {
+        Arc::unwrap_or_clone(self.rest)
+    }
+
+    /// The scene at a time. Without a camera in the file it is seen from where the scene at rest is.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the place and the value if there is no such animation, the time is not finite, or the
+    /// scene breaks a rule of [`crate::scene::validate`] then.
+    pub fn scene(&self, time: AnimationTime) -> Result<Scene, Error> {
+        if time == AnimationTime::Rest {
+            return Ok(Scene::clone(&self.rest));
+        }
+        let pose = self.pose(time)?;
+        let rest = &self.rest;
+        let mut scene = Scene::new();
+        scene.camera = rest.camera;
+        scene.materials.clone_from(&rest.materials);
+        scene.textures.clone_from(&rest.textures);
+        let (document, materials) = (&self.document, &self.materials);
+        let camera = node::read(document, materials, &self.hierarchy, &pose, &mut scene);
+        let camera = camera.map_err(|refusal| self.refused(refusal))?;
+        scene.camera = camera.unwrap_or(rest.camera);
+        validate(self.path.as_deref(), &scene)?;
+        Ok(scene)
+    }
+
+    /// What shows the scene of one time as it is at another; none if more than places of objects and the camera differ,
+    /// so that it takes the other [`AnimatedScene::scene`].
+    ///
+    /// # Errors
+    /// As [`AnimatedScene::scene`].
+    pub fn update(
+        &self,
+        from: AnimationTime,
+        to: AnimationTime,
+    ) -> Result<Option<SceneUpdate>, Error> {
+        let (before, after) = (self.pose(from)?, self.pose(to)?);
+        node::update(&self.document, &self.hierarchy, &before, &after)
+            .map_err(|refusal| self.refused(refusal))
+    }
+
+    fn pose(&self, time: AnimationTime) -> Result<Pose, Error> {
+        let at = match time {
+            AnimationTime::Rest => None,
+            AnimationTime::At(index, secs) => {
+                let animation = self.animations.get(index);
+                let count = self.animations.len();
+                let animation = animation.ok_or_else(|| {
+                    self.refused(format!(
+                        "it has no animation {index}, but {count} animations"
+                    ))
+                })?;
+                if !secs.is_finite() {
+                    return Err(self.refused(format!("the time is {secs} s: it must be finite")));
+                }
+                Some((animation, secs))
+            }
+        };
+        Ok(self.hierarchy.pose(&self.document, at))
+    }
+
+    fn refused(&self, refusal: Refusal) -> Error {
+        refused(self.path.as_deref(), refusal)
+    }
+}
+
+fn refused(path: Option<&Path>, refusal: Refusal) -> Error {
+    match path {
+        Some(path) => Error::Format {
+            path: path.to_owned(),
+            message: printable(&refusal, SENTENCE_BYTES_MAX),
+        },
+        None => Error::InvalidScene(SceneError::Gltf(refusal)),
+    }
+}
+
+fn validate(path: Option<&Path>, scene: &Scene) -> Result<(), Error> {
+    match (path, scene.validate()) {
+        (Some(path), Err(error)) => Err(Error::Format {
+            path: path.to_owned(),
+            message: error.to_string(),
+        }),
+        (_, checked) => Ok(checked?),
+    }
+}
