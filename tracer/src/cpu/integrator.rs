@@ -39,7 +39,7 @@ pub(super) struct Prepared {
     /// With which light sampling aims at those, and at area lights.
     punctual_probability: f32,
     area_light_probability: f32,
-    /// The scene has what few have: glTF's material, an environment map, lights that are points or far away.
+    /// The scene has what the game's have not: triangles, glTF's material, an environment map, punctual lights.
     is_general: bool,
     has_coat: bool,
     /// How wide the surface is that a pixel sees at a distance of 1 m, in metres.
@@ -95,7 +95,7 @@ impl Prepared {
             if stream.len == 0 || cancelled.load(Ordering::Relaxed) {
                 break;
             }
-            // Two copies of the code: of the simple scenes' one nothing else takes registers.
+            // Two copies of the code: in that of simple scenes nothing else takes registers.
             rays += if self.is_general {
                 simd.vectorize(
                     #[inline(always)]

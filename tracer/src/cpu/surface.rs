@@ -169,9 +169,9 @@ impl Surfaces {
         Sheen::new(simd, &self.sheen, id)
     }
 
-    /// Whether glTF's material is in the scene, which [`Surfaces::hit`] leaves out unless `GENERAL`.
+    /// Whether triangles or glTF's material are in the scene, which [`Surfaces::hit`] leaves out unless `GENERAL`.
     pub(super) fn is_general(&self) -> bool {
-        !self.metallic_roughness.is_empty()
+        !self.triangles.is_empty() || !self.metallic_roughness.is_empty()
     }
 
     #[inline(always)]
@@ -224,7 +224,11 @@ impl Surfaces {
             within = (tag & INSIDE).simd_ne(0);
             scattered = Some((tag & SCATTERED).simd_ne(0));
         }
-        let triangles = (self.triangles).hit(simd, origin, direction, id, scattered, footprint);
+        let triangles = if GENERAL {
+            (self.triangles).hit(simd, origin, direction, id, scattered, footprint)
+        } else {
+            None
+        };
         let mut boundary = None;
         if let Some(triangles) = &triangles {
             id = triangles.row;

@@ -272,6 +272,10 @@ impl TriangleSurfaces {
         !self.normals.is_empty() || !self.textures.is_empty()
     }
 
+    pub(super) fn is_empty(&self) -> bool {
+        self.ids[1] == 0
+    }
+
     /// The triangles that rays meet, whose ids have no tags; none if they meet other shapes alone. Paths that were
     /// `scattered` inside a body have the id of the triangle by which they came in, and are on none.
     #[inline(always)]

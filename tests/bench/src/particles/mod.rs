@@ -2,6 +2,7 @@
 
 mod picture;
 mod precision;
+mod speed;
 mod surface;
 mod wire;
 
@@ -16,7 +17,8 @@ use crate::BenchError;
 /// a GPU that tells it, its own) of the game's room at several moments of a stroke, with each level of dust. precision:
 /// particles, time and the cue ball's way through each trick table, at each precision, and how far it is from that at
 /// the finest over the first second. surface: CPU time of one core to make the surfaces of jelly and water of a frame and
-/// their tree, and of a frame with them and with their particles as beads.
+/// their tree, and of a frame with them and with their particles as beads. speed: CPU time of a particle over a substep,
+/// for each material, and of a Taichi program of the same method where Python has it.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Only this part.
@@ -27,6 +29,8 @@ pub(crate) struct Args {
     particles: u32,
     #[command(flatten)]
     picture: picture::PictureArgs,
+    #[command(flatten)]
+    speed: speed::SpeedArgs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -35,6 +39,7 @@ enum Part {
     Picture,
     Precision,
     Surface,
+    Speed,
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
@@ -47,6 +52,9 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     }
     if is_wanted(Part::Surface) {
         surface::run(&args.picture)?;
+    }
+    if is_wanted(Part::Speed) {
+        speed::run(&args.speed)?;
     }
     if is_wanted(Part::Precision) {
         precision::run()?;
