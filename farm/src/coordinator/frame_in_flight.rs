@@ -216,6 +216,11 @@ impl FrameInFlight {
         }
     }
 
+    /// How often its tiles have been requested again, each on average.
+    pub(super) fn reissued_per_tile(&self) -> f64 {
+        f64::from(self.stats.reissued_tiles) / f64::from(self.passes.all().count.max(1))
+    }
+
     /// How much later than its target a tile may come before it is asked for again, in seconds:
     /// `price` times the usual margin.
     pub(super) fn margin_secs(&self, price: f64) -> f64 {

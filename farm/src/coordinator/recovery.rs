@@ -211,7 +211,12 @@ impl Recovery {
         let left = forecast.missing.len() as f64 / forecast.helpers.len() as f64;
         let price = 1.0 + (self.price() - 1.0) * left.min(1.0);
         frame.target = forecast.level;
-        let (margin, dear) = (frame.margin_secs(1.0), frame.margin_secs(price));
+        // Forecasts that were often wrong have to be clear.
+        let again = 1.0 + PRICE * frame.reissued_per_tile();
+        let (margin, dear) = (
+            frame.margin_secs(again),
+            frame.margin_secs(again.max(price)),
+        );
         let mut grave_secs = GRAVE_SHARE * frame.planned_secs;
         if frame.is_guessed && forecast.finish() > frame.submitted + VERY_LONG_SECS {
             let possible_secs = forecast.level - frame.submitted;
@@ -273,11 +278,9 @@ impl Recovery {
 /// Seconds between two evaluations of a frame: the more of it has been requested again, and the farther off its
 /// end is. What is late now may have caught up by then, and there is time left to help.
 fn evaluation_pause_secs(now: f64, frame: &FrameInFlight) -> f64 {
-    let tiles = frame.passes.all().count.max(1);
-    let again = f64::from(frame.stats.reissued_tiles) / f64::from(tiles);
     let left = frame.target - now - LONG_SECS;
     let far = if left.is_finite() {
-        FAR_PAUSE * again * left
+        frame.reissued_per_tile() * left
     } else {
         0.0
     };
@@ -361,7 +364,9 @@ pub(super) fn cancel_redundant(
     }
 }
 
-/// How much the margin grows until nothing is left to spend, for what will be traced twice.
+/// How much the margin grows until nothing is left to spend, for what will be traced twice; and, for all tiles, until
+/// each has been requested again once. With that and pauses, tiles of the first 24 frames of eight processes on two busy
+/// cores are requested again TODO times each instead of 1.6 (`carom-bench first-frames`).
 const PRICE: f64 = 8.0;
 /// A tile is gravely late if its frame takes this many times as long as planned for it. What there is
 /// in reserve for these makes three of four late frames after a fault punctual.
@@ -371,10 +376,8 @@ const GRAVE_SHARE: f64 = 1.25;
 const GRAVE_FACTOR: f64 = 1.5;
 /// Seconds between two evaluations of a frame at the least.
 const EVALUATION_PAUSE_SECS: f64 = 0.5e-3;
-/// Share of the time left until [`LONG_SECS`] before a frame's end that the next evaluation waits for, times how
-/// often its tiles have been requested again, and the most of it in seconds. Of the first 24 frames of eight processes
-/// on two busy cores tiles are requested again TODO times each instead of 1.6 (`carom-bench first-frames`).
-const FAR_PAUSE: f64 = 2.0;
+/// The most that a frame waits for its next evaluation, in seconds, because its end is far off and much of it has been
+/// requested again.
 const FAR_PAUSE_SECS_MAX: f64 = 0.1;
 /// The next evaluation after one at which a message was late: when it is late by this share more.
 const LATE_PAUSE: f64 = 0.25;
