@@ -252,8 +252,9 @@ pub(super) fn bind(chosen: &[(Action, Vec<Trigger>)]) -> (Bindings, Vec<String>)
         }
     }
     let is_chosen = |action: Action| chosen.iter().any(|(of, _)| *of == action);
+    let defaults = Bindings::default();
     for control in ACTIONS.iter().filter(|control| !is_chosen(control.action)) {
-        for trigger in Bindings::default().triggers(control.action) {
+        for trigger in defaults.triggers(control.action) {
             // Taken by the player's choice: that is what it was for.
             let _ = bindings.bind(trigger, control.action);
         }
