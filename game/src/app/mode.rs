@@ -58,7 +58,7 @@ impl ModeView {
     /// The traced scene in a room.
     pub fn update(&self, room: &TableScene) -> SceneUpdate {
         let camera = self.camera(room.table_inside());
-        let clouds = self.particles.clouds(room.particle_detail());
+        let clouds = (self.particles).clouds(room.particle_detail(), room.cloth_albedo());
         let update = room.update(camera, &self.poses, self.cue.as_ref());
         update.particles(clouds)
     }

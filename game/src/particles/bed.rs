@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use carom_billiards::physics::{ParticleBed, ParticleMaterial, ParticleTrack};
-use carom_tracer::{Material, Medium, ParticleCloud, ParticleForm};
+use carom_tracer::{Material, ParticleCloud, ParticleForm};
 use glam::Vec3;
 
 /// The particles of a table at a moment.
@@ -16,16 +16,16 @@ pub enum BedMoment {
 }
 
 impl BedMoment {
-    /// What is traced of it: as many clouds as there are colours.
-    pub fn clouds(&self) -> Vec<ParticleCloud> {
+    /// What is traced of it, on a cloth of this albedo: as many clouds as there are colours.
+    pub fn clouds(&self, cloth: Vec3) -> Vec<ParticleCloud> {
         match self {
-            Self::Lying(bed) => clouds(&ParticleTrack::new(bed), 0.0),
-            Self::Moving(track, secs) => clouds(track, *secs),
+            Self::Lying(bed) => clouds(&ParticleTrack::new(bed), 0.0, cloth),
+            Self::Moving(track, secs) => clouds(track, *secs, cloth),
         }
     }
 }
 
-fn clouds(track: &ParticleTrack, secs: f64) -> Vec<ParticleCloud> {
+fn clouds(track: &ParticleTrack, secs: f64, cloth: Vec3) -> Vec<ParticleCloud> {
     let places = track.places_at(secs);
     let mut rest = &places[..];
     let mut clouds = Vec::new();
@@ -34,16 +34,16 @@ fn clouds(track: &ParticleTrack, secs: f64) -> Vec<ParticleCloud> {
         rest = others;
         let [min, max] = track.bounds();
         let spacing_m = track.spacing_m();
-        let grains_of = looks(group.material);
+        let grains_of = looks(group.material, cloth);
         for (first, look) in grains_of.iter().enumerate() {
             let places = grains.iter().skip(first).step_by(grains_of.len());
             clouds.push(ParticleCloud {
                 material: look.material,
                 radius_m: look.radius * spacing_m,
-                form: match look.is_body {
-                    false => ParticleForm::Balls,
-                    true => ParticleForm::Surface {
-                        smoothing_m: SMOOTHING * spacing_m,
+                form: match look.smoothing {
+                    None => ParticleForm::Balls,
+                    Some(smoothing) => ParticleForm::Surface {
+                        smoothing_m: smoothing * spacing_m,
                         floor_m: FLOOR_M,
                     },
                 },
@@ -57,9 +57,10 @@ fn clouds(track: &ParticleTrack, secs: f64) -> Vec<ParticleCloud> {
     clouds
 }
 
-/// Radius within which particles make one surface, over their distance.
-const SMOOTHING: f32 = 2.5;
-/// Where surfaces end: below the cloth, so that what is seen through them is the cloth and not their underside.
+/// Radius within which particles make one surface, over their distance: jelly has no thin parts.
+const SMOOTHING_OF_JELLY: f32 = 3.0;
+const SMOOTHING_OF_WATER: f32 = 2.5;
+/// Where surfaces end: below the cloth, so that no gap shows.
 const FLOOR_M: f32 = -2e-4;
 
 /// How particles are drawn.
@@ -67,32 +68,37 @@ struct ParticleLook {
     /// Of each as a ball, over the distance of particles.
     radius: f32,
     material: Material,
-    /// All together as the body that they fill.
-    is_body: bool,
+    /// Of all together as the body that they fill, over their distance; none of grains.
+    smoothing: Option<f32>,
 }
 
 /// Of particles one after the other: of grains seven, which no edge of a patch is a multiple of, so that they make no
 /// stripes. Grains of sand and snow are rough and of many sizes.
-fn looks(material: ParticleMaterial) -> Vec<ParticleLook> {
+///
+/// A thin clear layer on a diffuse ground is what a coated material describes, total reflection from within included: so
+/// water has the cloth for its base. Traced as a dielectric with the cloth below, its light would come from the small
+/// lamps by chance alone: at 64 samples a picture of it is mostly noise, and all of the wet cloth is dark at 16.
+fn looks(material: ParticleMaterial, cloth: Vec3) -> Vec<ParticleLook> {
     let grains = |size: f32, albedos: [[f32; 3]; 7]| -> Vec<ParticleLook> {
         let radii = [0.52, 0.4, 0.6, 0.36, 0.47, 0.56, 0.43];
         let grains = radii.into_iter().zip(albedos.map(Material::diffuse));
         let grains = grains.map(|(radius, material)| ParticleLook {
             radius: size * radius,
             material,
-            is_body: false,
+            smoothing: None,
         });
         grains.collect()
     };
-    let body = |ior: f32, medium: Medium| {
+    let body = |smoothing: f32, ior: f32, albedo: Vec3| {
         vec![ParticleLook {
             radius: 0.62,
-            material: Material::Dielectric {
+            material: Material::SmoothPlastic {
+                albedo,
                 ior,
-                alpha: 0.0,
-                medium: Some(medium),
+                internal_reflectance: None,
+                stripe: None,
             },
-            is_body: true,
+            smoothing: Some(smoothing),
         }]
     };
     match material {
@@ -109,23 +115,15 @@ fn looks(material: ParticleMaterial) -> Vec<ParticleLook> {
             ],
         ),
         ParticleMaterial::Snow => grains(1.25, [[0.87, 0.9, 0.94]; 7]),
-        ParticleMaterial::Jelly => body(
-            1.35,
-            Medium {
-                extinction: Vec3::new(10.0, 60.0, 50.0),
-                albedo: Vec3::new(0.6, 0.1, 0.1),
-            },
-        ),
-        // A drink.
-        ParticleMaterial::Water => body(
-            1.33,
-            Medium {
-                extinction: Vec3::new(15.0, 45.0, 110.0),
-                albedo: Vec3::ZERO,
-            },
-        ),
+        ParticleMaterial::Jelly => body(SMOOTHING_OF_JELLY, 1.35, JELLY),
+        ParticleMaterial::Water => body(SMOOTHING_OF_WATER, 1.33, DRINK * cloth),
     }
 }
+
+/// What the depth of jelly reflects.
+const JELLY: Vec3 = Vec3::new(0.42, 0.012, 0.022);
+/// What a drink lets through on the way to the cloth and back.
+const DRINK: Vec3 = Vec3::new(0.9, 0.75, 0.55);
 
 #[cfg(test)]
 mod tests {
@@ -148,7 +146,7 @@ mod tests {
         let precision = ParticlePrecision::Standard;
         let bed = ParticleBed::new(&table, &[], &patches, precision).unwrap();
         let particles = bed.centers().len();
-        let clouds = BedMoment::Lying(Arc::new(bed)).clouds();
+        let clouds = BedMoment::Lying(Arc::new(bed)).clouds(Vec3::splat(0.1));
         assert!(clouds.len() + CLOUDS <= CLOUDS_MAX, "{}", clouds.len());
         let drawn: usize = clouds.iter().map(|cloud| cloud.places.len()).sum();
         assert_eq!(drawn, particles);

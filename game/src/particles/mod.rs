@@ -1,4 +1,4 @@
-//! Particles on screen: what the physics moves, as clouds of small balls for the tracer.
+//! Particles on screen: what the physics moves, as clouds of small balls and bodies for the tracer.
 
 mod bed;
 mod chalk;
@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use carom_tracer::ParticleCloud;
 use clap::ValueEnum;
+use glam::Vec3;
 
 pub use bed::BedMoment;
 pub use chalk::ChalkPuff;
@@ -44,11 +45,11 @@ pub struct ParticleMoment {
 }
 
 impl ParticleMoment {
-    /// What is traced of it: of dust as much as is wanted, of what balls meet all.
-    pub fn clouds(&self, detail: ParticleDetail) -> Vec<ParticleCloud> {
+    /// What is traced of it, on a cloth of this albedo: of dust as much as is wanted, of what balls meet all.
+    pub fn clouds(&self, detail: ParticleDetail, cloth: Vec3) -> Vec<ParticleCloud> {
         let dust = self.dust.iter();
         let dust = dust.flat_map(|(puff, secs)| puff.clouds(*secs, detail));
-        let bed = self.bed.iter().flat_map(BedMoment::clouds);
+        let bed = self.bed.iter().flat_map(|bed| bed.clouds(cloth));
         dust.chain(bed).collect()
     }
 }

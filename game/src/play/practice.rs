@@ -511,7 +511,7 @@ mod tests {
         assert!(
             !viewing
                 .particles(0.0)
-                .clouds(crate::particles::ParticleDetail::Off)
+                .clouds(crate::particles::ParticleDetail::Off, glam::Vec3::ONE)
                 .is_empty()
         );
         // Balls are still laid, and paint stays; beyond the cushions nothing is painted.

@@ -619,7 +619,7 @@ fn a_stroke_into_sand_waits_for_its_shot() {
     .unwrap();
     let lying = game
         .particles(0.0)
-        .clouds(crate::particles::ParticleDetail::Off);
+        .clouds(crate::particles::ParticleDetail::Off, glam::Vec3::ONE);
     assert!(!lying.is_empty());
     game.change_aim(AimIntent::SetPower(0.3), 0.0);
     game.stroke(StrokeIntent::Strike, 0.0, 0.0);
@@ -633,17 +633,17 @@ fn a_stroke_into_sand_waits_for_its_shot() {
     let end_secs = game.shot_clock(now_secs).unwrap().end_secs;
     let last = game
         .particles(end_secs)
-        .clouds(crate::particles::ParticleDetail::Off);
+        .clouds(crate::particles::ParticleDetail::Off, glam::Vec3::ONE);
     assert_eq!(
         game.particles(0.0)
-            .clouds(crate::particles::ParticleDetail::Off),
+            .clouds(crate::particles::ParticleDetail::Off, glam::Vec3::ONE),
         lying
     );
     game.tick(now_secs + end_secs + 1.0, 0.01);
     assert!(game.shot().is_none());
     let left = game
         .particles(0.0)
-        .clouds(crate::particles::ParticleDetail::Off);
+        .clouds(crate::particles::ParticleDetail::Off, glam::Vec3::ONE);
     let count = |clouds: &[carom_tracer::ParticleCloud]| -> usize {
         clouds.iter().map(|cloud| cloud.places.len()).sum()
     };
@@ -652,7 +652,7 @@ fn a_stroke_into_sand_waits_for_its_shot() {
     game.decide(MatchIntent::Undo, now_secs);
     assert_eq!(
         game.particles(0.0)
-            .clouds(crate::particles::ParticleDetail::Off),
+            .clouds(crate::particles::ParticleDetail::Off, glam::Vec3::ONE),
         lying
     );
 }

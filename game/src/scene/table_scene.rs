@@ -20,6 +20,7 @@ pub struct TableScene {
     /// The cue's object, which a table without a cue ball has none of.
     cue: Option<u32>,
     detail: ParticleDetail,
+    cloth_albedo: Vec3,
 }
 
 impl TableScene {
@@ -62,6 +63,7 @@ impl TableScene {
         Self {
             table: table.clone(),
             detail: style.particles,
+            cloth_albedo: style.cloth.albedo(rules),
             cue: cue.map(|index| index as u32),
             scene,
             balls,
@@ -76,6 +78,11 @@ impl TableScene {
     /// How many particles its pictures show.
     pub fn particle_detail(&self) -> ParticleDetail {
         self.detail
+    }
+
+    /// What the cloth reflects.
+    pub fn cloth_albedo(&self) -> Vec3 {
+        self.cloth_albedo
     }
 
     /// What a farm is given once.

@@ -208,6 +208,10 @@ impl Surfaces {
     /// where the path was scattered. At a distance of 1 m a ray sees as much of it as `footprint`, in metres; 0 for
     /// the finest level of textures.
     #[inline(always)]
+    #[expect(
+        clippy::too_many_lines,
+        reason = "one packet's values, all in registers"
+    )]
     pub(super) fn hit<S: Simd, const GENERAL: bool>(
         &self,
         simd: S,

@@ -116,9 +116,6 @@ fn parts(features: &Features) -> Vec<&'static str> {
     if features.triangles > 0 {
         parts.extend(triangle_normal_parts(features));
     }
-    if features.has_dielectric_mesh {
-        parts.push(include_str!("shaders/dielectric_mesh.wgsl"));
-    }
     parts.push(match features.copies_csg() {
         true => include_str!("shaders/csg_copy.wgsl"),
         false => include_str!("shaders/csg_copy_stub.wgsl"),
@@ -143,10 +140,15 @@ fn metallic_roughness_parts(features: &Features) -> Vec<&'static str> {
 }
 
 fn triangle_normal_parts(features: &Features) -> Vec<&'static str> {
-    if !features.has_shading_normals() {
-        return vec![include_str!("shaders/triangle_flat.wgsl")];
+    let mut parts = Vec::new();
+    if features.has_dielectric_mesh {
+        parts.push(include_str!("shaders/dielectric_mesh.wgsl"));
     }
-    let mut parts = vec![SHADING_NORMAL];
+    if !features.has_shading_normals() {
+        parts.push(include_str!("shaders/triangle_flat.wgsl"));
+        return parts;
+    }
+    parts.push(SHADING_NORMAL);
     parts.push(match features.smooth_triangles {
         0 => include_str!("shaders/triangle_facets.wgsl"),
         _ => include_str!("shaders/triangle_smooth.wgsl"),

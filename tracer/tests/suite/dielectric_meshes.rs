@@ -65,22 +65,22 @@ fn settings(samples: u32) -> RenderSettings {
 }
 
 /// White furnace: what takes no light cannot be seen, whatever way through the body light goes. What is shaded with
-/// other normals than its own loses where those would send light to the wrong side: less than 1 % for a ball of 512
+/// other normals than its own loses where those would send light to the wrong side: less than 2 % for a ball of 512
 /// triangles. Light that is scattered inside goes round until it is scattered again, longer than drivers in software take.
 #[test]
 fn clear_meshes_vanish_in_uniform_light() {
-    let cloudy = medium([2.0, 3.0, 4.0], 1.0);
+    let cloudy = medium([0.5, 0.75, 1.0], 1.0);
     for (mesh, loss_max) in [
         (facetted_ball(3), 2e-3),
         (cube(Vec3::splat(-0.4), Vec3::splat(0.4)), 2e-3),
-        (smooth_ball(3), 1e-2),
+        (smooth_ball(3), 2e-2),
     ] {
         for (ior, alpha, medium, loss) in [
             (1.33, 0.0, None, 0.0),
             (1.5, 0.0, None, 0.0),
             (1.33, 0.0, cloudy, 0.0),
             // Single scattering on microfacets.
-            (1.5, 0.2, None, 0.03),
+            (1.5, 0.2, None, 0.1),
         ] {
             let scene = with(empty(1.0), glass(ior, alpha, medium), mesh.clone().into());
             let scene = CompiledScene::new(&scene).unwrap();
@@ -97,9 +97,11 @@ fn clear_meshes_vanish_in_uniform_light() {
                 assert_eq!(film.dropped_samples(), 0);
                 let mean = mean(&film.image())[1];
                 let name = tracer.info().name;
-                let least = 1.0 - loss - loss_max;
+                // Flights through the medium have weights that scatter.
+                let noise = if medium.is_some() { 6e-3 } else { 0.0 };
+                let least = 1.0 - loss - loss_max - noise;
                 assert!(
-                    (least..1.002).contains(&mean),
+                    (least..1.002 + noise).contains(&mean),
                     "{name}: {mean} at index {ior} and width {alpha}"
                 );
             }
@@ -156,7 +158,7 @@ fn open_and_inward_meshes_of_glass_are_refused() {
     };
     let says = |text: String, words: &str| assert!(text.contains(words), "{text}");
     says(
-        refusal(&|mesh| drop(mesh.triangles.pop())),
+        refusal(&|mesh| mesh.triangles.truncate(11)),
         "of the edge from [1, 0, 1] to [1, 1, 1] of triangle 2 there are 1 that way and 0 the other way",
     );
     says(

@@ -85,6 +85,48 @@ fn a_scene_without_particles_is_as_it_was() {
     }
 }
 
+/// A puddle on the cloth.
+fn puddle() -> ParticleCloud {
+    let mut cloud = cloud(0);
+    cloud.material = Material::Dielectric {
+        ior: 1.33,
+        alpha: 0.0,
+        medium: None,
+    };
+    cloud.form = ParticleForm::Surface {
+        smoothing_m: 0.05,
+        floor_m: -1e-3,
+    };
+    let places =
+        (0..600).map(|i| cloud.place(0.02 * Vec3::new((i % 30) as f32, (i / 30) as f32, 0.5)));
+    cloud.places = places.collect();
+    cloud
+}
+
+#[test]
+fn a_surface_looks_the_same_on_every_tracer_and_leaves_nothing_behind() {
+    let mut scene = CompiledScene::new(&pool()).unwrap();
+    let update = SceneUpdate::default().particles(vec![cloud(3), puddle()]);
+    let mut expected: Option<RadianceImage> = None;
+    for tracer in tracers() {
+        let name = tracer.info().name;
+        let before = picture(tracer.as_ref(), &scene);
+        scene.apply(&update).unwrap();
+        let triangles = scene.meshes.triangles.len();
+        assert!(triangles.is_power_of_two(), "{triangles}");
+        let with_puddle = picture(tracer.as_ref(), &scene);
+        assert_ne!(with_puddle, before, "{name}");
+        let expected = expected.get_or_insert_with(|| with_puddle.clone());
+        let channels = with_puddle.pixels.as_flattened().iter();
+        let channels = channels.zip(expected.pixels.as_flattened());
+        let is_same = |(a, b): &(&f32, &f32)| (**a - **b).abs() <= 2e-3 * (0.1 + **b);
+        let share = channels.filter(is_same).count() as f64 / (3 * SIZE.pixels()) as f64;
+        assert!(share > 0.97, "{name}: {share}");
+        scene.apply(&SceneUpdate::default()).unwrap();
+        assert_eq!(picture(tracer.as_ref(), &scene), before, "{name}");
+    }
+}
+
 #[test]
 fn kernels_are_of_few_sizes_of_clouds() {
     let mut scene = CompiledScene::new(&pool()).unwrap();
@@ -110,12 +152,30 @@ fn kernels_are_of_few_sizes_of_clouds() {
 #[test]
 fn particles_out_of_range_are_refused_and_leave_the_scene() {
     type Change<'a> = (&'a dyn Fn(&mut ParticleCloud), &'a str);
-    let changes: [Change<'_>; 6] = [
+    let changes: [Change<'_>; 8] = [
         (&|cloud| cloud.radius_m = 0.0, "radius"),
         (&|cloud| cloud.radius_m = f32::NAN, "radius"),
         (&|cloud| cloud.max.y = cloud.min.y, "below its max"),
         (&|cloud| cloud.min.x = f32::NEG_INFINITY, "its min"),
         (&|cloud| cloud.material = Material::grey(1.5), "albedo"),
+        (
+            &|cloud| {
+                cloud.form = ParticleForm::Surface {
+                    smoothing_m: 0.05,
+                    floor_m: f32::NAN,
+                };
+            },
+            "its floor",
+        ),
+        (
+            &|cloud| {
+                cloud.form = ParticleForm::Surface {
+                    smoothing_m: 1e-5,
+                    floor_m: 0.0,
+                };
+            },
+            "at most 16384 times that",
+        ),
         (
             &|cloud| cloud.material = Material::wood(carom_tracer::Axis::X),
             "pattern",

@@ -172,7 +172,7 @@ impl ShotSequence {
         let camera = sharp.aperture_radius_m(APERTURE_RADIUS_M);
         self.stage
             .update(camera, &shot.poses_at(moment_secs), cue.as_ref())
-            .particles(particles.clouds(self.stage.particle_detail()))
+            .particles(particles.clouds(self.stage.particle_detail(), self.stage.cloth_albedo()))
     }
 }
 

@@ -40,7 +40,7 @@ pub(super) fn run(args: &PictureArgs) -> Result<(), BenchError> {
         let cue_ball = shot.poses_at(0.0)[0].position;
         let camera = Viewpoint::behind(cue_ball, 0.0).camera_in(&table);
         for secs in [0.0, 0.3, 1.0] {
-            let bodies = BedMoment::Moving(track.clone(), secs).clouds();
+            let bodies = BedMoment::Moving(track.clone(), secs).clouds(room.cloth_albedo());
             let particles: usize = bodies.iter().map(|cloud| cloud.places.len()).sum();
             let base = room.update(camera, &shot.poses_at(secs), None);
             let as_bodies = base.clone().particles(bodies.clone());

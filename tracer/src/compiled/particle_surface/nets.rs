@@ -16,9 +16,11 @@ const LEVEL: f32 = 0.5;
 /// Approach to Fair Surface Design", SIGGRAPH 1995), which leaves volumes as they are.
 const SMOOTHING_TURNS: u32 = 3;
 const SMOOTHING: [f32; 2] = [0.5, -0.53];
-/// How often normals take on the mean of those of their neighbours that are alike: by the eighth power of the cosine, so that
-/// rims stay round.
-const NORMAL_TURNS: u32 = 6;
+/// How often bumps are taken off, each time along the normals (Fleishman, Drori and Cohen-Or, "Bilateral Mesh Denoising",
+/// ACM TOG 22(3), 2003): which leaves rims and drops, whose normals differ from vertex to vertex.
+const FAIRING_TURNS: u32 = 12;
+/// How often normals take on the mean of those of their neighbours that are alike, so that rims stay round.
+const NORMAL_TURNS: u32 = 8;
 
 /// A block's densities and those of the next nodes along each axis.
 const PADDED: usize = EDGE as usize + 1;
@@ -60,7 +62,10 @@ pub(super) fn surface(grid: &DensityGrid) -> SurfaceMesh {
             net.smooth(share);
         }
     }
-    let normals = net.normals();
+    for _ in 0..FAIRING_TURNS {
+        net.fair();
+    }
+    let normals = net.normals(NORMAL_TURNS);
     SurfaceMesh {
         triangles: net.triangles(),
         positions: net.positions,
@@ -188,9 +193,34 @@ impl Net<'_> {
         }
     }
 
+    /// Moves each vertex along its normal to where those of its neighbours lie that have such a normal too.
+    fn fair(&mut self) {
+        let normals = self.normals(1);
+        let mut sums = vec![(0.0f32, 1.0f32); self.positions.len()];
+        for [a, b, c, d] in &self.quads {
+            for [one, other] in [[a, b], [b, c], [c, d], [d, a]] {
+                let [one, other] = [*one as usize, *other as usize];
+                let weight = likeness(normals[one], normals[other]);
+                let way = self.positions[other] - self.positions[one];
+                sums[one].0 += weight * way.dot(normals[one]);
+                sums[other].0 -= weight * way.dot(normals[other]);
+                sums[one].1 += weight;
+                sums[other].1 += weight;
+            }
+        }
+        let vertices = self.positions.iter_mut().zip(&self.is_on_floor);
+        for (((position, is_on_floor), normal), (sum, weight)) in vertices.zip(normals).zip(sums) {
+            let mut way = normal * (sum / weight);
+            if *is_on_floor {
+                way.z = 0.0;
+            }
+            *position += way;
+        }
+    }
+
     /// Normals of the quads around each vertex, and of their neighbours: at the rim those of the sides alone, so that
     /// the edge with the floor is not rounded.
-    fn normals(&self) -> Vec<Vec3> {
+    fn normals(&self, turns: u32) -> Vec<Vec3> {
         let is_floor =
             |quad: &[u32; 4]| quad.iter().all(|corner| self.is_on_floor[*corner as usize]);
         let sides: Vec<&[u32; 4]> = self.quads.iter().filter(|quad| !is_floor(quad)).collect();
@@ -211,15 +241,13 @@ impl Net<'_> {
             }
         };
         let mut normals: Vec<Vec3> = normals.into_iter().map(unit).collect();
-        for _ in 0..NORMAL_TURNS {
+        for _ in 0..turns {
             let mut sums = normals.clone();
             for quad in &sides {
                 let around = quad.map(|corner| normals[corner as usize]);
                 for (corner, own) in quad.iter().zip(around) {
                     for other in around {
-                        let alike = own.dot(other).max(0.0);
-                        let alike = alike * alike * alike * alike;
-                        sums[*corner as usize] += alike * alike * other;
+                        sums[*corner as usize] += likeness(own, other) * other;
                     }
                 }
             }
@@ -281,3 +309,11 @@ fn mean_crossing(corners: &[f32; 8]) -> Option<Vec3> {
     }
     Some(sum / count)
 }
+
+/// 1 where two normals are the same, 0 where they are more than 26° apart, as those of small drops are.
+fn likeness(one: Vec3, other: Vec3) -> f32 {
+    let share = ((one.dot(other) - LIKE_COSINE) / (1.0 - LIKE_COSINE)).max(0.0);
+    share * share
+}
+
+const LIKE_COSINE: f32 = 0.9;
