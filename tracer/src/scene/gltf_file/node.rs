@@ -136,14 +136,14 @@ impl Contents<'_> {
         let mesh = self.document.root.meshes.get(place);
         let mesh = mesh.ok_or_else(|| format!("mesh {place} does not exist"))?;
         let placement = match self.document.root.nodes[node].skin {
-            None => Placement::Rigid(world_from_node),
+            None => MeshPlacement::Rigid(world_from_node),
             Some(skin) => {
                 let skin = skin.value();
                 if !self.joints.contains_key(&skin) {
                     let joints = deformation::joints(self.document, skin, self.pose)?;
                     self.joints.insert(skin, joints);
                 }
-                Placement::Skinned(skin)
+                MeshPlacement::Skinned(skin)
             }
         };
         let weights = self.pose.weights(self.document, node)?;
@@ -178,7 +178,7 @@ impl Contents<'_> {
         &mut self,
         primitive: &Primitive,
         uvs: Option<&UvSet>,
-        placement: Placement,
+        placement: MeshPlacement,
         weights: &[f64],
         what: &str,
     ) -> Result<Mesh, Refusal> {
@@ -198,13 +198,13 @@ impl Contents<'_> {
             }
         }
         let (center, is_mirrored) = match placement {
-            Placement::Rigid(world_from_node) => {
+            MeshPlacement::Rigid(world_from_node) => {
                 let linear = DMat3::from_mat4(world_from_node);
                 vertices.transform(linear);
                 let center = world_from_node.w_axis.truncate().as_vec3();
                 (center, linear.determinant() < 0.0)
             }
-            Placement::Skinned(skin) => {
+            MeshPlacement::Skinned(skin) => {
                 vertices.skin(document, primitive, &self.joints[&skin], what)?;
                 (Vec3::ZERO, false)
             }
@@ -246,7 +246,7 @@ impl Contents<'_> {
 
 /// How the vertices of a mesh come to their places in the world.
 #[derive(Clone, Copy)]
-enum Placement {
+enum MeshPlacement {
     /// As the mesh's node stands.
     Rigid(DMat4),
     /// By the joints of this skin.
