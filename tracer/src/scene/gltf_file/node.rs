@@ -1,6 +1,7 @@
 //! Nodes of a glTF file: meshes, cameras and lights where they stand.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use glam::{DMat3, DMat4, DQuat, DVec3, Quat, Vec2, Vec3};
 use gltf_json::accessor::Type;
@@ -281,12 +282,15 @@ pub(super) fn update(
         }
         if let Some(skin) = node.skin {
             let skin = skin.value();
-            if !is_same_skin.contains_key(&skin) {
-                let [before, after] =
-                    [from, to].map(|pose| deformation::joints(document, skin, pose));
-                is_same_skin.insert(skin, before? == after?);
-            }
-            if !is_same_skin[&skin] {
+            let is_same = match is_same_skin.entry(skin) {
+                Entry::Occupied(known) => *known.get(),
+                Entry::Vacant(place) => {
+                    let [before, after] =
+                        [from, to].map(|pose| deformation::joints(document, skin, pose));
+                    *place.insert(before? == after?)
+                }
+            };
+            if !is_same {
                 return Ok(None);
             }
         } else if before != after {
