@@ -137,6 +137,8 @@ impl SceneFile {
         if let (Some(animated), Some(name)) = (&self.animated, name) {
             return Ok(animated.find_animation(name)?);
         }
+        #[cfg(not(feature = "gltf"))]
+        let _ = name;
         match self.animations.is_empty() {
             false => Ok(0),
             true => Err(self.without_animation()),

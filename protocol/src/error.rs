@@ -121,7 +121,7 @@ pub enum Reason {
     PrecisionName { known: String },
     #[error("{message}")]
     Tracer { message: String },
-    #[error("object {object} is posed, but it is neither a sphere nor a truncated cone")]
+    #[error("object {object} is posed, but it is neither a sphere nor a truncated cone nor a mesh")]
     PoseOfImmovable { object: u32 },
     #[error("object {object} is posed, but the scene has {objects} objects")]
     PoseOutsideScene { object: u32, objects: usize },

@@ -10,9 +10,7 @@ use std::time::{Duration, Instant};
 use carom_farm::carom_tracer::tonemap::srgb8;
 use carom_farm::carom_tracer::{Camera, Mesh, Object, Scene, Shape};
 use carom_farm::glam::{Vec2, Vec3};
-use carom_farm::{
-    Error, Farm, FarmConfig, LocalNode, Picture, SceneFile, Still, open_scene,
-};
+use carom_farm::{Error, Farm, FarmConfig, LocalNode, Picture, SceneFile, Still, open_scene};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};

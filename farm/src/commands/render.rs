@@ -104,11 +104,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
     let interrupted = net::interruption().context("Ctrl-C")?;
     loop {
         let (scene, update) = frames.scene(number)?;
-        let seen = Seen {
+        let shown = FrameScene {
             scene: &scene,
             update,
         };
-        render(args, &mut farm, seen, outputs, &interrupted)?;
+        render(args, &mut farm, shown, outputs, &interrupted)?;
         match numbers.next() {
             Some(next) => number = next,
             None => return Ok(()),
@@ -118,7 +118,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Failure> {
 }
 
 /// A scene as it is seen in a frame.
-struct Seen<'a> {
+struct FrameScene<'a> {
     scene: &'a Scene,
     update: SceneUpdate,
 }
@@ -133,14 +133,14 @@ fn claim(args: &RenderArgs, number: Option<u32>) -> Result<Vec<OutputFile>, Fail
 fn render(
     args: &RenderArgs,
     farm: &mut Farm,
-    seen: Seen<'_>,
+    shown: FrameScene<'_>,
     outputs: Vec<OutputFile>,
     interrupted: &AtomicBool,
 ) -> Result<(), Failure> {
     let checkpoint = checkpoint_path(outputs[0].path());
     let layered = outputs.iter().any(|out| out.format() == FileFormat::Exr);
-    let still = args.still(&checkpoint, layered).update(seen.update);
-    let (picture, summary) = trace(args, farm, seen.scene, still, &checkpoint, interrupted)?;
+    let still = args.still(&checkpoint, layered).update(shown.update);
+    let (picture, summary) = trace(args, farm, shown.scene, still, &checkpoint, interrupted)?;
     if picture.dropped_samples() > 0 {
         eprintln!(
             "carom-farm: {} samples were not finite and were counted as black",

@@ -642,7 +642,7 @@ fn check_fit(scene: &Scene, update: &SceneUpdate) -> Result<(), Reason> {
     for pose in &update.poses {
         let object = pose.object;
         match scene.objects.get(object as usize).map(|found| &found.shape) {
-            Some(Shape::Sphere { .. } | Shape::TruncatedCone { .. }) => {}
+            Some(Shape::Sphere { .. } | Shape::TruncatedCone { .. } | Shape::Mesh(_)) => {}
             Some(_) => return Err(Reason::PoseOfImmovable { object }),
             None => {
                 let objects = scene.objects.len();

@@ -1,6 +1,7 @@
 //! Nodes of a glTF file: meshes, cameras and lights where they stand.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use glam::{DMat3, DMat4, DQuat, DVec3, Quat, Vec2, Vec3};
 use gltf_json::accessor::Type;
@@ -136,14 +137,14 @@ impl Contents<'_> {
         let mesh = self.document.root.meshes.get(place);
         let mesh = mesh.ok_or_else(|| format!("mesh {place} does not exist"))?;
         let placement = match self.document.root.nodes[node].skin {
-            None => Placement::Rigid(world_from_node),
+            None => MeshPlacement::Rigid(world_from_node),
             Some(skin) => {
                 let skin = skin.value();
                 if !self.joints.contains_key(&skin) {
                     let joints = deformation::joints(self.document, skin, self.pose)?;
                     self.joints.insert(skin, joints);
                 }
-                Placement::Skinned(skin)
+                MeshPlacement::Skinned(skin)
             }
         };
         let weights = self.pose.weights(self.document, node)?;
@@ -178,7 +179,7 @@ impl Contents<'_> {
         &mut self,
         primitive: &Primitive,
         uvs: Option<&UvSet>,
-        placement: Placement,
+        placement: MeshPlacement,
         weights: &[f64],
         what: &str,
     ) -> Result<Mesh, Refusal> {
@@ -198,13 +199,13 @@ impl Contents<'_> {
             }
         }
         let (center, is_mirrored) = match placement {
-            Placement::Rigid(world_from_node) => {
+            MeshPlacement::Rigid(world_from_node) => {
                 let linear = DMat3::from_mat4(world_from_node);
                 vertices.transform(linear);
                 let center = world_from_node.w_axis.truncate().as_vec3();
                 (center, linear.determinant() < 0.0)
             }
-            Placement::Skinned(skin) => {
+            MeshPlacement::Skinned(skin) => {
                 vertices.skin(document, primitive, &self.joints[&skin], what)?;
                 (Vec3::ZERO, false)
             }
@@ -246,7 +247,7 @@ impl Contents<'_> {
 
 /// How the vertices of a mesh come to their places in the world.
 #[derive(Clone, Copy)]
-enum Placement {
+enum MeshPlacement {
     /// As the mesh's node stands.
     Rigid(DMat4),
     /// By the joints of this skin.
@@ -281,12 +282,15 @@ pub(super) fn update(
         }
         if let Some(skin) = node.skin {
             let skin = skin.value();
-            if !is_same_skin.contains_key(&skin) {
-                let [before, after] =
-                    [from, to].map(|pose| deformation::joints(document, skin, pose));
-                is_same_skin.insert(skin, before? == after?);
-            }
-            if !is_same_skin[&skin] {
+            let is_same = match is_same_skin.entry(skin) {
+                Entry::Occupied(known) => *known.get(),
+                Entry::Vacant(place) => {
+                    let [before, after] =
+                        [from, to].map(|pose| deformation::joints(document, skin, pose));
+                    *place.insert(before? == after?)
+                }
+            };
+            if !is_same {
                 return Ok(None);
             }
         } else if before != after {
