@@ -2,20 +2,18 @@
 //!
 //! Drivers compile, fuse and round as they like, and now and then wrongly. Of two scenes the first is
 //! of plain balls and boxes under area lights; the second has what most pictures lack: a wooden CSG box, a
-//! number, napped cloth, rough metal, a mesh, rough glass with a medium that scatters, and a body of glass; a point light, a spot
-//! and a sun; and, where files of pictures are read, a textured mesh with a normal map under an environment map.
+//! number, napped cloth, rough metal, a mesh, and rough glass with a medium that scatters.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{Quat, Vec3};
 
 use crate::{
     AreaLight, Axis, Camera, ClothMarks, CompiledScene, CsgSolid, Environment, Error, ImageSize,
-    Lens, Material, MaterialTextures, Medium, Mesh, Object, ProceduralTexture, PunctualEmitter,
-    PunctualLight, RenderSettings, ScalarTracer, Scene, Shape, Stripe, Subtraction, Tile, TraceJob,
-    Tracer,
+    Lens, Material, Medium, Mesh, Object, ProceduralTexture, RenderSettings, ScalarTracer, Scene,
+    Shape, Stripe, Subtraction, Tile, TraceJob, Tracer,
 };
 
 /// 32 × 24 pixels of 4 samples: 10 ms of the scalar tracer.
@@ -190,78 +188,11 @@ pub(crate) fn dressed_scene() -> Scene {
     scene.objects.push(object((wax, "wax")));
     scene.objects.push(object((rod, "cue")));
     scene.objects.push(object((pyramid().into(), "gold")));
-    let body = Mesh {
-        normals: Vec::new(),
-        ..pyramid()
-    }
-    .at([0.5, -1.3, 0.3]);
-    scene.objects.push(object((body.into(), "glass")));
-    scene.objects.push(object((panel().into(), "paint")));
-    scene.punctual_lights = punctual_lights().into();
-    #[cfg(feature = "image-io")]
-    add_pictures(&mut scene);
     scene
 }
 
-fn punctual_lights() -> [PunctualLight; 3] {
-    let spot = PunctualEmitter::Spot {
-        center: Vec3::new(-1.0, -1.5, 2.0),
-        direction: Vec3::new(0.4, 0.6, -0.8),
-        intensity: Vec3::new(3.0, 2.0, 1.0),
-        inner_deg: 15.0,
-        outer_deg: 40.0,
-    };
-    [
-        PunctualLight::point([1.5, -1.0, 1.2], [0.5, 0.6, 0.9]),
-        PunctualLight::new(spot),
-        PunctualLight::distant([0.3, 0.5, -1.0], [0.6, 0.5, 0.4]),
-    ]
-}
-
-/// Two triangles that share an edge, upright behind the rest.
-fn panel() -> Mesh {
-    let corners = [[-0.3, -0.5], [1.4, -0.5], [1.4, 0.5], [-0.3, 0.5]];
-    let positions = corners.map(|[x, z]| Vec3::new(x, 0.2 * x, z));
-    let uvs = corners.map(|[x, z]| Vec2::new(1.3 * x, -1.1 * z));
-    let mesh = Mesh::new(positions.into(), vec![[0, 1, 2], [0, 2, 3]]);
-    mesh.uvs(uvs.into()).at([0.1, 1.4, 0.7])
-}
-
-/// A texture of each kind, and surroundings.
-#[cfg(feature = "image-io")]
-fn add_pictures(scene: &mut Scene) {
-    use crate::texture_file::{Texels, encode_png};
-    use crate::{EnvironmentMap, ImageTexture, RadianceImage, environment_file};
-
-    let texels = |color: fn(u8) -> [u8; 4]| {
-        let size = [4, 4];
-        let texels = (0..16).map(color).collect();
-        encode_png(&Texels { size, texels }).unwrap_or_default()
-    };
-    let color = texels(|i| [250 - 9 * i, 60 + 11 * i, 40 * (i % 4), 255]);
-    let surface = texels(|i| [0, 60 + 12 * i, 255 * (i % 2), 255]);
-    // Tangent-space normals that lean by up to a fifth.
-    let normals = texels(|i| [128 + 8 * (i % 4), 128 + 6 * (i / 4), 250, 255]);
-    let textures = MaterialTextures {
-        base_color: Some(scene.add_texture(ImageTexture::new("color", color))),
-        metallic_roughness: Some(scene.add_texture(ImageTexture::new("surface", surface).linear())),
-        normal: Some(scene.add_texture(ImageTexture::new("normals", normals).linear())),
-        emission: Some(0),
-    };
-    if let Some(Material::MetallicRoughness { textures: of, .. }) = scene.materials.get_mut("paint")
-    {
-        *of = textures;
-    }
-    let mut sky = RadianceImage::black(ImageSize::new(8, 4));
-    for (index, pixel) in sky.pixels.iter_mut().enumerate() {
-        *pixel = (Vec3::new(0.2, 0.25, 0.4) * (1.0 + (index % 5) as f32)).to_array();
-    }
-    let map = environment_file::encode_exr(&sky).unwrap_or_default();
-    scene.environment_map = Some(EnvironmentMap::new(map).turned_deg(30.0));
-}
-
 #[expect(clippy::too_many_lines, reason = "materials as data")]
-fn dressed_materials() -> [(&'static str, Material); 8] {
+fn dressed_materials() -> [(&'static str, Material); 6] {
     let tone = Vec3::new(0.6, 0.4, 0.2);
     let wood = ProceduralTexture::Wood {
         light: tone,
@@ -322,25 +253,6 @@ fn dressed_materials() -> [(&'static str, Material); 8] {
                 eta: Vec3::new(0.143, 0.375, 1.442),
                 k: Vec3::new(3.983, 2.386, 1.603),
                 alpha: 0.3,
-            },
-        ),
-        (
-            "paint",
-            Material::MetallicRoughness {
-                base_color: tone,
-                metallic: 0.8,
-                roughness: 0.7,
-                ior: 1.5,
-                emission: Vec3::new(0.05, 0.02, 0.01),
-                textures: MaterialTextures::default(),
-            },
-        ),
-        (
-            "glass",
-            Material::Dielectric {
-                ior: 1.5,
-                alpha: 0.0,
-                medium: None,
             },
         ),
         (
@@ -408,8 +320,5 @@ mod tests {
         assert!(plain.area_lights > 0 && plain.has_coat && plain.has_stripe && dressed.has_stripe);
         assert!(dressed.has_number && dressed.has_wood && dressed.has_sheen);
         assert!(dressed.has_microfacet && dressed.has_dielectric);
-        assert!(dressed.has_metallic_roughness && dressed.punctual_lights == 3);
-        #[cfg(feature = "image-io")]
-        assert!(dressed.uv_triangles > 0 && dressed.textures == 3 && dressed.has_environment_map());
     }
 }
