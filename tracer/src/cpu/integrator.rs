@@ -8,40 +8,39 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use fearless_simd::{i32x16, prelude::*};
 
-use super::area_light::{AreaLights, LightSample};
+use super::area_light::AreaLights;
 use super::bsdf::Bsdf;
 use super::environment::Environment;
 use super::geometry::Geometry;
 use super::lanes::{Float, Mask, Vec3x, Word};
+use super::light_sampling::{HitPacket, MIRROR, OTHER, power_heuristic};
 use super::microfacet::{SCATTERED, untagged};
-use super::punctual_light::sample_punctual_light;
 use super::rays::{INSIDE, NONE, Nearest, Rays};
-use super::refracted_nee::NeeBoundaries;
 use super::regularisation::{regularised, with_spread};
 use super::sampling::{pair, sin_cos_turns};
 use super::stream::{Stream, StreamPacket, load, load_words, packets, store, store_words};
 use super::surface::{Hit, Surfaces};
 use crate::compiled::{CameraFrame, CompiledScene, PunctualLightData};
 use crate::sampling::{
-    BELOW_1, BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice,
-    block_light, block_scatter,
+    BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light,
+    block_scatter,
 };
 use crate::{ImageSize, RenderSettings};
 
 /// A scene for one picture, laid out for the lanes.
 pub(super) struct Prepared {
-    camera: CameraFrame,
+    pub(super) camera: CameraFrame,
     pub(super) environment: Environment,
     pub(super) geometry: Geometry,
     pub(super) surfaces: Surfaces,
     pub(super) area_lights: AreaLights,
-    punctual_lights: Vec<PunctualLightData>,
+    pub(super) punctual_lights: Vec<PunctualLightData>,
     /// With which light sampling aims at those, and at area lights.
-    punctual_probability: f32,
-    area_light_probability: f32,
+    pub(super) punctual_probability: f32,
+    pub(super) area_light_probability: f32,
     /// The scene has what the game's have not: triangles, glTF's material, an environment map, punctual lights.
-    is_general: bool,
-    has_coat: bool,
+    pub(super) is_general: bool,
+    pub(super) has_coat: bool,
     /// How wide the surface is that a pixel sees at a distance of 1 m, in metres.
     pub(super) footprint: f32,
     pub(super) settings: RenderSettings,
@@ -125,22 +124,6 @@ impl Prepared {
             }
         }
         rays
-    }
-
-    /// Whether light is looked for elsewhere than at area lights.
-    fn shares_light_sampling(&self) -> bool {
-        self.environment.probability() > 0.0 || self.punctual_probability > 0.0
-    }
-
-    /// Whether there are directions in which light is looked for.
-    fn samples_light(&self) -> bool {
-        !self.area_lights.is_empty() || self.shares_light_sampling()
-    }
-
-    /// Whether area lights that a coat reflects are looked up: of denoised pictures the first hits' mirrors
-    /// are traced apart.
-    fn samples_coat_reflection(&self, depth: u32) -> bool {
-        self.has_coat && !self.area_lights.is_empty() && (depth > 0 || !self.settings.denoise)
     }
 
     /// Whether what paths meet is noted for the filter. They keep their places then, also those that
@@ -435,18 +418,18 @@ impl Prepared {
             let mut light_weight_sum = Float::splat(simd, 0.0);
             if self.samples_light() {
                 let u = pair(pixel, sample, block_light(depth), seed);
-                let (traced, sum) = self.sample_light::<S, GENERAL>(
+                let packet = HitPacket {
                     simd,
-                    stream,
                     at,
-                    alive,
                     depth,
-                    &hit,
-                    &bsdf,
+                    alive,
                     tag,
+                    hit: &hit,
+                    bsdf: &bsdf,
+                    beta,
                     regularised,
-                    u,
-                );
+                };
+                let (traced, sum) = self.sample_light::<S, GENERAL>(&packet, stream, u);
                 rays += traced;
                 light_weight_sum = sum;
             }
@@ -483,210 +466,6 @@ impl Prepared {
         rays
     }
 
-    /// Next-event estimation at a packet's hits, towards all kinds of lights. Returns the number of rays inside balls and
-    /// the area lights' `light_weight_sum`.
-    #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "one packet's values, all in registers"
-    )]
-    fn sample_light<S: Simd, const GENERAL: bool>(
-        &self,
-        simd: S,
-        stream: &mut Stream,
-        at: usize,
-        alive: Mask<S>,
-        depth: u32,
-        hit: &Hit<S>,
-        bsdf: &Bsdf<S>,
-        tag: Word<S>,
-        regularised: Mask<S>,
-        mut u: [Float<S>; 2],
-    ) -> (u64, Float<S>) {
-        let (mut rays, mut light_weight_sum) = (0, Float::splat(simd, 0.0));
-        let aims = if GENERAL {
-            self.divide_light_sampling(hit, &mut u)
-        } else {
-            None
-        };
-        if GENERAL && self.area_lights.is_empty() {
-            self.queue_no_shadow_rays(simd, stream, at, hit);
-        } else {
-            let mut light = self.area_lights.sample(simd, hit.position, u);
-            if aims.is_some() {
-                self.weigh_beside_others(hit, &mut light);
-            }
-            light_weight_sum = light.light_weight_sum;
-            rays = self.queue_shadow_rays(
-                simd,
-                stream,
-                at,
-                alive,
-                depth,
-                hit,
-                bsdf,
-                tag,
-                &light,
-                regularised,
-            );
-        }
-        if let Some(aims) = aims {
-            self.queue_other_shadow_rays(simd, stream, at, alive, &aims, hit, bsdf, u);
-        }
-        (rays, light_weight_sum)
-    }
-
-    /// Next-event estimation at a packet's hits, by all lobes. Returns the number of rays inside balls.
-    #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "one packet's values, all in registers"
-    )]
-    fn queue_shadow_rays<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream,
-        at: usize,
-        alive: Mask<S>,
-        depth: u32,
-        hit: &Hit<S>,
-        bsdf: &Bsdf<S>,
-        tag: Word<S>,
-        light: &LightSample<S>,
-        regularised: Mask<S>,
-    ) -> u64 {
-        let mut rays = 0;
-        let beta = stream.beta.load(simd, at);
-        self.queue_shadow_ray(simd, stream, at, alive, hit, bsdf, beta, light, regularised);
-        if self.has_refracted_nee() {
-            stream.shadows[OTHER].origin.store(at, hit.position);
-            rays = self
-                .queue_refracted_shadow_ray(simd, stream, at, alive, depth, hit, beta, tag, light);
-        }
-        if self.samples_coat_reflection(depth) {
-            let exact = alive & !regularised;
-            self.queue_coat_shadow_ray(simd, stream, at, exact, hit, bsdf, beta);
-        }
-        rays
-    }
-
-    /// The lanes that aim elsewhere than at an area light, and what is left of `u` for each; none where there is
-    /// nothing else. Lanes that were scattered inside bodies aim at area lights alone.
-    #[inline(always)]
-    fn divide_light_sampling<S: Simd>(
-        &self,
-        hit: &Hit<S>,
-        u: &mut [Float<S>; 2],
-    ) -> Option<LightAims<S>> {
-        if !self.shares_light_sampling() {
-            return None;
-        }
-        let shares = [
-            self.punctual_probability,
-            self.environment.probability(),
-            self.area_light_probability,
-        ];
-        let [punctual_share, environment_share, _] = shares;
-        let after = u[0] - punctual_share;
-        let mut punctual = after.simd_lt(0.0);
-        let mut environment = after.simd_lt(environment_share) & !punctual;
-        let part = |u: Float<S>, share: f32| u * (1.0 / share.max(f32::MIN_POSITIVE));
-        let rest = part(after - environment_share, shares[2]);
-        let rest = environment.select(part(after, environment_share), rest);
-        let mut rest = punctual
-            .select(part(u[0], punctual_share), rest)
-            .min(BELOW_1 as f32);
-        if let Some(microfacet) = &hit.microfacet {
-            let scattered = microfacet.is_scattered();
-            rest = scattered.select(u[0], rest);
-            punctual &= !scattered;
-            environment &= !scattered;
-        }
-        u[0] = rest;
-        Some(LightAims {
-            punctual,
-            environment,
-        })
-    }
-
-    /// Area lights are aimed at less often where others are too.
-    #[inline(always)]
-    fn weigh_beside_others<S: Simd>(&self, hit: &Hit<S>, light: &mut LightSample<S>) {
-        let simd = light.inverse_pdf.token();
-        let mut factor = Float::splat(simd, 1.0 / self.area_light_probability);
-        if let Some(microfacet) = &hit.microfacet {
-            let one = Float::splat(simd, 1.0);
-            factor = microfacet.is_scattered().select(one, factor);
-        }
-        light.inverse_pdf *= factor;
-        light.inverse_density *= factor;
-        light.light_weight_sum *= factor;
-    }
-
-    #[inline(always)]
-    fn queue_no_shadow_rays<S: Simd>(&self, simd: S, stream: &mut Stream, at: usize, hit: &Hit<S>) {
-        let zero = Float::splat(simd, 0.0);
-        for shadow in &mut stream.shadows {
-            store(&mut shadow.distance, at, zero);
-            shadow.origin.store(at, hit.position);
-        }
-    }
-
-    /// Next-event estimation towards other than area lights, in place of the rays that are queued in the lanes that aim
-    /// there.
-    #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "one packet's values, all in registers"
-    )]
-    fn queue_other_shadow_rays<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream,
-        at: usize,
-        alive: Mask<S>,
-        aims: &LightAims<S>,
-        hit: &Hit<S>,
-        bsdf: &Bsdf<S>,
-        u: [Float<S>; 2],
-    ) {
-        let environment = alive & aims.environment;
-        if environment.any_true()
-            && let Some(drawn) = self.environment.sample(simd, u)
-        {
-            let cos_i = hit.normal.dot(drawn.wi);
-            let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, drawn.wi, cos_i);
-            let weight = power_heuristic(bsdf_pdf * drawn.inverse_density) * drawn.inverse_density;
-            let light = f_cos.scale(drawn.radiance) * weight;
-            let distance = Float::splat(simd, f32::MAX);
-            let lanes = environment & bsdf.sees(cos_i);
-            replace_shadow_ray(
-                stream,
-                at,
-                environment,
-                lanes,
-                bsdf,
-                drawn.wi,
-                distance,
-                light,
-            );
-        }
-        let punctual = alive & aims.punctual;
-        if punctual.any_true() {
-            let lights = &self.punctual_lights;
-            let chosen = sample_punctual_light(simd, lights, hit.position, u[0]);
-            let cos_i = hit.normal.dot(chosen.wi);
-            let (f_cos, _) = bsdf.evaluate(simd, chosen.wi, cos_i);
-            let weight = Float::splat(simd, 1.0 / self.punctual_probability);
-            let light = f_cos.scale(chosen.irradiance) * weight;
-            let lanes = punctual & bsdf.sees(cos_i);
-            let distance = chosen.distance;
-            replace_shadow_ray(
-                stream, at, punctual, lanes, bsdf, chosen.wi, distance, light,
-            );
-        }
-    }
-
     /// The surfaces that a packet's rays have met, their mirrors mollified in the lanes returned.
     #[inline(always)]
     #[expect(
@@ -714,186 +493,6 @@ impl Prepared {
             surface.regularise(regularised);
         }
         (hit, regularised)
-    }
-
-    fn has_refracted_nee(&self) -> bool {
-        !self.surfaces.nee_boundaries.is_empty()
-    }
-
-    /// Where a ray that was scattered inside a ball and went `distance` from there leaves it by a path on
-    /// which area lights have been aimed at. `pdf` is that of the ray.
-    #[inline(always)]
-    fn exits_by_nee_hemisphere<S: Simd>(
-        &self,
-        simd: S,
-        pdf: Float<S>,
-        hit: &Hit<S>,
-        wo: Vec3x<S>,
-        distance: Float<S>,
-        tag: Word<S>,
-    ) -> Mask<S> {
-        let none = Mask::splat(simd, false);
-        let Some(microfacet) = &hit.microfacet else {
-            return none;
-        };
-        let from_inside = microfacet.is_left() & pdf.simd_eq(f32::NEG_INFINITY);
-        let boundaries = NeeBoundaries::new(simd, &self.surfaces.nee_boundaries, tag, from_inside);
-        boundaries.map_or(none, |boundaries| {
-            boundaries.are_left(distance, hit.normal.dot(wo))
-        })
-    }
-
-    /// Next-event estimation of paths that were scattered inside a ball, through its boundary. Returns
-    /// the number of rays inside.
-    #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "one packet's values, all in registers"
-    )]
-    fn queue_refracted_shadow_ray<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream,
-        at: usize,
-        alive: Mask<S>,
-        depth: u32,
-        hit: &Hit<S>,
-        beta: Vec3x<S>,
-        tag: Word<S>,
-        light: &LightSample<S>,
-    ) -> u64 {
-        let Some(microfacet) = &hit.microfacet else {
-            return 0;
-        };
-        if depth + 2 > self.settings.max_depth {
-            return 0;
-        }
-        let scattered = alive & microfacet.is_scattered();
-        let Some(boundaries) =
-            NeeBoundaries::new(simd, &self.surfaces.nee_boundaries, tag, scattered)
-        else {
-            return 0;
-        };
-        let normal = self.area_lights.emission(simd, light.index).normal;
-        let refracted = boundaries.refracted_paths(simd, hit.position, light, normal);
-        if !refracted.lanes.any_true() {
-            return 0;
-        }
-        // The ball itself is skipped. No area light is inside.
-        let inner = Rays::new(simd, hit.position, refracted.inner, untagged(tag));
-        let none = Word::splat(simd, NONE);
-        let open = refracted.lanes & !self.geometry.occluded(simd, &inner, refracted.inside, none);
-        let shadow = &mut stream.shadows[OTHER];
-        let (origin, direction) = (hit.position, shadow.direction.load(simd, at));
-        shadow
-            .origin
-            .store(at, Vec3x::select(open, refracted.place, origin));
-        shadow
-            .direction
-            .store(at, Vec3x::select(open, refracted.outer, direction));
-        let radiance = shadow.radiance.load(simd, at);
-        let through = beta.scale(light.radiance).scale(refracted.weight);
-        shadow
-            .radiance
-            .store(at, Vec3x::select(open, through, radiance));
-        let distance = load(simd, &shadow.distance, at);
-        store(
-            &mut shadow.distance,
-            at,
-            open.select(refracted.outside, distance),
-        );
-        u64::from(refracted.lanes.to_bitmask().count_ones())
-    }
-
-    /// Next-event estimation: a shadow ray towards a random point of a random area light.
-    #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "one packet's values, all in registers"
-    )]
-    fn queue_shadow_ray<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream,
-        at: usize,
-        alive: Mask<S>,
-        hit: &Hit<S>,
-        bsdf: &Bsdf<S>,
-        beta: Vec3x<S>,
-        light: &LightSample<S>,
-        regularised: Mask<S>,
-    ) {
-        let cos_i = hit.normal.dot(light.wi);
-        let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, light.wi, cos_i);
-        let weight = power_heuristic(bsdf_pdf * light.inverse_density);
-        let mut reflected = f_cos * weight;
-        if self.has_coat {
-            let coat = bsdf.regularised_coat(simd, regularised, light.wi);
-            reflected = reflected + Vec3x::new(coat, coat, coat);
-        }
-        let mut lit = alive & bsdf.sees(cos_i) & light.distance.simd_gt(0.0);
-        if let Some(above) = bsdf.is_above(light.wi) {
-            lit &= above;
-        }
-        let shadow = &mut stream.shadows[OTHER];
-        shadow.direction.store(at, light.wi);
-        let radiance = light.radiance * light.inverse_pdf;
-        shadow
-            .radiance
-            .store(at, beta.scale(reflected).scale(radiance));
-        let zero = Float::splat(simd, 0.0);
-        store(&mut shadow.distance, at, lit.select(light.distance, zero));
-        store_words(
-            &mut shadow.light,
-            at,
-            light.index + self.geometry.area_lights_first,
-        );
-    }
-
-    /// A shadow ray towards the area light that a coat reflects, if it does.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "what a path carries, in registers"
-    )]
-    #[inline(always)]
-    fn queue_coat_shadow_ray<S: Simd>(
-        &self,
-        simd: S,
-        stream: &mut Stream,
-        at: usize,
-        alive: Mask<S>,
-        hit: &Hit<S>,
-        bsdf: &Bsdf<S>,
-        beta: Vec3x<S>,
-    ) {
-        let zero = Float::splat(simd, 0.0);
-        let shadow = &mut stream.shadows[MIRROR];
-        let reflectance = bsdf.coat(simd);
-        let coated = alive & reflectance.simd_gt(0.0);
-        if !coated.any_true() {
-            store(&mut shadow.distance, at, zero);
-            return;
-        }
-        let wi = bsdf.mirrored();
-        let rays = Rays::new(simd, hit.position, wi, Word::splat(simd, NONE));
-        let nearest = self.geometry.nearest_area_light(simd, &rays);
-        let met = coated & nearest.id.simd_ne(NONE);
-        if !met.any_true() {
-            store(&mut shadow.distance, at, zero);
-            return;
-        }
-        let index = met.select(
-            nearest.id - self.geometry.area_lights_first,
-            Word::splat(simd, 0),
-        );
-        let emission = self.area_lights.emission(simd, index);
-        let lit = met & wi.dot(emission.normal).simd_lt(0.0);
-        shadow.direction.store(at, wi);
-        shadow
-            .radiance
-            .store(at, beta.scale(emission.radiance) * reflectance);
-        store(&mut shadow.distance, at, lit.select(nearest.distance, zero));
-        store_words(&mut shadow.light, at, nearest.id);
     }
 
     /// Adds the light of the shadow rays of a `lobe` that reach their area light. Returns how many were
@@ -952,62 +551,11 @@ fn add_emission<S: Simd>(simd: S, stream: &mut Stream, at: usize, alive: Mask<S>
     stream.radiance.store(at, radiance + emission);
 }
 
-/// The lanes that aim elsewhere than at an area light.
-struct LightAims<S: Simd> {
-    punctual: Mask<S>,
-    environment: Mask<S>,
-}
-
-/// Queues a ray that no area light ends in place of those in lanes that are `aimed`, to be traced where it is `lit`.
-#[inline(always)]
-#[expect(
-    clippy::too_many_arguments,
-    reason = "one packet's values, all in registers"
-)]
-fn replace_shadow_ray<S: Simd>(
-    stream: &mut Stream,
-    at: usize,
-    aimed: Mask<S>,
-    mut lit: Mask<S>,
-    bsdf: &Bsdf<S>,
-    wi: Vec3x<S>,
-    distance: Float<S>,
-    light: Vec3x<S>,
-) {
-    let simd = distance.token();
-    if let Some(above) = bsdf.is_above(wi) {
-        lit &= above;
-    }
-    let beta = stream.beta.load(simd, at);
-    let shadow = &mut stream.shadows[OTHER];
-    let before = shadow.direction.load(simd, at);
-    shadow.direction.store(at, Vec3x::select(aimed, wi, before));
-    let before = shadow.radiance.load(simd, at);
-    (shadow.radiance).store(at, Vec3x::select(aimed, beta.scale(light), before));
-    let distance = lit.select(distance, Float::splat(simd, 0.0));
-    let before = load(simd, &shadow.distance, at);
-    store(&mut shadow.distance, at, aimed.select(distance, before));
-    let before = load_words(simd, &shadow.light, at);
-    let none = Word::splat(simd, NONE);
-    store_words(&mut shadow.light, at, aimed.select(none, before));
-}
-
-/// Which shadow rays, in [`Stream::shadows`].
-const OTHER: usize = 0;
-const MIRROR: usize = 1;
-
 /// A density times the area lights' sum, 0 and ∞ as they are and nothing else 0 where there is no light.
 #[inline(always)]
 fn weighed<S: Simd>(pdf: Float<S>, light_weight_sum: Float<S>) -> Float<S> {
     let product = pdf * light_weight_sum.max(f32::MIN_POSITIVE);
     pdf.simd_gt(0.0).select(product.max(f32::MIN_POSITIVE), pdf)
-}
-
-/// The power heuristic (β = 2) for a strategy beside another of `density_ratio` times its density.
-/// By their quotient: the squares of densities towards tiny area lights would overflow.
-#[inline(always)]
-fn power_heuristic<S: Simd>(density_ratio: Float<S>) -> Float<S> {
-    1.0 / density_ratio.mul_add(density_ratio, Float::splat(density_ratio.token(), 1.0))
 }
 
 /// Words below 2²³ as numbers: signed conversion is exact there and cheaper.

@@ -30,6 +30,7 @@ mod geometry;
 mod image_texture;
 mod integrator;
 mod lanes;
+mod light_sampling;
 mod math;
 mod medium;
 mod metallic_roughness;
