@@ -155,7 +155,13 @@ const LAYERS: &[(&[&str], &[&str])] = &[
     ),
     (
         &["carom::"],
-        &["game/src/", "game/tests/", "game/examples/", "tests/bench/"],
+        &[
+            "game/src/",
+            "game/tests/",
+            "game/examples/",
+            "tests/bench/",
+            "tests/fuzz/",
+        ],
     ),
 ];
 

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::csg::intersect_csg_box;
-pub use super::ray::Ray;
 pub(crate) use super::ray::vector;
+pub use super::ray::{Ray, RayOrigin};
 use super::triangle::{RayFrame, TriangleSurface, nearest_triangle};
 use crate::CompiledScene;
 use crate::compiled::{AreaLightData, BoxData, DiscData, Primitive, SphereData};
@@ -22,15 +22,6 @@ pub struct Hit {
     pub shading_n: DVec3,
     /// What was met.
     pub primitive: Primitive,
-}
-
-/// Where a ray begins, other than in the open.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RayOrigin {
-    /// The primitive whose surface the ray leaves, or whose inside it crosses.
-    pub primitive: Primitive,
-    /// The ray goes through the inside.
-    pub is_inside: bool,
 }
 
 /// The nearest hit of all primitives, area lights among them; of equal distances the first in the order

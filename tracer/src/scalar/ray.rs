@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::compiled::Primitive;
+
 /// A half-line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
@@ -9,6 +11,15 @@ pub struct Ray {
     pub origin: DVec3,
     /// Unit direction.
     pub direction: DVec3,
+}
+
+/// Where a ray begins, other than in the open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayOrigin {
+    /// The primitive whose surface the ray leaves, or whose inside it crosses.
+    pub primitive: Primitive,
+    /// The ray goes through the inside.
+    pub is_inside: bool,
 }
 
 /// An f32 triple in f64.

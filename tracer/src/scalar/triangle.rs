@@ -25,9 +25,8 @@
 
 use glam::DVec3;
 
-use super::intersect::RayOrigin;
 use super::normal_map::mapped_normal;
-use super::ray::{Ray, vector};
+use super::ray::{Ray, RayOrigin, vector};
 use crate::CompiledScene;
 use crate::bvh::Bvh;
 use crate::compiled::{Primitive, ShapeKind, TriangleData};

@@ -398,17 +398,6 @@ fn bad_meshes_are_refused_with_object_and_value() {
 }
 
 #[test]
-fn no_mesh_is_of_glass() {
-    let glass = carom_tracer::Material::glass();
-    let refused = with(empty(1.0), glass, facetted_ball(0).into()).validate();
-    let why = refused.unwrap_err().to_string();
-    assert!(
-        why.contains("a dielectric, which no mesh can be of"),
-        "{why}"
-    );
-}
-
-#[test]
 fn meshes_come_back_from_json_bit_by_bit() {
     let scene = mesh_still_life();
     let text = scene.to_json().unwrap();
