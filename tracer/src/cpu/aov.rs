@@ -5,8 +5,8 @@ use std::ops::Range;
 use fearless_simd::prelude::*;
 
 use super::bsdf::Bsdf;
-use super::integrator::Prepared;
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+use super::prepared::Prepared;
 use super::rays::{NONE, Nearest, Rays};
 use super::stream::{load, load_words, store};
 use super::surface::Hit;

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use fearless_simd::prelude::*;
 
-use super::integrator::Prepared;
+use super::prepared::Prepared;
 use super::stream::Stream;
 use crate::aov::AOV_CHANNELS;
 use crate::denoise::{DenoiseInput, SampleSums};

@@ -5,9 +5,9 @@ use fearless_simd::prelude::*;
 
 use super::area_light::LightSample;
 use super::bsdf::Bsdf;
-use super::integrator::Prepared;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::microfacet::untagged;
+use super::prepared::Prepared;
 use super::punctual_light::sample_punctual_light;
 use super::rays::{NONE, Rays};
 use super::refracted_nee::NeeBoundaries;

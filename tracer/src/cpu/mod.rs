@@ -35,6 +35,7 @@ mod math;
 mod medium;
 mod metallic_roughness;
 mod microfacet;
+mod prepared;
 mod punctual_light;
 mod rays;
 mod refracted_nee;
@@ -64,7 +65,7 @@ use crate::{
     TileRadiance, TraceJob, TraceStats, Tracer,
 };
 use batch::{Scratch, Traced};
-use integrator::Prepared;
+use prepared::Prepared;
 
 /// Traces on the processor, with threads and instructions of its own choice.
 pub struct CpuTracer {
