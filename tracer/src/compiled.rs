@@ -535,10 +535,11 @@ impl CompiledScene {
 
     /// Whether some mesh is of a dielectric.
     pub(crate) fn has_dielectric_mesh(&self) -> bool {
-        // Consecutive triangles are mostly of one material.
-        let runs = (self.meshes.triangles).chunk_by(|a, b| a.material == b.material);
-        let mut materials = runs.map(|run| self.materials.get(run[0].material as usize));
-        materials.any(|material| material.is_some_and(|m| m.kind == KIND_DIELECTRIC))
+        let mut materials = self.meshes.materials();
+        materials.any(|material| {
+            let material = self.materials.get(material as usize);
+            material.is_some_and(|material| material.kind == KIND_DIELECTRIC)
+        })
     }
 
     /// How many primitives of a shape there are.

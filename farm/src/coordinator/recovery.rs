@@ -371,8 +371,8 @@ const GRAVE_FACTOR: f64 = 1.5;
 const EVALUATION_PAUSE_SECS: f64 = 0.5e-3;
 /// The most that a frame waits for its next evaluation, in seconds, because its end is far off and much of it has been
 /// requested again. Of the first 24 frames of eight processes on two busy cores tiles are requested again 0.9 to 1.1
-/// times each instead of 1.4 to 1.7 (`carom-bench first-frames`). A larger margin for such frames in its place makes the
-/// 99th percentile of frames at 60 a second over 1.5 times the optimum with far nodes.
+/// times each instead of 1.4 to 1.7 (`carom-bench first-frames`). A larger margin for such frames besides costs frames of
+/// two nodes on a local network more than the bars of `tests/sim/acceptance.rs` allow.
 const FAR_PAUSE_SECS_MAX: f64 = 0.1;
 /// The next evaluation after one at which a message was late: when it is late by this share more.
 const LATE_PAUSE: f64 = 0.25;

@@ -208,6 +208,13 @@ impl CompiledMeshes {
         Ok(true)
     }
 
+    /// The material of each mesh and surface; all triangles of one have the same.
+    pub(crate) fn materials(&self) -> impl Iterator<Item = u32> {
+        let firsts = self.placed.iter().map(|mesh| mesh.triangles.start);
+        let own = firsts.filter_map(|first| Some(self.triangles.get(first)?.material));
+        own.chain(self.surfaces.iter().map(|(material, _)| *material))
+    }
+
     fn place_of(&self, object: u32) -> Option<usize> {
         self.placed
             .binary_search_by_key(&object, |mesh| mesh.base.object)
