@@ -1,13 +1,16 @@
 //! The bench of a farm's first frames on real processes: nothing is known of the nodes yet, and they
 //! become ready one after the other.
 
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use carom::scene::ball_materials::BallSet;
+use carom::scene::table_scene::TableScene;
 use carom_farm::{
     Farm, FarmConfig, FrameSpec, LocalNode, NodeStatus, PixelFormat, PixelPrecision, PrecisionRange,
 };
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 use serde::Serialize;
 
 use crate::BenchError;
@@ -39,6 +42,9 @@ pub(crate) struct Args {
     /// Pairs of runs.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=100))]
     pairs: u8,
+    /// Trace this scene file in place of the game's room.
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
 }
 
 #[derive(Serialize)]
@@ -53,10 +59,14 @@ struct FirstFrames {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
+    let scene = match &args.scene {
+        Some(path) => scenes::scene(Some(path))?.scene,
+        None => TableScene::room(BallSet::Classic).scene().clone(),
+    };
     let folder = FarmFolder::new("carom-bench-first-frames")?;
     let pair = |_| -> Result<FirstFrames, BenchError> {
-        let one = play(args, &folder, 1, args.nodes)?;
-        let many = play(args, &folder, args.nodes, 1)?;
+        let one = play(args, &scene, &folder, 1, args.nodes)?;
+        let many = play(args, &scene, &folder, args.nodes, 1)?;
         let per_tile = |tiles| f64::from(tiles) / f64::from(many.tiles.max(1));
         Ok(FirstFrames {
             one_secs: one.secs,
@@ -114,7 +124,13 @@ struct Opening {
 }
 
 /// Starts nodes and a farm, and waits for its first frames.
-fn play(args: &Args, folder: &FarmFolder, nodes: u16, threads: u16) -> Result<Opening, BenchError> {
+fn play(
+    args: &Args,
+    scene: &Scene,
+    folder: &FarmFolder,
+    nodes: u16,
+    threads: u16,
+) -> Result<Opening, BenchError> {
     let start = |index| RunningProcess::start(&folder.0, usize::from(index), threads, 1.0);
     let nodes: Vec<RunningProcess> = (0..nodes).map(start).collect::<Result<_, _>>()?;
     let begun = Instant::now();
@@ -125,7 +141,7 @@ fn play(args: &Args, folder: &FarmFolder, nodes: u16, threads: u16) -> Result<Op
         precision: PrecisionRange::only(PixelPrecision::Exact),
         ..FarmConfig::default()
     })?;
-    farm.set_scene(&scenes::scene(None)?.scene)?;
+    farm.set_scene(scene)?;
     let (mut submitted, mut tiles, mut reissued, mut lost) = (0, 0, 0, 0);
     for _ in 0..args.frames {
         while submitted < args.frames && farm.in_flight() < FRAMES_IN_FLIGHT {
