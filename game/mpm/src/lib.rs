@@ -39,6 +39,8 @@ mod coupling;
 mod dust;
 mod error;
 mod g2p;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod grid;
 mod lanes;
 mod material;
@@ -53,6 +55,10 @@ mod tile;
 pub use body::{Ball, Bodies, Grip, Obstacle, Solid};
 pub use dust::{Dust, Grain, Speck};
 pub use error::{Error, Result};
+#[cfg(feature = "gpu")]
+pub use gpu::{
+    GPU_BALLS_MAX, GPU_BLOCKS_MAX, GPU_MATERIALS_MAX, GPU_OBSTACLES_MAX, Gpu, GpuSimulation,
+};
 pub use material::{Jelly, Material, Sand, Snow, Water};
 pub use region::Region;
 pub use settings::{PARTICLES_MAX, REST_SECS, Settings};
