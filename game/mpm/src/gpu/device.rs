@@ -1,5 +1,6 @@
 //! GPUs: their opening, and calls whose failures are errors.
 
+use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,7 +16,14 @@ pub struct Gpu {
     name: String,
     /// The first failure that no call reported.
     failure: Arc<Mutex<Option<String>>>,
+    pipelines: Arc<Mutex<Pipelines>>,
 }
+
+/// Compiled pipelines by their entry points and texts.
+type Pipelines = HashMap<(&'static str, String), wgpu::ComputePipeline>;
+
+/// Simulations come and go; pipelines of this number are kept.
+const PIPELINES_MAX: usize = 64;
 
 /// How long a submission may take before the device counts as hung: a batch takes a few seconds on
 /// loaded software Vulkan.
@@ -92,6 +100,7 @@ impl Gpu {
             queue,
             name,
             failure,
+            pipelines: Arc::default(),
         })
     }
 
@@ -118,6 +127,43 @@ impl Gpu {
             Some(error) => Err(self.error(error.to_string())),
             None => self.check().map(|()| value),
         }
+    }
+
+    /// The pipeline of a shader's entry point, compiled if need be.
+    pub(super) fn pipeline(
+        &self,
+        entry_point: &'static str,
+        text: &str,
+    ) -> Result<wgpu::ComputePipeline> {
+        let key = (entry_point, text.to_owned());
+        let lock = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pipeline) = lock().get(&key) {
+            return Ok(pipeline.clone());
+        }
+        let pipeline = self.guarded(|device| {
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: None,
+                source: wgpu::ShaderSource::Wgsl(text.into()),
+            });
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(entry_point),
+                layout: None,
+                module: &module,
+                entry_point: Some(entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    // Kernels write what they then read.
+                    zero_initialize_workgroup_memory: false,
+                    ..Default::default()
+                },
+                cache: None,
+            })
+        })?;
+        let mut pipelines = lock();
+        if pipelines.len() >= PIPELINES_MAX {
+            pipelines.clear();
+        }
+        pipelines.insert(key, pipeline.clone());
+        Ok(pipeline)
     }
 
     /// Submits commands, waits for them, and returns what a buffer then holds.

@@ -30,10 +30,10 @@ impl Kernels {
             Materials, NextChunks, NextParticles, Nodes, Obstacles, Params, Particles, Sums, Table,
             Velocities,
         };
-        let order = module(gpu, features.order())?;
-        let transfer = module(gpu, features.transfer())?;
-        let grid = module(gpu, features.grid())?;
-        let coupling = module(gpu, features.coupling())?;
+        let order = features.order();
+        let transfer = features.transfer();
+        let grid = features.grid();
+        let coupling = features.coupling();
         let with_friction = |resources: &[Resource], more: &[Resource]| match features.friction {
             Some(_) => resources.to_vec(),
             None => [resources, more].concat(),
@@ -107,35 +107,13 @@ impl Kernels {
     }
 }
 
-fn module(gpu: &Gpu, text: String) -> Result<wgpu::ShaderModule> {
-    gpu.guarded(|device| {
-        device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(text.into()),
-        })
-    })
-}
-
 fn kernel(
     gpu: &Gpu,
-    module: &wgpu::ShaderModule,
-    entry_point: &str,
+    text: &str,
+    entry_point: &'static str,
     resources: Vec<Resource>,
 ) -> Result<Kernel> {
-    let pipeline = gpu.guarded(|device| {
-        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry_point),
-            layout: None,
-            module,
-            entry_point: Some(entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                // Every tile is cleared before it is used.
-                zero_initialize_workgroup_memory: false,
-                ..Default::default()
-            },
-            cache: None,
-        })
-    })?;
+    let pipeline = gpu.pipeline(entry_point, text)?;
     Ok(Kernel {
         layout: pipeline.get_bind_group_layout(0),
         pipeline,

@@ -33,9 +33,9 @@ fn mass_and_momenta_are_kept() {
         let before = start.totals();
         let mut simulation = on_gpu(gpu, &start);
         let mut substeps = 0;
-        while substeps < 500 {
+        while substeps < 200 {
             let report = simulation
-                .step(0.05, &mut Bodies::default())
+                .step(0.02, &mut Bodies::default())
                 .expect("stable");
             substeps += report.substeps;
         }
@@ -46,7 +46,8 @@ fn mass_and_momenta_are_kept() {
         println!("{material:?}: {momentum:e} {angular:e} in {substeps}");
         assert_eq!(after.mass_kg, before.mass_kg, "{material:?}");
         assert!(momentum < 2e-5, "{material:?}: {momentum:e}");
-        assert!(angular < 3e-5, "{material:?}: {angular:e}");
+        // Of the two boxes' angular momenta, which cancel but for a fifth; a node's mass is rounded.
+        assert!(angular < 1e-4, "{material:?}: {angular:e}");
     }
 }
 
