@@ -136,7 +136,11 @@ impl Gpu {
         text: &str,
     ) -> Result<wgpu::ComputePipeline> {
         let key = (entry_point, text.to_owned());
-        let lock = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = || {
+            self.pipelines
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+        };
         if let Some(pipeline) = lock().get(&key) {
             return Ok(pipeline.clone());
         }

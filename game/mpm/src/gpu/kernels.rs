@@ -2,13 +2,18 @@
 
 use crate::error::Result;
 use crate::gpu::device::Gpu;
-use crate::gpu::shader::{Features, Resource};
+use crate::gpu::shader::Features;
+use crate::gpu::shader::Resource::{
+    self, Balls, Chunks, Control, Counters, DispatchSizes, FrictionSums, Frictions, Keys,
+    Materials, NextChunks, NextParticles, Nodes, Obstacles, Params, Particles, Sums, Table,
+    Velocities,
+};
 
 /// A pipeline and what it binds.
 pub(super) struct Kernel {
     pub(super) pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    resources: Vec<Resource>,
+    resources: &'static [Resource],
 }
 
 /// All kernels of a simulation.
@@ -25,93 +30,73 @@ pub(super) struct Kernels {
 
 impl Kernels {
     pub(super) fn compile(gpu: &Gpu, features: &Features) -> Result<Self> {
-        use Resource::{
-            Balls, Chunks, Control, Counters, DispatchSizes, FrictionSums, Frictions, Keys,
-            Materials, NextChunks, NextParticles, Nodes, Obstacles, Params, Particles, Sums, Table,
-            Velocities,
-        };
         let order = features.order();
-        let transfer = features.transfer();
-        let grid = features.grid();
-        let coupling = features.coupling();
-        let with_friction = |resources: &[Resource], more: &[Resource]| match features.friction {
-            Some(_) => resources.to_vec(),
-            None => [resources, more].concat(),
+        // The resources of means of friction follow the others.
+        let with_friction = |resources: &'static [Resource], more: usize| match features.friction {
+            Some(_) => &resources[..resources.len() - more],
+            None => resources,
         };
+        let transfer = with_friction(TRANSFER, 1);
+        let update_grid = with_friction(UPDATE_GRID, 2);
+        let couple = with_friction(COUPLE, 1);
         Ok(Self {
-            clear_table: kernel(gpu, &order, "clear_table", vec![Params, Counters, Table])?,
-            count_particles: kernel(
-                gpu,
-                &order,
-                "count_particles",
-                vec![Params, Counters, Chunks, Particles, Table, Keys],
-            )?,
-            allocate_chunks: kernel(
-                gpu,
-                &order,
-                "allocate_chunks",
-                vec![Params, Counters, Table, Nodes, NextChunks],
-            )?,
-            finish_ordering: kernel(
-                gpu,
-                &order,
-                "finish_ordering",
-                vec![
-                    Params,
-                    Control,
-                    Counters,
-                    Balls,
-                    Nodes,
-                    NextChunks,
-                    DispatchSizes,
-                ],
-            )?,
-            move_particles: kernel(
-                gpu,
-                &order,
-                "move_particles",
-                vec![Params, Chunks, Particles, Table, Keys, NextParticles],
-            )?,
-            transfer: kernel(
-                gpu,
-                &transfer,
-                "transfer",
-                with_friction(
-                    &[
-                        Params, Control, Counters, Chunks, Particles, Sums, Velocities, Materials,
-                    ],
-                    &[FrictionSums],
-                ),
-            )?,
-            update_grid: kernel(
-                gpu,
-                &grid,
-                "update_grid",
-                with_friction(
-                    &[
-                        Params, Control, Counters, Sums, Velocities, Balls, Obstacles, Nodes,
-                    ],
-                    &[FrictionSums, Frictions],
-                ),
-            )?,
-            couple: kernel(
-                gpu,
-                &coupling,
-                "couple",
-                with_friction(
-                    &[Params, Control, Counters, Velocities, Balls, Obstacles],
-                    &[Frictions],
-                ),
-            )?,
+            clear_table: kernel(gpu, &order, "clear_table", CLEAR_TABLE)?,
+            count_particles: kernel(gpu, &order, "count_particles", COUNT_PARTICLES)?,
+            allocate_chunks: kernel(gpu, &order, "allocate_chunks", ALLOCATE_CHUNKS)?,
+            finish_ordering: kernel(gpu, &order, "finish_ordering", FINISH_ORDERING)?,
+            move_particles: kernel(gpu, &order, "move_particles", MOVE_PARTICLES)?,
+            transfer: kernel(gpu, &features.transfer(), "transfer", transfer)?,
+            update_grid: kernel(gpu, &features.grid(), "update_grid", update_grid)?,
+            couple: kernel(gpu, &features.coupling(), "couple", couple)?,
         })
     }
 }
+
+const CLEAR_TABLE: &[Resource] = &[Params, Counters, Table];
+const COUNT_PARTICLES: &[Resource] = &[Params, Counters, Chunks, Particles, Table, Keys];
+const ALLOCATE_CHUNKS: &[Resource] = &[Params, Counters, Table, Nodes, NextChunks];
+const FINISH_ORDERING: &[Resource] = &[
+    Params,
+    Control,
+    Counters,
+    Balls,
+    Nodes,
+    NextChunks,
+    DispatchSizes,
+];
+const MOVE_PARTICLES: &[Resource] = &[Params, Chunks, Particles, Table, Keys, NextParticles];
+const TRANSFER: &[Resource] = &[
+    Params,
+    Control,
+    Counters,
+    Chunks,
+    Particles,
+    Sums,
+    Velocities,
+    Materials,
+    FrictionSums,
+];
+const UPDATE_GRID: &[Resource] = &[
+    Params,
+    Control,
+    Counters,
+    Sums,
+    Velocities,
+    Balls,
+    Obstacles,
+    Nodes,
+    FrictionSums,
+    Frictions,
+];
+const COUPLE: &[Resource] = &[
+    Params, Control, Counters, Velocities, Balls, Obstacles, Frictions,
+];
 
 fn kernel(
     gpu: &Gpu,
     text: &str,
     entry_point: &'static str,
-    resources: Vec<Resource>,
+    resources: &'static [Resource],
 ) -> Result<Kernel> {
     let pipeline = gpu.pipeline(entry_point, text)?;
     Ok(Kernel {

@@ -86,7 +86,7 @@ pub(super) struct MaterialRow {
     mu: f32,
     viscosity: f32,
     stiffness: f32,
-    bulk: f32,
+    pub(super) bulk: f32,
     stretch_low: f32,
     stretch_high: f32,
     hardening: f32,

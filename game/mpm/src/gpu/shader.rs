@@ -211,3 +211,115 @@ impl Features {
         self.join(&[control, include_str!("shaders/order.wgsl")])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::mem::offset_of;
+
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    use super::*;
+    use crate::gpu::layout::{BallRow, Chunk, Control, Counters, MaterialRow, ObstacleRow, Params};
+
+    /// Each set of models, with one friction and with several.
+    fn variants() -> impl Iterator<Item = Features> {
+        (1..32_u32)
+            .filter(|bits| bits % 16 > 0)
+            .map(|bits| Features {
+                models: (0..4)
+                    .filter(|i| bits >> i & 1 == 1)
+                    .map(|i| MODELS[i])
+                    .collect(),
+                materials: bits.count_ones() as usize,
+                friction: (bits < 16).then_some(0.5),
+                chunk: 128,
+            })
+    }
+
+    fn validated(text: &str) -> naga::Module {
+        let module = naga::front::wgsl::parse_str(text)
+            .unwrap_or_else(|error| panic!("{}", error.emit_to_string(text)));
+        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+        if let Err(error) = validator.validate(&module) {
+            panic!("{}", error.emit_to_string(text));
+        }
+        module
+    }
+
+    #[test]
+    fn kernels_of_all_materials_are_valid_and_have_nothing_of_others() {
+        for features in variants() {
+            for text in [features.grid(), features.coupling(), features.order()] {
+                validated(&text);
+            }
+            let transfer = features.transfer();
+            validated(&transfer);
+            for model in MODELS {
+                let has = transfer.contains(&format!("fn {model}("));
+                assert_eq!(has, features.models.contains(&model), "{features:?}");
+            }
+            let has_svd = features.models.iter().any(|model| *model != "water");
+            assert_eq!(transfer.contains("fn svd("), has_svd, "{features:?}");
+        }
+    }
+
+    /// The size of a structure and the offset of one of its last members.
+    fn layout(module: &naga::Module, name: &str, member: &str) -> (usize, usize) {
+        let mut types = module.types.iter().map(|(_, ty)| ty);
+        let ty = types.find(|ty| ty.name.as_deref() == Some(name));
+        let Some(naga::TypeInner::Struct { members, span }) = ty.map(|ty| &ty.inner) else {
+            panic!("{name} is no structure of the kernel");
+        };
+        let member = members.iter().find(|m| m.name.as_deref() == Some(member));
+        (*span as usize, member.expect("a member").offset as usize)
+    }
+
+    #[test]
+    fn structures_are_alike_in_shaders_and_in_rust() {
+        let features = Features::new(&[Material::Water(crate::Water::default())], 128);
+        let modules = [features.transfer(), features.coupling()].map(|text| validated(&text));
+        for (name, member, size, offset) in [
+            (
+                "Params",
+                "obstacles",
+                size_of::<Params>(),
+                offset_of!(Params, obstacles),
+            ),
+            (
+                "Control",
+                "orderings",
+                size_of::<Control>(),
+                offset_of!(Control, orderings),
+            ),
+            (
+                "Counters",
+                "high",
+                size_of::<Counters>(),
+                offset_of!(Counters, high),
+            ),
+            ("Chunk", "len", size_of::<Chunk>(), offset_of!(Chunk, len)),
+            (
+                "Ball",
+                "turn",
+                size_of::<BallRow>(),
+                offset_of!(BallRow, turn),
+            ),
+            (
+                "Obstacle",
+                "axis_x",
+                size_of::<ObstacleRow>(),
+                offset_of!(ObstacleRow, axes),
+            ),
+            (
+                "Material",
+                "bulk",
+                size_of::<MaterialRow>(),
+                offset_of!(MaterialRow, bulk),
+            ),
+        ] {
+            for module in &modules {
+                assert_eq!(layout(module, name, member), (size, offset), "{name}");
+            }
+        }
+    }
+}
