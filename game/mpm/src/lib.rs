@@ -31,6 +31,8 @@
 //! # Ok::<(), carom_mpm::Error>(())
 //! ```
 //!
+//! With the feature `gpu`, `GpuSimulation` is the same in WGSL.
+//!
 //! Caller and crate share the work on balls: the caller's [`Ball::acceleration`] is all that is not
 //! of particles, and [`Ball::impulse`] all that is.
 

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::device::Gpu;
-use crate::gpu::kernels::{Kernel, Kernels};
+use crate::gpu::kernels::{ComputeKernel, Kernels};
 use crate::gpu::layout::{BallRow, Chunk, Control, Counters, MaterialRow, ObstacleRow, Params};
 use crate::gpu::particle_copy::{INDICES_MAX, PARTS, ParticleCopy};
 use crate::gpu::shader::{Features, Resource};
@@ -181,7 +181,7 @@ impl Grid {
             frictions: buffer(gpu, frictions * 4, STORAGE)?,
         };
         let bindings = gpu.guarded(|device| {
-            let bind = |kernel: &Kernel| {
+            let bind = |kernel: &ComputeKernel| {
                 [0, 1].map(|turn| kernel.bind(device, |r| find(r, turn, fixed, &buffers)))
             };
             Bindings {

@@ -10,7 +10,7 @@ use crate::gpu::shader::Resource::{
 };
 
 /// A pipeline and what it binds.
-pub(super) struct Kernel {
+pub(super) struct ComputeKernel {
     pub(super) pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     resources: &'static [Resource],
@@ -18,14 +18,14 @@ pub(super) struct Kernel {
 
 /// All kernels of a simulation.
 pub(super) struct Kernels {
-    pub(super) clear_table: Kernel,
-    pub(super) count_particles: Kernel,
-    pub(super) allocate_chunks: Kernel,
-    pub(super) finish_ordering: Kernel,
-    pub(super) move_particles: Kernel,
-    pub(super) transfer: Kernel,
-    pub(super) update_grid: Kernel,
-    pub(super) couple: Kernel,
+    pub(super) clear_table: ComputeKernel,
+    pub(super) count_particles: ComputeKernel,
+    pub(super) allocate_chunks: ComputeKernel,
+    pub(super) finish_ordering: ComputeKernel,
+    pub(super) move_particles: ComputeKernel,
+    pub(super) transfer: ComputeKernel,
+    pub(super) update_grid: ComputeKernel,
+    pub(super) couple: ComputeKernel,
 }
 
 impl Kernels {
@@ -97,16 +97,16 @@ fn kernel(
     text: &str,
     entry_point: &'static str,
     resources: &'static [Resource],
-) -> Result<Kernel> {
+) -> Result<ComputeKernel> {
     let pipeline = gpu.pipeline(entry_point, text)?;
-    Ok(Kernel {
+    Ok(ComputeKernel {
         layout: pipeline.get_bind_group_layout(0),
         pipeline,
         resources,
     })
 }
 
-impl Kernel {
+impl ComputeKernel {
     pub(super) fn bind<'a>(
         &self,
         device: &wgpu::Device,

@@ -94,14 +94,6 @@ impl Features {
             _ = writeln!(text, "const {name}: f32 = {value:?}f;");
         }
         let has_deformation = self.models.iter().any(|model| *model != "water");
-        for (name, key) in [
-            ("SHUFFLE", "shuffle"),
-            ("DIRECT", "direct"),
-            ("ROTATE", "rotate"),
-        ] {
-            let on = super::simulation::variant(key, 0) != 0;
-            _ = writeln!(text, "const {name}: bool = {on};");
-        }
         _ = writeln!(text, "const CHUNK: u32 = {}u;", self.chunk);
         _ = writeln!(text, "const GROUPS_X_MAX: u32 = {GROUPS_X_MAX}u;");
         _ = writeln!(text, "const MATERIALS: u32 = {}u;", self.materials);

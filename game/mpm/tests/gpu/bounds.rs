@@ -1,4 +1,4 @@
-//! What is refused, in a sentence.
+//! Refusals, in a sentence each.
 
 use carom_mpm::{Ball, Bodies, Error, GPU_BALLS_MAX, GpuSimulation, Material, Simulation, Water};
 use glam::{DVec3, Vec3};

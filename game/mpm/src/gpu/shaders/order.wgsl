@@ -183,12 +183,7 @@ fn move_particles(
     }
     let index = chunk.start + lane;
     let key = keys[index];
-    var rank = key.y;
-    if (SHUFFLE) {
-        let eighth = atomicLoad(&table[key.x].count) / 8u;
-        rank = select(rank, rank % 8u * eighth + rank / 8u, rank < 8u * eighth);
-    }
-    let to = table[key.x].start + rank;
+    let to = table[key.x].start + key.y;
     let place = particles[index];
     next_particles[to] = vec4(bitcast<vec3<u32>>(moved_local(bitcast<vec3<f32>>(place.xyz))), place.w);
     for (var part = 1u; part < 7u; part++) {

@@ -37,9 +37,6 @@ struct Motion {
 }
 
 fn load_tile(lane: u32) {
-    if (DIRECT) {
-        return;
-    }
     for (var index = lane; index < TILE_NODES; index += CHUNK) {
         let velocity = bitcast<vec3<i32>>(velocities[grid_node(index)].xyz);
         atomicStore(&tile[index], velocity.x);
@@ -60,18 +57,12 @@ fn gather(local: vec3<f32>) -> Motion {
             let weight = weights[i].x * weights[j].y;
             for (var k = 0u; k < 3u; k++) {
                 let node = row + k;
-                var value: vec3<f32>;
-                if (DIRECT) {
-                    value = velocities[grid_node(node)].xyz;
-                } else {
-                    let bits = vec3(
-                        atomicLoad(&tile[node]),
-                        atomicLoad(&tile[node + 512u]),
-                        atomicLoad(&tile[node + 1024u]),
-                    );
-                    value = bitcast<vec3<f32>>(bits);
-                }
-                let term = value * (weight * weights[k].z);
+                let bits = vec3(
+                    atomicLoad(&tile[node]),
+                    atomicLoad(&tile[node + 512u]),
+                    atomicLoad(&tile[node + 1024u]),
+                );
+                let term = bitcast<vec3<f32>>(bits) * (weight * weights[k].z);
                 let d = kernel.distance + vec3(f32(i), f32(j), f32(k));
                 velocity += term;
                 affine[0] += term * d.x;
@@ -203,30 +194,6 @@ fn scatter(load: Load) {
     scatter_friction(kernel, load);
 }
 
-fn scatter_rotated(load: Load, lane: u32) {
-    let kernel = kernel_at(load.local);
-    let a = kernel.weights[0];
-    let b = kernel.weights[1];
-    let c = kernel.weights[2];
-    let whole = vec4<i32>(round(vec4(load.momentum, load.mass)));
-    var rest = whole;
-    for (var n = 0u; n < 27u; n++) {
-        let m = (n + lane * 5u) % 27u;
-        if (m == 13u) {
-            continue;
-        }
-        let at = vec3(m / 9u, m / 3u % 3u, m % 3u);
-        let w = select(select(c, b, at == vec3(1u)), a, at == vec3(0u));
-        let d = kernel.distance + vec3<f32>(at);
-        let momentum = load.momentum + load.affine * d;
-        let quanta = vec4<i32>(round(vec4(momentum, load.mass) * (w.x * w.y * w.z)));
-        rest -= quanta;
-        add_quanta(kernel.first + at.x * TILE_X + at.y * TILE_Y + at.z, quanta);
-    }
-    add_quanta(kernel.first + TILE_X + TILE_Y + 1u, rest);
-    scatter_friction(kernel, load);
-}
-
 fn add_quanta(node: u32, quanta: vec4<i32>) {
     atomicAdd(&tile[node], quanta.x);
     atomicAdd(&tile[node + 512u], quanta.y);
@@ -289,6 +256,8 @@ fn transfer(
             motion.velocity += rest_velocity(index);
             if (!is_finite(motion.velocity)) {
                 atomicOr(&counters.faults, NOT_FINITE);
+                // Places stay finite.
+                motion = Motion(vec3(0.0), mat3x3<f32>());
             }
         } else {
             motion = load_motion(index);
@@ -304,12 +273,7 @@ fn transfer(
     clear_tile(lane);
     workgroupBarrier();
     if (is_particle) {
-        let load = advance_particle(index, motion);
-        if (ROTATE) {
-            scatter_rotated(load, lane);
-        } else {
-            scatter(load);
-        }
+        scatter(advance_particle(index, motion));
     }
     workgroupBarrier();
     flush_tile(lane);
