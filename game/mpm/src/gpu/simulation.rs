@@ -20,8 +20,8 @@ use crate::gpu::shader::{DRIFT_MAX, Features};
 use crate::simulation::{Simulation, StepReport, TRAVEL_CELLS_MAX};
 use crate::storage::{Particle, Storage};
 
-/// Particles of a chunk, which one workgroup handles: with 128 an H100 takes up to a tenth longer, with
-/// 64 two thirds.
+/// Particles of a chunk, which one workgroup handles: with 128 an H100 takes 4 to 11 % longer for a
+/// million, with 64 55 to 75 %.
 const CHUNK: u32 = 256;
 
 /// Most substeps from one ordering to the next.
