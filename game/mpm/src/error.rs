@@ -66,6 +66,49 @@ pub enum Error {
         /// The most.
         max: u32,
     },
+    /// No device computes through Vulkan, Metal or Direct3D 12.
+    #[cfg(feature = "gpu")]
+    #[error(
+        "there is no GPU: install its Vulkan driver, or one in software (Debian: \
+         mesa-vulkan-drivers) and allow it"
+    )]
+    NoGpu,
+    /// A GPU or its driver failed.
+    #[cfg(feature = "gpu")]
+    #[error("{device}: {message}")]
+    Gpu {
+        /// Its name and driver.
+        device: String,
+        /// What happened.
+        message: String,
+    },
+    /// A GPU's buffers or the kernels' tables are too small.
+    #[cfg(feature = "gpu")]
+    #[error(
+        "the number of {quantity} is {value}: {device} takes {max} at most; use fewer, or the CPU"
+    )]
+    GpuLimit {
+        /// Of what there is too much.
+        quantity: &'static str,
+        /// How many.
+        value: u64,
+        /// The most.
+        max: u64,
+        /// The GPU's name and driver.
+        device: String,
+    },
+    /// The integers in which a GPU sums are too small.
+    #[cfg(feature = "gpu")]
+    #[error(
+        "a node of the grid holds more than {times} times the mass of the fullest cell at the start, or \
+         its momentum at twice the fastest speed: lower `Settings::courant`, now {courant}, and start again"
+    )]
+    NodeTooHeavy {
+        /// The most.
+        times: u32,
+        /// As it was set.
+        courant: f32,
+    },
     /// Velocities grew past all numbers.
     #[error("the simulation diverged: lower `Settings::courant`, now {courant}, and start again")]
     Diverged {

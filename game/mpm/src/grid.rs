@@ -12,11 +12,11 @@ const NODE_MASS_MIN: f32 = 1e-30;
 
 /// Distance from a surface, in cells, up to which a node counts as inside: material then ends, by
 /// the mean over where the surface lies between nodes, at the surface.
-const SURFACE_CELLS: f64 = 0.499;
+pub(crate) const SURFACE_CELLS: f64 = 0.499;
 
 /// The same for balls, whose surface water flows into between nodes: measured, so that a ball of
 /// five cells' radius floats within 5 % of the depth of Archimedes.
-const BALL_SURFACE_CELLS: f64 = 0.8;
+pub(crate) const BALL_SURFACE_CELLS: f64 = 0.8;
 
 /// From the middle of a node block's nodes to what can touch one of them, in cells: half of the
 /// diagonal of the nodes and half a cell.

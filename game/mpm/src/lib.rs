@@ -31,6 +31,8 @@
 //! # Ok::<(), carom_mpm::Error>(())
 //! ```
 //!
+//! With the feature `gpu`, `GpuSimulation` is the same in WGSL.
+//!
 //! Caller and crate share the work on balls: the caller's [`Ball::acceleration`] is all that is not
 //! of particles, and [`Ball::impulse`] all that is.
 
@@ -39,6 +41,8 @@ mod coupling;
 mod dust;
 mod error;
 mod g2p;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod grid;
 mod lanes;
 mod material;
@@ -53,6 +57,10 @@ mod tile;
 pub use body::{Ball, Bodies, Grip, Obstacle, Solid};
 pub use dust::{Dust, Grain, Speck};
 pub use error::{Error, Result};
+#[cfg(feature = "gpu")]
+pub use gpu::{
+    GPU_BALLS_MAX, GPU_BLOCKS_MAX, GPU_MATERIALS_MAX, GPU_OBSTACLES_MAX, Gpu, GpuSimulation,
+};
 pub use material::{Jelly, Material, Sand, Snow, Water};
 pub use region::Region;
 pub use settings::{PARTICLES_MAX, REST_SECS, Settings};

@@ -16,7 +16,7 @@ use crate::settings::{PARTICLES_MAX, REST_SECS, Settings};
 use crate::storage::{DRIFT_MAX, Particle, Storage, Totals};
 
 /// Cells that a particle or ball may cross in a substep.
-const TRAVEL_CELLS_MAX: f64 = 0.5;
+pub(crate) const TRAVEL_CELLS_MAX: f64 = 0.5;
 
 /// Particles and the grid on which they meet.
 #[derive(Clone)]
@@ -250,7 +250,12 @@ impl Simulation {
         by_sound.min(TRAVEL_CELLS_MAX * cell_size_m / fastest)
     }
 
-    fn check_substeps(&self, duration_secs: f64, substep_secs: f64, substeps: f64) -> Result<()> {
+    pub(crate) fn check_substeps(
+        &self,
+        duration_secs: f64,
+        substep_secs: f64,
+        substeps: f64,
+    ) -> Result<()> {
         let max = self.settings.substeps_max;
         if substeps <= f64::from(max) {
             return Ok(());
@@ -302,7 +307,7 @@ impl Simulation {
         })
     }
 
-    #[cfg(test)]
+    #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn storage(&self) -> &Storage {
         &self.storage
     }
@@ -310,6 +315,31 @@ impl Simulation {
     #[cfg(test)]
     pub(crate) fn storage_mut(&mut self) -> &mut Storage {
         &mut self.storage
+    }
+
+    /// Largest component of a particle's velocity and fastest sound, in m/s.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn speeds(&self) -> (f32, f32) {
+        (self.speed_max, self.sound_max)
+    }
+
+    /// The same simulation with its particles elsewhere, and their speeds.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn with_storage(&self, storage: Storage, speeds: (f32, f32)) -> Self {
+        let (speed_max, sound_max) = speeds;
+        Self {
+            storage,
+            speed_max,
+            sound_max,
+            settings: self.settings,
+            level: self.level,
+            materials: self.materials.clone(),
+            particles: self.particles,
+            next_id: self.next_id,
+            is_disordered: true,
+            drift: 0.0,
+            rested_secs: 0.0,
+        }
     }
 
     /// How many particles there are.

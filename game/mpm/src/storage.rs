@@ -60,7 +60,7 @@ pub(crate) struct Packet {
 }
 
 impl Packet {
-    fn new(material: u16, state: f32) -> Self {
+    pub(crate) fn new(material: u16, state: f32) -> Self {
         let one = [1.0; LANES];
         let zero = [0.0; LANES];
         Self {
@@ -78,7 +78,7 @@ impl Packet {
     }
 
     /// Appends a particle of another packet, which must have the same material.
-    fn push(&mut self, from: &Self, lane: usize) {
+    pub(crate) fn push(&mut self, from: &Self, lane: usize) {
         let to = self.len;
         self.len += 1;
         self.position[to] = from.position[lane];
@@ -289,7 +289,7 @@ impl Storage {
         Ok(())
     }
 
-    fn block_index(&mut self, coordinate: IVec3) -> u32 {
+    pub(crate) fn block_index(&mut self, coordinate: IVec3) -> u32 {
         let blocks = &mut self.blocks;
         *self.index.entry(coordinate).or_insert_with(|| {
             blocks.push(ParticleBlock::new(coordinate));

@@ -118,6 +118,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
         &["wgpu"],
         &[
             "tracer/src/gpu/",
+            "game/mpm/src/gpu/",
             "farm/window/src/display/",
             "farm/window/tests/",
         ],

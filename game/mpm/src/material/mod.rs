@@ -11,6 +11,12 @@ pub use jelly::Jelly;
 pub use sand::Sand;
 pub use snow::Snow;
 pub use water::Water;
+#[cfg(feature = "gpu")]
+pub(crate) use {
+    sand::STRETCH_MIN,
+    snow::PLASTIC_VOLUME,
+    water::{EXPANSION_MAX, EXPANSION_MIN},
+};
 
 use crate::error::{Result, check_range};
 use crate::lanes::{Lanes, Mat3x, dot, each};

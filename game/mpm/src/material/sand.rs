@@ -38,7 +38,7 @@ impl Default for Sand {
 }
 
 /// Smallest principal stretch: its logarithm stays finite.
-const STRETCH_MIN: f32 = 0.05;
+pub(crate) const STRETCH_MIN: f32 = 0.05;
 
 impl Sand {
     pub(super) fn validate(&self) -> Result<()> {
@@ -56,6 +56,12 @@ impl Sand {
     /// compression instead: slopes then stand at 50° for a friction angle of 33°.
     fn yield_slope(&self) -> f32 {
         std::f32::consts::SQRT_2 / 3.0 * self.friction_angle_deg.to_radians().sin()
+    }
+
+    /// Deviator of the logarithmic strains over their trace on the yield surface.
+    pub(crate) fn yield_factor(&self) -> f32 {
+        let Lame { lambda, mu } = self.lame();
+        (3.0 * lambda + 2.0 * mu) / (2.0 * mu) * self.yield_slope()
     }
 
     /// State: the logarithm of volume gained in tension, to be lost again in compression.
@@ -96,7 +102,6 @@ impl Sand {
         logarithms: [Lanes<S>; 3],
         gained: Lanes<S>,
     ) -> [Lanes<S>; 3] {
-        let lame = self.lame();
         let corrected = each(
             #[inline(always)]
             |i| gained * (1.0 / 3.0) + logarithms[i],
@@ -107,8 +112,7 @@ impl Sand {
             |i| corrected[i] - trace * (1.0 / 3.0),
         );
         let length = dot(deviator, deviator).sqrt();
-        let bulk = (3.0 * lame.lambda + 2.0 * lame.mu) / (2.0 * lame.mu) * self.yield_slope();
-        let excess = trace.mul_add(Lanes::splat(simd, bulk), length);
+        let excess = trace.mul_add(Lanes::splat(simd, self.yield_factor()), length);
         let is_elastic = excess.simd_le(0.0);
         let is_apart = trace.simd_ge(0.0);
         let ratio = excess / length.max(f32::MIN_POSITIVE);

@@ -42,7 +42,7 @@ impl Default for Snow {
 }
 
 /// Bounds of the plastic volume Jp: stiffness stays within a factor e⁴ up at ξ = 10.
-const PLASTIC_VOLUME: [f32; 2] = [0.6, 4.0];
+pub(crate) const PLASTIC_VOLUME: [f32; 2] = [0.6, 4.0];
 
 impl Snow {
     pub(super) fn validate(&self) -> Result<()> {
@@ -61,6 +61,11 @@ impl Snow {
         Lame::new(self.young_pa, self.poisson)
     }
 
+    /// Least and greatest elastic stretch.
+    pub(crate) fn stretches(&self) -> [f32; 2] {
+        [1.0 - self.compression_critical, 1.0 + self.stretch_critical]
+    }
+
     /// State: Jp, the determinant of the plastic part.
     #[inline(always)]
     pub(super) fn advance<S: Simd>(
@@ -69,7 +74,7 @@ impl Snow {
         strain: &mut Strain<S>,
     ) -> (Stress<S>, Lanes<S>) {
         let parts = svd(simd, &strain.trial());
-        let [low, high] = [1.0 - self.compression_critical, 1.0 + self.stretch_critical];
+        let [low, high] = self.stretches();
         let sigma = each(
             #[inline(always)]
             |i| parts.sigma[i].max(low).min(high),

@@ -35,10 +35,10 @@ impl Default for Water {
 
 /// Largest volume over that at rest: spray forgets how far it flew apart, so that it resists as
 /// soon as it is together again.
-const EXPANSION_MAX: f32 = 1.1;
+pub(crate) const EXPANSION_MAX: f32 = 1.1;
 
 /// Smallest volume over that at rest, against overflow of its powers.
-const EXPANSION_MIN: f32 = 0.2;
+pub(crate) const EXPANSION_MIN: f32 = 0.2;
 
 impl Water {
     pub(super) fn validate(&self) -> Result<()> {
@@ -49,6 +49,11 @@ impl Water {
             1e4,
         )?;
         check_range("viscosity in Pa·s", self.viscosity_pa_s.into(), 0.0, 1e6)
+    }
+
+    /// `ρ₀c²/γ`.
+    pub(crate) fn stiffness_pa(&self) -> f32 {
+        self.density_kg_m3 * self.sound_speed_m_s * self.sound_speed_m_s / 7.0
     }
 
     /// State: J.
@@ -80,8 +85,7 @@ impl Water {
         let one = Lanes::splat(j.simd, 1.0);
         let inverse = one / j;
         let cube = inverse * inverse * inverse;
-        let stiffness = self.density_kg_m3 * self.sound_speed_m_s * self.sound_speed_m_s / 7.0;
-        let pressure = (cube * cube).mul_add(inverse, -one) * stiffness;
+        let pressure = (cube * cube).mul_add(inverse, -one) * self.stiffness_pa();
         (pressure.max(0.0), cube)
     }
 }

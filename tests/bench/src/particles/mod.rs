@@ -1,11 +1,14 @@
 //! The bench of particles: bytes on the wire, and what they cost in a picture.
 
+mod gpu_speed;
 mod picture;
 mod precision;
 mod speed;
 mod surface;
 mod wire;
 
+use anyhow::anyhow;
+use carom_farm::backend::Backend;
 use clap::ValueEnum;
 
 use crate::BenchError;
@@ -18,15 +21,16 @@ use crate::BenchError;
 /// particles, time and the cue ball's way through each trick table, at each precision, and how far it is from that at
 /// the finest over the first second. surface: CPU time of one core to make the surfaces of jelly and water of a frame and
 /// their tree, and of a frame with them and with their particles as beads. speed: CPU time of a particle over a substep,
-/// for each material, and of a Taichi program of the same method where Python has it.
+/// for each material, and of a Taichi program of the same method where Python has it; with `--backend gpu` wall-clock
+/// time on a GPU instead, of 100,000 and a million particles.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Only this part.
     #[arg(long, value_enum)]
     part: Option<Part>,
-    /// How many particles are on the wire, about.
-    #[arg(long, default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(100..=60_000))]
-    particles: u32,
+    /// How many particles are on the wire, up to 60,000 [default: 20,000], or on the GPU, about.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(100..=16_000_000))]
+    particles: Option<u32>,
     #[command(flatten)]
     picture: picture::PictureArgs,
     #[command(flatten)]
@@ -42,10 +46,20 @@ enum Part {
     Speed,
 }
 
+/// Most particles of the wire's part.
+const PARTICLES_ON_WIRE_MAX: u32 = 60_000;
+
 pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let is_wanted = |part| args.part.is_none_or(|only| only == part);
     if is_wanted(Part::Wire) {
-        wire::run(args.particles)?;
+        let particles = args.particles.unwrap_or(20_000);
+        if particles > PARTICLES_ON_WIRE_MAX {
+            return Err(anyhow!(
+                "{particles} particles are more than {PARTICLES_ON_WIRE_MAX} on the wire: use fewer, or --part speed"
+            )
+            .into());
+        }
+        wire::run(particles)?;
     }
     if is_wanted(Part::Picture) {
         picture::run(&args.picture)?;
@@ -54,7 +68,11 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         surface::run(&args.picture)?;
     }
     if is_wanted(Part::Speed) {
-        speed::run(&args.speed)?;
+        if args.picture.backend == Some(Backend::Gpu) {
+            gpu_speed::run(args.particles)?;
+        } else {
+            speed::run(&args.speed)?;
+        }
     }
     if is_wanted(Part::Precision) {
         precision::run()?;

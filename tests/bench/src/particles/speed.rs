@@ -34,12 +34,7 @@ struct TaichiSpeed {
 pub(super) fn run(args: &SpeedArgs) -> Result<(), BenchError> {
     println!("material  particles  substeps  orderings  ns CPU a particle and substep");
     let mut jelly_ns = f64::NAN;
-    for (name, material) in [
-        ("jelly", Material::Jelly(Jelly::default())),
-        ("water", Material::Water(Water::default())),
-        ("sand", Material::Sand(Sand::default())),
-        ("snow", Material::Snow(Snow::default())),
-    ] {
+    for (name, material) in materials() {
         let ns = time(name, material, args.edge).context("a cube that spreads")?;
         if name == "jelly" {
             jelly_ns = ns;
@@ -57,6 +52,16 @@ pub(super) fn run(args: &SpeedArgs) -> Result<(), BenchError> {
         Err(why) => println!("taichi: not compared: {why:#}"),
     }
     Ok(())
+}
+
+/// Each material with its name.
+pub(super) fn materials() -> [(&'static str, Material); 4] {
+    [
+        ("jelly", Material::Jelly(Jelly::default())),
+        ("water", Material::Water(Water::default())),
+        ("sand", Material::Sand(Sand::default())),
+        ("snow", Material::Snow(Snow::default())),
+    ]
 }
 
 /// CPU time in ns of a particle over a substep: a cube that falls and spreads in a box.
