@@ -33,7 +33,7 @@ pub(crate) const TILE_NODES: usize = TILE_EDGE * TILE_EDGE * TILE_EDGE + 1;
 pub(crate) const DRIFT_MAX: f32 = 0.98;
 
 /// Farthest block from the origin.
-const BLOCK_COORDINATE_MAX: f64 = (1 << 24) as f64;
+pub(crate) const BLOCK_COORDINATE_MAX: f64 = (1 << 24) as f64;
 
 /// Up to 16 particles of one block and material. Lanes from `len` on are no particles.
 #[derive(Clone)]
@@ -166,6 +166,15 @@ pub struct Particle {
     pub material: usize,
 }
 
+/// All of a particle. Its place is `local`, in cells from its block's first node less one half.
+pub(crate) struct ParticleState {
+    pub(crate) particle: Particle,
+    pub(crate) local: Vec3,
+    pub(crate) affine: [Vec3; 3],
+    pub(crate) deformation: [f32; 9],
+    pub(crate) state: f32,
+}
+
 /// Sums over all particles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Totals {
@@ -268,6 +277,25 @@ impl Storage {
     /// Adds a particle at rest; [`Self::put_in_order`] must follow.
     pub(crate) fn add(&mut self, particle: &Particle, state: f32) -> Result<()> {
         let (coordinate, local) = self.locate(particle.position)?;
+        self.add_state(
+            coordinate,
+            &ParticleState {
+                particle: *particle,
+                local,
+                affine: [Vec3::ZERO; 3],
+                deformation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+                state,
+            },
+        );
+        Ok(())
+    }
+
+    /// Adds a particle of a block; [`Self::put_in_order`] must follow.
+    pub(crate) fn add_state(&mut self, coordinate: IVec3, added: &ParticleState) {
+        let ParticleState {
+            particle, state, ..
+        } = added;
+        let state = *state;
         let index = self.block_index(coordinate);
         let packets = &mut self.blocks[index as usize].packets;
         let material = particle.material as u16;
@@ -280,13 +308,38 @@ impl Storage {
         if let Some(packet) = packets.last_mut() {
             packet.push(&Packet::new(material, state), 0);
             let lane = packet.len - 1;
-            packet.position[lane] = local.extend(0.0).into();
+            packet.position[lane] = added.local.extend(0.0).into();
+            for (column, entries) in packet.affine.iter_mut().zip(added.affine) {
+                column[lane] = entries.extend(0.0).into();
+            }
+            for (entry, value) in packet.deformation.iter_mut().zip(added.deformation) {
+                entry[lane] = value;
+            }
             packet.velocity[lane] = particle.velocity.extend(0.0).into();
             packet.mass[lane] = particle.mass_kg;
             packet.volume[lane] = particle.volume_m3;
             packet.id[lane] = particle.id;
         }
-        Ok(())
+    }
+
+    /// Every block, with its particles.
+    pub(crate) fn states(&self) -> impl Iterator<Item = (IVec3, Vec<ParticleState>)> + '_ {
+        let mut seen = self.particles();
+        self.blocks.iter().map(move |block| {
+            let lanes = block
+                .packets
+                .iter()
+                .flat_map(|packet| (0..packet.len).map(move |lane| (packet, lane)));
+            let states = lanes.zip(seen.by_ref());
+            let states = states.map(|((packet, lane), particle)| ParticleState {
+                particle,
+                local: Vec3::from_slice(&packet.position[lane]),
+                affine: [0, 1, 2].map(|axis: usize| Vec3::from_slice(&packet.affine[axis][lane])),
+                deformation: packet.deformation.map(|entry| entry[lane]),
+                state: packet.state[lane],
+            });
+            (block.coordinate, states.collect())
+        })
     }
 
     fn block_index(&mut self, coordinate: IVec3) -> u32 {

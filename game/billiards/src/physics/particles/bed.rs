@@ -50,14 +50,7 @@ impl ParticleBed {
         let mut patches = patches.to_vec();
         patches.sort_unstable();
         patches.dedup_by_key(|patch| (patch.column, patch.row));
-        check_places(table, &patches)?;
-        let settings = Settings {
-            cell_size_m: precision.cell_size_m() as f32,
-            // Grains that creep more slowly lie: a shot is not to wait for the last of them.
-            rest_speed_m_s: 0.02,
-            ..Settings::default()
-        };
-        let mut simulation = Simulation::new(settings).map_err(ParticleFault::from)?;
+        let mut simulation = Simulation::new(settings(precision)).map_err(ParticleFault::from)?;
         let mut groups = Vec::new();
         for material in ParticleMaterial::ALL {
             let covered = patches.iter().filter(|patch| patch.material == material);
@@ -77,6 +70,21 @@ impl ParticleBed {
                 groups.push((material, places.len() as u32));
             }
         }
+        Self::assemble(table, patches, precision, simulation, groups)
+    }
+
+    /// Particles on their table.
+    ///
+    /// # Errors
+    /// [`crate::Error::Particles`] if a patch is not on the cloth, or there are no particles.
+    pub(super) fn assemble(
+        table: &Table,
+        patches: Vec<ParticlePatch>,
+        precision: ParticlePrecision,
+        simulation: Simulation,
+        groups: Vec<(ParticleMaterial, u32)>,
+    ) -> Result<Self> {
+        check_places(table, &patches)?;
         if groups.is_empty() {
             return Err(ParticleFault::None.into());
         }
@@ -89,6 +97,7 @@ impl ParticleBed {
             bounds: [DVec2::ZERO; 2],
             cloth_half_m: 0.5 * DVec2::new(table.length_m(), table.width_m()),
         };
+        bed.put_in_order()?;
         bed.find_bounds();
         Ok(bed)
     }
@@ -127,6 +136,16 @@ impl ParticleBed {
         centers
     }
 
+    pub(super) fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    /// Between two shots: the next one's bits depend on nothing but what is stored of the particles.
+    pub(super) fn put_in_order(&mut self) -> Result<()> {
+        let ordered = self.simulation.put_in_order();
+        Ok(ordered.map_err(ParticleFault::from)?)
+    }
+
     /// Whether nothing moves until a ball comes.
     pub(super) fn is_asleep(&self) -> bool {
         self.simulation.is_asleep()
@@ -160,6 +179,15 @@ impl ParticleBed {
         self.obstacles = bodies.obstacles;
         stepped.map_err(ParticleFault::from)?;
         Ok(bodies.balls)
+    }
+}
+
+pub(super) fn settings(precision: ParticlePrecision) -> Settings {
+    Settings {
+        cell_size_m: precision.cell_size_m() as f32,
+        // Grains that creep more slowly lie: a shot is not to wait for the last of them.
+        rest_speed_m_s: 0.02,
+        ..Settings::default()
     }
 }
 

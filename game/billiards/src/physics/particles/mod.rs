@@ -10,9 +10,11 @@
 mod bed;
 mod patch;
 mod run;
+mod save;
 mod track;
 
 pub use bed::ParticleBed;
 pub use patch::{ParticleMaterial, ParticlePatch, ParticlePrecision};
 pub(crate) use run::run;
+pub(crate) use save::BedSave;
 pub use track::{ParticleTrack, TrackGroup};

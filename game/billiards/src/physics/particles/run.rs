@@ -53,6 +53,7 @@ pub(crate) fn run(
             bed.find_bounds();
         }
     }
+    bed.put_in_order()?;
     Ok((engine.finish(), track))
 }
 
