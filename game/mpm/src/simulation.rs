@@ -220,7 +220,7 @@ impl Simulation {
         }
         resolve_contacts(nodes, bodies, cell_size_m.into());
         for ball in &mut bodies.balls {
-            ball.position += ball.velocity * dt;
+            ball.advance(dt);
         }
         let nodes = &*nodes;
         blocks.par_iter_mut().for_each(|block| {
@@ -357,6 +357,6 @@ impl Simulation {
 fn move_balls(bodies: &mut Bodies, duration_secs: f64) {
     for ball in &mut bodies.balls {
         ball.velocity += ball.acceleration * duration_secs;
-        ball.position += ball.velocity * duration_secs;
+        ball.advance(duration_secs);
     }
 }

@@ -40,6 +40,14 @@ impl TrickTable {
         squares.map(patch).collect()
     }
 
+    /// Of the cue. A ball that is faster hops over the sand.
+    fn speed_m_s(self) -> f64 {
+        match self {
+            Self::SandTrap => 1.6,
+            Self::SnowPatch | Self::JellyBumper | Self::SpilledDrink => 3.0,
+        }
+    }
+
     /// A table with the cue ball before it and a ball behind it, and the stroke that goes through it.
     ///
     /// # Errors
@@ -69,9 +77,6 @@ impl TrickTable {
             balls,
         )?;
         world.set_particles(Some(Arc::new(bed)));
-        Ok((world, Stroke::straight(0.0, SPEED_M_S)))
+        Ok((world, Stroke::straight(0.0, self.speed_m_s())))
     }
 }
-
-/// Of the cue: the ball rolls at about 4 m/s.
-const SPEED_M_S: f64 = 3.0;

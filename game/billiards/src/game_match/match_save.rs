@@ -16,7 +16,7 @@ use crate::file_format::FileFormat;
 use crate::{Error, FileFault, LayoutFault, Result, RuleFault, TableFault};
 
 use super::{Match, MatchConfig, Player};
-use crate::physics::{BallState, BedSave, Engine, Stroke, Table, World};
+use crate::physics::{BallState, BedSave, Engine, Phase, Stroke, Table, World};
 use crate::rules::{Call, Choice, RuleSet};
 
 /// All that makes a match what it is.
@@ -210,6 +210,10 @@ impl ParticleTable {
             let saved = saved.ok_or(LayoutFault::NoSuchBall { ball: ball.number })?;
             let is_turned = saved.orientation.is_normalized();
             (ball.position, ball.orientation) = (saved.position, saved.orientation);
+            if ball.position.z > ball.body.radius_m {
+                // On particles.
+                ball.phase = Phase::Airborne;
+            }
             if !is_turned {
                 return Err(LayoutFault::NotFinite { ball: ball.number }.into());
             }

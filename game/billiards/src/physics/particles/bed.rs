@@ -5,8 +5,9 @@ use std::fmt;
 use carom_mpm::{Ball, Bodies, Grip, Obstacle, Settings, Simulation, Solid};
 use glam::{DQuat, DVec2, DVec3, Vec3};
 
-use super::{ParticleMaterial, ParticlePatch, ParticlePrecision};
-use crate::physics::{BallState, Table};
+use super::first_touch::HeightMap;
+use super::{ParticleMaterial, ParticlePatch, ParticlePrecision, ParticleTrack};
+use crate::physics::{BallState, Shot, Table};
 use crate::{ParticleFault, Result};
 
 /// Particles on a table, as they lie or move.
@@ -20,6 +21,8 @@ pub struct ParticleBed {
     groups: Vec<(ParticleMaterial, u32)>,
     /// Where particles were when last looked for, in m.
     bounds: [DVec2; 2],
+    /// Between two shots.
+    heights: HeightMap,
     /// Half the cloth's length and width, in m.
     cloth_half_m: DVec2,
 }
@@ -36,12 +39,26 @@ impl ParticleBed {
     /// Most particles of a table: a shot through all of them takes some seconds.
     pub const PARTICLES_MAX: usize = 32_000;
 
-    /// Fresh particles on patches of a table, but where balls lie.
+    /// Fresh particles on patches of a table, but where balls lie, that have come to rest: 0.1 to 0.8 s of a core for a
+    /// trick table.
     ///
     /// # Errors
     /// [`crate::Error::Particles`] if a patch is not on the cloth, or there are none, or more than
     /// [`ParticleBed::PARTICLES_MAX`] particles.
     pub fn new(
+        table: &Table,
+        balls: &[BallState],
+        patches: &[ParticlePatch],
+        precision: ParticlePrecision,
+    ) -> Result<Self> {
+        Self::unsettled(table, balls, patches, precision)?.settled(balls)
+    }
+
+    /// Fresh particles on patches of a table as they are strewn, at once: they slump when time goes on.
+    ///
+    /// # Errors
+    /// As [`ParticleBed::new`].
+    pub fn unsettled(
         table: &Table,
         balls: &[BallState],
         patches: &[ParticlePatch],
@@ -73,6 +90,26 @@ impl ParticleBed {
         Self::assemble(table, patches, precision, simulation, groups)
     }
 
+    /// The particles once they have come to rest around balls that do not move; as they are if they rest.
+    ///
+    /// # Errors
+    /// [`crate::Error::Particles`] if the simulation fails.
+    pub fn settled(mut self, balls: &[BallState]) -> Result<Self> {
+        let lying = balls.iter().filter(|ball| ball.phase.is_on_table());
+        let lying = lying.map(|ball| Ball::new(ball.position, ball.body.radius_m, IMMOVABLE_KG));
+        let lying: Vec<Ball> = lying.collect();
+        let steps = (SETTLE_SECS_MAX * ParticleTrack::FRAMES_PER_SEC) as u32;
+        for _ in 0..steps {
+            if self.is_asleep() {
+                break;
+            }
+            self.step(1.0 / ParticleTrack::FRAMES_PER_SEC, lying.clone())?;
+        }
+        self.put_in_order()?;
+        self.find_bounds();
+        Ok(self)
+    }
+
     /// Particles on their table.
     ///
     /// # Errors
@@ -95,11 +132,29 @@ impl ParticleBed {
             simulation,
             groups,
             bounds: [DVec2::ZERO; 2],
+            heights: HeightMap::new(std::iter::empty(), spacing_m(precision)),
             cloth_half_m: 0.5 * DVec2::new(table.length_m(), table.width_m()),
         };
         bed.put_in_order()?;
         bed.find_bounds();
         Ok(bed)
+    }
+
+    /// A simulation of water between obstacles of its own.
+    #[cfg(test)]
+    pub(super) fn of_water(
+        table: &Table,
+        simulation: Simulation,
+        obstacles: Vec<Obstacle>,
+    ) -> Self {
+        let count = simulation.len() as u32;
+        let groups = vec![(ParticleMaterial::Water, count)];
+        let precision = ParticlePrecision::Fine;
+        let bed = Self::assemble(table, Vec::new(), precision, simulation, groups);
+        Self {
+            obstacles,
+            ..bed.expect("there are some")
+        }
     }
 
     /// What it was made of.
@@ -143,7 +198,16 @@ impl ParticleBed {
     /// Between two shots: the next one's bits depend on nothing but what is stored of the particles.
     pub(super) fn put_in_order(&mut self) -> Result<()> {
         let ordered = self.simulation.put_in_order();
-        Ok(ordered.map_err(ParticleFault::from)?)
+        ordered.map_err(ParticleFault::from)?;
+        let centers = self.centers();
+        self.heights = HeightMap::new(centers.into_iter(), spacing_m(self.precision));
+        Ok(())
+    }
+
+    /// Until when each ball of a shot that was simulated without these particles goes as it would with them, in s:
+    /// until it touches some, or a ball that had. Infinite for a ball that does neither.
+    pub fn known_until_secs(&self, shot: &Shot) -> Vec<f64> {
+        self.heights.known_until_secs(shot)
     }
 
     /// Whether nothing moves until a ball comes.
@@ -167,6 +231,12 @@ impl ParticleBed {
         let [min, max] = self.bounds;
         let at = position.truncate();
         (at.cmpge(min - reach) & at.cmple(max + reach)).all()
+    }
+
+    /// Whether what lies reaches a ball that it may carry.
+    pub(super) fn carries(&self, position: DVec3, radius_m: f64) -> bool {
+        let reach_m = radius_m + self.precision.cell_size_m();
+        self.heights.touches(position, reach_m)
     }
 
     /// Moves the particles on; the balls' impulses are those by particles.
@@ -275,9 +345,50 @@ fn obstacles(table: &Table, patches: &[ParticlePatch]) -> Vec<Obstacle> {
     obstacles
 }
 
+/// What is laid has come to rest by then, or creeps too slowly to be seen.
+const SETTLE_SECS_MAX: f64 = 2.0;
+/// Of a ball that lies while particles settle.
+const IMMOVABLE_KG: f64 = 1e6;
 /// Of the distance between particles: grains are no lattice.
 const SCATTER: f64 = 0.9;
 /// Nodes of particles reach so far, and a ball moves less in a step.
 const REACH_CELLS: f64 = 4.0;
 /// How thick a solid jelly is glued to, in m.
 const GLUE_M: f64 = 0.06;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_laid_lies() {
+        for material in ParticleMaterial::ALL {
+            let squares = (0..6).flat_map(|column| (-3..3).map(move |row| (column, row)));
+            let patch = |(column, row)| ParticlePatch {
+                material,
+                column,
+                row,
+            };
+            let patches: Vec<_> = squares.map(patch).collect();
+            let table = Table::nine_foot();
+            let balls = [BallState::at_rest(1, 0.1, 0.05, &table.ball())];
+            let precision = ParticlePrecision::Coarse;
+            let fresh = ParticleBed::unsettled(&table, &balls, &patches, precision).unwrap();
+            assert!(!fresh.is_asleep());
+            let mut bed = ParticleBed::new(&table, &balls, &patches, precision).unwrap();
+            assert!(bed.is_asleep(), "{material:?}");
+            let laid = bed.centers();
+            bed.step(1.0, Vec::new()).unwrap();
+            assert!(laid == bed.centers(), "{material:?} moves before a stroke");
+            // Grains leave the ball where it lies, but for what their coarseness lets in.
+            let depth = laid.iter().map(|center| {
+                balls[0].body.radius_m - balls[0].position.distance(center.as_dvec3())
+            });
+            let deepest = depth.fold(f64::MIN, f64::max);
+            assert!(
+                deepest < 0.4 * precision.cell_size_m(),
+                "{material:?}: {deepest} m"
+            );
+        }
+    }
+}

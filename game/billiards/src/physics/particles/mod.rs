@@ -8,6 +8,7 @@
 //! The particles are those of [`carom_mpm`]. A table without any is simulated as if there were none in the world.
 
 mod bed;
+mod first_touch;
 mod patch;
 mod run;
 mod save;
