@@ -331,6 +331,7 @@ mod tests {
         let squares = (0..3).flat_map(|column| (-2..2).map(move |row| (column, row)));
         let material = |row| match row {
             0 => ParticleMaterial::Snow,
+            -2 => ParticleMaterial::Marbles,
             _ => ParticleMaterial::Sand,
         };
         let patch = |(column, row)| ParticlePatch {

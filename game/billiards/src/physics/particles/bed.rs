@@ -2,10 +2,11 @@
 
 use std::fmt;
 
-use carom_mpm::{Ball, Bodies, Grip, Obstacle, Settings, Simulation, Solid};
+use carom_mpm::{Ball, Bodies, Grip, Marbles, Obstacle, Settings, Simulation, Solid};
 use glam::{DQuat, DVec2, DVec3, Vec3};
 
 use super::first_touch::HeightMap;
+use super::marbles;
 use super::{ParticleMaterial, ParticlePatch, ParticlePrecision, ParticleTrack};
 use crate::physics::{BallState, Shot, Table};
 use crate::{ParticleFault, Result};
@@ -16,6 +17,7 @@ pub struct ParticleBed {
     patches: Vec<ParticlePatch>,
     precision: ParticlePrecision,
     simulation: Simulation,
+    marbles: Marbles,
     obstacles: Vec<Obstacle>,
     /// Materials in the order of the particles' numbers, each with how many there are.
     groups: Vec<(ParticleMaterial, u32)>,
@@ -70,24 +72,35 @@ impl ParticleBed {
         let mut simulation = Simulation::new(settings(precision)).map_err(ParticleFault::from)?;
         let mut groups = Vec::new();
         for material in ParticleMaterial::ALL {
+            let Some(model) = material.model() else {
+                continue;
+            };
             let covered = patches.iter().filter(|patch| patch.material == material);
             let places: Vec<Vec3> = covered
                 .flat_map(|patch| places(patch, precision))
                 .filter(|place| balls.iter().all(|ball| is_clear(ball, *place)))
                 .collect();
-            let particles = simulation.len() + places.len();
-            if particles > Self::PARTICLES_MAX {
-                let max = Self::PARTICLES_MAX;
-                return Err(ParticleFault::TooMany { particles, max }.into());
-            }
+            check_count(simulation.len() + places.len(), Self::PARTICLES_MAX)?;
             if !places.is_empty() {
                 let volume_m3 = spacing_m(precision).powi(3) as f32;
-                let added = simulation.add(&places, material.model(), volume_m3, Vec3::ZERO);
+                let added = simulation.add(&places, model, volume_m3, Vec3::ZERO);
                 added.map_err(ParticleFault::from)?;
                 groups.push((material, places.len() as u32));
             }
         }
-        Self::assemble(table, patches, precision, simulation, groups)
+        let marbles = marbles::laid(&patches, |place, radius_m| {
+            balls.iter().all(|ball| {
+                let apart = ball.position.distance(place);
+                !ball.phase.is_on_table() || apart > ball.body.radius_m + radius_m
+            })
+        })?;
+        let count = marbles.spheres().len();
+        check_count(count, marbles::MARBLES_MAX)?;
+        check_count(simulation.len() + count, Self::PARTICLES_MAX)?;
+        if count > 0 {
+            groups.push((ParticleMaterial::Marbles, count as u32));
+        }
+        Self::assemble(table, patches, precision, (simulation, marbles), groups)
     }
 
     /// The particles once they have come to rest around balls that do not move; as they are if they rest.
@@ -118,7 +131,7 @@ impl ParticleBed {
         table: &Table,
         patches: Vec<ParticlePatch>,
         precision: ParticlePrecision,
-        simulation: Simulation,
+        (simulation, marbles): (Simulation, Marbles),
         groups: Vec<(ParticleMaterial, u32)>,
     ) -> Result<Self> {
         check_places(table, &patches)?;
@@ -130,9 +143,10 @@ impl ParticleBed {
             patches,
             precision,
             simulation,
+            marbles,
             groups,
             bounds: [DVec2::ZERO; 2],
-            heights: HeightMap::new(std::iter::empty(), spacing_m(precision)),
+            heights: HeightMap::new(&[], spacing_m(precision)),
             cloth_half_m: 0.5 * DVec2::new(table.length_m(), table.width_m()),
         };
         bed.put_in_order()?;
@@ -150,7 +164,8 @@ impl ParticleBed {
         let count = simulation.len() as u32;
         let groups = vec![(ParticleMaterial::Water, count)];
         let precision = ParticlePrecision::Fine;
-        let bed = Self::assemble(table, Vec::new(), precision, simulation, groups);
+        let marbles = marbles::none().expect("a valid marble");
+        let bed = Self::assemble(table, Vec::new(), precision, (simulation, marbles), groups);
         Self {
             obstacles,
             ..bed.expect("there are some")
@@ -188,6 +203,8 @@ impl ParticleBed {
         for particle in self.simulation.particles() {
             centers[particle.id as usize] = particle.position;
         }
+        let marbles = self.marbles.spheres().iter();
+        centers.extend(marbles.map(|marble| marble.position.as_vec3()));
         centers
     }
 
@@ -195,12 +212,20 @@ impl ParticleBed {
         &self.simulation
     }
 
+    pub(super) fn marbles(&self) -> &Marbles {
+        &self.marbles
+    }
+
     /// Between two shots: the next one's bits depend on nothing but what is stored of the particles.
     pub(super) fn put_in_order(&mut self) -> Result<()> {
         let ordered = self.simulation.put_in_order();
         ordered.map_err(ParticleFault::from)?;
-        let centers = self.centers();
-        self.heights = HeightMap::new(centers.into_iter(), spacing_m(self.precision));
+        let half = 0.5 * self.spacing_m();
+        let particles = self.simulation.particles();
+        let tops = particles.map(|particle| particle.position + half * Vec3::Z);
+        let tops = tops.chain(marbles::tops(&self.marbles));
+        let tops: Vec<Vec3> = tops.collect();
+        self.heights = HeightMap::new(&tops, spacing_m(self.precision));
         Ok(())
     }
 
@@ -210,17 +235,20 @@ impl ParticleBed {
         self.heights.known_until_secs(shot)
     }
 
+    pub(super) fn has_marbles(&self) -> bool {
+        !self.marbles.spheres().is_empty()
+    }
+
     /// Whether nothing moves until a ball comes.
     pub(super) fn is_asleep(&self) -> bool {
-        self.simulation.is_asleep()
+        self.simulation.is_asleep() && self.marbles.is_asleep()
     }
 
     /// Looks for where particles are.
     pub(super) fn find_bounds(&mut self) {
-        let places = self
-            .simulation
-            .particles()
-            .map(|p| p.position.truncate().as_dvec2());
+        let particles = self.simulation.particles();
+        let places = particles.map(|particle| particle.position.truncate().as_dvec2());
+        let places = places.chain(marbles::reach(&self.marbles));
         let none = [DVec2::INFINITY, DVec2::NEG_INFINITY];
         self.bounds = places.fold(none, |[min, max], place| [min.min(place), max.max(place)]);
     }
@@ -245,10 +273,33 @@ impl ParticleBed {
             balls,
             obstacles: std::mem::take(&mut self.obstacles),
         };
-        let stepped = self.simulation.step(secs, &mut bodies);
+        let stepped = self.step_both(secs, &mut bodies);
         self.obstacles = bodies.obstacles;
         stepped.map_err(ParticleFault::from)?;
         Ok(bodies.balls)
+    }
+
+    /// Marbles, and then particles of balls that marbles have kicked. Marbles and particles do not push each other.
+    fn step_both(&mut self, secs: f64, bodies: &mut Bodies) -> carom_mpm::Result<()> {
+        if self.marbles.spheres().is_empty() {
+            return self.simulation.step(secs, bodies).map(drop);
+        }
+        let before = bodies.balls.clone();
+        self.marbles.step(secs, bodies)?;
+        if self.simulation.is_empty() {
+            return Ok(());
+        }
+        let by_marbles = std::mem::replace(&mut bodies.balls, before);
+        for (ball, kicked) in bodies.balls.iter_mut().zip(&by_marbles) {
+            ball.velocity += kicked.impulse / ball.mass_kg;
+            ball.angular_velocity += kicked.angular_impulse / ball.moment_of_inertia();
+        }
+        self.simulation.step(secs, bodies)?;
+        for (ball, kicked) in bodies.balls.iter_mut().zip(&by_marbles) {
+            ball.impulse += kicked.impulse;
+            ball.angular_impulse += kicked.angular_impulse;
+        }
+        Ok(())
     }
 }
 
@@ -296,6 +347,13 @@ fn scatter(seed: u64, number: u32) -> DVec3 {
     word ^= word >> 31;
     let part = |shift: u32| ((word >> shift) & 0xfffff) as f64 / f64::from(1 << 20) - 0.5;
     DVec3::new(part(0), part(20), part(40))
+}
+
+fn check_count(particles: usize, max: usize) -> Result<()> {
+    match particles <= max {
+        true => Ok(()),
+        false => Err(ParticleFault::TooMany { particles, max }.into()),
+    }
 }
 
 fn is_clear(ball: &BallState, place: Vec3) -> bool {

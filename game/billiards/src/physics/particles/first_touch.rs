@@ -18,15 +18,13 @@ pub(super) struct HeightMap {
 }
 
 impl HeightMap {
-    /// Of particles that lie `spacing_m` apart.
-    pub(super) fn new(centers: impl Iterator<Item = Vec3> + Clone, spacing_m: f64) -> Self {
+    /// Of the tops of particles that lie `spacing_m` apart.
+    pub(super) fn new(tops: &[Vec3], spacing_m: f64) -> Self {
         let edge_m = 2.0 * spacing_m;
-        let square = |center: Vec3| (center.truncate().as_dvec2() / edge_m).floor().as_ivec2();
+        let square = |top: Vec3| (top.truncate().as_dvec2() / edge_m).floor().as_ivec2();
         let none = (IVec2::MAX, IVec2::MIN);
-        let (first, last) = centers
-            .clone()
-            .map(square)
-            .fold(none, |(min, max), at| (min.min(at), max.max(at)));
+        let squares = tops.iter().map(|top| square(*top));
+        let (first, last) = squares.fold(none, |(min, max), at| (min.min(at), max.max(at)));
         let size = (last.saturating_sub(first) + 1)
             .max(IVec2::ZERO)
             .as_usizevec2();
@@ -37,10 +35,9 @@ impl HeightMap {
             columns,
             tops: vec![None; columns * size.y.min(SQUARES_MAX)],
         };
-        for center in centers {
-            if let Some(index) = map.index(square(center)) {
-                let top = center.z + 0.5 * spacing_m as f32;
-                let highest = map.tops[index].map_or(top, |highest| highest.max(top));
+        for top in tops {
+            if let Some(index) = map.index(square(*top)) {
+                let highest = map.tops[index].map_or(top.z, |highest| highest.max(top.z));
                 map.tops[index] = Some(highest);
             }
         }

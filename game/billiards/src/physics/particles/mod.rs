@@ -9,6 +9,7 @@
 
 mod bed;
 mod first_touch;
+mod marbles;
 mod patch;
 mod run;
 mod save;

@@ -29,12 +29,16 @@ pub(crate) fn run(
             engine.hover(ball);
         }
     }
+    let settle_steps_max = match bed.has_marbles() {
+        true => ROLL_STEPS_MAX,
+        false => SETTLE_STEPS_MAX,
+    };
     let mut calm_steps = vec![0u32; engine.balls.len()];
     let (mut steps, mut still_steps) = (0u32, 0);
     loop {
         let is_still = !engine.balls.iter().any(BallInMotion::is_moving);
         still_steps = if is_still { still_steps + 1 } else { 0 };
-        if is_still && (bed.is_asleep() || still_steps > SETTLE_STEPS_MAX) {
+        if is_still && (bed.is_asleep() || still_steps > settle_steps_max) {
             break;
         }
         let met: Vec<usize> = (0..engine.balls.len())
@@ -190,6 +194,8 @@ const STEP_SECS: f64 = 1.0 / 480.0;
 const STEPS_A_FRAME: u32 = 8;
 /// When balls rest, particles are watched for so long: what sloshes on does so in the next shot.
 const SETTLE_STEPS_MAX: u32 = 240;
+/// Marbles roll for longer.
+const ROLL_STEPS_MAX: u32 = 2400;
 /// A ball that particles press up leaves the cloth if it would rise at this speed after a step: by a tenth of its weight.
 const LIFT_LEAST_M_S: f64 = 2e-3;
 /// Softer landings are no events: nobody hears them, and what grains carry has many.

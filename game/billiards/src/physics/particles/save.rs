@@ -1,9 +1,10 @@
 //! Particles of a table as a file has them: the numbers of the simulation, from which it goes on with the same bits.
 
-use carom_mpm::{Simulation, Snapshot};
+use carom_mpm::{MarbleSnapshot, Simulation, Snapshot};
 use serde::{Deserialize, Serialize};
 
 use super::bed::settings;
+use super::marbles;
 use super::{ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, TrackGroup};
 use crate::physics::Table;
 use crate::{ParticleFault, Result};
@@ -15,6 +16,7 @@ pub(crate) struct BedSave {
     precision: ParticlePrecision,
     groups: Vec<TrackGroup>,
     snapshot: Snapshot,
+    marbles: MarbleSnapshot,
 }
 
 impl BedSave {
@@ -26,6 +28,7 @@ impl BedSave {
             precision: bed.precision(),
             groups: groups.collect(),
             snapshot: bed.simulation().snapshot(),
+            marbles: bed.marbles().snapshot(),
         }
     }
 
@@ -40,18 +43,20 @@ impl BedSave {
             .map(|group| (group.material, group.count))
             .collect();
         self.check_groups()?;
-        let materials: Vec<_> = groups
-            .iter()
-            .map(|(material, _)| material.model())
-            .collect();
+        let materials = groups.iter().filter_map(|(material, _)| material.model());
+        let materials: Vec<_> = materials.collect();
         let settings = settings(self.precision);
         let simulation = Simulation::restore(settings, &materials, &self.snapshot);
         let simulation = simulation.map_err(ParticleFault::from)?;
+        let mut marbles = marbles::none()?;
+        let restored = marbles.restore(&self.marbles);
+        restored.map_err(ParticleFault::from)?;
+        let patches = self.patches.clone();
         ParticleBed::assemble(
             table,
-            self.patches.clone(),
+            patches,
             self.precision,
-            simulation,
+            (simulation, marbles),
             groups,
         )
     }
@@ -64,14 +69,25 @@ impl BedSave {
             let particles = total as usize;
             return Err(ParticleFault::TooMany { particles, max });
         }
-        let said = self.groups.iter().zip(0u16..);
-        let said = said.flat_map(|(group, index)| std::iter::repeat_n(index, group.count as usize));
+        let mut marbles = 0;
+        let mut said = Vec::new();
+        for group in &self.groups {
+            match group.material.model() {
+                None => marbles += group.count as usize,
+                // Models are numbered as groups are: marbles are the last.
+                Some(_) => {
+                    let number = said.last().map_or(0, |last: &u16| last + 1);
+                    said.extend(std::iter::repeat_n(number, group.count as usize));
+                }
+            }
+        }
+        let is_right = marbles == self.marbles.len() && self.groups.iter().all(|g| g.count > 0);
         let materials = self.snapshot.materials_by_id();
         let is_in_order = self
             .groups
             .windows(2)
             .all(|pair| pair[0].material < pair[1].material);
-        if !is_in_order || !materials.is_some_and(|materials| said.eq(materials)) {
+        if !is_in_order || !is_right || materials.as_ref() != Some(&said) {
             return Err(ParticleFault::OtherThanSaid);
         }
         Ok(())
