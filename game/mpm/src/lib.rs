@@ -1,4 +1,4 @@
-//! The material point method: jelly, water, sand, snow and dust that push balls and are pushed.
+//! The material point method: jelly, water, sand, snow, and dust and marbles beside it, that push balls and are pushed.
 //!
 //! ```text
 //!             ┌────────────────────── a substep ──────────────────────┐
@@ -9,7 +9,7 @@
 //!
 //! Moving least squares MPM (Hu et al. 2018) with the affine transfers of APIC (Jiang et al. 2015),
 //! quadratic B-splines and explicit symplectic substeps, as long as the speed of sound lets them be.
-//! All is in SI units, z up. The crate knows no clock, no window and no randomness; on one
+//! [`Marbles`] are discrete elements. All is in SI units, z up. The crate knows no clock, no window and no randomness; on one
 //! instruction set the same steps give the same bits, whatever the number of rayon's threads.
 //!
 //! ```

@@ -129,7 +129,7 @@ fn looks(material: ParticleMaterial, cloth: Vec3, spacing_m: f32) -> Vec<Particl
                 },
                 smoothing: None,
             };
-            MARBLES.map(marble).to_vec()
+            MARBLES.map(marble).into()
         }
     }
 }

@@ -50,7 +50,7 @@ impl TrickTable {
     /// Of the cue. A ball that is faster hops over the sand.
     fn speed_m_s(self) -> f64 {
         match self {
-            Self::SandTrap => 1.6,
+            Self::SandTrap => 1.3,
             Self::SnowPatch | Self::JellyBumper | Self::SpilledDrink | Self::BowlOfMarbles => 3.0,
         }
     }

@@ -404,7 +404,7 @@ fn obstacles(table: &Table, patches: &[ParticlePatch]) -> Vec<Obstacle> {
 }
 
 /// What is laid has come to rest by then, or creeps too slowly to be seen.
-const SETTLE_SECS_MAX: f64 = 2.0;
+const SETTLE_SECS_MAX: f64 = 6.0;
 /// Of a ball that lies while particles settle.
 const IMMOVABLE_KG: f64 = 1e6;
 /// Of the distance between particles: grains are no lattice.

@@ -36,12 +36,12 @@ pub struct ParticlePatch {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ParticlePrecision {
-    /// Cells of 15 mm: coarse grains, a third of the time
+    /// Cells of 15 mm: coarse grains, two thirds of the time
     Coarse,
     /// Cells of 12.5 mm
     #[default]
     Standard,
-    /// Cells of 10 mm: fine grains, four times the time
+    /// Cells of 10 mm: fine grains, twice the time
     Fine,
 }
 
