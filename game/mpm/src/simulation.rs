@@ -13,7 +13,8 @@ use crate::material::Material;
 use crate::p2g::{Substep, p2g};
 use crate::region::Region;
 use crate::settings::{PARTICLES_MAX, REST_SECS, Settings};
-use crate::storage::{DRIFT_MAX, Particle, Storage, Totals};
+use crate::storage::{DRIFT_MAX, Particle, Storage};
+use crate::totals::Totals;
 
 /// Cells that a particle or ball may cross in a substep.
 const TRAVEL_CELLS_MAX: f64 = 0.5;

@@ -224,65 +224,64 @@ mod tests {
         let cell = 0.006;
         let [side, depth] = [16.0, 12.0].map(|cells| cells * cell);
         let ball_m3 = 4.0 / 3.0 * PI * radius_m.powi(3);
-        for (density_kg_m3, start) in [(500.0, 0.3)] {
-            let settings = Settings {
-                cell_size_m: cell as f32,
-                rest_speed_m_s: 0.02,
-                ..Settings::default()
-            };
-            let mut simulation = Simulation::new(settings).unwrap();
-            let max = DVec3::new(side, side, depth);
-            let water = Material::Water(Water {
-                viscosity_pa_s: 1.0,
-                sound_speed_m_s: 8.0,
-                ..Water::default()
-            });
-            let center = DVec3::new(side / 2.0, side / 2.0, depth + start * radius_m);
-            let spacing = cell / 2.0;
-            let place = |i: u32| {
-                let at = [i % 32, i / 32 % 32, i / 1024].map(f64::from);
-                (DVec3::from(at) + 0.5) * spacing
-            };
-            let places = (0..32 * 32 * 24).map(place);
-            let places = places.filter(|place| place.distance(center) > radius_m);
-            let places: Vec<Vec3> = places.map(|place| place.as_vec3()).collect();
-            let volume_m3 = spacing.powi(3);
-            let added = simulation.add(&places, water, volume_m3 as f32, Vec3::ZERO);
-            added.unwrap();
-            let walls = Obstacle::walls(DVec3::ZERO, max.with_z(1.0));
-            let mut bed = ParticleBed::of_water(&table, simulation, walls);
-            let body = BallBody {
-                mass_kg: density_kg_m3 * ball_m3,
-                radius_m,
-            };
-            let ball = BallState {
-                position: center,
-                phase: Phase::Airborne,
-                ..BallState::at_rest(0, 0.0, 0.0, &body)
-            };
-            let engine = EventEngine::new(&table, &laws, &[ball]);
-            let (shot, _) = run(engine, &mut bed).unwrap();
-            let end = shot.trajectories[0].state_at(shot.end_secs);
-            assert_eq!((end.phase, end.velocity), (Phase::Airborne, DVec3::ZERO));
-            assert!(shot.end_secs < 8.0, "{} s", shot.end_secs);
-            // The cap under the level is as much of the ball as its density of water's.
-            let share = density_kg_m3 / 1000.0;
-            let cap = |h: f64| h * h * (3.0 - h) / 4.0;
-            let wanted = (0..2000)
-                .map(|i| f64::from(i) * 1e-3)
-                .find(|h| cap(*h) >= share);
-            // Of the water far from the ball: twice the height of its middle.
-            let apart = |at: DVec3| at.truncate().distance(end.position.truncate());
-            let centers = bed.centers().into_iter().map(|at| at.as_dvec3());
-            let far: Vec<f64> = centers
-                .filter(|at| apart(*at) > 1.5 * radius_m)
-                .map(|at| at.z)
-                .collect();
-            let level = 2.0 * far.iter().sum::<f64>() / far.len() as f64;
-            let draught = (level - end.position.z + radius_m) / radius_m;
-            let wanted = wanted.unwrap();
-            let error = draught / wanted - 1.0;
-            assert!(error.abs() < 0.05, "{draught} radii, not {wanted}");
-        }
+        let (density_kg_m3, start) = (500.0, 0.3);
+        let settings = Settings {
+            cell_size_m: cell as f32,
+            rest_speed_m_s: 0.02,
+            ..Settings::default()
+        };
+        let mut simulation = Simulation::new(settings).unwrap();
+        let max = DVec3::new(side, side, depth);
+        let water = Material::Water(Water {
+            viscosity_pa_s: 1.0,
+            sound_speed_m_s: 8.0,
+            ..Water::default()
+        });
+        let center = DVec3::new(side / 2.0, side / 2.0, depth + start * radius_m);
+        let spacing = cell / 2.0;
+        let place = |i: u32| {
+            let at = [i % 32, i / 32 % 32, i / 1024].map(f64::from);
+            (DVec3::from(at) + 0.5) * spacing
+        };
+        let places = (0..32 * 32 * 24).map(place);
+        let places = places.filter(|place| place.distance(center) > radius_m);
+        let places: Vec<Vec3> = places.map(|place| place.as_vec3()).collect();
+        let volume_m3 = spacing.powi(3);
+        let added = simulation.add(&places, water, volume_m3 as f32, Vec3::ZERO);
+        added.unwrap();
+        let walls = Obstacle::walls(DVec3::ZERO, max.with_z(1.0));
+        let mut bed = ParticleBed::of_water(&table, simulation, walls);
+        let body = BallBody {
+            mass_kg: density_kg_m3 * ball_m3,
+            radius_m,
+        };
+        let ball = BallState {
+            position: center,
+            phase: Phase::Airborne,
+            ..BallState::at_rest(0, 0.0, 0.0, &body)
+        };
+        let engine = EventEngine::new(&table, &laws, &[ball]);
+        let (shot, _) = run(engine, &mut bed).unwrap();
+        let end = shot.trajectories[0].state_at(shot.end_secs);
+        assert_eq!((end.phase, end.velocity), (Phase::Airborne, DVec3::ZERO));
+        assert!(shot.end_secs < 8.0, "{} s", shot.end_secs);
+        // The cap under the level is as much of the ball as its density of water's.
+        let share = density_kg_m3 / 1000.0;
+        let cap = |h: f64| h * h * (3.0 - h) / 4.0;
+        let wanted = (0..2000)
+            .map(|i| f64::from(i) * 1e-3)
+            .find(|h| cap(*h) >= share);
+        // Of the water far from the ball: twice the height of its middle.
+        let apart = |at: DVec3| at.truncate().distance(end.position.truncate());
+        let centers = bed.centers().into_iter().map(|at| at.as_dvec3());
+        let far: Vec<f64> = centers
+            .filter(|at| apart(*at) > 1.5 * radius_m)
+            .map(|at| at.z)
+            .collect();
+        let level = 2.0 * far.iter().sum::<f64>() / far.len() as f64;
+        let draught = (level - end.position.z + radius_m) / radius_m;
+        let wanted = wanted.unwrap();
+        let error = draught / wanted - 1.0;
+        assert!(error.abs() < 0.05, "{draught} radii, not {wanted}");
     }
 }
