@@ -326,7 +326,7 @@ mod tests {
             path: (0..=100)
                 .map(|i| DVec3::X * (0.01 * f64::from(i)))
                 .collect(),
-            stays: true,
+            end: PathEnd::Rests,
         })
     }
 
