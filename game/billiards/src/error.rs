@@ -554,6 +554,9 @@ pub enum ParticleFault {
         /// The most.
         max: usize,
     },
+    /// A file says that there are other particles than it holds.
+    #[error("the file holds other particles than it says: it is damaged")]
+    OtherThanSaid,
     /// A patch reaches beyond the cushions.
     #[error("the patch at ({:.2}, {:.2}) m is not on the cloth: leave it out", .at.x, .at.y)]
     OffCloth {

@@ -32,6 +32,9 @@ pub struct Ball {
     pub angular_velocity: DVec3,
     /// By all forces but the particles', in m/s²: free fall, the cloth's reaction and friction.
     pub acceleration: DVec3,
+    /// Height under which its centre does not sink, in m: a slate carries it, and takes up what would press it lower.
+    /// -∞: nothing does.
+    pub floor_m: f64,
     /// In m.
     pub radius_m: f64,
     /// In kg.
@@ -50,6 +53,7 @@ impl Ball {
             velocity: DVec3::ZERO,
             angular_velocity: DVec3::ZERO,
             acceleration: DVec3::ZERO,
+            floor_m: f64::NEG_INFINITY,
             radius_m,
             mass_kg,
             impulse: DVec3::ZERO,
@@ -62,9 +66,19 @@ impl Ball {
         0.4 * self.mass_kg * self.radius_m * self.radius_m
     }
 
+    /// Moves it on at its velocity, as far as its floor lets it.
+    pub(crate) fn advance(&mut self, dt: f64) {
+        self.position += self.velocity * dt;
+        if self.position.z < self.floor_m {
+            self.position.z = self.floor_m;
+            self.velocity.z = self.velocity.z.max(0.0);
+        }
+    }
+
     pub(crate) fn validate(&self) -> Result<()> {
         check_range("radius of a ball in m", self.radius_m, 1e-6, 1e3)?;
         check_range("mass of a ball in kg", self.mass_kg, 1e-12, 1e9)?;
+        check_range("floor of a ball in m", self.floor_m.max(-1e6), -1e6, 1e6)?;
         for (quantity, value) in [
             ("position of a ball", self.position),
             ("velocity of a ball", self.velocity),

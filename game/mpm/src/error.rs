@@ -109,6 +109,12 @@ pub enum Error {
         /// As it was set.
         courant: f32,
     },
+    /// Stored particles that no simulation has.
+    #[error("the stored particles are none of a simulation: {fault}")]
+    BadSnapshot {
+        /// What they have that none has.
+        fault: &'static str,
+    },
     /// Velocities grew past all numbers.
     #[error("the simulation diverged: lower `Settings::courant`, now {courant}, and start again")]
     Diverged {

@@ -1,4 +1,4 @@
-//! The material point method: jelly, water, sand, snow and dust that push balls and are pushed.
+//! The material point method: jelly, water, sand, snow, and dust and marbles beside it, that push balls and are pushed.
 //!
 //! ```text
 //!             ┌────────────────────── a substep ──────────────────────┐
@@ -9,7 +9,7 @@
 //!
 //! Moving least squares MPM (Hu et al. 2018) with the affine transfers of APIC (Jiang et al. 2015),
 //! quadratic B-splines and explicit symplectic substeps, as long as the speed of sound lets them be.
-//! All is in SI units, z up. The crate knows no clock, no window and no randomness; on one
+//! [`Marbles`] are discrete elements. All is in SI units, z up. The crate knows no clock, no window and no randomness; on one
 //! instruction set the same steps give the same bits, whatever the number of rayon's threads.
 //!
 //! ```
@@ -45,14 +45,18 @@ mod g2p;
 mod gpu;
 mod grid;
 mod lanes;
+mod marble_contact;
+mod marbles;
 mod material;
 mod p2g;
 mod region;
 mod settings;
 mod simulation;
+mod snapshot;
 mod storage;
 mod svd;
 mod tile;
+mod totals;
 
 pub use body::{Ball, Bodies, Grip, Obstacle, Solid};
 pub use dust::{Dust, Grain, Speck};
@@ -61,8 +65,11 @@ pub use error::{Error, Result};
 pub use gpu::{
     GPU_BALLS_MAX, GPU_BLOCKS_MAX, GPU_MATERIALS_MAX, GPU_OBSTACLES_MAX, Gpu, GpuSimulation,
 };
+pub use marbles::{Marble, MarbleSnapshot, Marbles, Sphere};
 pub use material::{Jelly, Material, Sand, Snow, Water};
 pub use region::Region;
 pub use settings::{PARTICLES_MAX, REST_SECS, Settings};
 pub use simulation::{Simulation, StepReport};
-pub use storage::{Particle, Totals};
+pub use snapshot::Snapshot;
+pub use storage::Particle;
+pub use totals::Totals;

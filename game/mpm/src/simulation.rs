@@ -13,7 +13,8 @@ use crate::material::Material;
 use crate::p2g::{Substep, p2g};
 use crate::region::Region;
 use crate::settings::{PARTICLES_MAX, REST_SECS, Settings};
-use crate::storage::{DRIFT_MAX, Particle, Storage, Totals};
+use crate::storage::{DRIFT_MAX, Particle, Storage};
+use crate::totals::Totals;
 
 /// Cells that a particle or ball may cross in a substep.
 pub(crate) const TRAVEL_CELLS_MAX: f64 = 0.5;
@@ -23,20 +24,20 @@ pub(crate) const TRAVEL_CELLS_MAX: f64 = 0.5;
 pub struct Simulation {
     settings: Settings,
     level: Level,
-    materials: Vec<Material>,
-    storage: Storage,
-    particles: usize,
-    next_id: u32,
+    pub(crate) materials: Vec<Material>,
+    pub(crate) storage: Storage,
+    pub(crate) particles: usize,
+    pub(crate) next_id: u32,
     /// Particles came or went since they were put in order.
     is_disordered: bool,
     /// Cells that the fastest particle may have moved since they were put in order.
     drift: f32,
     /// Largest component of a particle's velocity, in m/s.
-    speed_max: f32,
+    pub(crate) speed_max: f32,
     /// Fastest sound, in m/s.
-    sound_max: f32,
+    pub(crate) sound_max: f32,
     /// For how long all particles have been slower than the speed of rest.
-    rested_secs: f64,
+    pub(crate) rested_secs: f64,
 }
 
 /// What a step did.
@@ -177,13 +178,23 @@ impl Simulation {
         Ok(report)
     }
 
+    /// Puts particles in order, as steps do when they must: after it the bits to come depend on nothing but
+    /// what [`Self::snapshot`] holds.
+    ///
+    /// # Errors
+    /// If a particle is out of reach.
+    pub fn put_in_order(&mut self) -> Result<()> {
+        self.storage.put_in_order(&self.materials)?;
+        self.is_disordered = false;
+        self.drift = 0.0;
+        Ok(())
+    }
+
     fn substep(&mut self, dt: f64, bodies: &mut Bodies, report: &mut StepReport) -> Result<()> {
         let cell_size_m = self.settings.cell_size_m;
         let travel = self.speed_max * dt as f32 / cell_size_m;
         if self.is_disordered || self.drift + travel > DRIFT_MAX {
-            self.storage.put_in_order(&self.materials)?;
-            self.is_disordered = false;
-            self.drift = 0.0;
+            self.put_in_order()?;
             report.orderings += 1;
         }
         self.drift += travel;
@@ -210,7 +221,7 @@ impl Simulation {
         }
         resolve_contacts(nodes, bodies, cell_size_m.into());
         for ball in &mut bodies.balls {
-            ball.position += ball.velocity * dt;
+            ball.advance(dt);
         }
         let nodes = &*nodes;
         blocks.par_iter_mut().for_each(|block| {
@@ -377,6 +388,6 @@ impl Simulation {
 fn move_balls(bodies: &mut Bodies, duration_secs: f64) {
     for ball in &mut bodies.balls {
         ball.velocity += ball.acceleration * duration_secs;
-        ball.position += ball.velocity * duration_secs;
+        ball.advance(duration_secs);
     }
 }

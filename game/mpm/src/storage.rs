@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::lanes::LANES;
 use crate::material::Material;
+use crate::totals::Totals;
 
 /// Edge of a block, in cells.
 pub(crate) const BLOCK_EDGE: i32 = 4;
@@ -33,7 +34,7 @@ pub(crate) const TILE_NODES: usize = TILE_EDGE * TILE_EDGE * TILE_EDGE + 1;
 pub(crate) const DRIFT_MAX: f32 = 0.98;
 
 /// Farthest block from the origin.
-const BLOCK_COORDINATE_MAX: f64 = (1 << 24) as f64;
+pub(crate) const BLOCK_COORDINATE_MAX: f64 = (1 << 24) as f64;
 
 /// Up to 16 particles of one block and material. Lanes from `len` on are no particles.
 #[derive(Clone)]
@@ -166,40 +167,13 @@ pub struct Particle {
     pub material: usize,
 }
 
-/// Sums over all particles.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Totals {
-    /// In kg.
-    pub mass_kg: f64,
-    /// In kg·m/s.
-    pub momentum: DVec3,
-    /// About the origin, with the particles' affine motion, in kg·m²/s.
-    pub angular_momentum: DVec3,
-    /// With the particles' affine motion, in J.
-    pub kinetic_energy_j: f64,
-}
-
-impl Totals {
-    /// Adds a particle. Its affine motion counts as that of mass spread by the kernel, whose second
-    /// moment is a quarter of a cell's edge squared: Jiang et al. 2015, section 5.3.
-    fn add(
-        &mut self,
-        mass_kg: f32,
-        position: DVec3,
-        velocity: Vec3,
-        affine: [DVec3; 3],
-        cell_size_m: f64,
-    ) {
-        let mass_kg = f64::from(mass_kg);
-        let velocity = velocity.as_dvec3();
-        let [x, y, z] = affine;
-        let turn = DVec3::new(y.z - z.y, z.x - x.z, x.y - y.x);
-        let square = x.length_squared() + y.length_squared() + z.length_squared();
-        self.mass_kg += mass_kg;
-        self.momentum += mass_kg * velocity;
-        self.angular_momentum += mass_kg * (position.cross(velocity) + turn * (cell_size_m / 4.0));
-        self.kinetic_energy_j += 0.5 * mass_kg * (velocity.length_squared() + square / 4.0);
-    }
+/// All of a particle. Its place is `local`, in cells from its block's first node less one half.
+pub(crate) struct ParticleState {
+    pub(crate) particle: Particle,
+    pub(crate) local: Vec3,
+    pub(crate) affine: [Vec3; 3],
+    pub(crate) deformation: [f32; 9],
+    pub(crate) state: f32,
 }
 
 /// All particles and nodes.
@@ -268,6 +242,25 @@ impl Storage {
     /// Adds a particle at rest; [`Self::put_in_order`] must follow.
     pub(crate) fn add(&mut self, particle: &Particle, state: f32) -> Result<()> {
         let (coordinate, local) = self.locate(particle.position)?;
+        self.add_state(
+            coordinate,
+            &ParticleState {
+                particle: *particle,
+                local,
+                affine: [Vec3::ZERO; 3],
+                deformation: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+                state,
+            },
+        );
+        Ok(())
+    }
+
+    /// Adds a particle of a block; [`Self::put_in_order`] must follow.
+    pub(crate) fn add_state(&mut self, coordinate: IVec3, added: &ParticleState) {
+        let ParticleState {
+            particle, state, ..
+        } = added;
+        let state = *state;
         let index = self.block_index(coordinate);
         let packets = &mut self.blocks[index as usize].packets;
         let material = particle.material as u16;
@@ -280,13 +273,38 @@ impl Storage {
         if let Some(packet) = packets.last_mut() {
             packet.push(&Packet::new(material, state), 0);
             let lane = packet.len - 1;
-            packet.position[lane] = local.extend(0.0).into();
+            packet.position[lane] = added.local.extend(0.0).into();
+            for (column, entries) in packet.affine.iter_mut().zip(added.affine) {
+                column[lane] = entries.extend(0.0).into();
+            }
+            for (entry, value) in packet.deformation.iter_mut().zip(added.deformation) {
+                entry[lane] = value;
+            }
             packet.velocity[lane] = particle.velocity.extend(0.0).into();
             packet.mass[lane] = particle.mass_kg;
             packet.volume[lane] = particle.volume_m3;
             packet.id[lane] = particle.id;
         }
-        Ok(())
+    }
+
+    /// Every block, with its particles.
+    pub(crate) fn states(&self) -> impl Iterator<Item = (IVec3, Vec<ParticleState>)> + '_ {
+        let mut seen = self.particles();
+        self.blocks.iter().map(move |block| {
+            let lanes = block
+                .packets
+                .iter()
+                .flat_map(|packet| (0..packet.len).map(move |lane| (packet, lane)));
+            let states = lanes.zip(seen.by_ref());
+            let states = states.map(|((packet, lane), particle)| ParticleState {
+                particle,
+                local: Vec3::from_slice(&packet.position[lane]),
+                affine: [0, 1, 2].map(|axis: usize| Vec3::from_slice(&packet.affine[axis][lane])),
+                deformation: packet.deformation.map(|entry| entry[lane]),
+                state: packet.state[lane],
+            });
+            (block.coordinate, states.collect())
+        })
     }
 
     pub(crate) fn block_index(&mut self, coordinate: IVec3) -> u32 {

@@ -246,11 +246,13 @@ impl ModeController {
                 layout.and_then(|layout| self.save(RecordingKind::Layout, &layout))
             }
             PracticeCommand::Open(path) => lay(practice, &path, game, now_secs),
-            PracticeCommand::Play => {
-                let layout = practice.table_layout();
-                self.mode = Mode::Game;
-                return Some(layout);
-            }
+            PracticeCommand::Play => match practice.table_layout() {
+                Ok(layout) => {
+                    self.mode = Mode::Game;
+                    return Some(layout);
+                }
+                Err(why) => Err(why.into()),
+            },
             PracticeCommand::Close => {
                 self.mode = Mode::Game;
                 Ok(())

@@ -1,4 +1,4 @@
-//! Sand and snow on the table as grains, jelly and water as what their particles fill.
+//! Sand and snow on the table as grains, marbles as balls, jelly and water as what their particles fill.
 
 use std::sync::Arc;
 
@@ -34,7 +34,7 @@ fn clouds(track: &ParticleTrack, secs: f64, cloth: Vec3) -> Vec<ParticleCloud> {
         rest = others;
         let [min, max] = track.bounds();
         let spacing_m = track.spacing_m();
-        let grains_of = looks(group.material, cloth);
+        let grains_of = looks(group.material, cloth, spacing_m);
         for (first, look) in grains_of.iter().enumerate() {
             let places = grains.iter().skip(first).step_by(grains_of.len());
             clouds.push(ParticleCloud {
@@ -78,7 +78,7 @@ struct ParticleLook {
 /// A thin clear layer on a diffuse ground is what a coated material describes, total reflection from within included: so
 /// water has the cloth for its base. Traced as a dielectric with the cloth below, its light would come from the small
 /// lamps by chance alone: at 64 samples a picture of it is mostly noise, and all of the wet cloth is dark at 16.
-fn looks(material: ParticleMaterial, cloth: Vec3) -> Vec<ParticleLook> {
+fn looks(material: ParticleMaterial, cloth: Vec3, spacing_m: f32) -> Vec<ParticleLook> {
     let grains = |size: f32, albedos: [[f32; 3]; 7]| -> Vec<ParticleLook> {
         let radii = [0.52, 0.4, 0.6, 0.36, 0.47, 0.56, 0.43];
         let grains = radii.into_iter().zip(albedos.map(Material::diffuse));
@@ -117,9 +117,31 @@ fn looks(material: ParticleMaterial, cloth: Vec3) -> Vec<ParticleLook> {
         ParticleMaterial::Snow => grains(1.25, [[0.87, 0.9, 0.94]; 7]),
         ParticleMaterial::Jelly => body(SMOOTHING_OF_JELLY, 1.35, JELLY),
         ParticleMaterial::Water => body(SMOOTHING_OF_WATER, 1.33, DRINK * cloth),
+        ParticleMaterial::Marbles => {
+            let marble = |albedo: [f32; 3]| ParticleLook {
+                // As wide as they are simulated, but for what places are rounded.
+                radius: 0.99 * ParticleMaterial::MARBLE_RADIUS_M as f32 / spacing_m,
+                material: Material::SmoothPlastic {
+                    albedo: albedo.into(),
+                    ior: 1.5,
+                    internal_reflectance: None,
+                    stripe: None,
+                },
+                smoothing: None,
+            };
+            MARBLES.map(marble).into()
+        }
     }
 }
 
+/// What marbles of coloured glass reflect from within.
+const MARBLES: [[f32; 3]; 5] = [
+    [0.03, 0.16, 0.5],
+    [0.55, 0.05, 0.03],
+    [0.04, 0.36, 0.12],
+    [0.75, 0.45, 0.05],
+    [0.7, 0.72, 0.75],
+];
 /// What the depth of jelly reflects.
 const JELLY: Vec3 = Vec3::new(0.42, 0.012, 0.022);
 /// What a drink lets through on the way to the cloth and back.

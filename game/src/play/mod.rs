@@ -53,7 +53,7 @@ use cue_clearance::CueClearance;
 pub use cue_clearance::cue_of_shot;
 use practice::PracticeLayout;
 pub use shot_clock::ShotClock;
-pub use shot_preview::{AimAids, BallMarks, BallPath, ShotPreview};
+pub use shot_preview::{AimAids, BallMarks, BallPath, PathEnd, ShotPreview};
 use shot_worker::ShotWorker;
 use stroke_input::{StrokeInput, SwingInput};
 

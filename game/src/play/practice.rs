@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use carom_billiards::physics::{
     BallPose, BallState, ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, Phase,
-    Recording, World,
+    Recording, Table, World,
 };
 use glam::{DVec2, DVec3};
 
@@ -122,7 +122,8 @@ impl Practice {
             self.dab(at)
                 .map(|patch| ((patch.column, patch.row), patch.material)),
         );
-        self.cover(patches)
+        // A brush does not wait for grains to come to rest: they do when the table is played on.
+        self.cover(patches, ParticleBed::unsettled)
     }
 
     /// The patches under the brush that lie on the cloth and are not covered so.
@@ -144,7 +145,7 @@ impl Practice {
     /// # Errors
     /// [`carom_billiards::Error::Particles`].
     pub fn lay_trick(&mut self, trick: TrickTable) -> carom_billiards::Result<()> {
-        self.cover(by_place(&trick.patches()))
+        self.cover(by_place(&trick.patches()), ParticleBed::new)
     }
 
     /// Takes all particles away.
@@ -156,6 +157,7 @@ impl Practice {
     fn cover(
         &mut self,
         patches: BTreeMap<(i16, i16), ParticleMaterial>,
+        lay: LayParticles,
     ) -> carom_billiards::Result<()> {
         let list = patches
             .iter()
@@ -165,7 +167,7 @@ impl Practice {
                 row,
             });
         let (table, balls) = (self.world.table(), self.world.balls());
-        let bed = ParticleBed::new(table, &balls, &list.collect::<Vec<_>>(), self.precision)?;
+        let bed = lay(table, &balls, &list.collect::<Vec<_>>(), self.precision)?;
         self.world.set_particles(Some(Arc::new(bed)));
         self.patches = patches;
         Ok(())
@@ -182,12 +184,18 @@ impl Practice {
         }
     }
 
-    /// The table as it is to be played on from.
-    pub fn table_layout(&self) -> PracticeLayout {
-        PracticeLayout {
-            balls: self.world.balls(),
-            particles: self.world.particles().map(Arc::clone),
-        }
+    /// The table as it is to be played on from, its particles at rest.
+    ///
+    /// # Errors
+    /// [`carom_billiards::Error::Particles`] if they do not come to rest.
+    pub fn table_layout(&self) -> carom_billiards::Result<PracticeLayout> {
+        let balls = self.world.balls();
+        let settle = |bed: &Arc<ParticleBed>| ParticleBed::clone(bed).settled(&balls);
+        let particles = self.world.particles().map(settle).transpose()?;
+        Ok(PracticeLayout {
+            balls,
+            particles: particles.map(Arc::new),
+        })
     }
 
     /// The table, with a ball in the hand where it was before.
@@ -336,7 +344,7 @@ impl Practice {
             self.sweep();
             return Ok(());
         }
-        self.cover(by_place(patches))
+        self.cover(by_place(patches), ParticleBed::new)
     }
 }
 
@@ -352,6 +360,14 @@ pub fn at_rest(mut balls: Vec<BallState>) -> Vec<BallState> {
     }
     balls
 }
+
+/// How particles are laid on patches.
+type LayParticles = fn(
+    &Table,
+    &[BallState],
+    &[ParticlePatch],
+    ParticlePrecision,
+) -> carom_billiards::Result<ParticleBed>;
 
 /// The same table and laws with other balls.
 fn with_balls(world: &World, balls: Vec<BallState>) -> carom_billiards::Result<World> {

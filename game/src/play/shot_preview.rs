@@ -71,20 +71,35 @@ pub struct ShotPreview {
 pub struct BallPath {
     /// Its number.
     pub number: u8,
-    /// Centres, in m, from the stroke to rest.
+    /// Centres, in m, from the stroke to the end.
     pub path: Vec<DVec3>,
-    /// Whether it rests on the table at the end.
-    pub stays: bool,
+    /// What ends it.
+    pub end: PathEnd,
+}
+
+/// What ends a path that is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathEnd {
+    /// The ball rests on the table.
+    Rests,
+    /// It is in a pocket, or off the table.
+    LeavesTable,
+    /// It touches particles, or a ball that has: how it goes on takes seconds to simulate.
+    Particles,
 }
 
 impl ShotPreview {
-    /// Of `stroke`, as if there were no particles; nothing for a stroke that cannot be struck: striking it says why.
+    /// Of `stroke`, up to where balls touch particles; nothing for a stroke that cannot be struck: striking it says why.
     pub(super) fn of(world: &World, stroke: Stroke, aids: AimAids) -> Option<Self> {
         if aids == AimAids::Off {
             return None;
         }
         let ways = match aids {
-            AimAids::Full => ways(&world.without_particles().strike(stroke).ok()?),
+            AimAids::Full => {
+                let shot = world.without_particles().strike(stroke).ok()?;
+                let known = world.particles().map(|bed| bed.known_until_secs(&shot));
+                ways(&shot, &known.unwrap_or_default())
+            }
             _ => Vec::new(),
         };
         let line = physics::predict(world, stroke).ok()?;
@@ -92,20 +107,34 @@ impl ShotPreview {
     }
 }
 
-/// Sampled often enough to look smooth, and at each event, so that corners are sharp.
-fn ways(shot: &Shot) -> Vec<BallPath> {
+/// Sampled often enough to look smooth, and at each event, so that corners are sharp; each up to the time until which it
+/// is known, if there is one.
+fn ways(shot: &Shot, known_until_secs: &[f64]) -> Vec<BallPath> {
     let end_secs = shot.duration_secs();
     let pieces = ((end_secs / PIECE_SECS).ceil() as u32).clamp(1, PIECES_MAX);
     let even = (0..=pieces).map(|i| end_secs * f64::from(i) / f64::from(pieces));
     let mut times: Vec<f64> = even
         .chain(shot.events().iter().map(|e| e.time_secs))
+        .chain(
+            known_until_secs
+                .iter()
+                .copied()
+                .filter(|secs| secs.is_finite()),
+        )
         .collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
     let mut ways: Vec<BallPath> = shot.poses_at(0.0).iter().map(BallPath::begin).collect();
     for time in times {
-        for (way, pose) in ways.iter_mut().zip(shot.poses_at(time)) {
-            way.stays = pose.on_table;
+        for (index, (way, pose)) in ways.iter_mut().zip(shot.poses_at(time)).enumerate() {
+            if known_until_secs
+                .get(index)
+                .is_some_and(|known| time > *known)
+            {
+                way.end = PathEnd::Particles;
+                continue;
+            }
+            way.end = PathEnd::of(pose.on_table);
             if way.path.last() != Some(&pose.position) {
                 way.path.push(pose.position);
             }
@@ -115,12 +144,21 @@ fn ways(shot: &Shot) -> Vec<BallPath> {
     ways
 }
 
+impl PathEnd {
+    fn of(on_table: bool) -> Self {
+        match on_table {
+            true => Self::Rests,
+            false => Self::LeavesTable,
+        }
+    }
+}
+
 impl BallPath {
     fn begin(pose: &physics::BallPose) -> Self {
         Self {
             number: pose.number,
             path: vec![pose.position],
-            stays: pose.on_table,
+            end: PathEnd::of(pose.on_table),
         }
     }
 }
@@ -154,7 +192,7 @@ mod tests {
             match way {
                 Some(way) => {
                     assert_eq!(way.path.last(), Some(&end.position), "ball {}", end.number);
-                    assert_eq!(way.stays, end.phase.is_on_table());
+                    assert_eq!(way.end, PathEnd::of(end.phase.is_on_table()));
                 }
                 None => assert_eq!(start.position, end.position, "ball {}", end.number),
             }

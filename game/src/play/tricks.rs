@@ -19,6 +19,8 @@ pub enum TrickTable {
     JellyBumper,
     /// A drink that was spilled
     SpilledDrink,
+    /// A bowl of marbles, tipped out
+    BowlOfMarbles,
 }
 
 impl TrickTable {
@@ -29,6 +31,7 @@ impl TrickTable {
             Self::SnowPatch => (ParticleMaterial::Snow, 0..8, -5..5),
             Self::JellyBumper => (ParticleMaterial::Jelly, 3..5, -5..5),
             Self::SpilledDrink => (ParticleMaterial::Water, 0..7, -4..4),
+            Self::BowlOfMarbles => (ParticleMaterial::Marbles, 0..8, -4..4),
         };
         let columns = columns.into_iter();
         let squares = columns.flat_map(|column| rows.clone().map(move |row| (column, row)));
@@ -37,7 +40,19 @@ impl TrickTable {
             column,
             row,
         };
-        squares.map(patch).collect()
+        let is_in_bowl = |patch: &ParticlePatch| {
+            let middle = patch.corner() + 0.5 * ParticlePatch::EDGE_M;
+            self != Self::BowlOfMarbles || middle.distance(DVec2::new(0.12, 0.0)) < BOWL_RADIUS_M
+        };
+        squares.map(patch).filter(is_in_bowl).collect()
+    }
+
+    /// Of the cue. A ball that is faster hops over the sand.
+    fn speed_m_s(self) -> f64 {
+        match self {
+            Self::SandTrap => 1.3,
+            Self::SnowPatch | Self::JellyBumper | Self::SpilledDrink | Self::BowlOfMarbles => 3.0,
+        }
     }
 
     /// A table with the cue ball before it and a ball behind it, and the stroke that goes through it.
@@ -69,9 +84,9 @@ impl TrickTable {
             balls,
         )?;
         world.set_particles(Some(Arc::new(bed)));
-        Ok((world, Stroke::straight(0.0, SPEED_M_S)))
+        Ok((world, Stroke::straight(0.0, self.speed_m_s())))
     }
 }
 
-/// Of the cue: the ball rolls at about 4 m/s.
-const SPEED_M_S: f64 = 3.0;
+/// Of the bowl that was tipped out.
+const BOWL_RADIUS_M: f64 = 0.115;

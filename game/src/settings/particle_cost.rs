@@ -3,7 +3,7 @@
 use carom_billiards::physics::ParticlePrecision;
 use carom_text::text;
 
-/// A precision's row: a shot of 4 m/s into the sand trap.
+/// A precision's row: a shot of 1.8 m/s into the sand trap.
 struct PrecisionCost {
     precision: ParticlePrecision,
     /// Particles of the trap.
@@ -19,19 +19,19 @@ const COSTS: [PrecisionCost; 3] = [
     PrecisionCost {
         precision: ParticlePrecision::Coarse,
         particles: 2560,
-        shot_secs: "0.6",
-        differs_mm: "9",
+        shot_secs: "2.2",
+        differs_mm: "50",
     },
     PrecisionCost {
         precision: ParticlePrecision::Standard,
         particles: 4000,
-        shot_secs: "2.1",
-        differs_mm: "20",
+        shot_secs: "3.4",
+        differs_mm: "6",
     },
     PrecisionCost {
         precision: ParticlePrecision::Fine,
         particles: 8640,
-        shot_secs: "7.9",
+        shot_secs: "8.1",
         differs_mm: "0",
     },
 ];

@@ -6,7 +6,7 @@ use egui::{Color32, Painter, Pos2, Rect, Rgba, Stroke};
 use glam::{DVec2, DVec3, Vec3};
 
 use crate::camera::Projection;
-use crate::play::{AimAids, BallPath, ShotPreview};
+use crate::play::{AimAids, BallPath, PathEnd, ShotPreview};
 use crate::scene::ball_materials::ball_colour;
 
 /// Draws into `screen`, the window in points, which the projection's film covers.
@@ -48,7 +48,8 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// A ball's way in the ball's colour, fading, to where it rests, ringed, or to its pocket, crossed.
+    /// A ball's way in the ball's colour, fading, to where it rests, ringed, to the edge of particles, ringed with
+    /// dashes, or to its pocket, crossed.
     fn whole_way(&self, way: &BallPath) {
         let width = if way.number == 0 { 1.8 } else { 1.6 };
         for piece in self.seen_pieces(way) {
@@ -66,13 +67,26 @@ impl AimOverlay<'_> {
         };
         let (at, radius) = (self.point(film), (self.ball_radius_m * scale) as f32);
         let stroke = Stroke::new(width, color);
-        if way.stays {
-            self.painter.circle_stroke(at, radius, stroke);
-        } else {
-            let arm = 0.6 * radius;
-            for [x, y] in [[arm, arm], [arm, -arm]] {
-                let arm = egui::vec2(x, y);
-                self.painter.line_segment([at - arm, at + arm], stroke);
+        match way.end {
+            PathEnd::Rests => {
+                self.painter.circle_stroke(at, radius, stroke);
+            }
+            PathEnd::Particles => {
+                for dash in 0..DASHES {
+                    let corner = |share: f32| {
+                        let turn = (dash as f32 + share) / DASHES as f32;
+                        at + radius * egui::Vec2::angled(turn * std::f32::consts::TAU)
+                    };
+                    self.painter
+                        .line_segment([corner(0.0), corner(0.5)], stroke);
+                }
+            }
+            PathEnd::LeavesTable => {
+                let arm = 0.6 * radius;
+                for [x, y] in [[arm, arm], [arm, -arm]] {
+                    let arm = egui::vec2(x, y);
+                    self.painter.line_segment([at - arm, at + arm], stroke);
+                }
             }
         }
     }
@@ -126,7 +140,7 @@ impl AimOverlay<'_> {
                     self.way(ghost, cue_direction, CUE_WAY_M, Stroke::new(1.6, GUIDE));
                 }
             }
-            AimContact::Pocket { .. } | AimContact::Nothing => {
+            AimContact::Pocket { .. } | AimContact::Nothing | AimContact::Particles => {
                 line.path.last().into_iter().for_each(|end| self.ball(*end));
             }
         }
@@ -274,6 +288,8 @@ const ILLEGAL_TINT: Color32 = Color32::from_rgba_premultiplied(80, 20, 10, 110);
 const RING: Color32 = Color32::from_rgba_premultiplied(150, 150, 140, 150);
 /// Radius of the ring around a ball, in the ball's.
 const RING_RADII: f64 = 1.35;
+/// Of the ring around a ball at the edge of particles.
+const DASHES: u32 = 12;
 const OBJECT_WAY_M: f64 = 0.35;
 const CUE_WAY_M: f64 = 0.2;
 const FILM_MAX: f64 = 20_000.0;
@@ -310,7 +326,7 @@ mod tests {
             path: (0..=100)
                 .map(|i| DVec3::X * (0.01 * f64::from(i)))
                 .collect(),
-            stays: true,
+            end: PathEnd::Rests,
         })
     }
 

@@ -4,17 +4,19 @@
 //! ```text
 //! "carom match" 0x0A | version u16 | postcard: game, players, seed, table, deeds
 //! ```
+//! A shot through particles is not struck again, which would take seconds, but holds where balls came to lie. While
+//! particles lie on the table the version is 2, and behind the deeds the table follows as it is.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, sync::Arc};
 
-use glam::DVec2;
+use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::file_format::FileFormat;
-use crate::{Error, FileFault, Result, RuleFault, TableFault};
+use crate::{Error, FileFault, LayoutFault, Result, RuleFault, TableFault};
 
 use super::{Match, MatchConfig, Player};
-use crate::physics::{BallState, Engine, Stroke, Table};
+use crate::physics::{BallState, BedSave, Engine, Phase, Stroke, Table, World};
 use crate::rules::{Call, Choice, RuleSet};
 
 /// All that makes a match what it is.
@@ -26,6 +28,24 @@ pub struct MatchSave {
     seed: u32,
     table: String,
     actions: Vec<MatchAction>,
+    /// A table with particles, as it is after the last of them.
+    #[serde(skip)]
+    particles: Option<ParticleTable>,
+}
+
+/// Balls and particles of a table between two shots.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct ParticleTable {
+    balls: Vec<BallAmongParticles>,
+    bed: BedSave,
+}
+
+/// A ball that lies on the table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct BallAmongParticles {
+    number: u8,
+    position: DVec3,
+    orientation: DQuat,
 }
 
 /// Something that a player did and that counts.
@@ -56,6 +76,7 @@ impl MatchSave {
             seed: game.seed,
             table: game.world().table().name().to_owned(),
             actions: game.actions.clone(),
+            particles: ParticleTable::of(game.world()),
         }
     }
 
@@ -81,15 +102,40 @@ impl MatchSave {
                 reason: Box::new(reason),
             })?;
         }
+        if let Some(particles) = &self.particles {
+            let laid = particles.lay(&mut game.now.world);
+            laid.map_err(|reason| Error::Replay {
+                step: self.actions.len() + 1,
+                reason: Box::new(reason),
+            })?;
+        }
         Ok(game)
     }
 
     /// The bytes of a file.
     ///
     /// # Errors
-    /// [`Error::MatchBytes`] for a match of more than [`BYTES_MAX`].
+    /// [`Error::MatchBytes`] for a match of more than [`BYTES_MAX`], or [`PARTICLES_BYTES_MAX`] with particles.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        FORMAT.encode(self).map_err(Error::MatchBytes)
+        self.encode().map_err(Error::MatchBytes)
+    }
+
+    fn encode(&self) -> Result<Vec<u8>, FileFault> {
+        match &self.particles {
+            None => FORMAT.encode(self),
+            Some(particles) => PARTICLES_FORMAT.encode(&(self, particles)),
+        }
+    }
+
+    fn decode(bytes: &[u8]) -> Result<Self, FileFault> {
+        if !PARTICLES_FORMAT.is_of(bytes) {
+            return FORMAT.decode(bytes);
+        }
+        let (save, particles): (Self, ParticleTable) = PARTICLES_FORMAT.decode(bytes)?;
+        Ok(Self {
+            particles: Some(particles),
+            ..save
+        })
     }
 
     /// Reads what [`MatchSave::to_bytes`] wrote.
@@ -97,7 +143,7 @@ impl MatchSave {
     /// # Errors
     /// [`Error::MatchBytes`]: another kind of file, another version, or damage.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        FORMAT.decode(bytes).map_err(Error::MatchBytes)
+        Self::decode(bytes).map_err(Error::MatchBytes)
     }
 
     /// Writes a file: whole, or not at all.
@@ -106,7 +152,7 @@ impl MatchSave {
     /// [`Error::MatchFile`].
     pub fn save(&self, path: &Path) -> Result<()> {
         let write = || -> Result<(), FileFault> {
-            let bytes = FORMAT.encode(self)?;
+            let bytes = self.encode()?;
             if let Some(folder) = path.parent() {
                 fs::create_dir_all(folder).map_err(FileFault::Io)?;
             }
@@ -129,12 +175,55 @@ impl MatchSave {
         if !path.is_file() {
             return Ok(None);
         }
-        let read = FORMAT.read(path).and_then(|bytes| FORMAT.decode(&bytes));
+        let read = PARTICLES_FORMAT.read(path);
+        let read = read.and_then(|bytes| Self::decode(&bytes));
         read.map(Some).map_err(|fault| Error::MatchFile {
             path: path.to_owned(),
             action: "read",
             fault,
         })
+    }
+}
+
+impl ParticleTable {
+    /// Of a table that has particles.
+    fn of(world: &World) -> Option<Self> {
+        let bed = BedSave::of(world.particles()?);
+        let balls = world.balls().into_iter();
+        let balls = balls.filter(|ball| ball.phase.is_on_table());
+        let balls = balls.map(|ball| BallAmongParticles {
+            number: ball.number,
+            position: ball.position,
+            orientation: ball.orientation,
+        });
+        Some(Self {
+            balls: balls.collect(),
+            bed,
+        })
+    }
+
+    /// Lays them on a table with the same balls.
+    fn lay(&self, world: &mut World) -> Result<()> {
+        let mut balls = world.balls();
+        for ball in &mut balls {
+            let saved = self.balls.iter().find(|saved| saved.number == ball.number);
+            let saved = saved.ok_or(LayoutFault::NoSuchBall { ball: ball.number })?;
+            let is_turned = saved.orientation.is_normalized();
+            (ball.position, ball.orientation) = (saved.position, saved.orientation);
+            if ball.position.z > ball.body.radius_m {
+                // On particles.
+                ball.phase = Phase::Airborne;
+            }
+            if !is_turned {
+                return Err(LayoutFault::NotFinite { ball: ball.number }.into());
+            }
+        }
+        let bed = self.bed.restore(world.table())?;
+        let mut laid = World::with_laws(world.table().clone(), *world.laws(), balls)?;
+        laid.set_engine(world.engine());
+        laid.set_particles(Some(Arc::new(bed)));
+        *world = laid;
+        Ok(())
     }
 }
 
@@ -185,12 +274,21 @@ const FORMAT: FileFormat = FileFormat {
     version: 1,
     bytes_max: BYTES_MAX,
 };
+/// Of a match on a table with particles: behind it the table.
+const PARTICLES_FORMAT: FileFormat = FileFormat {
+    version: 2,
+    bytes_max: PARTICLES_BYTES_MAX,
+    ..FORMAT
+};
+/// With 32,000 particles of 110 bytes, and room.
+const PARTICLES_BYTES_MAX: u64 = 8 << 20;
 /// A shot takes about 60 bytes: more shots than anyone plays in a match.
 const BYTES_MAX: u64 = 4 << 20;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::{ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision};
 
     fn played() -> Match {
         let players = Player::list("Ada,ai:hard").unwrap();
@@ -219,6 +317,91 @@ mod tests {
         assert_eq!(again.world().balls(), game.world().balls());
         assert_eq!(again.referee(), game.referee());
         assert_eq!(again.view(), game.view());
+    }
+
+    /// A ball before a strip of sand on a free table.
+    fn before_sand() -> Match {
+        let players = Player::list("1").unwrap();
+        let mut game = Match::new(MatchConfig::new(RuleSet::Free, players, 7).unwrap()).unwrap();
+        let table = game.world().table().clone();
+        let balls = [
+            BallState::at_rest(0, -0.15, 0.0, &table.cue_ball()),
+            BallState::at_rest(1, 0.04, 0.01, &table.ball()),
+        ];
+        let squares = (0..3).flat_map(|column| (-2..2).map(move |row| (column, row)));
+        let material = |row| match row {
+            0 => ParticleMaterial::Snow,
+            -2 => ParticleMaterial::Marbles,
+            _ => ParticleMaterial::Sand,
+        };
+        let patch = |(column, row)| ParticlePatch {
+            material: material(row),
+            column,
+            row,
+        };
+        let patches: Vec<_> = squares.map(patch).collect();
+        let precision = ParticlePrecision::Coarse;
+        let bed = ParticleBed::new(&table, &balls, &patches, precision).unwrap();
+        game.arrange(&balls, Some(Arc::new(bed))).unwrap();
+        game
+    }
+
+    fn strike(game: &mut Match, stroke: Stroke) -> crate::physics::Shot {
+        let shot = game.strike(stroke).unwrap();
+        game.finish(stroke, &shot);
+        shot
+    }
+
+    #[test]
+    fn a_match_among_particles_goes_on_with_the_same_bits() {
+        let mut game = before_sand();
+        for speed in [1.2, 0.8, 1.5] {
+            let save = MatchSave::of(&game);
+            let bytes = save.to_bytes().unwrap();
+            assert_eq!(bytes[b"carom match\n".len()], 2);
+            let read = MatchSave::from_bytes(&bytes).unwrap();
+            assert!(read == save);
+            let mut again = read.play().unwrap();
+            let lying = |game: &Match| game.world().particles().unwrap().centers();
+            assert!(lying(&again) == lying(&game));
+            assert_eq!(again.world().balls(), game.world().balls());
+            let stroke = Stroke::straight(0.1, speed);
+            let (one, other) = (strike(&mut game, stroke), strike(&mut again, stroke));
+            assert!(one.particles() == other.particles());
+            assert_eq!(one.final_states(), other.final_states());
+            assert!(MatchSave::of(&again).particles == MatchSave::of(&game).particles);
+        }
+        game.undo();
+        let back = MatchSave::of(&game).play().unwrap();
+        assert_eq!(back.world().balls(), game.world().balls());
+        let balls = game.world().balls();
+        game.arrange(&balls, None).unwrap();
+        let bytes = MatchSave::of(&game).to_bytes().unwrap();
+        assert_eq!(bytes[b"carom match\n".len()], 1, "as ever without them");
+    }
+
+    #[test]
+    fn damaged_particles_are_refused_or_harmless() {
+        let bytes = MatchSave::of(&before_sand()).to_bytes().unwrap();
+        let mut refused = 0;
+        for at in (13..bytes.len()).step_by(37) {
+            assert!(MatchSave::from_bytes(&bytes[..at]).is_err());
+            for bit in [0x55, 0x80] {
+                let mut broken = bytes.clone();
+                broken[at] ^= bit;
+                let played = MatchSave::from_bytes(&broken).and_then(|save| save.play());
+                match played {
+                    Ok(game) => assert!(game.world().particles().is_none_or(|bed| {
+                        bed.centers().iter().all(|center| center.is_finite())
+                    })),
+                    Err(why) => {
+                        assert!(why.to_string().split(' ').count() > 4, "{why}");
+                        refused += 1;
+                    }
+                }
+            }
+        }
+        assert!(refused > 20, "{refused}");
     }
 
     #[test]

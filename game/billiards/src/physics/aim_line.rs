@@ -15,8 +15,8 @@ use super::{
 /// The way of the cue ball to its first contact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AimLine {
-    /// Centres of the cue ball, from the stroke to the contact or to rest, in m: curved by spin
-    /// and squirt as the shot itself will be.
+    /// Centres of the cue ball, from the stroke to the contact, to the edge of particles or to rest, in m: curved by
+    /// spin and squirt as the shot itself will be.
     pub path: Vec<DVec3>,
     /// What it meets.
     pub contact: AimContact,
@@ -52,15 +52,24 @@ pub enum AimContact {
         /// Index into the table's pockets.
         pocket: usize,
     },
+    /// Particles: how it goes on among them takes seconds to simulate.
+    Particles,
 }
 
-/// Simulates a stroke up to the cue ball's first contact.
+/// Simulates a stroke up to the cue ball's first contact, with particles too.
 ///
 /// # Errors
 /// Those of [`World::strike`].
 pub fn predict(world: &World, stroke: Stroke) -> Result<AimLine> {
     let shot = Shot::new(world.simulate(stroke, Until::CueBallContact)?);
-    let end = shot.duration_secs();
+    let cue_ball = shot.poses_at(0.0).iter().position(|ball| ball.number == 0);
+    let known_secs = world
+        .particles()
+        .zip(cue_ball)
+        .map_or(f64::INFINITY, |(bed, cue_ball)| {
+            bed.known_until_secs(&shot)[cue_ball]
+        });
+    let end = shot.duration_secs().min(known_secs);
     let cue_ball_at = |t: f64| shot.states_at(t).into_iter().find(|ball| ball.number == 0);
     let path = (0..=PATH_PIECES)
         .filter_map(|i| cue_ball_at(end * (f64::from(i) / f64::from(PATH_PIECES))))
@@ -68,7 +77,10 @@ pub fn predict(world: &World, stroke: Stroke) -> Result<AimLine> {
         .collect();
     Ok(AimLine {
         path,
-        contact: first_contact(&shot),
+        contact: match known_secs.is_finite() {
+            true => AimContact::Particles,
+            false => first_contact(&shot),
+        },
     })
 }
 

@@ -61,7 +61,7 @@ pub enum Phase {
     Rolling,
     /// The point that touches the cloth slips.
     Sliding,
-    /// It touches nothing: after a jump, over the rim of a pocket, or off the table.
+    /// Off the cloth: after a jump, over the rim of a pocket, off the table, or carried by particles, at rest too.
     Airborne,
     /// In a pocket: no longer part of the table.
     Pocketed,

@@ -102,12 +102,15 @@ impl EventEngine<'_> {
         };
         self.balls[ball].position.z = level;
         let center = self.balls[ball].position;
-        self.report(EventKind::Bounces {
-            ball: number,
-            surface,
-            point: center.with_z(level - body.radius_m),
-            speed_m_s: -before.velocity.z,
-        });
+        let speed_m_s = -before.velocity.z;
+        if speed_m_s >= self.quiet_m_s {
+            self.report(EventKind::Bounces {
+                ball: number,
+                surface,
+                point: center.with_z(level - body.radius_m),
+                speed_m_s,
+            });
+        }
         let after = self.laws.slate.resolve(&body, DVec3::Z, before);
         if after.velocity.z < self.hop_speed_m_s() {
             self.lie(ball, after);

@@ -81,6 +81,8 @@ pub(crate) struct EventEngine<'a> {
     pub(super) laws: &'a Laws,
     pub(super) now: f64,
     pub(super) balls: Vec<BallInMotion>,
+    /// Landings on a level surface that are slower are not reported.
+    pub(super) quiet_m_s: f64,
     queue: EventQueue,
     events: Vec<Event>,
     events_played: u32,
@@ -97,6 +99,7 @@ impl<'a> EventEngine<'a> {
                 .iter()
                 .map(|state| BallInMotion::new(table, laws, state))
                 .collect(),
+            quiet_m_s: 0.0,
             queue: EventQueue::new(states.len()),
             events: Vec::new(),
             events_played: 0,
@@ -268,6 +271,17 @@ impl<'a> EventEngine<'a> {
     /// Begins the motion of a ball in the air.
     pub(super) fn fly(&mut self, ball: usize, twist: Twist) {
         let motion = self.flight(ball).motion(self.balls[ball].position, twist);
+        self.begin(ball, motion);
+    }
+
+    /// A ball that something else carries stays where it is until it is pushed.
+    pub(super) fn hover(&mut self, ball: usize) {
+        let twist = Twist {
+            velocity: DVec3::ZERO,
+            spin: DVec3::ZERO,
+        };
+        let mut motion = self.flight(ball).motion(self.balls[ball].position, twist);
+        motion.freeze();
         self.begin(ball, motion);
     }
 

@@ -78,6 +78,7 @@ pub use event::{Event, EventKind, Surface};
 pub use event_engine::{SHOT_EVENTS_MAX, SHOT_SECS_MAX};
 pub use flight::HOP_LEAST_M;
 pub use laws::Laws;
+pub(crate) use particles::BedSave;
 pub use particles::{
     ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, ParticleTrack, TrackGroup,
 };

@@ -79,7 +79,7 @@ impl Segment {
         vectors.into_iter().flat_map(|vector| vector.to_array())
     }
 
-    fn position_after(&self, t: f64) -> DVec3 {
+    pub(crate) fn position_after(&self, t: f64) -> DVec3 {
         self.position + t * (self.velocity + 0.5 * t * self.acceleration)
     }
 

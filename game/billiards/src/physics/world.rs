@@ -217,8 +217,12 @@ impl World {
         };
         let body = cue_ball.body;
         let blow = self.laws.cue.strike(&body, &stroke);
-        let mut twist = self.laws.slate.resolve(&body, DVec3::Z, blow);
-        let jumps = twist.velocity.z >= hop_speed_m_s(self.laws.cloth.gravity_m_s2);
+        let is_carried = cue_ball.phase == Phase::Airborne && self.particles.is_some();
+        let mut twist = match is_carried {
+            true => blow,
+            false => self.laws.slate.resolve(&body, DVec3::Z, blow),
+        };
+        let jumps = is_carried || twist.velocity.z >= hop_speed_m_s(self.laws.cloth.gravity_m_s2);
         if !jumps {
             twist.velocity.z = 0.0;
         }

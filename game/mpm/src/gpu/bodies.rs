@@ -6,6 +6,9 @@ use crate::body::{Ball, Bodies, Grip, Obstacle, Solid};
 use crate::gpu::layout::{BallRow, ObstacleRow};
 use crate::storage::BLOCK_EDGE;
 
+/// Lower than any ball falls.
+const FLOOR_M_MIN: f64 = -1e6;
+
 /// The frame of a region's nodes.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
@@ -26,6 +29,7 @@ impl Frame {
             velocity: ball.velocity.as_vec3().into(),
             mass: ball.mass_kg as f32,
             spin: (ball.angular_velocity * ball.radius_m).as_vec3().into(),
+            floor_height: self.cells(DVec3::Z * ball.floor_m.max(FLOOR_M_MIN)).z as f32,
             acceleration: ball.acceleration.as_vec3().into(),
             ..BallRow::default()
         }
@@ -72,6 +76,10 @@ pub(super) fn move_balls(
         let impulse = vector(row.impulse);
         let turn = vector(row.turn) * ball.radius_m;
         ball.velocity += impulse / ball.mass_kg + ball.acceleration * duration_secs;
+        if ball.floor_m > FLOOR_M_MIN {
+            // The floor has taken up an unknown part of it.
+            ball.velocity.z = f64::from(row.velocity[2]);
+        }
         ball.angular_velocity += turn / ball.moment_of_inertia();
         ball.position += vector(row.moved) * cell_size_m;
         ball.impulse += impulse;

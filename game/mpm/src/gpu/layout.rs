@@ -137,7 +137,8 @@ pub(super) struct BallRow {
     pub(super) velocity: [f32; 3],
     pub(super) mass: f32,
     pub(super) spin: [f32; 3],
-    pub(super) padding_0: f32,
+    /// Under which its centre does not sink, in cells.
+    pub(super) floor_height: f32,
     pub(super) acceleration: [f32; 3],
     pub(super) padding_1: f32,
     pub(super) moved: [f32; 3],

@@ -130,6 +130,8 @@ fn balls_get_the_impulses_of_the_cpu() {
     let mut fast = Ball::new(DVec3::new(-0.03, 0.06, RADIUS), RADIUS, 0.17);
     fast.velocity.x = 3.0;
     fast.angular_velocity.y = 3.0 / RADIUS;
+    fast.acceleration.z = -9.81;
+    fast.floor_m = RADIUS;
     let mut light = Ball::new(DVec3::new(0.05, 0.02, 0.05), 0.02, 0.01);
     light.velocity.z = -1.0;
     light.acceleration.z = -9.81;

@@ -5,6 +5,7 @@ mod conservation;
 mod dust;
 mod elastic;
 mod grains;
+mod marbles;
 mod water;
 
 use carom_mpm::{Bodies, Material, Region, Settings, Simulation};

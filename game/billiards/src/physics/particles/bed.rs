@@ -2,11 +2,13 @@
 
 use std::fmt;
 
-use carom_mpm::{Ball, Bodies, Grip, Obstacle, Settings, Simulation, Solid};
+use carom_mpm::{Ball, Bodies, Grip, Marbles, Obstacle, Settings, Simulation, Solid};
 use glam::{DQuat, DVec2, DVec3, Vec3};
 
-use super::{ParticleMaterial, ParticlePatch, ParticlePrecision};
-use crate::physics::{BallState, Table};
+use super::first_touch::HeightMap;
+use super::marbles;
+use super::{ParticleMaterial, ParticlePatch, ParticlePrecision, ParticleTrack};
+use crate::physics::{BallState, Shot, Table};
 use crate::{ParticleFault, Result};
 
 /// Particles on a table, as they lie or move.
@@ -15,11 +17,14 @@ pub struct ParticleBed {
     patches: Vec<ParticlePatch>,
     precision: ParticlePrecision,
     simulation: Simulation,
+    marbles: Marbles,
     obstacles: Vec<Obstacle>,
     /// Materials in the order of the particles' numbers, each with how many there are.
     groups: Vec<(ParticleMaterial, u32)>,
     /// Where particles were when last looked for, in m.
     bounds: [DVec2; 2],
+    /// Between two shots.
+    heights: HeightMap,
     /// Half the cloth's length and width, in m.
     cloth_half_m: DVec2,
 }
@@ -36,7 +41,8 @@ impl ParticleBed {
     /// Most particles of a table: a shot through all of them takes some seconds.
     pub const PARTICLES_MAX: usize = 32_000;
 
-    /// Fresh particles on patches of a table, but where balls lie.
+    /// Fresh particles on patches of a table, but where balls lie, that have come to rest: 0.1 to 0.8 s of a core for a
+    /// trick table.
     ///
     /// # Errors
     /// [`crate::Error::Particles`] if a patch is not on the cloth, or there are none, or more than
@@ -47,36 +53,88 @@ impl ParticleBed {
         patches: &[ParticlePatch],
         precision: ParticlePrecision,
     ) -> Result<Self> {
+        Self::unsettled(table, balls, patches, precision)?.settled(balls)
+    }
+
+    /// Fresh particles on patches of a table as they are strewn, at once: they slump when time goes on.
+    ///
+    /// # Errors
+    /// As [`ParticleBed::new`].
+    pub fn unsettled(
+        table: &Table,
+        balls: &[BallState],
+        patches: &[ParticlePatch],
+        precision: ParticlePrecision,
+    ) -> Result<Self> {
         let mut patches = patches.to_vec();
         patches.sort_unstable();
         patches.dedup_by_key(|patch| (patch.column, patch.row));
-        check_places(table, &patches)?;
-        let settings = Settings {
-            cell_size_m: precision.cell_size_m() as f32,
-            // Grains that creep more slowly lie: a shot is not to wait for the last of them.
-            rest_speed_m_s: 0.02,
-            ..Settings::default()
-        };
-        let mut simulation = Simulation::new(settings).map_err(ParticleFault::from)?;
+        let mut simulation = Simulation::new(settings(precision)).map_err(ParticleFault::from)?;
         let mut groups = Vec::new();
         for material in ParticleMaterial::ALL {
+            let Some(model) = material.model() else {
+                continue;
+            };
             let covered = patches.iter().filter(|patch| patch.material == material);
             let places: Vec<Vec3> = covered
                 .flat_map(|patch| places(patch, precision))
                 .filter(|place| balls.iter().all(|ball| is_clear(ball, *place)))
                 .collect();
-            let particles = simulation.len() + places.len();
-            if particles > Self::PARTICLES_MAX {
-                let max = Self::PARTICLES_MAX;
-                return Err(ParticleFault::TooMany { particles, max }.into());
-            }
+            check_count(simulation.len() + places.len(), Self::PARTICLES_MAX)?;
             if !places.is_empty() {
                 let volume_m3 = spacing_m(precision).powi(3) as f32;
-                let added = simulation.add(&places, material.model(), volume_m3, Vec3::ZERO);
+                let added = simulation.add(&places, model, volume_m3, Vec3::ZERO);
                 added.map_err(ParticleFault::from)?;
                 groups.push((material, places.len() as u32));
             }
         }
+        let marbles = marbles::laid(&patches, |place, radius_m| {
+            balls.iter().all(|ball| {
+                let apart = ball.position.distance(place);
+                !ball.phase.is_on_table() || apart > ball.body.radius_m + radius_m
+            })
+        })?;
+        let count = marbles.spheres().len();
+        check_count(count, marbles::MARBLES_MAX)?;
+        check_count(simulation.len() + count, Self::PARTICLES_MAX)?;
+        if count > 0 {
+            groups.push((ParticleMaterial::Marbles, count as u32));
+        }
+        Self::assemble(table, patches, precision, (simulation, marbles), groups)
+    }
+
+    /// The particles once they have come to rest around balls that do not move; as they are if they rest.
+    ///
+    /// # Errors
+    /// [`crate::Error::Particles`] if the simulation fails.
+    pub fn settled(mut self, balls: &[BallState]) -> Result<Self> {
+        let lying = balls.iter().filter(|ball| ball.phase.is_on_table());
+        let lying = lying.map(|ball| Ball::new(ball.position, ball.body.radius_m, IMMOVABLE_KG));
+        let lying: Vec<Ball> = lying.collect();
+        let steps = (SETTLE_SECS_MAX * ParticleTrack::FRAMES_PER_SEC) as u32;
+        for _ in 0..steps {
+            if self.is_asleep() {
+                break;
+            }
+            self.step(1.0 / ParticleTrack::FRAMES_PER_SEC, lying.clone())?;
+        }
+        self.put_in_order()?;
+        self.find_bounds();
+        Ok(self)
+    }
+
+    /// Particles on their table.
+    ///
+    /// # Errors
+    /// [`crate::Error::Particles`] if a patch is not on the cloth, or there are no particles.
+    pub(super) fn assemble(
+        table: &Table,
+        patches: Vec<ParticlePatch>,
+        precision: ParticlePrecision,
+        (simulation, marbles): (Simulation, Marbles),
+        groups: Vec<(ParticleMaterial, u32)>,
+    ) -> Result<Self> {
+        check_places(table, &patches)?;
         if groups.is_empty() {
             return Err(ParticleFault::None.into());
         }
@@ -85,12 +143,33 @@ impl ParticleBed {
             patches,
             precision,
             simulation,
+            marbles,
             groups,
             bounds: [DVec2::ZERO; 2],
+            heights: HeightMap::new(&[], spacing_m(precision)),
             cloth_half_m: 0.5 * DVec2::new(table.length_m(), table.width_m()),
         };
+        bed.put_in_order()?;
         bed.find_bounds();
         Ok(bed)
+    }
+
+    /// A simulation of water between obstacles of its own.
+    #[cfg(test)]
+    pub(super) fn of_water(
+        table: &Table,
+        simulation: Simulation,
+        obstacles: Vec<Obstacle>,
+    ) -> Self {
+        let count = simulation.len() as u32;
+        let groups = vec![(ParticleMaterial::Water, count)];
+        let precision = ParticlePrecision::Fine;
+        let marbles = marbles::none().expect("a valid marble");
+        let bed = Self::assemble(table, Vec::new(), precision, (simulation, marbles), groups);
+        Self {
+            obstacles,
+            ..bed.expect("there are some")
+        }
     }
 
     /// What it was made of.
@@ -124,20 +203,52 @@ impl ParticleBed {
         for particle in self.simulation.particles() {
             centers[particle.id as usize] = particle.position;
         }
+        let marbles = self.marbles.spheres().iter();
+        centers.extend(marbles.map(|marble| marble.position.as_vec3()));
         centers
+    }
+
+    pub(super) fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    pub(super) fn marbles(&self) -> &Marbles {
+        &self.marbles
+    }
+
+    /// Between two shots: the next one's bits depend on nothing but what is stored of the particles.
+    pub(super) fn put_in_order(&mut self) -> Result<()> {
+        let ordered = self.simulation.put_in_order();
+        ordered.map_err(ParticleFault::from)?;
+        let half = 0.5 * self.spacing_m();
+        let particles = self.simulation.particles();
+        let tops = particles.map(|particle| particle.position + half * Vec3::Z);
+        let tops = tops.chain(marbles::tops(&self.marbles));
+        let tops: Vec<Vec3> = tops.collect();
+        self.heights = HeightMap::new(&tops, spacing_m(self.precision));
+        Ok(())
+    }
+
+    /// Until when each ball of a shot that was simulated without these particles goes as it would with them, in s:
+    /// until it touches some, or a ball that had. Infinite for a ball that does neither.
+    pub fn known_until_secs(&self, shot: &Shot) -> Vec<f64> {
+        self.heights.known_until_secs(shot)
+    }
+
+    pub(super) fn has_marbles(&self) -> bool {
+        !self.marbles.spheres().is_empty()
     }
 
     /// Whether nothing moves until a ball comes.
     pub(super) fn is_asleep(&self) -> bool {
-        self.simulation.is_asleep()
+        self.simulation.is_asleep() && self.marbles.is_asleep()
     }
 
     /// Looks for where particles are.
     pub(super) fn find_bounds(&mut self) {
-        let places = self
-            .simulation
-            .particles()
-            .map(|p| p.position.truncate().as_dvec2());
+        let particles = self.simulation.particles();
+        let places = particles.map(|particle| particle.position.truncate().as_dvec2());
+        let places = places.chain(marbles::reach(&self.marbles));
         let none = [DVec2::INFINITY, DVec2::NEG_INFINITY];
         self.bounds = places.fold(none, |[min, max], place| [min.min(place), max.max(place)]);
     }
@@ -150,16 +261,54 @@ impl ParticleBed {
         (at.cmpge(min - reach) & at.cmple(max + reach)).all()
     }
 
+    /// Whether what lies reaches a ball that it may carry.
+    pub(super) fn carries(&self, position: DVec3, radius_m: f64) -> bool {
+        let reach_m = radius_m + self.precision.cell_size_m();
+        self.heights.touches(position, reach_m)
+    }
+
     /// Moves the particles on; the balls' impulses are those by particles.
     pub(super) fn step(&mut self, secs: f64, balls: Vec<Ball>) -> Result<Vec<Ball>> {
         let mut bodies = Bodies {
             balls,
             obstacles: std::mem::take(&mut self.obstacles),
         };
-        let stepped = self.simulation.step(secs, &mut bodies);
+        let stepped = self.step_both(secs, &mut bodies);
         self.obstacles = bodies.obstacles;
         stepped.map_err(ParticleFault::from)?;
         Ok(bodies.balls)
+    }
+
+    /// Marbles, and then particles of balls that marbles have kicked. Marbles and particles do not push each other.
+    fn step_both(&mut self, secs: f64, bodies: &mut Bodies) -> carom_mpm::Result<()> {
+        if self.marbles.spheres().is_empty() {
+            return self.simulation.step(secs, bodies).map(drop);
+        }
+        let before = bodies.balls.clone();
+        self.marbles.step(secs, bodies)?;
+        if self.simulation.is_empty() {
+            return Ok(());
+        }
+        let by_marbles = std::mem::replace(&mut bodies.balls, before);
+        for (ball, kicked) in bodies.balls.iter_mut().zip(&by_marbles) {
+            ball.velocity += kicked.impulse / ball.mass_kg;
+            ball.angular_velocity += kicked.angular_impulse / ball.moment_of_inertia();
+        }
+        self.simulation.step(secs, bodies)?;
+        for (ball, kicked) in bodies.balls.iter_mut().zip(&by_marbles) {
+            ball.impulse += kicked.impulse;
+            ball.angular_impulse += kicked.angular_impulse;
+        }
+        Ok(())
+    }
+}
+
+pub(super) fn settings(precision: ParticlePrecision) -> Settings {
+    Settings {
+        cell_size_m: precision.cell_size_m() as f32,
+        // Grains that creep more slowly lie: a shot is not to wait for the last of them.
+        rest_speed_m_s: 0.02,
+        ..Settings::default()
     }
 }
 
@@ -198,6 +347,13 @@ fn scatter(seed: u64, number: u32) -> DVec3 {
     word ^= word >> 31;
     let part = |shift: u32| ((word >> shift) & 0xfffff) as f64 / f64::from(1 << 20) - 0.5;
     DVec3::new(part(0), part(20), part(40))
+}
+
+fn check_count(particles: usize, max: usize) -> Result<()> {
+    match particles <= max {
+        true => Ok(()),
+        false => Err(ParticleFault::TooMany { particles, max }.into()),
+    }
 }
 
 fn is_clear(ball: &BallState, place: Vec3) -> bool {
@@ -247,9 +403,50 @@ fn obstacles(table: &Table, patches: &[ParticlePatch]) -> Vec<Obstacle> {
     obstacles
 }
 
+/// What is laid has come to rest by then, or creeps too slowly to be seen.
+const SETTLE_SECS_MAX: f64 = 6.0;
+/// Of a ball that lies while particles settle.
+const IMMOVABLE_KG: f64 = 1e6;
 /// Of the distance between particles: grains are no lattice.
 const SCATTER: f64 = 0.9;
 /// Nodes of particles reach so far, and a ball moves less in a step.
 const REACH_CELLS: f64 = 4.0;
 /// How thick a solid jelly is glued to, in m.
 const GLUE_M: f64 = 0.06;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_laid_lies() {
+        for material in ParticleMaterial::ALL {
+            let squares = (0..6).flat_map(|column| (-3..3).map(move |row| (column, row)));
+            let patch = |(column, row)| ParticlePatch {
+                material,
+                column,
+                row,
+            };
+            let patches: Vec<_> = squares.map(patch).collect();
+            let table = Table::nine_foot();
+            let balls = [BallState::at_rest(1, 0.1, 0.05, &table.ball())];
+            let precision = ParticlePrecision::Coarse;
+            let fresh = ParticleBed::unsettled(&table, &balls, &patches, precision).unwrap();
+            assert!(!fresh.is_asleep());
+            let mut bed = ParticleBed::new(&table, &balls, &patches, precision).unwrap();
+            assert!(bed.is_asleep(), "{material:?}");
+            let laid = bed.centers();
+            bed.step(1.0, Vec::new()).unwrap();
+            assert!(laid == bed.centers(), "{material:?} moves before a stroke");
+            // Grains leave the ball where it lies, but for what their coarseness lets in.
+            let depth = laid.iter().map(|center| {
+                balls[0].body.radius_m - balls[0].position.distance(center.as_dvec3())
+            });
+            let deepest = depth.fold(f64::MIN, f64::max);
+            assert!(
+                deepest < 0.4 * precision.cell_size_m(),
+                "{material:?}: {deepest} m"
+            );
+        }
+    }
+}

@@ -1,18 +1,22 @@
-//! Particles on the table: sand, snow, jelly and water that balls roll through.
+//! Particles on the table: sand, snow, jelly, water and marbles that balls roll through.
 //!
 //! ```text
 //! patches ─▶ ParticleBed ─┬─ a step of 1/480 s ─▶ impulses on balls ─▶ event engine
 //!    ▲                    ▼                                               │
 //! practice table     ParticleTrack, 60 a second ◀── to the end of the shot ┘
 //! ```
-//! The particles are those of [`carom_mpm`]. A table without any is simulated as if there were none in the world.
+//! Up to the first touch a shot is as without them, which is what is predicted of it. The particles are those of [`carom_mpm`]. A table without any is simulated as if there were none in the world.
 
 mod bed;
+mod first_touch;
+mod marbles;
 mod patch;
 mod run;
+mod save;
 mod track;
 
 pub use bed::ParticleBed;
 pub use patch::{ParticleMaterial, ParticlePatch, ParticlePrecision};
 pub(crate) use run::run;
+pub(crate) use save::BedSave;
 pub use track::{ParticleTrack, TrackGroup};

@@ -16,6 +16,8 @@ pub enum ParticleMaterial {
     Jelly,
     /// Water that spreads and slows balls
     Water,
+    /// Marbles of glass, two layers: balls scatter them
+    Marbles,
 }
 
 /// A square of the cloth that is covered, by its place in a grid of [`ParticlePatch::EDGE_M`] from the table's middle.
@@ -34,18 +36,27 @@ pub struct ParticlePatch {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ParticlePrecision {
-    /// Cells of 15 mm: coarse grains, a third of the time
+    /// Cells of 15 mm: coarse grains, two thirds of the time
     Coarse,
     /// Cells of 12.5 mm
     #[default]
     Standard,
-    /// Cells of 10 mm: fine grains, four times the time
+    /// Cells of 10 mm: fine grains, twice the time
     Fine,
 }
 
 impl ParticleMaterial {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Sand, Self::Snow, Self::Jelly, Self::Water];
+    pub const ALL: [Self; 5] = [
+        Self::Sand,
+        Self::Snow,
+        Self::Jelly,
+        Self::Water,
+        Self::Marbles,
+    ];
+
+    /// Radius of a marble, in m.
+    pub const MARBLE_RADIUS_M: f64 = 0.008;
 
     /// How deep it lies, in m.
     pub fn depth_m(self) -> f64 {
@@ -53,13 +64,14 @@ impl ParticleMaterial {
             Self::Sand | Self::Snow => 0.015,
             Self::Jelly => 0.045,
             Self::Water => 0.01,
+            Self::Marbles => 4.0 * Self::MARBLE_RADIUS_M,
         }
     }
 
-    /// The model. Sand, snow and water are softer than real ones, whose sound would take a hundred times as many
+    /// The model; none of marbles, which are rigid bodies. Sand, snow and water are softer than real ones, whose sound would take a hundred times as many
     /// steps: a ball's weight presses sand by 4 %.
-    pub(crate) fn model(self) -> Material {
-        match self {
+    pub(crate) fn model(self) -> Option<Material> {
+        Some(match self {
             Self::Sand => Material::Sand(Sand {
                 young_pa: 8e4,
                 ..Sand::default()
@@ -81,7 +93,8 @@ impl ParticleMaterial {
                 friction: 0.3,
                 ..Water::default()
             }),
-        }
+            Self::Marbles => return None,
+        })
     }
 }
 

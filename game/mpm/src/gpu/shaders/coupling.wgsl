@@ -324,6 +324,11 @@ fn couple(@builtin(local_invocation_index) lane: u32) {
     }
     if (lane < params.balls && control.scatter != 0u) {
         balls[lane].moved += balls[lane].velocity * (control.dt / params.cell_size);
+        let sunk = balls[lane].floor_height - balls[lane].position.z - balls[lane].moved.z;
+        if (sunk > 0.0) {
+            balls[lane].moved.z += sunk;
+            balls[lane].velocity.z = max(balls[lane].velocity.z, 0.0);
+        }
     }
     storageBarrier();
     workgroupBarrier();

@@ -113,7 +113,8 @@ struct Ball {
     mass: f32,
     // Angular velocity times radius, in m/s.
     spin: vec3<f32>,
-    padding_0: f32,
+    // Height under which its centre does not sink, in cells from the region's first node.
+    floor_height: f32,
     // In m/s².
     acceleration: vec3<f32>,
     padding_1: f32,

@@ -1,0 +1,95 @@
+//! Particles of a table as a file has them: the numbers of the simulation, from which it goes on with the same bits.
+
+use carom_mpm::{MarbleSnapshot, Simulation, Snapshot};
+use serde::{Deserialize, Serialize};
+
+use super::bed::settings;
+use super::marbles;
+use super::{ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, TrackGroup};
+use crate::physics::Table;
+use crate::{ParticleFault, Result};
+
+/// Particles of a table, as they lie or move: 110 bytes each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct BedSave {
+    patches: Vec<ParticlePatch>,
+    precision: ParticlePrecision,
+    groups: Vec<TrackGroup>,
+    snapshot: Snapshot,
+    marbles: MarbleSnapshot,
+}
+
+impl BedSave {
+    pub(crate) fn of(bed: &ParticleBed) -> Self {
+        let groups = bed.groups().iter();
+        let groups = groups.map(|&(material, count)| TrackGroup { material, count });
+        Self {
+            patches: bed.patches().to_vec(),
+            precision: bed.precision(),
+            groups: groups.collect(),
+            snapshot: bed.simulation().snapshot(),
+            marbles: bed.marbles().snapshot(),
+        }
+    }
+
+    /// The particles on their table.
+    ///
+    /// # Errors
+    /// [`crate::Error::Particles`] for particles that no table has.
+    pub(crate) fn restore(&self, table: &Table) -> Result<ParticleBed> {
+        let groups: Vec<(ParticleMaterial, u32)> = self
+            .groups
+            .iter()
+            .map(|group| (group.material, group.count))
+            .collect();
+        self.check_groups()?;
+        let materials = groups.iter().filter_map(|(material, _)| material.model());
+        let materials: Vec<_> = materials.collect();
+        let settings = settings(self.precision);
+        let simulation = Simulation::restore(settings, &materials, &self.snapshot);
+        let simulation = simulation.map_err(ParticleFault::from)?;
+        let mut marbles = marbles::none()?;
+        let restored = marbles.restore(&self.marbles);
+        restored.map_err(ParticleFault::from)?;
+        let patches = self.patches.clone();
+        ParticleBed::assemble(
+            table,
+            patches,
+            self.precision,
+            (simulation, marbles),
+            groups,
+        )
+    }
+
+    /// Whether there are as many particles of each material as is said, in the order of their numbers.
+    fn check_groups(&self) -> Result<(), ParticleFault> {
+        let total: u64 = self.groups.iter().map(|group| u64::from(group.count)).sum();
+        let max = ParticleBed::PARTICLES_MAX;
+        if total > max as u64 {
+            let particles = total as usize;
+            return Err(ParticleFault::TooMany { particles, max });
+        }
+        let mut marbles = 0;
+        let mut said = Vec::new();
+        for group in &self.groups {
+            match group.material.model() {
+                None => marbles += group.count as usize,
+                // Models are numbered as groups are: marbles are the last.
+                Some(_) => {
+                    let number = said.last().map_or(0, |last: &u16| last + 1);
+                    said.extend(std::iter::repeat_n(number, group.count as usize));
+                }
+            }
+        }
+        let is_right = marbles == self.marbles.len() && self.groups.iter().all(|g| g.count > 0);
+        let materials = self.snapshot.materials_by_id();
+        let is_in_order = self
+            .groups
+            .windows(2)
+            .all(|pair| pair[0].material < pair[1].material);
+        if !is_in_order || !is_right || materials.as_ref() != Some(&said) {
+            return Err(ParticleFault::OtherThanSaid);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,472 @@
+//! Marbles: rigid spheres of one size that push each other, balls and obstacles.
+//!
+//! Discrete elements with soft contacts: a linear spring and dashpot along the normal, a spring with Coulomb's bound
+//! along the surface, which keeps its stretch as long as the contact lasts (Cundall and Strack 1979, "A discrete
+//! numerical model for granular assemblies"). So a heap holds itself at rest without creep.
+
+use std::collections::HashMap;
+use std::f64::consts::PI;
+
+use glam::{DVec3, IVec3};
+use serde::{Deserialize, Serialize};
+
+use crate::body::{Ball, Bodies};
+use crate::error::{Error, Result, check_range};
+use crate::marble_contact::{Surface, damping_of};
+use crate::settings::REST_SECS;
+
+/// What all marbles of a heap are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Marble {
+    /// In m; default 0.008, a toy marble.
+    pub radius_m: f64,
+    /// In kg/m³; default 2,500, glass.
+    pub density_kg_m3: f64,
+    /// Speed after over speed before of marbles that meet, and of marbles and balls, 0.15 to 1; default 0.9.
+    pub restitution: f64,
+    /// The same on obstacles; default 0.5, slate under cloth.
+    pub obstacle_restitution: f64,
+    /// Of Coulomb; default 0.3.
+    pub friction: f64,
+    /// Resistance to rolling over the weight; default 0.03, glass on cloth.
+    pub rolling_friction: f64,
+    /// Of the normal spring, in N/m; default 1e5, far softer than glass for longer substeps: marbles that meet at
+    /// 5 m/s press each other in by 8 % of their diameter.
+    pub stiffness_n_m: f64,
+}
+
+impl Default for Marble {
+    fn default() -> Self {
+        Self {
+            radius_m: 0.008,
+            density_kg_m3: 2500.0,
+            restitution: 0.9,
+            obstacle_restitution: 0.5,
+            friction: 0.3,
+            rolling_friction: 0.03,
+            stiffness_n_m: 1e5,
+        }
+    }
+}
+
+impl Marble {
+    /// In kg.
+    pub fn mass_kg(&self) -> f64 {
+        4.0 / 3.0 * PI * self.radius_m.powi(3) * self.density_kg_m3
+    }
+
+    /// About the centre, in kg·m².
+    pub fn moment_of_inertia(&self) -> f64 {
+        0.4 * self.mass_kg() * self.radius_m * self.radius_m
+    }
+
+    /// The longest substep, in s: a fifteenth of the time that two marbles touch.
+    pub fn substep_secs_max(&self) -> f64 {
+        PI * (0.5 * self.mass_kg() / self.stiffness_n_m).sqrt() / 15.0
+    }
+
+    fn validate(&self) -> Result<()> {
+        check_range("radius of a marble in m", self.radius_m, 1e-4, 1.0)?;
+        check_range("density of marbles in kg/m³", self.density_kg_m3, 1.0, 1e5)?;
+        check_range("restitution of marbles", self.restitution, 0.15, 1.0)?;
+        let slate = self.obstacle_restitution;
+        check_range("restitution of marbles on obstacles", slate, 0.15, 1.0)?;
+        check_range("friction of marbles", self.friction, 0.0, 10.0)?;
+        check_range(
+            "rolling friction of marbles",
+            self.rolling_friction,
+            0.0,
+            1.0,
+        )?;
+        check_range("stiffness of marbles in N/m", self.stiffness_n_m, 1.0, 1e9)
+    }
+}
+
+/// A marble.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Sphere {
+    /// Of the centre, in m.
+    pub position: DVec3,
+    /// In m/s.
+    pub velocity: DVec3,
+    /// Angular velocity, in rad/s.
+    pub spin: DVec3,
+}
+
+impl Sphere {
+    fn is_finite(&self) -> bool {
+        self.position.is_finite() && self.velocity.is_finite() && self.spin.is_finite()
+    }
+}
+
+/// What a marble may touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+enum Partner {
+    Marble(u32),
+    Obstacle(u32),
+    Ball(u32),
+}
+
+/// A marble and what is near it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Contact {
+    marble: u32,
+    partner: Partner,
+    /// Stretch of the spring along the surface, in m.
+    stretch: DVec3,
+}
+
+/// A heap of marbles, simulated one contact after the other in a fixed order: the same steps give the same bits.
+#[derive(Clone, Debug)]
+pub struct Marbles {
+    marble: Marble,
+    /// Shares of critical damping, with marbles and balls and with obstacles.
+    damping: [f64; 2],
+    gravity: DVec3,
+    rest_speed_m_s: f64,
+    spheres: Vec<Sphere>,
+    /// By marble and partner.
+    contacts: Vec<Contact>,
+    rested_secs: f64,
+}
+
+/// All that changes in [`Marbles`], to store: from it they go on with the same bits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MarbleSnapshot {
+    spheres: Vec<Sphere>,
+    contacts: Vec<Contact>,
+    rested_secs: f64,
+}
+
+impl MarbleSnapshot {
+    /// How many marbles it has.
+    pub fn len(&self) -> usize {
+        self.spheres.len()
+    }
+
+    /// Whether it has none.
+    pub fn is_empty(&self) -> bool {
+        self.spheres.is_empty()
+    }
+}
+
+impl Marbles {
+    /// No marbles yet, under an acceleration of free fall in m/s². When all have been slower than a speed in m/s for
+    /// [`REST_SECS`] they sleep until a ball comes that is faster; 0: never.
+    ///
+    /// # Errors
+    ///
+    /// If a number is out of range or not finite.
+    pub fn new(marble: Marble, gravity: DVec3, rest_speed_m_s: f64) -> Result<Self> {
+        marble.validate()?;
+        check_range(
+            "acceleration of free fall in m/s²",
+            gravity.length(),
+            0.0,
+            1e4,
+        )?;
+        check_range("speed of rest in m/s", rest_speed_m_s, 0.0, 1e3)?;
+        let restitutions = [marble.restitution, marble.obstacle_restitution];
+        Ok(Self {
+            marble,
+            damping: restitutions.map(damping_of),
+            gravity,
+            rest_speed_m_s,
+            spheres: Vec::new(),
+            contacts: Vec::new(),
+            rested_secs: 0.0,
+        })
+    }
+
+    /// Adds a marble.
+    ///
+    /// # Errors
+    ///
+    /// If one of its numbers is not finite, or over 1e6.
+    pub fn add(&mut self, sphere: Sphere) -> Result<()> {
+        for (quantity, value) in [
+            ("place of a marble", sphere.position),
+            ("velocity of a marble", sphere.velocity),
+            ("spin of a marble", sphere.spin),
+        ] {
+            crate::error::check_finite(quantity, value.as_vec3())?;
+            check_range(quantity, value.length(), 0.0, NUMBER_MAX)?;
+        }
+        self.spheres.push(sphere);
+        self.rested_secs = 0.0;
+        Ok(())
+    }
+
+    /// What they are.
+    pub fn marble(&self) -> &Marble {
+        &self.marble
+    }
+
+    /// All, in the order in which they were added.
+    pub fn spheres(&self) -> &[Sphere] {
+        &self.spheres
+    }
+
+    /// Whether all rest: steps change nothing until a ball comes.
+    pub fn is_asleep(&self) -> bool {
+        self.spheres.is_empty() || self.rested_secs >= REST_SECS
+    }
+
+    /// The marbles as they are.
+    pub fn snapshot(&self) -> MarbleSnapshot {
+        MarbleSnapshot {
+            spheres: self.spheres.clone(),
+            contacts: self.contacts.clone(),
+            rested_secs: self.rested_secs,
+        }
+    }
+
+    /// The same as when the snapshot was taken.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::BadSnapshot`] for one that no marbles give.
+    pub fn restore(&mut self, snapshot: &MarbleSnapshot) -> Result<()> {
+        let refuse = |fault| Err(Error::BadSnapshot { fault });
+        let is_small = |v: DVec3| v.is_finite() && v.length() < NUMBER_MAX;
+        let sphere = |s: &Sphere| is_small(s.position) && is_small(s.velocity) && is_small(s.spin);
+        if !snapshot.spheres.iter().all(sphere) {
+            return refuse("a marble has a number that is not finite, or too large");
+        }
+        let count = snapshot.spheres.len() as u32;
+        let contact = |c: &Contact| c.marble < count && is_small(c.stretch);
+        if snapshot.contacts.len() > CONTACTS_MAX * snapshot.spheres.len()
+            || !snapshot.contacts.iter().all(contact)
+        {
+            return refuse("marbles touch that are not there");
+        }
+        if !(snapshot.rested_secs >= 0.0 && snapshot.rested_secs.is_finite()) {
+            return refuse("marbles have rested for a time that is none");
+        }
+        self.spheres.clone_from(&snapshot.spheres);
+        self.contacts.clone_from(&snapshot.contacts);
+        self.rested_secs = snapshot.rested_secs;
+        Ok(())
+    }
+
+    /// Advances marbles and balls by a time in s; each ball's impulses are those by marbles.
+    ///
+    /// # Errors
+    ///
+    /// If the time or a body is out of range or not finite, nothing was done; if velocities grew past all numbers, the
+    /// marbles are of no more use.
+    pub fn step(&mut self, duration_secs: f64, bodies: &mut Bodies) -> Result<()> {
+        check_range("duration of a step in s", duration_secs, 0.0, STEP_SECS_MAX)?;
+        bodies.validate()?;
+        for ball in &mut bodies.balls {
+            (ball.impulse, ball.angular_impulse) = (DVec3::ZERO, DVec3::ZERO);
+        }
+        if self.is_asleep() && !self.is_disturbed(bodies) {
+            for ball in &mut bodies.balls {
+                ball.velocity += ball.acceleration * duration_secs;
+                ball.advance(duration_secs);
+            }
+            return Ok(());
+        }
+        let count = (duration_secs / self.marble.substep_secs_max())
+            .ceil()
+            .max(1.0);
+        let dt = duration_secs / count;
+        // Balls are others in each step.
+        self.contacts
+            .retain(|c| !matches!(c.partner, Partner::Ball(_)));
+        self.find_contacts(bodies);
+        let mut travelled_m = 0.0;
+        for _ in 0..count as u32 {
+            let fastest = self.substep(dt, bodies);
+            travelled_m += 2.0 * fastest * dt;
+            if !fastest.is_finite() || !self.spheres.iter().all(Sphere::is_finite) {
+                return Err(Error::Diverged { courant: 1.0 });
+            }
+            if travelled_m > SKIN_RADII * self.marble.radius_m {
+                self.find_contacts(bodies);
+                travelled_m = 0.0;
+            }
+        }
+        self.rested_secs = match self.fastest_m_s() < self.rest_speed_m_s {
+            true => self.rested_secs + duration_secs,
+            false => 0.0,
+        };
+        Ok(())
+    }
+
+    fn fastest_m_s(&self) -> f64 {
+        let radius_m = self.marble.radius_m;
+        let speed = |s: &Sphere| s.velocity.length().max(s.spin.length() * radius_m);
+        self.spheres.iter().map(speed).fold(0.0, f64::max)
+    }
+
+    fn is_disturbed(&self, bodies: &Bodies) -> bool {
+        let mut moving = bodies.balls.iter();
+        moving.any(|ball| {
+            let reach_m = ball.radius_m + (1.0 + 2.0 * SKIN_RADII) * self.marble.radius_m;
+            let is_near = |s: &Sphere| s.position.distance(ball.position) < reach_m;
+            ball.velocity.length() > self.rest_speed_m_s && self.spheres.iter().any(is_near)
+        })
+    }
+
+    /// Finds what may touch before anything has moved by the skin; what touched keeps its stretch.
+    fn find_contacts(&mut self, bodies: &Bodies) {
+        let radius_m = self.marble.radius_m;
+        let skin_m = SKIN_RADII * radius_m;
+        let edge_m = 2.0 * radius_m + skin_m;
+        let cell = |at: DVec3| (at / edge_m).floor().as_ivec3();
+        let mut cells: HashMap<IVec3, Vec<u32>> = HashMap::new();
+        for (index, sphere) in (0u32..).zip(&self.spheres) {
+            cells.entry(cell(sphere.position)).or_default().push(index);
+        }
+        let mut found = Vec::with_capacity(self.contacts.len());
+        for (marble, sphere) in (0u32..).zip(&self.spheres) {
+            let at = sphere.position;
+            let mut add = |partner| {
+                found.push(Contact {
+                    marble,
+                    partner,
+                    stretch: DVec3::ZERO,
+                });
+            };
+            for side in 0..27 {
+                let offset = IVec3::new(side / 9 - 1, side / 3 % 3 - 1, side % 3 - 1);
+                for &other in cells.get(&(cell(at) + offset)).into_iter().flatten() {
+                    let apart = self.spheres[other as usize].position.distance(at);
+                    if other > marble && apart < edge_m {
+                        add(Partner::Marble(other));
+                    }
+                }
+            }
+            for (index, obstacle) in (0u32..).zip(&bodies.obstacles) {
+                if obstacle.distance(at).0 < radius_m + skin_m {
+                    add(Partner::Obstacle(index));
+                }
+            }
+            for (index, ball) in (0u32..).zip(&bodies.balls) {
+                if ball.position.distance(at) < ball.radius_m + radius_m + skin_m {
+                    add(Partner::Ball(index));
+                }
+            }
+        }
+        found.sort_unstable_by_key(|contact| (contact.marble, contact.partner));
+        let mut old = self.contacts.iter().peekable();
+        for contact in &mut found {
+            let key = (contact.marble, contact.partner);
+            while old.next_if(|old| (old.marble, old.partner) < key).is_some() {}
+            if let Some(old) = old.next_if(|old| (old.marble, old.partner) == key) {
+                contact.stretch = old.stretch;
+            }
+        }
+        self.contacts = found;
+    }
+
+    /// Moves all on by the forces of contacts, and gives the fastest speed of a marble or ball, in m/s.
+    fn substep(&mut self, dt: f64, bodies: &mut Bodies) -> f64 {
+        let Self {
+            marble,
+            damping,
+            spheres,
+            contacts,
+            ..
+        } = self;
+        for sphere in spheres.iter_mut() {
+            sphere.velocity += self.gravity * dt;
+        }
+        for ball in &mut bodies.balls {
+            ball.velocity += ball.acceleration * dt;
+        }
+        let mut kicks = vec![(DVec3::ZERO, DVec3::ZERO); spheres.len()];
+        let mut ball_kicks = vec![(DVec3::ZERO, DVec3::ZERO); bodies.balls.len()];
+        for contact in contacts.iter_mut() {
+            let index = contact.marble as usize;
+            let sphere = spheres[index];
+            let other = surface(contact.partner, &sphere, spheres, bodies, marble);
+            let damping = damping[usize::from(other.mass_kg.is_infinite())];
+            let push = other.push(marble, damping, &sphere, &mut contact.stretch, dt);
+            let Some(push) = push else {
+                contact.stretch = DVec3::ZERO;
+                continue;
+            };
+            kicks[index].0 += push.impulse;
+            kicks[index].1 += push.arm.cross(push.impulse) + push.rolling;
+            let [impulse, turn] = [
+                -push.impulse,
+                push.other_arm.cross(-push.impulse) - push.rolling,
+            ];
+            match contact.partner {
+                Partner::Marble(other) => {
+                    kicks[other as usize].0 += impulse;
+                    kicks[other as usize].1 += turn;
+                }
+                Partner::Ball(ball) => {
+                    ball_kicks[ball as usize].0 += impulse;
+                    ball_kicks[ball as usize].1 += turn;
+                }
+                Partner::Obstacle(_) => {}
+            }
+        }
+        let (mass_kg, inertia) = (marble.mass_kg(), marble.moment_of_inertia());
+        let mut fastest = 0.0_f64;
+        for (sphere, (impulse, turn)) in spheres.iter_mut().zip(kicks) {
+            sphere.velocity += impulse / mass_kg;
+            sphere.spin += turn / inertia;
+            sphere.position += sphere.velocity * dt;
+            fastest = fastest.max(sphere.velocity.length());
+        }
+        for (ball, (impulse, turn)) in bodies.balls.iter_mut().zip(ball_kicks) {
+            kick_ball(ball, impulse, turn);
+            ball.advance(dt);
+            fastest = fastest.max(ball.velocity.length());
+        }
+        fastest
+    }
+}
+
+/// What a marble touches.
+fn surface(
+    partner: Partner,
+    sphere: &Sphere,
+    spheres: &[Sphere],
+    bodies: &Bodies,
+    marble: &Marble,
+) -> Surface {
+    match partner {
+        Partner::Marble(other) => {
+            let Sphere {
+                position,
+                velocity,
+                spin,
+            } = spheres[other as usize];
+            let surface = Surface::sphere(sphere.position, position, marble.radius_m);
+            surface.moving(velocity, spin, marble.mass_kg())
+        }
+        Partner::Ball(ball) => {
+            let ball = &bodies.balls[ball as usize];
+            let surface = Surface::sphere(sphere.position, ball.position, ball.radius_m);
+            surface.moving(ball.velocity, ball.angular_velocity, ball.mass_kg)
+        }
+        Partner::Obstacle(obstacle) => {
+            let obstacle = &bodies.obstacles[obstacle as usize];
+            let (distance_m, normal) = obstacle.distance(sphere.position);
+            Surface::still(distance_m, normal)
+        }
+    }
+}
+
+fn kick_ball(ball: &mut Ball, impulse: DVec3, turn: DVec3) {
+    ball.velocity += impulse / ball.mass_kg;
+    ball.angular_velocity += turn / ball.moment_of_inertia();
+    ball.impulse += impulse;
+    ball.angular_impulse += turn;
+}
+
+/// How far marbles may move, over their radius, before contacts are looked for again.
+const SKIN_RADII: f64 = 0.25;
+/// In SI units: over what any marble does.
+const NUMBER_MAX: f64 = 1e6;
+/// Of a marble with others: spheres of one size touch twelve, and obstacles and balls come to them.
+const CONTACTS_MAX: usize = 64;
+/// Of one step.
+const STEP_SECS_MAX: f64 = 10.0;
