@@ -5,6 +5,8 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use carom_tracer::text::{SENTENCE_BYTES_MAX, printable};
+
 use crate::config_fault::ConfigFault;
 use crate::coordinator::FrameRefusal;
 use crate::net::peer::{CertificateFault, DisconnectReason, NoPlace, Role};
@@ -148,7 +150,10 @@ pub enum Error {
         rule: &'static str,
     },
     /// The holder of the authority does not certify this node.
-    #[error("the farm's authority refused: {sentence}")]
+    #[error(
+        "the farm's authority refused: {}",
+        printable(sentence, SENTENCE_BYTES_MAX)
+    )]
     EnrolmentRefused {
         /// Its sentence.
         sentence: String,
@@ -197,7 +202,7 @@ pub enum Error {
         host: String,
     },
     /// A directory does not say which nodes there are.
-    #[error("{directory}: {reason}")]
+    #[error("{directory}: {}", printable(reason, SENTENCE_BYTES_MAX))]
     Directory {
         /// The directory, as it was named.
         directory: String,
@@ -264,6 +269,11 @@ pub enum Error {
     /// A player opened the control stream and did not send the greeting.
     #[error("the player sent no greeting")]
     NoGreeting,
+    /// Handshakes of other addresses took all places.
+    #[error(
+        "its handshake gave way to others: too many are under way, most of them from its address"
+    )]
+    HandshakeEvicted,
     /// A player connected and opened no control stream.
     #[error("the player opened no control stream")]
     NoControlStream,
@@ -282,7 +292,7 @@ pub enum Error {
         reason: DisconnectReason,
     },
     /// The connection failed on this side.
-    #[error("the connection broke: {reason}")]
+    #[error("the connection broke: {}", printable(reason, SENTENCE_BYTES_MAX))]
     ConnectionBroken {
         /// The QUIC library's reason.
         reason: String,
@@ -300,7 +310,10 @@ pub enum Error {
     #[error("the control stream ended")]
     ControlStreamEnded,
     /// A stream failed in a way that QUIC does not allow.
-    #[error("the stream of {content} broke: {reason}")]
+    #[error(
+        "the stream of {content} broke: {}",
+        printable(reason, SENTENCE_BYTES_MAX)
+    )]
     Stream {
         /// `control messages` or `tiles`.
         content: &'static str,

@@ -29,6 +29,14 @@ impl TokenBucket {
         Duration::from_secs_f64((-self.tokens / self.per_sec).max(0.0))
     }
 
+    /// Takes a token if there is one.
+    pub(crate) fn try_take(&mut self, now: Instant) -> bool {
+        self.fill(now);
+        let free = self.tokens >= 1.0;
+        self.tokens -= f64::from(u8::from(free));
+        free
+    }
+
     /// Whether nothing that was taken is missing any more.
     pub(crate) fn is_full(&mut self, now: Instant) -> bool {
         self.fill(now);

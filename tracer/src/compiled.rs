@@ -151,6 +151,26 @@ pub enum Primitive {
 }
 
 impl CompiledScene {
+    /// Memory that it takes, in bytes: that of textures, triangles with a BVH, and other primitives. What back ends
+    /// make of it is not counted.
+    pub fn memory_bytes(&self) -> u64 {
+        let spheres = size_of_val(&self.spheres[..]) + size_of_val(&self.base_spheres[..]);
+        let flat = size_of_val(&self.boxes[..])
+            + size_of_val(&self.discs[..])
+            + size_of_val(&self.rectangles[..])
+            + size_of_val(&self.csg_boxes[..])
+            + size_of_val(&self.csg_faces[..])
+            + size_of_val(&self.materials[..])
+            + size_of_val(&self.primitives[..]);
+        let textures = size_of_val(&self.textures.texels[..]);
+        let environment = size_of_val(&self.environment_map.numbers[..]);
+        let meshes = &self.meshes;
+        // Once more for the BVH over them.
+        let triangles = 2 * size_of_val(&meshes.triangles[..]);
+        let triangles = triangles + size_of_val(&meshes.normals[..]) + size_of_val(&meshes.uvs[..]);
+        (spheres + flat + textures + environment + triangles) as u64
+    }
+
     /// Checks `scene` against [`crate::scene::validate`] and lays it out.
     ///
     /// # Errors

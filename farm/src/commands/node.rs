@@ -49,6 +49,9 @@ pub(crate) struct NodeArgs {
     /// asks for]
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(1..))]
     player_seconds: Option<u32>,
+    /// Keep at most this many MiB of compiled scenes for each device; a player may have half of it
+    #[arg(long, default_value_t = 1024, value_name = "MIB", value_parser = clap::value_parser!(u64).range(16..=1 << 20))]
+    scene_memory: u64,
     /// Answer GET /healthz, /readyz and /metrics and POST /drain by HTTP at this address, e.g.
     /// 127.0.0.1:8433; without a key, so keep it from strangers
     #[arg(long, value_name = "HOST:PORT", value_parser = inputs::listen_address)]
@@ -158,6 +161,7 @@ fn forbid_core_dumps() {}
 impl NodeArgs {
     fn node(&self, name: &str, tracer: MeteredTracer) -> Arc<Node> {
         let node = Node::new(name, Arc::new(tracer));
+        node.set_scene_memory(self.scene_memory << 20);
         if let Some(secs_per_hour) = self.player_seconds {
             node.set_player_quota(f64::from(secs_per_hour));
         }

@@ -128,7 +128,8 @@ impl Credentials {
     }
 }
 
-fn is_due(validity: &std::ops::Range<SystemTime>, now: SystemTime) -> bool {
+/// Whether the last third of a certificate's days has begun.
+pub(crate) fn is_due(validity: &std::ops::Range<SystemTime>, now: SystemTime) -> bool {
     let life = validity.end.duration_since(validity.start);
     life.is_ok_and(|life| now >= validity.end - life / 3)
 }

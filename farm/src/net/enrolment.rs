@@ -31,8 +31,8 @@ use crate::net::{close_code, connection_error, endpoint, tls};
 
 /// The protocol of enrolment; another version is another name.
 pub(crate) const ALPN: &[u8] = b"carom-join/1";
-/// Bytes of an answer: a deny list of three thousand keys.
-const ANSWER_BYTES_MAX: usize = 256 << 10;
+/// Bytes of an answer: a deny list of forty thousand keys.
+const ANSWER_BYTES_MAX: usize = 4 << 20;
 /// Bytes of a request.
 pub(crate) const REQUEST_BYTES_MAX: usize = 16 << 10;
 /// From the request to its answer.

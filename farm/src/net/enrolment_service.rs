@@ -21,7 +21,10 @@ use crate::net::handshakes::Handshakes;
 use crate::net::join_url::JoinUrl;
 use crate::net::peer::{CertificateFault, Role};
 use crate::net::signals::Signals;
-use crate::net::{certificate_fields, close_code, connection_error, endpoint, listener};
+use crate::net::{
+    certificate_fields, close_code, connection_driver, connection_error, endpoint, listener,
+};
+use crate::token_bucket::TokenBucket;
 
 /// What the service has done, for its operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -168,23 +171,46 @@ async fn accept(
     events: impl Fn(EnrolmentEvent) + Clone + Send + Sync + 'static,
 ) {
     let handshakes = Handshakes::default();
+    let lines = TokenBucket::new(Instant::now(), REFUSALS_TOLD, 1.0 / REFUSAL_SECS);
+    let lines = Arc::new(Mutex::new(lines));
     while let Some(incoming) = endpoint.accept().await {
         let Some((incoming, pending)) = listener::screen(incoming, &handshakes) else {
             continue;
         };
         let (state, events) = (Arc::clone(state), events.clone());
+        let (handshakes, lines) = (handshakes.clone(), Arc::clone(&lines));
         tokio::spawn(async move {
             let from = incoming.remote_address();
-            let served = state.serve(incoming, &events);
+            let served = async {
+                tokio::select! {
+                    served = state.serve(incoming, &events) => served,
+                    () = pending.evicted() => Err(Error::HandshakeEvicted),
+                }
+            };
             let served = tokio::time::timeout(2 * ANSWER_TIMEOUT, served).await;
-            drop(pending);
-            if let Err(why) = served.unwrap_or(Err(Error::HandshakeTimeout)) {
-                let why = why.to_string();
-                events(EnrolmentEvent::Refused { from, why });
-            }
+            let Err(error) = served.unwrap_or(Err(Error::HandshakeTimeout)) else {
+                return;
+            };
+            // Whoever has no certificate can be refused as often as he likes.
+            let now = Instant::now();
+            let free = lines
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .try_take(now);
+            let counts = handshakes.fail(now);
+            let why = match counts {
+                Some(counts) if !free => format!("{counts}; the last: {error}"),
+                _ if free => error.to_string(),
+                _ => return,
+            };
+            events(EnrolmentEvent::Refused { from, why });
         });
     }
 }
+
+/// Refusals told one by one before those of a minute share a line, and seconds until another may be.
+const REFUSALS_TOLD: f64 = 8.0;
+const REFUSAL_SECS: f64 = 15.0;
 
 impl EnrolmentState {
     /// Answers the one request of a connection.
@@ -200,7 +226,9 @@ impl EnrolmentState {
         let broken = |why: &dyn std::fmt::Display| Error::ConnectionBroken {
             reason: why.to_string(),
         };
-        let (mut send, mut receive) = connection.accept_bi().await.map_err(|why| broken(&why))?;
+        let stream = connection.accept_bi().await;
+        let (mut send, mut receive) =
+            stream.map_err(|error| connection_error::connection(&error, Role::Node))?;
         let bytes = receive.read_to_end(REQUEST_BYTES_MAX).await;
         let bytes = bytes.map_err(|why| broken(&why))?;
         // The parser's reason would repeat a stranger's text.
@@ -248,10 +276,12 @@ impl EnrolmentState {
                 (Some(pem), Some(EnrolmentEvent::Joined { name, uses_left }))
             }
             EnrolmentRequest::Renew { request_pem } => {
-                let name = shown_name(connection)?;
+                let shown = shown_certificate(connection)?;
                 match request_pem {
                     Some(pem) => {
-                        let pem = self.folder.certify(&name, &pem)?;
+                        let fault = |fault| Error::PeerCertificate { fault };
+                        let name = certificate_fields::common_name(&shown).map_err(fault)?;
+                        let pem = self.folder.renew(&shown, &pem)?;
                         (Some(pem), Some(EnrolmentEvent::Renewed { name }))
                     }
                     None => (None, None),
@@ -289,12 +319,8 @@ impl EnrolmentState {
     }
 }
 
-/// The name in the certificate that a client has shown, which the handshake has checked.
-fn shown_name(connection: &Connection) -> Result<String, Error> {
-    let identity = connection.peer_identity();
-    let shown = identity.and_then(|shown| shown.downcast::<Vec<CertificateDer<'_>>>().ok());
-    let certificate = shown.and_then(|shown| shown.into_iter().next());
-    let fault = |fault| Error::PeerCertificate { fault };
-    let certificate = certificate.ok_or(fault(CertificateFault::Missing))?;
-    certificate_fields::common_name(&certificate).map_err(fault)
+/// The certificate that a client has shown, which the handshake has checked.
+fn shown_certificate(connection: &Connection) -> Result<CertificateDer<'static>, Error> {
+    let fault = CertificateFault::Missing;
+    connection_driver::peer_certificate(connection).ok_or(Error::PeerCertificate { fault })
 }

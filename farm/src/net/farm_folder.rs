@@ -9,6 +9,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use rustls::pki_types::CertificateDer;
 
 use crate::Error;
 use crate::net::authority::{
@@ -16,7 +19,7 @@ use crate::net::authority::{
 };
 use crate::net::certificate_fields;
 use crate::net::credential_files::{create_private_dir, file_error, write_private, write_whole};
-use crate::net::credentials::AUTHORITY_FILE;
+use crate::net::credentials::{self, AUTHORITY_FILE};
 use crate::net::deny_list::DENY_LIST_FILE;
 use crate::net::issuance::{IssuanceLog, IssuanceRecord};
 use crate::net::peer::Role;
@@ -152,6 +155,7 @@ impl AuthorityFolder {
         renew: bool,
     ) -> Result<PathBuf, Error> {
         check_name(name)?;
+        let _lock = self.log.lock()?;
         let out = match out {
             Some(out) => out.to_path_buf(),
             None if self.holds_player(role, name) => self.dir.clone(),
@@ -189,20 +193,57 @@ impl AuthorityFolder {
     /// [`Error::MemberName`], [`Error::MemberExists`], [`Error::CertificateCreation`] if the
     /// request is none, [`Error::CredentialsFile`].
     pub(crate) fn admit(&self, name: &str, request_pem: &str) -> Result<String, Error> {
-        check_name(name)?;
-        self.check_new(Role::Node, name)?;
-        self.certify(name, request_pem)
-    }
-
-    /// Certifies a node's key once more.
-    ///
-    /// # Errors
-    /// [`Error::CertificateCreation`] if the request is none, [`Error::CredentialsFile`].
-    pub(crate) fn certify(&self, name: &str, request_pem: &str) -> Result<String, Error> {
         let role = Role::Node;
+        let _lock = self.log.lock()?;
+        check_name(name)?;
+        self.check_new(role, name)?;
         let issued = self
             .authority
             .sign_request(role, name, lasting(role.life()), request_pem)?;
+        self.log.append(issued.der(), role)?;
+        Ok(issued.pem())
+    }
+
+    /// Certifies the key of the certificate `shown` once more, and returns the certificate as PEM text.
+    ///
+    /// # Errors
+    /// [`Error::EnrolmentRefused`] if the request is of another key, if the key has been revoked, or if the latest
+    /// certificate of the key is not in its last third; [`Error::CertificateCreation`] if the request is none;
+    /// [`Error::CredentialsFile`].
+    pub(crate) fn renew(
+        &self,
+        shown: &CertificateDer<'_>,
+        request_pem: &str,
+    ) -> Result<String, Error> {
+        let fault = |fault| Error::PeerCertificate { fault };
+        let refused = |sentence: String| Err(Error::EnrolmentRefused { sentence });
+        let role = Role::Node;
+        let name = certificate_fields::common_name(shown).map_err(fault)?;
+        let key_id = certificate_fields::key_id(shown).map_err(fault)?;
+        let _lock = self.log.lock()?;
+        // The handshake has looked, but before this lock was held.
+        if self.log.deny_list_text()?.contains(&key_id) {
+            return refused(format!("the certificate of {name} has been revoked"));
+        }
+        let shown_days = certificate_fields::validity(shown).map_err(fault)?;
+        let recorded = self.log.latest_validity(&key_id)?;
+        let latest = recorded.filter(|days| days.end > shown_days.end);
+        let latest = latest.unwrap_or(shown_days);
+        if !credentials::is_due(&latest, SystemTime::now()) {
+            let days = latest.end.duration_since(latest.start).unwrap_or_default();
+            return refused(format!(
+                "{name} has a certificate of {} days that is not in its last third: it can be renewed then",
+                days.as_secs() / (24 * 3600)
+            ));
+        }
+        let issued = self
+            .authority
+            .sign_request(role, &name, lasting(role.life()), request_pem)?;
+        if certificate_fields::key_id(issued.der()).map_err(fault)? != key_id {
+            return refused(format!(
+                "a renewal is of the key that {name} has: another key joins with a token of its own"
+            ));
+        }
         self.log.append(issued.der(), role)?;
         Ok(issued.pem())
     }

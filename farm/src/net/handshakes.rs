@@ -5,7 +5,9 @@ use std::net::{IpAddr, Ipv6Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Handshakes that a node performs at once; packets of further strangers are dropped unanswered.
+use tokio::sync::Notify;
+
+/// Handshakes that a node performs at once.
 const HANDSHAKES_MAX: usize = 32;
 /// Of them, those kept for sources that players have come from before.
 const RESERVED: usize = 8;
@@ -26,8 +28,8 @@ pub(crate) struct Handshakes(Arc<Mutex<HandshakeTable>>);
 
 #[derive(Debug, Default)]
 struct HandshakeTable {
-    /// Under way.
-    pending: BTreeMap<IpAddr, usize>,
+    /// Under way, of each source, oldest first.
+    pending: BTreeMap<IpAddr, VecDeque<Arc<Notify>>>,
     /// The sources that players came from last.
     known: VecDeque<IpAddr>,
     failed: usize,
@@ -40,10 +42,12 @@ struct HandshakeTable {
 pub(crate) struct PendingHandshake {
     source: IpAddr,
     handshakes: Handshakes,
+    evicted: Arc<Notify>,
 }
 
 impl Handshakes {
-    /// Counts another handshake, if it may be begun.
+    /// Counts another handshake, if it may be begun. Where all places are taken, the oldest handshake of the source with
+    /// the most of them gives way to one of a source with fewer: who holds many places cannot keep them.
     pub(crate) fn begin(&self, address: IpAddr) -> Option<PendingHandshake> {
         let source = source(address);
         let mut table = self.lock();
@@ -51,14 +55,21 @@ impl Handshakes {
             true => HANDSHAKES_MAX,
             false => HANDSHAKES_MAX - RESERVED,
         };
-        let of_source = table.pending.get(&source).copied().unwrap_or_default();
-        if table.count() >= limit || of_source >= PER_SOURCE_MAX {
+        let of_source = table.pending.get(&source).map_or(0, VecDeque::len);
+        let is_full = of_source >= PER_SOURCE_MAX || table.count() >= limit;
+        if is_full && !table.evict_for(of_source) {
             table.ignored += 1;
             return None;
         }
-        *table.pending.entry(source).or_default() += 1;
+        let evicted = Arc::new(Notify::new());
+        let pending = table.pending.entry(source).or_default();
+        pending.push_back(Arc::clone(&evicted));
         let handshakes = self.clone();
-        Some(PendingHandshake { source, handshakes })
+        Some(PendingHandshake {
+            source,
+            handshakes,
+            evicted,
+        })
     }
 
     /// Whether so many are under way that strangers must validate their addresses.
@@ -93,13 +104,34 @@ impl Handshakes {
 
 impl HandshakeTable {
     fn count(&self) -> usize {
-        self.pending.values().sum()
+        self.pending.values().map(VecDeque::len).sum()
+    }
+
+    /// Ends the oldest handshake of the source with the most, if that has more than another one of a source with
+    /// `of_source` would have.
+    fn evict_for(&mut self, of_source: usize) -> bool {
+        let fullest = self
+            .pending
+            .values_mut()
+            .max_by_key(|pending| pending.len());
+        let Some(fullest) = fullest.filter(|pending| pending.len() > of_source + 1) else {
+            return false;
+        };
+        if let Some(oldest) = fullest.pop_front() {
+            oldest.notify_one();
+        }
+        true
     }
 }
 
 impl PendingHandshake {
+    /// Returns once another handshake has taken the place of this one.
+    pub(crate) async fn evicted(&self) {
+        self.evicted.notified().await;
+    }
+
     /// Remembers the source as one that players come from.
-    pub(crate) fn succeed(self) {
+    pub(crate) fn succeed(&self) {
         let mut table = self.handshakes.lock();
         table.known.retain(|known| *known != self.source);
         table.known.push_back(self.source);
@@ -113,8 +145,8 @@ impl Drop for PendingHandshake {
     fn drop(&mut self) {
         let mut table = self.handshakes.lock();
         if let Some(pending) = table.pending.get_mut(&self.source) {
-            *pending -= 1;
-            if *pending == 0 {
+            pending.retain(|one| !Arc::ptr_eq(one, &self.evicted));
+            if pending.is_empty() {
                 table.pending.remove(&self.source);
             }
         }
@@ -166,6 +198,27 @@ mod tests {
         assert!(handshakes.must_validate());
         let known: Vec<_> = (0..99).filter_map(|_| handshakes.begin(v4(200))).collect();
         assert_eq!(known.len(), RESERVED);
+    }
+
+    #[tokio::test]
+    async fn sources_with_many_handshakes_give_way_to_others() {
+        let handshakes = Handshakes::default();
+        let places = HANDSHAKES_MAX - RESERVED;
+        let held: Vec<_> = (0..places as u8)
+            .map(|index| handshakes.begin(v4(index % 3)).unwrap())
+            .collect();
+        let newcomer = handshakes.begin(v4(9)).unwrap();
+        let mut evicted = 0;
+        for pending in &held {
+            let told = tokio::time::timeout(Duration::ZERO, pending.evicted()).await;
+            evicted += usize::from(told.is_ok());
+        }
+        assert_eq!(evicted, 1);
+        // Those that hold many cannot take the place back.
+        let back: Vec<_> = (0..99).filter_map(|_| handshakes.begin(v4(0))).collect();
+        assert!(back.len() <= 1, "{}", back.len());
+        let told = tokio::time::timeout(Duration::ZERO, newcomer.evicted()).await;
+        assert!(told.is_err());
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! Record of the certificates that a farm's authority has issued: a line of JSON each.
 
-use std::fs::OpenOptions;
+use std::collections::HashMap;
+use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Write as _};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 use rustls::pki_types::CertificateDer;
 use rustls::pki_types::pem::PemObject as _;
@@ -39,6 +41,8 @@ pub(crate) struct IssuanceLog {
 }
 
 const LOG_FILE: &str = "issued.jsonl";
+/// Locked while record or deny list is changed.
+const LOCK_FILE: &str = "issued.lock";
 
 impl IssuanceRecord {
     fn of(certificate: &[u8], role: Role) -> Result<Self, CertificateFault> {
@@ -90,6 +94,33 @@ impl IssuanceLog {
             log.append(&certificate, role)?;
         }
         Ok(log)
+    }
+
+    /// Keeps other processes and threads from changing record and deny list, until the file is dropped.
+    ///
+    /// # Errors
+    /// [`Error::CredentialsFile`] if the lock cannot be had.
+    pub(crate) fn lock(&self) -> Result<File, Error> {
+        let path = self.dir.join(LOCK_FILE);
+        let mut options = OpenOptions::new();
+        let file = options.append(true).create(true).open(&path);
+        let locked = file.and_then(|file| file.lock().map(|()| file));
+        locked.map_err(|why| file_error(&path, why))
+    }
+
+    /// The days of the certificate of a key that ends last.
+    ///
+    /// # Errors
+    /// As [`IssuanceLog::records`].
+    pub(crate) fn latest_validity(&self, key_id: &str) -> Result<Option<Range<SystemTime>>, Error> {
+        let records = self.records()?.into_iter();
+        let of_key = records.filter(|record| record.key_id == key_id);
+        let latest = of_key.max_by_key(|record| record.not_after_unix_secs);
+        let time = |unix_secs| SystemTime::UNIX_EPOCH + Duration::from_secs(unix_secs);
+        Ok(
+            latest
+                .map(|record| time(record.not_before_unix_secs)..time(record.not_after_unix_secs)),
+        )
     }
 
     /// Adds a certificate, before its holder has it: nothing that is valid is unrecorded.
@@ -144,6 +175,7 @@ impl IssuanceLog {
     /// # Errors
     /// [`Error::NothingToRevoke`] if `name` has no valid certificate; as [`IssuanceLog::records`].
     pub(crate) fn revoke(&self, name: &str) -> Result<Vec<IssuanceRecord>, Error> {
+        let _lock = self.lock()?;
         let revoked = self.current(name)?;
         if revoked.is_empty() {
             let mut known: Vec<String> = self.records()?.into_iter().map(|one| one.name).collect();
@@ -154,7 +186,7 @@ impl IssuanceLog {
                 known,
             });
         }
-        let mut text = self.deny_list_text()?;
+        let mut text = self.unexpired(&self.deny_list_text()?)?;
         for record in &revoked {
             if !text.contains(&record.key_id) {
                 text.push_str(&format!("{} {} {name}\n", record.key_id, record.role));
@@ -162,6 +194,23 @@ impl IssuanceLog {
         }
         write_whole(&self.deny_list_path(), &text)?;
         Ok(revoked)
+    }
+
+    /// A deny list without the keys whose certificates have all expired, which nobody accepts anyhow: nodes fetch the
+    /// list whole, and it must not grow for ever.
+    fn unexpired(&self, deny_list: &str) -> Result<String, Error> {
+        let mut is_current: HashMap<String, bool> = HashMap::new();
+        for record in self.records()? {
+            let current = record.is_current();
+            *is_current.entry(record.key_id).or_default() |= current;
+        }
+        let counts = |line: &&str| {
+            let key_id = line.split_whitespace().next();
+            // A key that the record does not know was put there by hand.
+            key_id.is_none_or(|key_id| is_current.get(key_id).copied().unwrap_or(true))
+        };
+        let lines = deny_list.lines().filter(counts);
+        Ok(lines.map(|line| format!("{line}\n")).collect())
     }
 
     /// The deny list as its file has it.

@@ -76,7 +76,12 @@ impl Listener {
             let (handshakes, places, serve) = (handshakes.clone(), places.clone(), serve.clone());
             tokio::spawn(async move {
                 let from = incoming.remote_address();
-                match authenticate(incoming, pending, &places).await {
+                let authenticated = tokio::select! {
+                    authenticated = authenticate(incoming, &pending, &places) => authenticated,
+                    () = pending.evicted() => Err(Error::HandshakeEvicted),
+                };
+                drop(pending);
+                match authenticated {
                     Ok((streams, place)) => {
                         let connection = streams.connection.clone();
                         let served = serve(place.player, streams);
@@ -109,28 +114,29 @@ impl Listener {
     }
 }
 
-/// Bounds the cost of a stranger whose address and certificate are not known yet: nothing when too
-/// many handshakes are under way, one stateless packet when many are.
+/// Bounds the cost of a stranger whose address and certificate are not known yet: one stateless packet when many
+/// handshakes are under way, nothing when too many are.
 pub(crate) fn screen(
     incoming: Incoming,
     handshakes: &Handshakes,
 ) -> Option<(Incoming, PendingHandshake)> {
+    // Who takes the place of another must have shown where he is.
+    if handshakes.must_validate() && incoming.may_retry() {
+        let _ = incoming.retry();
+        return None;
+    }
     let Some(pending) = handshakes.begin(incoming.remote_address().ip()) else {
         // No answer at all: a refusal would let strangers reflect packets at others.
         incoming.ignore();
         return None;
     };
-    if handshakes.must_validate() && incoming.may_retry() {
-        let _ = incoming.retry();
-        return None;
-    }
     Some((incoming, pending))
 }
 
 /// Completes the handshake, which checks the certificate, and waits for the control stream.
 async fn authenticate(
     incoming: Incoming,
-    pending: PendingHandshake,
+    pending: &PendingHandshake,
     places: &Places,
 ) -> Result<(ConnectionStreams, Place), Error> {
     let role = Role::Node;

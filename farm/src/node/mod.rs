@@ -1,9 +1,9 @@
 //! A node: owns one tracer, traces its clients' requests, and answers with encoded tiles.
 //!
 //! ```text
-//! NodeConnection (NodeSession) ─NodeJob─▶ queue ──▶ worker: Tracer::trace ─▶ groups of tiles
-//!       ▲  one per client                                                    │
-//!       └───────────── TilesDone, RequestDone ◀── encoded on rayon's threads ◀┘
+//! NodeConnection (NodeSession) ─NodeJob─▶ scene compiler ─▶ queue ─▶ worker: Tracer::trace ─▶ groups of tiles
+//!       ▲  one per client                                                              │
+//!       └─────────────────── TilesDone, RequestDone ◀── encoded on rayon's threads ◀───┘
 //! ```
 //!
 //! A tracer that fails or panics costs a refused request, never the node. Stale and cancelled
@@ -17,6 +17,7 @@ mod fair_queue;
 mod load_meter;
 mod queue;
 mod rate_model;
+mod scene_compiler;
 mod worker;
 
 use std::sync::Arc;
@@ -41,8 +42,8 @@ pub struct Node {
 }
 
 impl Node {
-    /// Starts the threads of a node called `name`: one that stops requests which take too long, and
-    /// workers: two for a GPU, which then has its next
+    /// Starts the threads of a node called `name`: one that stops requests which take too long, one that compiles
+    /// scenes, and workers: two for a GPU, which then has its next
     /// work before it has finished this one, one for a processor, which is busy with one.
     pub fn new(name: impl Into<String>, tracer: Arc<dyn Tracer>) -> Arc<Self> {
         let workers = match tracer.info().kind {
@@ -54,6 +55,7 @@ impl Node {
             worker::start(Arc::clone(&queue), Arc::clone(&tracer));
         }
         worker::start_watch(Arc::clone(&queue));
+        worker::start_compiler(Arc::clone(&queue));
         Arc::new(Self {
             name: name.into(),
             tracer,
@@ -65,6 +67,11 @@ impl Node {
     /// this players that ask share all of it. Requests above are refused with a sentence.
     pub fn set_player_quota(&self, secs_per_hour: f64) {
         self.queue.set_quota(secs_per_hour);
+    }
+
+    /// Bounds the memory of all scenes that are compiled, in bytes; a player may have half of it. 1 GiB without this.
+    pub fn set_scene_memory(&self, bytes: u64) {
+        self.queue.scenes.set_bytes_max(bytes);
     }
 
     /// The node's name and device; the device's name includes the reason of a failure.

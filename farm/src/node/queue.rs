@@ -10,17 +10,18 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::{NodeLoad, SceneHash, TraceRequest};
-use carom_tracer::{CompiledScene, Error, Scene, TileRange};
+use carom_tracer::{CompiledScene, Scene, TileRange};
 
 use super::client_connection::ClientConnection;
 use super::device_quota::DeviceQuota;
 use super::fair_queue::{FairQueue, PlayerId};
 use super::load_meter::LoadMeter;
+use super::scene_compiler::SceneCompiler;
 
 /// A request to trace.
 pub(super) struct NodeJob {
@@ -31,6 +32,8 @@ pub(super) struct NodeJob {
     pub(super) arrived: Instant,
     /// The time at which its first slice was begun.
     pub(super) begun: OnceLock<Instant>,
+    /// The scene, once it is compiled.
+    pub(super) base: Option<Arc<CompiledScene>>,
     /// The scene with the request's update.
     pub(super) compiled: Mutex<Option<Arc<CompiledScene>>>,
     pub(super) encode_nanos: AtomicU64,
@@ -53,6 +56,7 @@ impl NodeJob {
             cancelled,
             arrived: Instant::now(),
             begun: OnceLock::new(),
+            base: None,
             compiled: Mutex::default(),
             encode_nanos: AtomicU64::default(),
         }
@@ -96,7 +100,9 @@ pub(super) struct JobQueue {
     changed: Condvar,
     /// Notified when a turn begins or a job is pushed: for [`JobQueue::watch`].
     watched: Condvar,
-    scenes: Mutex<VecDeque<(SceneHash, Arc<CompiledScene>)>>,
+    pub(super) scenes: SceneCompiler,
+    /// The jobs whose scenes have last had their updates applied, each a copy of its own.
+    updated: Mutex<VecDeque<Weak<NodeJob>>>,
     /// The time at which the device last finished something.
     last_done: Mutex<Option<Instant>>,
 }
@@ -146,7 +152,8 @@ impl JobQueue {
             state: Mutex::default(),
             changed: Condvar::new(),
             watched: Condvar::new(),
-            scenes: Mutex::default(),
+            scenes: SceneCompiler::new(),
+            updated: Mutex::default(),
             last_done: Mutex::default(),
         }
     }
@@ -156,7 +163,17 @@ impl JobQueue {
         lock(&self.state).quota = Some(DeviceQuota::new(secs_per_hour));
     }
 
+    /// Takes in a job; it waits for its scene first if that is not compiled yet.
     pub(super) fn push(&self, job: NodeJob) {
+        match self.scenes.kept(job.request.scene) {
+            Some(scene) => self.push_compiled(job, scene),
+            None => self.scenes.push(job),
+        }
+    }
+
+    /// Takes in a job whose scene is compiled.
+    pub(super) fn push_compiled(&self, mut job: NodeJob, scene: Arc<CompiledScene>) {
+        job.base = Some(scene);
         let mut state = lock(&self.state);
         let jobs = state.jobs.jobs_mut(job.client.player);
         jobs.push_back(QueuedJob {
@@ -167,6 +184,19 @@ impl JobQueue {
         drop(state);
         self.changed.notify_one();
         self.watched.notify_all();
+    }
+
+    /// Notes that a job has a copy of its scene; the jobs that have had theirs for longest lose them, and make them
+    /// again when they are traced again.
+    pub(super) fn note_updated(&self, job: &Arc<NodeJob>) {
+        let mut updated = lock(&self.updated);
+        updated.push_front(Arc::downgrade(job));
+        let kept = updated.len().min(UPDATED_KEPT_MAX);
+        for old in updated.split_off(kept) {
+            if let Some(old) = old.upgrade() {
+                *lock(&old.compiled) = None;
+            }
+        }
     }
 
     /// Queues tiles of a job again that a turn has left.
@@ -193,6 +223,7 @@ impl JobQueue {
 
     /// Removes cancelled jobs, and stops the turns at them.
     pub(super) fn drop_cancelled(&self) {
+        self.scenes.drop_cancelled();
         let is_cancelled = |job: &NodeJob| job.cancelled.load(Ordering::Relaxed);
         let mut state = lock(&self.state);
         state.jobs.retain(|queued| !is_cancelled(&queued.job));
@@ -292,6 +323,7 @@ impl JobQueue {
 
     /// Cancels everything and waits until the workers have ended, for `timeout` at most.
     pub(super) fn close(&self, timeout: Duration) {
+        self.scenes.close();
         let mut state = lock(&self.state);
         state.closed = true;
         state.jobs = FairQueue::new();
@@ -305,22 +337,6 @@ impl JobQueue {
         // A device that hangs must not keep the program from ending.
         let ended = self.changed.wait_timeout_while(state, timeout, working);
         drop(ended);
-    }
-
-    /// A scene compiled for tracers; [`COMPILED_KEPT_MAX`] are kept.
-    pub(super) fn compiled(&self, hash: SceneHash, scene: &Scene) -> Result<CompiledScene, Error> {
-        let mut scenes = lock(&self.scenes);
-        if let Some((_, compiled)) = scenes.iter().find(|(kept, _)| *kept == hash) {
-            // A copy, because each request applies its own update to it.
-            return Ok(CompiledScene::clone(compiled));
-        }
-        // Without the lock, as compiling a large scene takes long: two workers may both do it.
-        drop(scenes);
-        let compiled = CompiledScene::new(scene)?;
-        scenes = lock(&self.scenes);
-        scenes.truncate(COMPILED_KEPT_MAX - 1);
-        scenes.push_front((hash, Arc::new(compiled.clone())));
-        Ok(compiled)
     }
 
     /// The time since `begun`, or since the device last finished something if that is later:
@@ -471,8 +487,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Compiled scenes that a node keeps for all its clients.
-const COMPILED_KEPT_MAX: usize = 8;
+/// Jobs that keep their copies of scenes: those that are traced, and those whose turns come next.
+const UPDATED_KEPT_MAX: usize = 16;
 /// Scenes whose cost a node remembers.
 const COSTS_KEPT_MAX: usize = 32;
 /// Device time of a slice: what another player's frame waits for. A tile is not divided.
@@ -510,6 +526,7 @@ mod tests {
     struct Requester {
         session: ClientSession,
         connection: NodeConnection,
+        queue: Arc<JobQueue>,
         runs: u64,
     }
 
@@ -524,10 +541,12 @@ mod tests {
             let name = String::new();
             let info = NodeInfo { name, device };
             let queue = Arc::clone(queue);
-            let connection = NodeConnection::new(info, player, queue, TileSharing::Encoded);
+            let connection =
+                NodeConnection::new(info, player, Arc::clone(&queue), TileSharing::Encoded);
             let mut requester = Self {
                 session: ClientSession::new(),
                 connection,
+                queue,
                 runs: 0,
             };
             requester.exchange();
@@ -576,6 +595,10 @@ mod tests {
             self.runs += 1;
             self.session.trace(request).unwrap();
             self.exchange();
+            while let Some(job) = self.queue.scenes.try_next() {
+                let scene = self.queue.scenes.compile(&job).unwrap();
+                self.queue.push_compiled(job, scene);
+            }
         }
     }
 

@@ -12,7 +12,8 @@ use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::tile_codec::{Encoder, TilePixels};
 use carom_protocol::{NodeTimes, RefusalReason, RequestReport, TilesDone};
 use carom_tracer::{
-    CompiledScene, Error, RenderSettings, Tile, TileRadiance, TileRange, TraceJob, Tracer,
+    CompiledScene, Error, RenderSettings, SceneUpdate, Tile, TileRadiance, TileRange, TraceJob,
+    Tracer,
 };
 
 use super::client_connection::TileSharing;
@@ -44,6 +45,27 @@ pub(super) fn start_watch(queue: Arc<JobQueue>) {
     let thread = std::thread::Builder::new().name("carom-node-watch".into());
     if let Err(error) = thread.spawn(move || queue.watch()) {
         tracing::error!("cannot start the thread that stops long requests: {error}");
+    }
+}
+
+/// Starts the thread that compiles scenes; it ends when the queue is closed.
+pub(super) fn start_compiler(queue: Arc<JobQueue>) {
+    let compile = move || {
+        while let Some(job) = queue.scenes.next() {
+            let compiled = catch_unwind(AssertUnwindSafe(|| queue.scenes.compile(&job)));
+            let compiled = compiled.unwrap_or_else(|panic| {
+                let why = format!("its scene: a panic: {}", panic_message(&*panic));
+                Err(RefusalReason::Device(why))
+            });
+            match compiled {
+                Ok(scene) => queue.push_compiled(job, scene),
+                Err(why) => job.client.refuse(job.request.id, why),
+            }
+        }
+    };
+    let thread = std::thread::Builder::new().name("carom-compile".into());
+    if let Err(error) = thread.spawn(compile) {
+        tracing::error!("cannot start the thread that compiles scenes: {error}");
     }
 }
 
@@ -127,7 +149,7 @@ fn trace(
 /// Traces a few pixels in the middle of a request, once each, for its price.
 fn probe(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) -> Result<(), Error> {
     let job = &turn.job;
-    let scene = job.compiled(queue)?;
+    let scene = job.updated(queue)?;
     let tiles = job.request.tiles;
     let tile = job.request.grid.tile(tiles.first + tiles.count / 2);
     let tile = Tile {
@@ -156,15 +178,25 @@ fn probe(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) -> Result<(), Error
 }
 
 impl NodeJob {
-    /// The scene with the request's update, compiled for the first slice.
-    fn compiled(&self, queue: &JobQueue) -> Result<Arc<CompiledScene>, Error> {
+    /// The scene with the request's update, made for the first slice.
+    fn updated(self: &Arc<Self>, queue: &JobQueue) -> Result<Arc<CompiledScene>, Error> {
+        let base = match &self.base {
+            Some(base) => Arc::clone(base),
+            None => Arc::new(CompiledScene::new(&self.scene)?),
+        };
+        if self.request.update == SceneUpdate::default() {
+            return Ok(base);
+        }
         let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(scene) = &*compiled {
             return Ok(Arc::clone(scene));
         }
-        let mut scene = queue.compiled(self.request.scene, &self.scene)?;
+        let mut scene = CompiledScene::clone(&base);
         scene.apply(&self.request.update)?;
-        Ok(Arc::clone(compiled.insert(Arc::new(scene))))
+        let scene = Arc::clone(compiled.insert(Arc::new(scene)));
+        drop(compiled);
+        queue.note_updated(self);
+        Ok(scene)
     }
 
     /// The time at which its first slice was begun, at the latest now.
@@ -190,7 +222,7 @@ impl NodeJob {
 /// A part of a request that is being traced.
 struct ActiveSlice<'a> {
     queue: &'a JobQueue,
-    job: &'a NodeJob,
+    job: &'a Arc<NodeJob>,
     stop: &'a AtomicBool,
     begun: Instant,
     first: u32,
@@ -209,7 +241,7 @@ struct TileGroup {
 
 impl<'a> ActiveSlice<'a> {
     fn new(queue: &'a JobQueue, turn: &'a Turn, tiles: TileRange) -> Self {
-        let (job, first) = (&*turn.job, tiles.first);
+        let (job, first) = (&turn.job, tiles.first);
         let tiles: Vec<Tile> = job.request.grid.tiles(tiles).collect();
         let group = |tiles: &[Tile]| {
             Mutex::new(TileGroup {
@@ -238,7 +270,7 @@ impl<'a> ActiveSlice<'a> {
             return Ok(());
         }
         let request = &self.job.request;
-        let scene = self.job.compiled(self.queue)?;
+        let scene = self.job.updated(self.queue)?;
         let job = TraceJob {
             size: request.size(),
             tiles: &self.tiles,

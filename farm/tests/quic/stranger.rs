@@ -109,7 +109,7 @@ pub(crate) struct OpenConnection {
     pub(crate) connection: Connection,
     pub(crate) send: SendStream,
     pub(crate) receive: RecvStream,
-    pub(crate) _endpoint: Endpoint,
+    pub(crate) endpoint: Endpoint,
 }
 
 pub(crate) async fn call(
@@ -126,7 +126,7 @@ pub(crate) async fn call(
         connection,
         send,
         receive,
-        _endpoint: endpoint,
+        endpoint,
     })
 }
 

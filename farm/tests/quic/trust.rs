@@ -7,8 +7,9 @@ use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
 use carom_farm::net::{
-    Authority, AuthorityFolder, Credentials, EnrolmentService, FIRST_PLAYER, IssuedCertificate,
-    JoinUrl, NodeServer, Role, ServerEvent, StopHandle, create_farm, join, revoke,
+    Authority, AuthorityFolder, Credentials, EnrolmentEvent, EnrolmentService, FIRST_PLAYER,
+    IssuedCertificate, JoinUrl, NodeServer, Role, ServerEvent, StopHandle, create_farm, join,
+    revoke,
 };
 use carom_farm::node::Node;
 use carom_tracer::CpuTracer;
@@ -106,6 +107,92 @@ fn text_of_strangers_does_not_reach_the_operator() {
     });
     let event = format!("{:?}", events.recv_timeout(TIMEOUT).unwrap());
     assert!(event.contains("not a request"), "{event}");
+}
+
+#[test]
+fn reasons_of_strangers_do_not_control_the_operators_terminal() {
+    let dir = tempfile::tempdir().unwrap();
+    let farm = dir.path().join("farm");
+    create_farm(&farm).unwrap();
+    let folder = AuthorityFolder::open(&farm, None).unwrap();
+    let host = "127.0.0.1:1".parse().unwrap();
+    let (service, url) = EnrolmentService::bind(any_port(), folder, host, 1).unwrap();
+    let (sender, events) = mpsc::channel();
+    std::thread::spawn(move || service.serve(TIMEOUT, move |event| drop(sender.send(event))));
+    let address = url.address.to_string().parse().unwrap();
+    let hostile = "\u{1b}]0;owned\u{7}\u{1b}[2J\r\njoined: oak".as_bytes();
+    for sent in [None, Some(&b"{"[..])] {
+        block_on(async {
+            let mut call = call(address, tls(None, b"carom-join/1")).await.unwrap();
+            if let Some(sent) = sent {
+                call.send.write_all(sent).await.unwrap();
+                tokio::time::sleep(Duration::from_millis(50)).await;
+            }
+            call.connection.close(VarInt::from_u32(9), hostile);
+            call.endpoint.wait_idle().await;
+        });
+        let EnrolmentEvent::Refused { why, .. } = events.recv_timeout(TIMEOUT).unwrap() else {
+            panic!("something else than a refusal");
+        };
+        assert_eq!(why.contains("owned"), sent.is_none(), "{why}");
+        assert!(!why.contains(|letter: char| letter.is_control()), "{why:?}");
+    }
+}
+
+#[test]
+fn renewals_are_of_the_key_that_joined_and_only_when_they_are_due() {
+    let dir = tempfile::tempdir().unwrap();
+    let (farm, oak) = (dir.path().join("farm"), dir.path().join("oak"));
+    create_farm(&farm).unwrap();
+    let (url, served) = service(&farm, 1, TIMEOUT);
+    join(&url, "oak", &oak).unwrap();
+    served.join().unwrap();
+    let (url, _served) = service(&farm, 0, TIMEOUT);
+    let address = url.address.to_string().parse().unwrap();
+    let request = |key: &rcgen::KeyPair| {
+        let request = rcgen::CertificateParams::default().serialize_request(key);
+        let request_pem = request.unwrap().pem().unwrap();
+        serde_json::to_vec(&serde_json::json!({"Renew": {"request_pem": request_pem}})).unwrap()
+    };
+    let renewed = |shown: &IssuedCertificate, key: &rcgen::KeyPair| {
+        block_on(async {
+            let config = tls(Some(shown), b"carom-join/1");
+            let mut call = call(address, config).await.unwrap();
+            call.send.write_all(&request(key)).await.unwrap();
+            call.send.finish().unwrap();
+            let answer = call.receive.read_to_end(1 << 20).await.unwrap();
+            String::from_utf8(answer).unwrap()
+        })
+    };
+    let key = |folder: &Path| {
+        let pem = fs::read_to_string(folder.join("node.key")).unwrap();
+        rcgen::KeyPair::from_pem(&pem).unwrap()
+    };
+    let early = renewed(&shown(&oak, "node"), &key(&oak));
+    assert!(early.contains("last third"), "{early}");
+
+    // The last of thirty days, of a key of its own.
+    let now = SystemTime::now();
+    let day = Duration::from_secs(24 * 3600);
+    let authority = Authority::load(&farm).unwrap();
+    let last_day = authority
+        .issue(Role::Node, "oak", now - 29 * day..now + day)
+        .unwrap();
+    fs::write(oak.join("node.key"), &last_day.key_pem).unwrap();
+    fs::write(oak.join("node.pem"), &last_day.certificate_pem).unwrap();
+    let other = renewed(&shown(&oak, "node"), &rcgen::KeyPair::generate().unwrap());
+    assert!(other.contains("another key"), "{other}");
+    let issued = || {
+        let log = fs::read_to_string(farm.join("issued.jsonl")).unwrap();
+        log.lines().count()
+    };
+    let before = issued();
+    let good = renewed(&shown(&oak, "node"), &key(&oak));
+    assert!(good.contains("BEGIN CERTIFICATE"), "{good}");
+    // The old certificate is valid for another day, and buys no second one.
+    let again = renewed(&shown(&oak, "node"), &key(&oak));
+    assert!(again.contains("last third"), "{again}");
+    assert_eq!(issued(), before + 1);
 }
 
 #[test]

@@ -1,0 +1,307 @@
+//! Compilation of the scenes of requests, beside the device: one at a time by turns of the players, within a bound on
+//! the memory of all compiled scenes.
+//!
+//! A compressed texture of some kilobytes may take a hundred megabytes and a second to decode: neither may come out
+//! of the device's time, of which others wait for their part.
+
+use std::collections::VecDeque;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use carom_protocol::{RefusalReason, SceneHash};
+use carom_tracer::scene::Shape;
+use carom_tracer::{CompiledScene, Scene, SceneError};
+
+use super::fair_queue::{FairQueue, PlayerId};
+use super::queue::NodeJob;
+
+/// The scenes that a node has compiled, and the jobs whose scenes are to be.
+pub(super) struct SceneCompiler {
+    state: Mutex<CompilerState>,
+    changed: Condvar,
+}
+
+struct CompilerState {
+    waiting: FairQueue<NodeJob>,
+    /// The one that was used last is the first.
+    kept: VecDeque<KeptScene>,
+    bytes_max: u64,
+    closed: bool,
+}
+
+struct KeptScene {
+    hash: SceneHash,
+    scene: Arc<CompiledScene>,
+    bytes: u64,
+    /// Who asked for it first.
+    player: PlayerId,
+}
+
+impl KeptScene {
+    fn is_in_use(&self) -> bool {
+        Arc::strong_count(&self.scene) > 1
+    }
+}
+
+impl SceneCompiler {
+    pub(super) fn new() -> Self {
+        Self {
+            state: Mutex::new(CompilerState {
+                waiting: FairQueue::new(),
+                kept: VecDeque::new(),
+                bytes_max: SCENE_BYTES_MAX,
+                closed: false,
+            }),
+            changed: Condvar::new(),
+        }
+    }
+
+    /// Bounds the memory of all compiled scenes.
+    pub(super) fn set_bytes_max(&self, bytes: u64) {
+        self.lock().bytes_max = bytes;
+    }
+
+    /// A scene that is compiled already.
+    pub(super) fn kept(&self, hash: SceneHash) -> Option<Arc<CompiledScene>> {
+        self.lock().take_kept(hash)
+    }
+
+    /// Has the job's scene compiled.
+    pub(super) fn push(&self, job: NodeJob) {
+        let mut state = self.lock();
+        if !state.closed {
+            state.waiting.jobs_mut(job.client.player).push_back(job);
+            self.changed.notify_one();
+        }
+    }
+
+    /// Waits for a job whose scene is to be compiled; `None` when the node is dropped.
+    pub(super) fn next(&self) -> Option<NodeJob> {
+        let mut state = self.lock();
+        loop {
+            if state.closed {
+                return None;
+            }
+            if let Some(job) = state.next() {
+                return Some(job);
+            }
+            state = self
+                .changed
+                .wait(state)
+                .unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// A job whose scene is to be compiled, if one waits.
+    #[cfg(test)]
+    pub(super) fn try_next(&self) -> Option<NodeJob> {
+        self.lock().next()
+    }
+
+    /// Compiles a job's scene, or says why not.
+    pub(super) fn compile(&self, job: &NodeJob) -> Result<Arc<CompiledScene>, RefusalReason> {
+        let (hash, player) = (job.request.scene, job.client.player);
+        let begun = Instant::now();
+        let predicted = predicted_bytes(&job.scene).map_err(|why| invalid(&why))?;
+        {
+            let mut state = self.lock();
+            if let Some(scene) = state.take_kept(hash) {
+                return Ok(scene);
+            }
+            state.make_room(predicted, player)?;
+        }
+        // Without the lock, as compiling a large scene takes long.
+        let compiled = CompiledScene::new(&job.scene).map_err(|why| invalid(&why))?;
+        let scene = Arc::new(compiled);
+        let mut state = self.lock();
+        state.waiting.charge(player, begun.elapsed().as_secs_f64());
+        state.kept.push_front(KeptScene {
+            hash,
+            bytes: scene.memory_bytes(),
+            scene: Arc::clone(&scene),
+            player,
+        });
+        Ok(scene)
+    }
+
+    /// Drops the jobs that have been cancelled.
+    pub(super) fn drop_cancelled(&self) {
+        let is_cancelled = |job: &NodeJob| job.cancelled.load(Ordering::Relaxed);
+        self.lock().waiting.retain(|job| !is_cancelled(job));
+    }
+
+    /// Drops everything; no job is handed out any more.
+    pub(super) fn close(&self) {
+        let mut state = self.lock();
+        state.closed = true;
+        state.waiting = FairQueue::new();
+        state.kept.clear();
+        self.changed.notify_all();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, CompilerState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl CompilerState {
+    fn next(&mut self) -> Option<NodeJob> {
+        self.waiting.next_mut()?.pop_front()
+    }
+
+    fn take_kept(&mut self, hash: SceneHash) -> Option<Arc<CompiledScene>> {
+        let place = self.kept.iter().position(|kept| kept.hash == hash)?;
+        let kept = self.kept.remove(place)?;
+        let scene = Arc::clone(&kept.scene);
+        self.kept.push_front(kept);
+        Some(scene)
+    }
+
+    /// Drops scenes that no request needs, those first that were not used for longest, until another of so many bytes
+    /// fits. The player of this process has its node to itself.
+    fn make_room(&mut self, bytes: u64, player: PlayerId) -> Result<(), RefusalReason> {
+        let is_local = player == PlayerId::LOCAL;
+        let share = self.bytes_max / PLAYER_PARTS;
+        if bytes > share && !is_local {
+            return Err(RefusalReason::Invalid(format!(
+                "its scene takes some {} MiB of memory, of at most {} MiB for a player here: use smaller textures and \
+                 fewer triangles, or give the node more (`carom-farm node --scene-memory`)",
+                bytes.div_ceil(1 << 20),
+                share >> 20
+            )));
+        }
+        loop {
+            let (all, own) = (
+                self.bytes(|_| true),
+                self.bytes(|kept| kept.player == player),
+            );
+            let own_fits = is_local || own + bytes <= share;
+            let fits = all + bytes <= self.bytes_max && self.kept.len() < SCENES_KEPT_MAX;
+            if fits && own_fits {
+                return Ok(());
+            }
+            let is_unused =
+                |kept: &KeptScene| !kept.is_in_use() && (own_fits || kept.player == player);
+            match self.kept.iter().rposition(is_unused) {
+                Some(unused) => drop(self.kept.remove(unused)),
+                None if is_local => return Ok(()),
+                // Requests of other scenes have the memory until they are done.
+                None => return Err(RefusalReason::Busy),
+            }
+        }
+    }
+
+    fn bytes(&self, of: impl Fn(&KeptScene) -> bool) -> u64 {
+        let kept = self.kept.iter().filter(|kept| of(kept));
+        kept.map(|kept| kept.bytes).sum()
+    }
+}
+
+/// What a scene will take once compiled, known before anything is decoded: texels with their smaller levels, triangles
+/// with their BVH, and the other objects.
+fn predicted_bytes(scene: &Scene) -> Result<u64, SceneError> {
+    let texels = scene.texture_bytes()?;
+    let triangles = scene.objects.iter().map(|object| match &object.shape {
+        Shape::Mesh(mesh) => mesh.triangles.len() as u64,
+        _ => 0,
+    });
+    Ok(texels
+        + texels / 3
+        + triangles.sum::<u64>() * TRIANGLE_BYTES
+        + scene.objects.len() as u64 * OBJECT_BYTES)
+}
+
+fn invalid(why: &impl ToString) -> RefusalReason {
+    RefusalReason::Invalid(why.to_string())
+}
+
+/// Memory of all compiled scenes of a node where nothing else is said.
+pub(super) const SCENE_BYTES_MAX: u64 = 1 << 30;
+/// A player may have one of so many parts of it.
+const PLAYER_PARTS: u64 = 2;
+/// Compiled scenes that a node keeps for all its clients.
+const SCENES_KEPT_MAX: usize = 8;
+const TRIANGLE_BYTES: u64 = 256;
+const OBJECT_BYTES: u64 = 256;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MIB: u64 = 1 << 20;
+
+    fn player(name: &str) -> PlayerId {
+        PlayerId::of_key(name.as_bytes())
+    }
+
+    fn kept(name: u8, bytes: u64, player: PlayerId) -> KeptScene {
+        let scene = include_str!("../../../assets/scenes/pool.json");
+        let scene = Scene::from_json(scene).unwrap();
+        KeptScene {
+            hash: SceneHash([name; 32]),
+            scene: Arc::new(CompiledScene::new(&scene).unwrap()),
+            bytes,
+            player,
+        }
+    }
+
+    fn state(kept: Vec<KeptScene>) -> CompilerState {
+        CompilerState {
+            waiting: FairQueue::new(),
+            kept: kept.into(),
+            bytes_max: 400 * MIB,
+            closed: false,
+        }
+    }
+
+    #[test]
+    fn scenes_that_were_not_used_for_longest_make_room() {
+        let (near, far) = (player("near"), player("far"));
+        let mut state = state(vec![
+            kept(0, 150 * MIB, near),
+            kept(1, 150 * MIB, far),
+            kept(2, 50 * MIB, far),
+        ]);
+        state.make_room(100 * MIB, player("other")).unwrap();
+        let left: Vec<u8> = state.kept.iter().map(|kept| kept.hash.0[0]).collect();
+        assert_eq!(left, [0, 1]);
+    }
+
+    #[test]
+    fn a_player_has_its_part_of_the_memory_and_no_more() {
+        let (near, far) = (player("near"), player("far"));
+        let mut state = state(vec![kept(0, 150 * MIB, near), kept(1, 150 * MIB, far)]);
+        let why = state.make_room(201 * MIB, far).unwrap_err();
+        let RefusalReason::Invalid(why) = why else {
+            panic!("{why:?}");
+        };
+        assert!(
+            why.contains("201 MiB of memory, of at most 200 MiB"),
+            "{why}"
+        );
+        // Its own scenes go first, though another's was not used for longer.
+        state.kept.swap(0, 1);
+        state.make_room(100 * MIB, far).unwrap();
+        let left: Vec<u8> = state.kept.iter().map(|kept| kept.hash.0[0]).collect();
+        assert_eq!(left, [0]);
+        // What requests need stays.
+        state.kept.push_front(kept(2, 150 * MIB, far));
+        let in_use = Arc::clone(&state.kept[0].scene);
+        assert_eq!(state.make_room(100 * MIB, far), Err(RefusalReason::Busy));
+        drop(in_use);
+        state.make_room(100 * MIB, far).unwrap();
+    }
+
+    #[test]
+    fn scenes_are_priced_before_they_are_decoded() {
+        let scene = include_str!("../../../assets/scenes/pool.json");
+        let scene = Scene::from_json(scene).unwrap();
+        let compiled = CompiledScene::new(&scene).unwrap().memory_bytes();
+        let predicted = predicted_bytes(&scene).unwrap();
+        assert!(
+            (compiled / 2..compiled * 8).contains(&predicted),
+            "{predicted} for {compiled}"
+        );
+    }
+}
