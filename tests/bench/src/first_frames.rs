@@ -1,11 +1,11 @@
 //! The bench of a farm's first frames on real processes: nothing is known of the nodes yet, and they
 //! become ready one after the other.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::Context;
 use carom_farm::{
-    Farm, FarmConfig, FrameSpec, LocalNode, NodeStatus, PixelFormat, PixelPrecision, PrecisionRange,
+    Farm, FarmConfig, FrameSpec, LocalNode, PixelFormat, PixelPrecision, PrecisionRange,
 };
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 use serde::Serialize;
@@ -13,6 +13,7 @@ use serde::Serialize;
 use crate::BenchError;
 use crate::cluster::process::{FarmFolder, RunningProcess};
 use crate::scenes;
+use crate::wait::WaitArgs;
 
 /// Compare the first frames of many nodes of one thread with those of one node of as many threads.
 ///
@@ -39,6 +40,8 @@ pub(crate) struct Args {
     /// Pairs of runs.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=100))]
     pairs: u8,
+    #[command(flatten)]
+    wait: WaitArgs,
 }
 
 #[derive(Serialize)]
@@ -132,7 +135,7 @@ fn play(args: &Args, folder: &FarmFolder, nodes: u16, threads: u16) -> Result<Op
             farm.submit(spec(args, submitted))?;
             submitted += 1;
         }
-        let frame = farm.wait_frame(PATIENCE).with_context(|| no_frame(&farm))?;
+        let frame = args.wait.frame(&mut farm)?;
         reissued += frame.stats.reissued_tiles;
         lost += frame.stats.lost_tiles;
         tiles += frame.stats.tiles_by_node.iter().sum::<u32>();
@@ -143,12 +146,6 @@ fn play(args: &Args, folder: &FarmFolder, nodes: u16, threads: u16) -> Result<Op
         reissued,
         lost,
     })
-}
-
-fn no_frame(farm: &Farm) -> String {
-    let state = |node: &NodeStatus| format!("{} {}", node.address, node.state.sentence());
-    let nodes: Vec<String> = farm.nodes().iter().map(state).collect();
-    format!("no frame came: {}", nodes.join("; "))
 }
 
 /// A frame that differs from its neighbours.
@@ -169,5 +166,3 @@ fn spec(args: &Args, frame: u32) -> FrameSpec {
 const FRAMES_IN_FLIGHT: usize = 3;
 /// How many times as long the many may take.
 const RATIO_MAX: f64 = 1.25;
-/// No frame takes that long unless something is wrong.
-const PATIENCE: Duration = Duration::from_secs(120);

@@ -10,7 +10,7 @@ use std::{fs, path::Path};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use crate::file_format::FileFormat;
+use crate::file_format::{self, FileFormat};
 use crate::{Error, FileFault, Result, RuleFault, TableFault};
 
 use super::{Match, MatchConfig, Player};
@@ -110,9 +110,7 @@ impl MatchSave {
             if let Some(folder) = path.parent() {
                 fs::create_dir_all(folder).map_err(FileFault::Io)?;
             }
-            let fresh = path.with_extension("new");
-            fs::write(&fresh, bytes).map_err(FileFault::Io)?;
-            fs::rename(&fresh, path).map_err(FileFault::Io)
+            file_format::replace(path, &bytes).map_err(FileFault::Io)
         };
         write().map_err(|fault| Error::MatchFile {
             path: path.to_owned(),
