@@ -174,7 +174,7 @@ fn sweep(
 ) -> anyhow::Result<Vec<Row>> {
     let tracer = opened.tracer.as_ref();
     trace(tracer, scene, reference.size, Choice::of(Preset::Draft))?; // compiles kernels
-    let pictures = choices().into_iter().count() * repetitions as usize;
+    let pictures = choices().len() * repetitions as usize;
     let progress = Progress::start(opened.backend.name(), pictures);
     let measure = |choice: Choice| -> anyhow::Result<Row> {
         let mut milliseconds = f64::INFINITY;
