@@ -4,7 +4,7 @@
 //! both. It is written to a temporary file and renamed, so that there is always a complete one.
 
 use std::fs::File;
-use std::io::Write;
+use std::io::{self, BufReader, Read as _, Write as _};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
 use crate::frame::FrameSpec;
+use crate::whole_file::WholeFile;
 
 /// The identity of a checkpoint's picture, and its progress.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,6 +32,8 @@ struct CheckpointHeader {
 
 const VERSION: u32 = 1;
 const HASH_BYTES: usize = 32;
+/// Bytes of the line of JSON: some 500.
+const HEADER_BYTES_MAX: usize = 16 << 10;
 
 /// The checkpoints of one render.
 #[derive(Debug)]
@@ -66,25 +69,33 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Resume`] if the checkpoint is damaged or of another picture.
     pub(crate) fn resume(&mut self) -> Result<Option<(Film, u32)>, Error> {
-        let bytes = match std::fs::read(&self.path) {
+        let bytes = match self.read() {
             Ok(bytes) => bytes,
-            Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(why) if why.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(why) => return Err(self.refused(&why.to_string())),
         };
-        let (header, film) =
-            read(&bytes).ok_or_else(|| self.refused("this checkpoint is damaged"))?;
-        let samples_done = header.samples_done;
-        let same = CheckpointHeader {
-            samples_done,
-            ..self.header.clone()
-        };
-        if header != same || samples_done > header.settings.samples {
-            return Err(
-                self.refused("this checkpoint is of another scene, size or number of samples")
-            );
-        }
-        self.header = header;
+        let (film, samples_done) =
+            decode(&self.header, &bytes).map_err(|reason| self.refused(reason))?;
+        self.header.samples_done = samples_done;
         Ok(Some((film, samples_done)))
+    }
+
+    /// The bytes of the file, no more than a checkpoint of this picture has, whatever the file says of its
+    /// length: pipes and devices have none.
+    fn read(&self) -> io::Result<Vec<u8>> {
+        if !std::fs::metadata(&self.path)?.is_file() {
+            return Err(io::Error::other("this is no plain file"));
+        }
+        let max = HEADER_BYTES_MAX + Film::bytes_of(self.header.size) + HASH_BYTES;
+        let mut bytes = Vec::new();
+        let limited = File::open(&self.path)?.take(max as u64 + 1);
+        BufReader::new(limited).read_to_end(&mut bytes)?;
+        match bytes.len() <= max {
+            true => Ok(bytes),
+            false => Err(io::Error::other(format!(
+                "this has more bytes than a checkpoint of this picture, which has {max} at most"
+            ))),
+        }
     }
 
     fn refused(&self, why: &str) -> Error {
@@ -143,18 +154,11 @@ impl Checkpoint {
         bytes.push(b'\n');
         bytes.extend(film.to_bytes());
         bytes.extend(blake3::hash(&bytes).as_bytes());
-        let partial = self.path.with_extension("checkpoint-partial");
-        let write = || -> std::io::Result<()> {
-            let mut file = File::create(&partial)?;
+        let written = WholeFile::replace(&self.path, |file| {
             file.write_all(&bytes)?;
-            // Before the rename: after a power cut there must be no name without content.
-            file.sync_all()?;
-            std::fs::rename(&partial, &self.path)
-        };
-        if let Err(why) = write() {
-            let _ = std::fs::remove_file(&partial);
-            return Err(failed(why));
-        }
+            file.sync()
+        });
+        written.map_err(failed)?;
         self.written = Instant::now();
         Ok(())
     }
@@ -185,15 +189,28 @@ fn picture_hash(SceneHash(scene): SceneHash, update: &SceneUpdate) -> String {
     hash.to_hex().to_string()
 }
 
-fn read(bytes: &[u8]) -> Option<(CheckpointHeader, Film)> {
-    let (content, hash) = bytes.split_at_checked(bytes.len().checked_sub(HASH_BYTES)?)?;
+/// The film in the bytes of a checkpoint of the picture of `header`, and its samples per pixel; or what is
+/// wrong with them.
+fn decode(header: &CheckpointHeader, bytes: &[u8]) -> Result<(Film, u32), &'static str> {
+    const DAMAGED: &str = "this checkpoint is damaged";
+    let content = bytes.len().checked_sub(HASH_BYTES).ok_or(DAMAGED)?;
+    let (content, hash) = bytes.split_at(content);
     if blake3::hash(content).as_bytes() != hash {
-        return None;
+        return Err(DAMAGED);
     }
-    let line = content.iter().position(|&byte| byte == b'\n')?;
-    let header: CheckpointHeader = serde_json::from_slice(&content[..line]).ok()?;
-    let film = Film::from_bytes(header.size, &content[line + 1..])?;
-    Some((header, film))
+    let line = content.iter().position(|&byte| byte == b'\n');
+    let (line, film) = content.split_at(line.ok_or(DAMAGED)?);
+    let found: CheckpointHeader = serde_json::from_slice(line).map_err(|_| DAMAGED)?;
+    let samples_done = found.samples_done;
+    let same = CheckpointHeader {
+        samples_done,
+        ..header.clone()
+    };
+    if found != same || samples_done > header.settings.samples {
+        return Err("this checkpoint is of another scene, size or number of samples");
+    }
+    let film = Film::from_bytes(header.size, &film[1..]).ok_or(DAMAGED)?;
+    Ok((film, samples_done))
 }
 
 #[cfg(test)]
@@ -271,12 +288,31 @@ mod tests {
         let mut checkpoint = checkpoint(folder.path(), 1.0, 16);
         std::fs::create_dir_all(checkpoint.path.join("full")).unwrap();
         let kept = checkpoint.rescue(&film()).unwrap();
-        let (header, back) = read(&std::fs::read(&kept).unwrap()).unwrap();
+        let (back, done) = decode(&checkpoint.header, &std::fs::read(&kept).unwrap()).unwrap();
         std::fs::remove_file(kept).unwrap();
-        assert_eq!(
-            (header.samples_done, back.to_bytes()),
-            (16, film().to_bytes())
-        );
+        assert_eq!((done, back.to_bytes()), (16, film().to_bytes()));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_checkpoint_is_read_to_its_limit_and_written_through_no_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut checkpoint = checkpoint(folder.path(), 1.0, 16);
+        let long = File::create(&checkpoint.path).unwrap();
+        long.set_len(1 << 40).unwrap();
+        let why = checkpoint.resume().unwrap_err().to_string();
+        assert!(why.contains("16904 at most"), "{why}");
+        std::fs::remove_file(&checkpoint.path).unwrap();
+        std::os::unix::fs::symlink("/dev/zero", &checkpoint.path).unwrap();
+        let why = checkpoint.resume().unwrap_err().to_string();
+        assert!(why.contains("no plain file"), "{why}");
+        // What lies under the hidden name is somebody else's.
+        let own = folder.path().join("own");
+        std::fs::write(&own, "own").unwrap();
+        let hidden = folder.path().join(".a.exr.checkpoint.partial");
+        std::os::unix::fs::symlink(&own, hidden).unwrap();
+        checkpoint.write(&film()).unwrap_err();
+        assert_eq!(std::fs::read(own).unwrap(), b"own");
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::link::{LinkCommand, LinkEvent};
 use crate::memory_link::MemoryLink;
 use crate::net::{Client, NodeAddress, NodeLink};
 use crate::node::Node;
-use crate::node_status::NodeIndex;
+use crate::node_status::{LOCAL_ADDRESS, NodeIndex};
 use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeState, NodeStatus};
 
 /// Message to the thread. The queue is bounded by those who send: a link hands on no more than the
@@ -358,7 +358,7 @@ impl Driver {
     }
 
     fn add_local_node(&mut self) -> NodeIndex {
-        let index = self.coordinator.add_local_node("local".into());
+        let index = self.coordinator.add_local_node(LOCAL_ADDRESS.into());
         self.add_link(index)
     }
 

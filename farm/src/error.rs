@@ -9,7 +9,7 @@ use carom_tracer::text::{SENTENCE_BYTES_MAX, printable};
 
 use crate::config_fault::ConfigFault;
 use crate::coordinator::FrameRefusal;
-use crate::net::peer::{CertificateFault, DisconnectReason, NoPlace, Role};
+use crate::net::peer::{CertificateFault, DisconnectReason, HANDSHAKE_TIMEOUT, NoPlace, Role};
 use crate::node_status::NodeStatus;
 
 /// A result whose error is one of a farm.
@@ -80,6 +80,19 @@ pub enum Error {
         item: &'static str,
         /// The parser's reason.
         reason: String,
+    },
+    /// Every user of the machine can read a key.
+    #[error(
+        "{}: every user of this machine can read this key (its mode is {mode:o}, 600 is right): run \
+         `chmod 600 {}`, and renew it if somebody may have",
+        path.display(),
+        path.display()
+    )]
+    KeyExposed {
+        /// The key.
+        path: PathBuf,
+        /// The permissions of its file.
+        mode: u32,
     },
     /// This side's own certificate is not what its role needs.
     #[error("{}the certificate {fault}", prefix(path.as_deref()))]
@@ -264,10 +277,17 @@ pub enum Error {
         alert: u8,
     },
     /// The handshake took too long.
-    #[error("the handshake timed out")]
+    #[error(
+        "the handshake was not done within {} s: the path loses packets, or the other side has no time; it \
+         may call again",
+        HANDSHAKE_TIMEOUT.as_secs()
+    )]
     HandshakeTimeout,
     /// A player opened the control stream and did not send the greeting.
-    #[error("the player sent no greeting")]
+    #[error(
+        "the player sent no greeting within {} s: call again, with a program of this protocol's version",
+        HANDSHAKE_TIMEOUT.as_secs()
+    )]
     NoGreeting,
     /// Handshakes of other addresses took all places.
     #[error(
@@ -275,7 +295,11 @@ pub enum Error {
     )]
     HandshakeEvicted,
     /// A player connected and opened no control stream.
-    #[error("the player opened no control stream")]
+    #[error(
+        "the player opened no control stream within {} s: call again, with a program of this protocol's \
+         version",
+        HANDSHAKE_TIMEOUT.as_secs()
+    )]
     NoControlStream,
     /// A player was turned away because the node has no place for it.
     #[error("refused: {reason}")]
@@ -324,7 +348,7 @@ pub enum Error {
     #[error("tiles cannot be decoded: {rule}")]
     ErrorCorrection {
         /// The rule that was broken.
-        rule: &'static str,
+        rule: String,
     },
     /// A task of this process panicked.
     #[error("a task failed: {reason}")]
@@ -339,7 +363,7 @@ pub enum Error {
         in_flight: usize,
     },
     /// No node is connected.
-    #[error("no node has answered for {} s: {}", since.as_secs(), states(nodes))]
+    #[error("no node has answered for {} s: {}", since.as_secs(), states(nodes, *since))]
     NoNodes {
         /// For how long that has been so.
         since: Duration,
@@ -479,6 +503,7 @@ impl Error {
             | Self::CredentialsMissing { .. }
             | Self::CredentialsFile { .. }
             | Self::CredentialsPem { .. }
+            | Self::KeyExposed { .. }
             | Self::Certificate { .. }
             | Self::KeyPair { .. }
             | Self::CertificateCreation { .. }
@@ -509,9 +534,9 @@ const ENDINGS: &str = ".png, .exr or .jpg";
 #[cfg(not(feature = "image-io"))]
 const ENDINGS: &str = ".png: this program was built without carom-farm's feature `image-io`";
 
-fn states(nodes: &[NodeStatus]) -> String {
+fn states(nodes: &[NodeStatus], since: Duration) -> String {
     let nodes = nodes.iter();
-    let sentences = nodes.map(|node| format!("{} {}", node.address, node.state.sentence()));
+    let sentences = nodes.map(|node| format!("{} {}", node.address, node.sentence_after(since)));
     let sentences = sentences.collect::<Vec<_>>().join("; ");
     if sentences.is_empty() {
         return "the farm has none".to_owned();
@@ -535,4 +560,41 @@ fn prefix(path: Option<&Path>) -> String {
 fn join(errors: &[Error]) -> String {
     let errors: Vec<String> = errors.iter().map(Error::to_string).collect();
     errors.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wait_without_an_answer_ends_with_what_to_check() {
+        let nodes = ["oak:4433", "local"].map(NodeStatus::new).to_vec();
+        let since = Duration::from_secs(5);
+        let why = Error::NoNodes { since, nodes }.to_string();
+        assert!(
+            why.contains("oak:4433 has not answered for 5 s: check"),
+            "{why}"
+        );
+        assert!(why.contains("firewalls"), "{why}");
+        assert!(
+            why.contains("local has not opened its device within 5 s"),
+            "{why}"
+        );
+        assert!(!why.contains("is being called"), "{why}");
+    }
+
+    #[test]
+    fn refusals_name_their_limit_and_what_to_do() {
+        for why in [
+            Error::HandshakeTimeout,
+            Error::NoGreeting,
+            Error::NoControlStream,
+        ] {
+            let why = why.to_string();
+            assert!(
+                why.contains("within 3 s") && why.contains("call again"),
+                "{why}"
+            );
+        }
+    }
 }

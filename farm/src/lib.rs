@@ -74,6 +74,7 @@ mod still;
 mod submission;
 mod submitter;
 mod token_bucket;
+mod whole_file;
 
 pub use accumulated_render::{AccumulatedRender, SampleBatch, trace_aovs};
 pub use balancing::{Algorithm, Balancing, Distribution};
@@ -96,3 +97,4 @@ pub use scene_file::{SCENE_FILES, SceneAnimation, SceneFile, open_scene};
 pub use stats::{Delivery, FrameStats, LatencySplit, NodeEffort};
 pub use still::{Still, StillJob, StillProgress};
 pub use submission::{Priority, SceneHandle, Submission};
+pub use whole_file::WholeFile;

@@ -1,5 +1,6 @@
 //! Log lines of the programs on standard error.
 
+use std::io::IsTerminal as _;
 use std::str::FromStr;
 
 use tracing_subscriber::filter::Targets;
@@ -64,10 +65,18 @@ pub fn init_with_format(default: &str, format: LogFormat) {
         .filter(|text| !text.is_empty());
     let filter = asked.and_then(parsed).or_else(|| default.parse().ok());
     let filter = filter.unwrap_or_default();
-    let lines = layer().with_writer(std::io::stderr).with_target(false);
+    let lines = layer()
+        .with_writer(std::io::stderr)
+        .with_ansi(shows_colour())
+        .with_target(false);
     let registry = tracing_subscriber::registry();
     match format {
         LogFormat::Json => registry.with(lines.json()).with(filter).init(),
         _ => registry.with(lines).with(filter).init(),
     }
+}
+
+/// Colour is for terminals: codes in a file or a pipe are noise. <https://no-color.org>
+fn shows_colour() -> bool {
+    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|set| set.is_empty())
 }

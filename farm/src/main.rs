@@ -4,6 +4,7 @@
 //! Exit codes: 0 success, 1 a failure while running, 2 invalid arguments or files, 130 interrupted.
 
 mod commands;
+mod core_dumps;
 
 use std::process::ExitCode;
 
@@ -29,6 +30,7 @@ struct FarmCli {
 fn main() -> ExitCode {
     let cli = FarmCli::parse();
     carom_farm::logging::init_with_format("warn", cli.log);
+    core_dumps::forbid();
     match cli.command.run(cli.log) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

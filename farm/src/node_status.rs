@@ -67,7 +67,26 @@ impl NodeStatus {
             load: NodeLoad::default(),
         }
     }
+
+    /// Its state as a predicate to somebody who has waited for it for so long: with what to check, if it has
+    /// not answered.
+    pub fn sentence_after(&self, waited: Duration) -> String {
+        let secs = waited.as_secs();
+        match self.state {
+            NodeState::Starting if self.address == LOCAL_ADDRESS => {
+                format!("has not opened its device within {secs} s")
+            }
+            NodeState::Starting => format!(
+                "has not answered for {secs} s: check that the node is running and that firewalls let its \
+                 UDP port through"
+            ),
+            _ => self.state.sentence(),
+        }
+    }
 }
+
+/// What stands for the address of the node in this process.
+pub(crate) const LOCAL_ADDRESS: &str = "local";
 
 /// Where a node stands, in the words that players, `carom-farm status` and the node itself use.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! Finished pictures, and their files.
 
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,6 +11,7 @@ use png::Compression;
 
 use crate::checkpoint::Checkpoint;
 use crate::error::Error;
+use crate::whole_file::WholeFile;
 
 /// A picture that a farm has traced.
 #[derive(Clone, Debug)]
@@ -86,19 +87,9 @@ impl Picture {
     /// # Errors
     /// [`Error::File`] if memory is too small for it.
     pub fn png(&self) -> Result<Vec<u8>, Error> {
-        let pixels = self.image().pixels;
-        let rgb = pixels.iter().flat_map(|&pixel| srgb8(pixel, self.exposure));
         let mut bytes = Vec::new();
-        let written = write_png(
-            &mut bytes,
-            self.size(),
-            &rgb.collect::<Vec<u8>>(),
-            Compression::default(),
-        );
-        let written = written.map_err(|source| Error::File {
-            path: PathBuf::from("a PNG in memory"),
-            source,
-        });
+        let written = self.encode_png(&mut bytes);
+        let written = written.map_err(|why| file_error(Path::new("a PNG in memory"), why));
         written.map(|()| bytes)
     }
 
@@ -106,23 +97,12 @@ impl Picture {
     /// radiance with the layers that there are if it ends in `.exr`. Half a file is never seen.
     ///
     /// # Errors
-    /// [`Error::PictureFormat`] for another name, [`Error::Tracer`] or [`Error::File`] if the file
-    /// cannot be written.
+    /// [`Error::PictureFormat`] for another name, [`Error::File`] if the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let path = path.as_ref();
         let format = FileFormat::of(path)?;
-        let partial = partial(path);
-        let written = self.write(&partial, format);
-        let renamed = written.and_then(|()| {
-            std::fs::rename(&partial, path).map_err(|source| Error::File {
-                path: path.to_owned(),
-                source,
-            })
-        });
-        if renamed.is_err() {
-            let _ = std::fs::remove_file(&partial); // perhaps it was not even made
-        }
-        renamed
+        let written = WholeFile::replace(path, |file| self.encode(format, file));
+        written.map_err(|source| file_error(path, source))
     }
 
     /// Removes the checkpoint of [`crate::Still::checkpoint`], if there is one.
@@ -151,27 +131,39 @@ impl Picture {
         checkpoint.rescue(&self.film).map(Some)
     }
 
-    /// Writes the picture in a format, whatever the file is called.
+    /// The bytes of a file of the format, for who has opened it.
     ///
     /// # Errors
-    /// [`Error::Tracer`] or [`Error::File`] if the file cannot be written.
-    pub fn write(&self, path: &Path, format: FileFormat) -> Result<(), Error> {
+    /// The writer's, or a sentence with what the format cannot hold.
+    pub fn encode(&self, format: FileFormat, to: impl Write + Seek) -> io::Result<()> {
+        let mut to = BufWriter::new(to);
         match format {
-            FileFormat::Png => {
-                let written = std::fs::write(path, self.png()?);
-                written.map_err(|source| Error::File {
-                    path: path.to_owned(),
-                    source,
-                })?;
+            FileFormat::Png => self.encode_png(&mut to)?,
+            #[cfg(feature = "image-io")]
+            FileFormat::Jpeg => {
+                let image = self.image();
+                image.encode_jpeg(self.exposure, JPEG_QUALITY, &mut to)?;
             }
             #[cfg(feature = "image-io")]
-            FileFormat::Jpeg => self.image().write_jpeg(path, self.exposure, JPEG_QUALITY)?,
+            FileFormat::Exr if self.layers.is_empty() => self.image().encode_exr(&mut to)?,
             #[cfg(feature = "image-io")]
-            FileFormat::Exr if self.layers.is_empty() => self.image().write_exr(path)?,
-            #[cfg(feature = "image-io")]
-            FileFormat::Exr => self.image().write_exr_with_aovs(path, &self.layers)?,
+            FileFormat::Exr => self.image().encode_exr_with_aovs(&self.layers, &mut to)?,
         }
-        Ok(())
+        to.flush() // a full disk is no success
+    }
+
+    fn encode_png(&self, to: impl Write) -> io::Result<()> {
+        let pixels = self.image().pixels;
+        let rgb = pixels.iter().flat_map(|&pixel| srgb8(pixel, self.exposure));
+        let rgb: Vec<u8> = rgb.collect();
+        write_png(to, self.size(), &rgb, Compression::default())
+    }
+}
+
+fn file_error(path: &Path, source: io::Error) -> Error {
+    Error::File {
+        path: path.to_owned(),
+        source,
     }
 }
 
@@ -237,14 +229,6 @@ pub(crate) fn png_encoder<W: Write>(
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     encoder.set_compression(compression);
     encoder
-}
-
-/// `a/b.png` becomes `a/.b.png.partial`.
-pub(crate) fn partial(path: &Path) -> PathBuf {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(".partial");
-    path.with_file_name(name)
 }
 
 /// Loss that is not seen, at some 2 bits a pixel.

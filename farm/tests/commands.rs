@@ -541,8 +541,13 @@ fn the_doctor_names_what_is_wrong() {
     let nodes = ["--node", &silent, "--node", "nobody.invalid:4433"];
     let args = [&["doctor", "--timeout-secs", "5"][..], &nodes].concat();
     let said = String::from_utf8(carom_farm(dir, &args).stdout).unwrap();
+    for what in ["chmod 600", "its mode is 644"] {
+        assert!(said.contains(what), "{what}: {said}");
+    }
+    std::fs::set_permissions(&key, std::fs::Permissions::from_mode(0o600)).unwrap();
+    let said = String::from_utf8(carom_farm(dir, &args).stdout).unwrap();
     for what in [
-        "chmod 600",
+        "readable by its owner only",
         "firewalls",
         "the name `nobody.invalid`",
         "valid until",
@@ -553,6 +558,74 @@ fn the_doctor_names_what_is_wrong() {
     assert_eq!(nowhere.status.code(), Some(1));
     let said = String::from_utf8(nowhere.stdout).unwrap();
     assert!(said.contains("carom-farm init"), "{said}");
+}
+
+#[cfg(unix)]
+#[test]
+fn keys_that_everybody_can_read_are_refused() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let dir = farm(&["oak"]);
+    let dir = dir.path();
+    let expose = |key: &str, mode| {
+        std::fs::set_permissions(dir.join(key), std::fs::Permissions::from_mode(mode)).unwrap();
+    };
+    let node = ["node", "--credentials", ".carom/nodes/oak"];
+    let status = ["status", "--node", "127.0.0.1:1"];
+    for (key, args) in [
+        (".carom/ca.key", &["add-node", "elm"][..]),
+        (".carom/nodes/oak/node.key", &node),
+        (".carom/player.key", &status),
+    ] {
+        expose(key, 0o604);
+        let said = refused(dir, args);
+        let advice = format!("chmod 600 {key}");
+        assert!(
+            said.contains("its mode is 604") && said.contains(&advice),
+            "{said}"
+        );
+        expose(key, 0o600);
+    }
+    // As containers mount secrets.
+    expose(".carom/ca.key", 0o640);
+    done(dir, &["add-node", "elm"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn no_command_that_holds_a_key_makes_core_dumps() {
+    let dir = farm(&[]);
+    let mut token = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
+        .args(["token", "--listen", "127.0.0.1:0"])
+        .current_dir(dir.path())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It has opened the authority when it speaks.
+    let mut lines = BufReader::new(token.stdout.take().unwrap()).lines();
+    lines.next().unwrap().unwrap();
+    let limits = std::fs::read_to_string(format!("/proc/{}/limits", token.id())).unwrap();
+    token.kill().unwrap();
+    token.wait().unwrap();
+    let core = limits
+        .lines()
+        .find(|line| line.starts_with("Max core file size"));
+    let words: Vec<&str> = core.unwrap().split_whitespace().collect();
+    assert_eq!(words[4..6], ["0", "0"], "{limits}");
+}
+
+#[test]
+fn log_lines_in_files_have_no_colour_and_a_damaged_record_revokes() {
+    let dir = farm(&["oak"]);
+    let dir = dir.path();
+    let record = dir.join(".carom/issued.jsonl");
+    let torn = std::fs::read_to_string(&record).unwrap() + "{\"name\":\"el";
+    std::fs::write(&record, torn).unwrap();
+    let output = carom_farm(dir, &["revoke", "oak"]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("issued.jsonl, line 3 was cut off"), "{said}");
+    assert!(!said.contains('\u{1b}'), "{said}");
+    done(dir, &["add-node", "elm"]);
 }
 
 #[test]
@@ -604,6 +677,67 @@ fn an_unwritable_folder_is_refused_before_tracing() {
     assert!(said.contains("/proc/"), "{said}");
 }
 
+/// A file that may not grow stands for a disk that is full.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_a_failure_of_the_run_and_not_of_the_arguments() {
+    let dir = tempfile::tempdir().unwrap();
+    for out in ["a.exr", "a.png", "a.jpg"] {
+        let render = format!(
+            "trap '' XFSZ; ulimit -f 2; exec {} render --backend cpu --size 320x180 --spp 4 --out {out}",
+            env!("CARGO_BIN_EXE_carom-farm")
+        );
+        let mut command = Command::new("sh");
+        // What could be kept elsewhere would be.
+        command.args(["-c", &render]).env("TMPDIR", dir.path());
+        let output = command.current_dir(dir.path()).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(
+            said.contains(out) && said.contains("File too large"),
+            "{said}"
+        );
+        assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 0, "{out}");
+    }
+}
+
+#[test]
+fn a_node_needs_no_arguments() {
+    let dir = tempfile::tempdir().unwrap();
+    // Not before it has joined a farm, which it is told how to.
+    let said = refused(dir.path(), &["node"]);
+    assert!(
+        said.contains("carom-farm token") && said.contains("carom-farm join"),
+        "{said}"
+    );
+    done(dir.path(), &["init", "--dir", "farm"]);
+    done(
+        dir.path(),
+        &["add-node", "oak", "--dir", "farm", "--out", ".carom"],
+    );
+    let mut node = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
+        .arg("node")
+        .current_dir(dir.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = BufReader::new(node.stdout.take().unwrap()).lines();
+    let mut lines = lines.map(Result::unwrap);
+    let last = lines.find(|line| line.starts_with("│ play"));
+    let _ = node.kill(); // it may have ended
+    let output = node.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    match last {
+        Some(play) => assert!(
+            play.contains("carom --node") && play.contains(":4433"),
+            "{play}"
+        ),
+        // Its port is everybody's.
+        None => assert!(said.contains("another program uses this address"), "{said}"),
+    }
+}
+
 #[test]
 fn renders_do_not_wait_for_nodes_in_silence() {
     let dir = farm(&[]);
@@ -624,7 +758,11 @@ fn renders_do_not_wait_for_nodes_in_silence() {
     assert!(said.contains("waiting for nodes"), "{said}");
     let last = said.lines().last().unwrap();
     assert!(last.contains("no node has answered for 5 s"), "{said}");
-    assert!(last.contains(&silent), "{said}");
+    assert!(
+        last.contains(&silent) && last.contains("firewalls"),
+        "{said}"
+    );
+    assert!(!said.contains("is being called"), "{said}");
 }
 
 #[test]

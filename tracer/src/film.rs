@@ -174,13 +174,18 @@ impl Film {
     /// The film as bytes, for [`Film::from_bytes`]: dropped samples, then each pixel's sums and
     /// number of samples, 8 bytes each, little-endian.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(8 + self.pixels.len() * PIXEL_BYTES);
+        let mut bytes = Vec::with_capacity(Self::bytes_of(self.size));
         bytes.extend(self.dropped_samples.to_le_bytes());
         for pixel in &self.pixels {
             bytes.extend(pixel.sum.iter().flat_map(|sum| sum.to_le_bytes()));
             bytes.extend(pixel.samples.to_le_bytes());
         }
         bytes
+    }
+
+    /// How many bytes [`Film::to_bytes`] makes of a film of `size`.
+    pub const fn bytes_of(size: ImageSize) -> usize {
+        8 + size.pixels() * PIXEL_BYTES
     }
 
     /// A film of `size` from [`Film::to_bytes`]; none if there are not as many bytes as it has.

@@ -1,7 +1,7 @@
 //! Image files: OpenEXR keeps radiance, PNG and JPEG what a display shows of it.
 
 use std::fs::File;
-use std::io::{self, BufWriter};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
 use exr::meta::MetaData;
@@ -60,9 +60,19 @@ impl RadianceImage {
     /// Writes channels R, G and B as 32-bit floats, compressed without loss.
     ///
     /// # Errors
-    /// [`Error::Io`] or [`Error::Format`] if the file cannot be written.
+    /// [`Error::Io`] if the file cannot be written.
     pub fn write_exr(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let path = path.as_ref();
+        let file = File::create(path).map(BufWriter::new);
+        file.and_then(|file| self.encode_exr(file))
+            .map_err(|source| io_error(path, source))
+    }
+
+    /// The bytes of [`RadianceImage::write_exr`], for who has opened the file.
+    ///
+    /// # Errors
+    /// The writer's.
+    pub fn encode_exr(&self, to: impl Write + Seek) -> io::Result<()> {
         let (width, height) = (self.size.width as usize, self.size.height as usize);
         let pixel = |at: openexr::Vec2<usize>| {
             let [r, g, b] = self.pixels[at.y() * width + at.x()];
@@ -71,8 +81,8 @@ impl RadianceImage {
         let channels = openexr::SpecificChannels::rgb(pixel);
         openexr::Image::from_encoded_channels((width, height), ENCODING, channels)
             .write()
-            .to_file(path)
-            .map_err(|error| refused(path, error))
+            .to_buffered(to)
+            .map_err(not_written)
     }
 
     /// Writes channels R, G and B and what camera rays meet first as layers: `albedo.R`, `albedo.G`
@@ -80,11 +90,10 @@ impl RadianceImage {
     /// along the camera's axis in metres, ∞ where there is nothing. All as 32-bit floats.
     ///
     /// # Errors
-    /// As those of [`RadianceImage::write_exr`]; [`Error::InvalidSettings`] if there are not as many
-    /// first hits as pixels.
-    pub fn write_exr_with_aovs(&self, path: impl AsRef<Path>, hits: &[Aovs]) -> Result<(), Error> {
+    /// The writer's; [`SettingsError`] if there are not as many first hits as pixels.
+    pub fn encode_exr_with_aovs(&self, hits: &[Aovs], to: impl Write + Seek) -> io::Result<()> {
         if hits.len() != self.pixels.len() {
-            return Err(Error::InvalidSettings(SettingsError::AovPixels {
+            return Err(io::Error::other(SettingsError::AovPixels {
                 aovs: hits.len(),
                 pixels: self.pixels.len(),
             }));
@@ -106,13 +115,12 @@ impl RadianceImage {
             channel("normal.Y", layer(&|hit| hit.normal[1])),
             channel("normal.Z", layer(&|hit| hit.normal[2])),
         ];
-        let path = path.as_ref();
         let size = (self.size.width as usize, self.size.height as usize);
         let channels = openexr::AnyChannels::sort(channels.into_iter().collect());
         openexr::Image::from_encoded_channels(size, ENCODING, channels)
             .write()
-            .to_file(path)
-            .map_err(|error| refused(path, error))
+            .to_buffered(to)
+            .map_err(not_written)
     }
 
     /// Writes 8-bit sRGB of `exposure ·` radiance, as [`srgb8`] has it.
@@ -143,38 +151,26 @@ impl RadianceImage {
 }
 
 impl RadianceImage {
-    /// Writes 8-bit sRGB of `exposure ·` radiance, as [`srgb8`] has it, with a quality of 1 to 100:
-    /// higher costs bytes.
+    /// Writes a JPEG of 8-bit sRGB of `exposure ·` radiance, as [`srgb8`] has it, with a quality of 1 to
+    /// 100: higher costs bytes.
     ///
     /// # Errors
-    /// [`Error::Io`] or [`Error::Format`] if the file cannot be written, as of a picture of more than
-    /// 65,535 pixels an edge.
-    pub fn write_jpeg(
-        &self,
-        path: impl AsRef<Path>,
-        exposure: f32,
-        quality: u8,
-    ) -> Result<(), Error> {
-        let path = path.as_ref();
-        let refused = |message: String| Error::Format {
-            path: path.to_owned(),
-            message,
-        };
+    /// The writer's, and a sentence for a picture of more than 65,535 pixels an edge.
+    pub fn encode_jpeg(&self, exposure: f32, quality: u8, to: impl Write) -> io::Result<()> {
         let ImageSize { width, height } = self.size;
         let (Ok(width), Ok(height)) = (u16::try_from(width), u16::try_from(height)) else {
             let most = u16::MAX;
-            return Err(refused(format!(
+            return Err(io::Error::other(format!(
                 "a JPEG of {width}x{height} pixels: at most {most}x{most} are possible"
             )));
         };
         let pixels = self.pixels.iter().flat_map(|&pixel| srgb8(pixel, exposure));
         let pixels: Vec<u8> = pixels.collect();
-        let file = File::create(path).map_err(|source| io_error(path, source))?;
-        jpeg_encoder::Encoder::new(BufWriter::new(file), quality)
+        jpeg_encoder::Encoder::new(to, quality)
             .encode(&pixels, width, height, jpeg_encoder::ColorType::Rgb)
             .map_err(|error| match error {
-                jpeg_encoder::EncodingError::IoError(source) => io_error(path, source),
-                other => refused(other.to_string()),
+                jpeg_encoder::EncodingError::IoError(source) => source,
+                other => io::Error::other(other.to_string()),
             })
     }
 }
@@ -195,6 +191,13 @@ fn refused(path: &Path, error: exr::error::Error) -> Error {
     Error::Format {
         path: path.to_owned(),
         message,
+    }
+}
+
+fn not_written(error: exr::error::Error) -> io::Error {
+    match error {
+        exr::error::Error::Io(source) => source,
+        other => io::Error::other(other.to_string()),
     }
 }
 
@@ -220,7 +223,6 @@ mod tests {
 
     #[test]
     fn equal_pictures_make_equal_exr_files() {
-        let folder = tempfile::tempdir().unwrap();
         // Many blocks, so that threads finish them in another order each time.
         let size = ImageSize::new(640, 640);
         let image = RadianceImage {
@@ -228,14 +230,14 @@ mod tests {
             pixels: (0..size.pixels()).map(|i| [i as f32; 3]).collect(),
         };
         let hits = vec![Aovs::default(); size.pixels()];
-        let bytes = |name: &str| {
-            let path = folder.path().join(name);
-            image.write_exr_with_aovs(&path, &hits).unwrap();
-            std::fs::read(path).unwrap()
+        let bytes = || {
+            let mut bytes = io::Cursor::new(Vec::new());
+            image.encode_exr_with_aovs(&hits, &mut bytes).unwrap();
+            bytes.into_inner()
         };
-        let first = bytes("0.exr");
+        let first = bytes();
         for i in 1..8 {
-            assert!(bytes(&format!("{i}.exr")) == first, "file {i}");
+            assert!(bytes() == first, "file {i}");
         }
     }
 
@@ -259,7 +261,8 @@ mod tests {
             emission: [9.0; 3],
         };
         let hits: Vec<Aovs> = (0..image.pixels.len()).map(hit).collect();
-        image.write_exr_with_aovs(&path, &hits).unwrap();
+        let write = |hits| image.encode_exr_with_aovs(hits, File::create(&path).unwrap());
+        write(&hits).unwrap();
         assert_eq!(RadianceImage::read_exr(&path).unwrap(), image);
         let file = openexr::read_all_flat_layers_from_file(&path).unwrap();
         let channels = &file.layer_data[0].channel_data.list;
@@ -274,7 +277,7 @@ mod tests {
         };
         assert_eq!(values(3)[..3], [f32::INFINITY, 1.0, 0.5]);
         assert_eq!((values(5)[2], values(9)[7]), (2.0, -0.8));
-        assert!(image.write_exr_with_aovs(&path, &hits[1..]).is_err());
+        assert!(write(&hits[1..]).is_err());
     }
 
     #[test]

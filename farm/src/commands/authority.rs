@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use anyhow::Context as _;
 use carom_farm::Error;
 use carom_farm::net::AuthorityFolder;
+use zeroize::Zeroizing;
 
 use crate::commands::Failure;
 
@@ -29,15 +30,17 @@ pub(crate) fn open(args: &AuthorityArgs) -> Result<AuthorityFolder, Failure> {
     }
 }
 
-/// A passphrase from the environment, or from the terminal, which does not show it.
-pub(crate) fn passphrase(prompt: &str) -> Result<String, Failure> {
+/// A passphrase from the environment, or from the terminal, which does not show it. It does not stay in
+/// memory that is given back.
+pub(crate) fn passphrase(prompt: &str) -> Result<Zeroizing<String>, Failure> {
     if let Ok(passphrase) = std::env::var("CAROM_PASSPHRASE") {
-        return Ok(passphrase);
+        return Ok(Zeroizing::new(passphrase));
     }
     if !std::io::stdin().is_terminal() {
         return Err(Failure::Input(
             "a passphrase is needed: run this in a terminal, or set CAROM_PASSPHRASE".into(),
         ));
     }
-    Ok(rpassword::prompt_password(prompt).context("the passphrase")?)
+    let typed = rpassword::prompt_password(prompt).context("the passphrase")?;
+    Ok(Zeroizing::new(typed))
 }

@@ -82,10 +82,12 @@ impl Findings {
         }
         for role in roles {
             match Credentials::load(folder, role) {
-                Ok(credentials) => self.check_dates(folder, &credentials),
+                Ok(credentials) => {
+                    self.check_dates(folder, &credentials);
+                    self.check_permissions(&folder.join(format!("{role}.key")));
+                }
                 Err(why) => self.wrong(&why.to_string()),
             }
-            self.check_permissions(&folder.join(format!("{role}.key")));
         }
         self.check_permissions(&folder.join("ca.key"));
     }

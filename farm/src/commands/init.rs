@@ -29,7 +29,8 @@ pub(crate) fn run(args: &InitArgs) -> Result<(), Failure> {
         true => Some(authority::passphrase("New passphrase: ")?),
         false => None,
     };
-    let (dir, passphrase) = (args.dir.display(), passphrase.as_deref());
+    let passphrase = passphrase.as_ref().map(|passphrase| passphrase.as_str());
+    let dir = args.dir.display();
     let ca_dir = args.ca_dir.as_ref().filter(|ca_dir| **ca_dir != args.dir);
     let ca_dir = match ca_dir {
         None => {

@@ -71,7 +71,6 @@ pub(crate) struct NodeArgs {
 }
 
 pub(crate) fn run(args: &NodeArgs, log: LogFormat) -> Result<(), Failure> {
-    forbid_core_dumps();
     let credentials = Credentials::load(&args.credentials, Role::Node)?;
     let mut server = NodeServer::bind(args.listen, &credentials)?;
     let registry = args.registry()?;
@@ -140,23 +139,6 @@ pub(crate) fn run(args: &NodeArgs, log: LogFormat) -> Result<(), Failure> {
     monitor.end();
     Ok(())
 }
-
-/// A dump of a node's memory would hold its key.
-#[cfg(unix)]
-fn forbid_core_dumps() {
-    use rustix::process::{Resource, Rlimit, setrlimit};
-
-    let none = Rlimit {
-        current: Some(0),
-        maximum: Some(0),
-    };
-    if let Err(error) = setrlimit(Resource::Core, none) {
-        tracing::warn!("core dumps cannot be forbidden: {error}");
-    }
-}
-
-#[cfg(not(unix))]
-fn forbid_core_dumps() {}
 
 impl NodeArgs {
     fn node(&self, name: &str, tracer: MeteredTracer) -> Arc<Node> {

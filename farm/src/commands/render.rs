@@ -147,8 +147,10 @@ fn render(
             picture.dropped_samples()
         );
     }
-    if let Err(why) = outputs.iter().try_for_each(|out| out.write(&picture)) {
-        drop(outputs); // the room that they take is needed
+    // Where it fails, the room that the files took is free again.
+    let mut outputs = outputs.into_iter();
+    if let Err(why) = outputs.try_for_each(|out| out.write(&picture)) {
+        drop(outputs);
         if let Some(path) = picture.rescue()? {
             eprintln!(
                 "carom-farm: what was traced is kept in {}; as {} the same command resumes from it",

@@ -151,11 +151,6 @@ pub(crate) fn wait(farm: &Farm, timeout: Duration) -> Vec<NodeStatus> {
 /// The node's state after `timeout`, with what to check if it has not answered.
 pub(crate) fn sentence(node: &NodeStatus, timeout: Duration) -> String {
     match node.state {
-        NodeState::Starting => format!(
-            "has not answered for {} s: check that the node is running and that firewalls let its \
-             UDP port through",
-            timeout.as_secs()
-        ),
         NodeState::Paired if node.load.players > 0 => {
             let NodeLoad {
                 players,
@@ -166,7 +161,7 @@ pub(crate) fn sentence(node: &NodeStatus, timeout: Duration) -> String {
                 "is connected; {players} other {others} had {busy_percent} % of its last second"
             )
         }
-        _ => node.state.sentence(),
+        _ => node.sentence_after(timeout),
     }
 }
 

@@ -1,8 +1,6 @@
 //! Animated PNG, frame by frame.
 
-use std::fs::File;
-use std::io::{self, BufWriter};
-use std::path::Path;
+use std::io::{self, Write};
 
 use carom_tracer::ImageSize;
 use png::{Compression, Writer};
@@ -11,20 +9,19 @@ use crate::picture::png_encoder;
 
 /// An animated PNG that is written frame by frame; programs that know no animation show its first
 /// frame.
-pub(super) struct Animation {
-    writer: Writer<BufWriter<File>>,
+pub(super) struct Animation<W: Write> {
+    writer: Writer<W>,
 }
 
-impl Animation {
+impl<W: Write> Animation<W> {
     /// Begins an animation of exactly `frames` frames that repeats for ever.
-    pub(super) fn create(
-        path: &Path,
+    pub(super) fn begin(
+        to: W,
         size: ImageSize,
         frames: u32,
         frames_per_sec: u16,
     ) -> io::Result<Self> {
-        let file = BufWriter::new(File::create(path)?);
-        let mut encoder = png_encoder(file, size, COMPRESSION);
+        let mut encoder = png_encoder(to, size, COMPRESSION);
         encoder.set_animated(frames, 0)?;
         encoder.set_frame_delay(1, frames_per_sec)?;
         let writer = encoder.write_header()?;
@@ -55,15 +52,15 @@ mod tests {
 
     #[test]
     fn an_animation_holds_each_frame_and_its_time() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.png");
-        let mut animation = Animation::create(&path, ImageSize::new(4, 2), 3, 30).unwrap();
+        let mut bytes = Vec::new();
+        let mut animation = Animation::begin(&mut bytes, ImageSize::new(4, 2), 3, 30).unwrap();
         for value in [10, 20, 30] {
             animation.push(&frame(value)).unwrap();
         }
         animation.finish().unwrap();
-        let file = std::io::BufReader::new(File::open(&path).unwrap());
-        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut reader = png::Decoder::new(io::Cursor::new(bytes))
+            .read_info()
+            .unwrap();
         assert_eq!(reader.info().animation_control.unwrap().num_frames, 3);
         for value in [10, 20, 30] {
             let mut pixels = frame(0);

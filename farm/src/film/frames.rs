@@ -4,7 +4,7 @@
 //! is a PNG that is written beside its place and renamed, so that one that is there is whole.
 
 use std::fs::{self, File};
-use std::io::{self, BufReader, BufWriter, ErrorKind};
+use std::io::{self, BufReader, BufWriter, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 use carom_protocol::SceneHash;
@@ -15,7 +15,8 @@ use super::apng::{Animation, COMPRESSION};
 use super::frame_range::FrameRange;
 use super::y4m::Y4m;
 use crate::error::Error;
-use crate::picture::{partial, write_png};
+use crate::picture::write_png;
+use crate::whole_file::WholeFile;
 
 /// Whose frames a folder holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -136,10 +137,12 @@ impl FilmFrames {
     /// Keeps a frame of sRGB bytes, row by row.
     pub(super) fn keep(&mut self, index: u32, rgb: &[u8]) -> Result<(), Error> {
         let path = self.path(index);
-        replace(&path, &partial(&path), |partial| {
-            let file = BufWriter::new(File::create(partial)?);
-            write_png(file, self.size, rgb, COMPRESSION)
-        })?;
+        let written = WholeFile::replace(&path, |file| {
+            let mut file = BufWriter::new(file);
+            write_png(&mut file, self.size, rgb, COMPRESSION)?;
+            file.flush()
+        });
+        written.map_err(|source| file_error(&path, source))?;
         self.kept[index as usize] = true;
         Ok(())
     }
@@ -193,23 +196,24 @@ impl FilmFrames {
         let format = FilmFormat::of(path)?;
         let (size, frames, rate) = (self.size, self.frames(), frames_per_sec);
         let mut failure = None;
-        let written = replace(path, &partial(path), |partial| {
+        let written = WholeFile::replace(path, |file| {
+            let mut file = BufWriter::new(file);
             let mut next = |index| self.next_to_save(index, proceed, &mut failure);
             match format {
                 FilmFormat::Y4m => {
-                    let file = BufWriter::new(File::create(partial)?);
-                    let mut film = Y4m::begin(file, size, rate)?;
+                    let mut film = Y4m::begin(&mut file, size, rate)?;
                     (0..frames).try_for_each(|index| film.push(&next(index)?))?;
-                    film.finish()
+                    film.finish()?;
                 }
                 FilmFormat::Apng => {
-                    let mut film = Animation::create(partial, size, frames, rate)?;
+                    let mut film = Animation::begin(&mut file, size, frames, rate)?;
                     (0..frames).try_for_each(|index| film.push(&next(index)?))?;
-                    film.finish()
+                    film.finish()?;
                 }
             }
+            file.flush()
         });
-        failure.map_or(written, Err)
+        failure.map_or(written.map_err(|why| file_error(path, why)), Err)
     }
 
     /// Writes all frames as YUV4MPEG2, for an encoder that reads them while they come, as long as
@@ -322,11 +326,13 @@ impl FilmFrames {
         let text = serde_json::to_string_pretty(&self.identity);
         // Others may write the same at the same time.
         let partial = format!(".job_{:04}.partial", self.range.first());
-        replace(
-            &self.identity_path(),
-            &self.folder.join(partial),
-            |partial| fs::write(partial, text? + "\n"),
-        )
+        let path = self.identity_path();
+        let write = || {
+            let mut file = WholeFile::claim_as(&path, self.folder.join(partial))?;
+            writeln!(file, "{}", text?)?;
+            file.commit()
+        };
+        write().map_err(|source| file_error(&path, source))
     }
 
     fn identity_path(&self) -> PathBuf {
@@ -362,19 +368,6 @@ impl FilmFormat {
             }),
         }
     }
-}
-
-/// Writes `partial` and renames it.
-fn replace(
-    path: &Path,
-    partial: &Path,
-    write: impl FnOnce(&Path) -> io::Result<()>,
-) -> Result<(), Error> {
-    let written = write(partial).and_then(|()| fs::rename(partial, path));
-    written.map_err(|source| {
-        let _ = fs::remove_file(partial); // the reason that counts is the first
-        file_error(path, source)
-    })
 }
 
 fn file_error(path: &Path, source: io::Error) -> Error {

@@ -6,14 +6,14 @@ use std::time::{Duration, SystemTime};
 use rcgen::{
     BasicConstraints, Certificate, CertificateParams, CertificateSigningRequestParams,
     DistinguishedName, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair, KeyUsagePurpose,
-    PublicKeyData, SanType, SerialNumber,
+    PublicKeyData, SanType, SerialNumber, SignatureAlgorithm, SigningKey,
 };
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 
 use crate::Error;
 use crate::net::certificate_fields;
-use crate::net::credential_files::file_error;
+use crate::net::credential_files::{check_private, file_error};
 use crate::net::credentials::{AUTHORITY_FILE, Credentials};
 use crate::net::encrypted_key::{self, ENCRYPTED_KEY, KeyFault};
 use crate::net::peer::{AUTHORITY_LIFE, Role};
@@ -51,7 +51,33 @@ impl Drop for IssuedCertificate {
 /// The farm's authority with its key.
 pub struct Authority {
     certificate_pem: String,
-    issuer: Issuer<'static, KeyPair>,
+    issuer: Issuer<'static, WipedKey>,
+}
+
+/// A key whose bytes do not stay in memory that is given back. While it lives, ring has a copy that it
+/// does not wipe.
+struct WipedKey(KeyPair);
+
+impl Drop for WipedKey {
+    fn drop(&mut self) {
+        self.0.zeroize();
+    }
+}
+
+impl PublicKeyData for WipedKey {
+    fn der_bytes(&self) -> &[u8] {
+        self.0.der_bytes()
+    }
+
+    fn algorithm(&self) -> &'static SignatureAlgorithm {
+        self.0.algorithm()
+    }
+}
+
+impl SigningKey for WipedKey {
+    fn sign(&self, message: &[u8]) -> Result<Vec<u8>, rcgen::Error> {
+        self.0.sign(message)
+    }
 }
 
 /// Everything but the key.
@@ -67,7 +93,7 @@ impl Authority {
     /// # Errors
     /// [`Error::CertificateCreation`] if the system gives no randomness.
     pub fn generate() -> Result<Self, Error> {
-        let key = KeyPair::generate().map_err(|error| not_created(&error))?;
+        let key = generate_key()?;
         let mut params = CertificateParams::default();
         let validity = lasting(AUTHORITY_LIFE);
         params.not_before = validity.start.into();
@@ -109,9 +135,11 @@ impl Authority {
         let certificate_pem = read_authority(&certificate_path)?;
         let key_path = dir.join(AUTHORITY_KEY_FILE);
         let key_pem = Zeroizing::new(read_authority(&key_path)?);
+        check_private(&key_path)?;
         let encrypted = key_pem.contains(ENCRYPTED_KEY);
         let key = match (encrypted, passphrase) {
             (false, _) => KeyPair::from_pem(&key_pem)
+                .map(WipedKey)
                 .map_err(|error| not_pem(&key_path, "private key", &error))?,
             (true, None) => return Err(Error::PassphraseMissing { path: key_path }),
             (true, Some(passphrase)) => decrypted(&key_path, &key_pem, passphrase)?,
@@ -134,12 +162,13 @@ impl Authority {
     ///
     /// # Errors
     /// [`Error::CertificateCreation`] if the system gives no randomness.
-    pub(crate) fn key_pem(&self, passphrase: Option<&str>) -> Result<String, Error> {
-        let key = self.issuer.key();
+    pub(crate) fn key_pem(&self, passphrase: Option<&str>) -> Result<Zeroizing<String>, Error> {
+        let WipedKey(key) = self.issuer.key();
         let Some(passphrase) = passphrase else {
-            return Ok(key.serialize_pem());
+            return Ok(Zeroizing::new(key.serialize_pem()));
         };
-        encrypted_key::encrypt(&key.serialize_der(), passphrase)
+        encrypted_key::encrypt(key.serialized_der(), passphrase)
+            .map(Zeroizing::new)
             .map_err(|error| not_created(&error))
     }
 
@@ -153,11 +182,11 @@ impl Authority {
         name: &str,
         validity: std::ops::Range<SystemTime>,
     ) -> Result<IssuedCertificate, Error> {
-        let key = KeyPair::generate().map_err(|error| not_created(&error))?;
+        let key = generate_key()?;
         let certificate = self.sign(role, name, validity, &key)?;
         Ok(IssuedCertificate {
             certificate_pem: certificate.pem(),
-            key_pem: key.serialize_pem(),
+            key_pem: key.0.serialize_pem(),
         })
     }
 
@@ -204,7 +233,7 @@ impl Authority {
     }
 
     pub(crate) fn key(&self) -> PrivateKeyDer<'static> {
-        PrivateKeyDer::Pkcs8(self.issuer.key().serialize_der().into())
+        PrivateKeyDer::Pkcs8(self.issuer.key().0.serialize_der().into())
     }
 
     fn sign(
@@ -246,14 +275,20 @@ pub(crate) fn read_authority(path: &Path) -> Result<String, Error> {
     })
 }
 
-fn decrypted(path: &Path, key_pem: &str, passphrase: &str) -> Result<KeyPair, Error> {
+fn generate_key() -> Result<WipedKey, Error> {
+    let key = KeyPair::generate().map(WipedKey);
+    key.map_err(|error| not_created(&error))
+}
+
+fn decrypted(path: &Path, key_pem: &str, passphrase: &str) -> Result<WipedKey, Error> {
     let key = encrypted_key::decrypt(key_pem, passphrase).map_err(|fault| match fault {
         KeyFault::Format(error) => not_pem(path, "private key", &error),
         KeyFault::Passphrase => Error::PassphraseWrong {
             path: path.to_path_buf(),
         },
     })?;
-    KeyPair::try_from(Zeroizing::new(key).as_slice())
+    KeyPair::try_from(key.as_slice())
+        .map(WipedKey)
         .map_err(|error| not_pem(path, "private key", &error))
 }
 
@@ -289,7 +324,7 @@ mod tests {
     const DAY: Duration = Duration::from_secs(24 * 3600);
 
     #[test]
-    fn expired_certificates_are_refused() {
+    fn certificates_outside_their_days_are_refused_by_their_holder() {
         let authority = Authority::generate().unwrap();
         let now = SystemTime::now();
         let refused = authority
@@ -297,5 +332,13 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(refused.contains("expired"), "{refused}");
+        let early = authority
+            .credentials(Role::Node, "oak", now + DAY..now + 3 * DAY)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            early.contains("is not valid yet: check this machine's clock"),
+            "{early}"
+        );
     }
 }

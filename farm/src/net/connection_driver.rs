@@ -455,7 +455,7 @@ async fn read_datagrams(
             }
             _ => {
                 return ConnectionEnd::Violation(Error::ErrorCorrection {
-                    rule: "a player sends no such datagram",
+                    rule: "a player sends no such datagram".to_owned(),
                 });
             }
         }

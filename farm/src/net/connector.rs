@@ -220,6 +220,8 @@ mod tests {
         let alien = other.issue(Role::Node, "oak", today.clone()).unwrap();
         let player = farm.issue(Role::Player, "oak", today.clone()).unwrap();
         let expired = farm.issue(Role::Node, "oak", past).unwrap();
+        let early = farm.issue(Role::Node, "oak", now + DAY..now + 3 * DAY);
+        let early = early.unwrap();
         let key = rcgen::KeyPair::generate().unwrap();
         let own = rcgen::CertificateParams::default()
             .self_signed(&key)
@@ -233,6 +235,7 @@ mod tests {
             (&own, "its certificate belongs to another farm"),
             (&player, "its certificate does not have the role of a node"),
             (&expired, "its certificate has expired"),
+            (&early, "its certificate has expired or is not valid yet"),
         ] {
             let why = refusal_of(&farm, shown, tls::ALPN);
             assert!(why.starts_with(sentence), "{why}");

@@ -5,6 +5,7 @@ use std::io::Write;
 use std::path::Path;
 
 use crate::Error;
+use crate::whole_file::WholeFile;
 
 /// Creates a folder that only its owner can look into.
 pub(crate) fn create_private_dir(dir: &Path) -> Result<(), Error> {
@@ -27,12 +28,34 @@ pub(crate) fn write_private(path: &Path, text: &str) -> Result<(), Error> {
         .map_err(|why| file_error(path, why))
 }
 
+/// Refuses a key that every user of this machine can read, and warns of one that a group can: containers
+/// mount secrets for a group.
+pub(crate) fn check_private(key: &Path) -> Result<(), Error> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let file = fs::metadata(key).map_err(|why| file_error(key, why))?;
+        let mode = file.permissions().mode();
+        if mode & 0o007 != 0 {
+            return Err(Error::KeyExposed {
+                path: key.to_path_buf(),
+                mode: mode & 0o777,
+            });
+        }
+        if mode & 0o070 != 0 {
+            let key = key.display();
+            tracing::warn!("{key}: its group can read this key; run `chmod 600 {key}`");
+        }
+    }
+    #[cfg(not(unix))]
+    let _ = key;
+    Ok(())
+}
+
 /// Replaces a file: a reader sees what was before or all that is new.
 pub(crate) fn write_whole(path: &Path, text: &str) -> Result<(), Error> {
-    let partial = path.with_extension("partial");
-    fs::write(&partial, text)
-        .and_then(|()| fs::rename(&partial, path))
-        .map_err(|why| file_error(path, why))
+    let written = WholeFile::replace(path, |file| file.write_all(text.as_bytes()));
+    written.map_err(|why| file_error(path, why))
 }
 
 pub(crate) fn file_error(path: &Path, source: std::io::Error) -> Error {

@@ -1,7 +1,7 @@
 //! The certificate and key of one side, loaded and checked before any socket is opened.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::SystemTime;
 
@@ -10,6 +10,7 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer, UnixTime};
 use zeroize::{Zeroize, Zeroizing};
 
 use crate::Error;
+use crate::net::credential_files::check_private;
 use crate::net::deny_list::DenyList;
 use crate::net::peer::Role;
 use crate::net::{certificate, certificate_fields};
@@ -34,7 +35,8 @@ impl Credentials {
     ///
     /// # Errors
     /// [`Error::CredentialsMissing`], [`Error::CredentialsFile`] or [`Error::CredentialsPem`] if a
-    /// file cannot be read, [`Error::Certificate`] if a peer would refuse the certificate.
+    /// file cannot be read, [`Error::KeyExposed`] if everybody can read the key,
+    /// [`Error::Certificate`] if a peer would refuse the certificate.
     pub fn load(dir: &Path, role: Role) -> Result<Self, Error> {
         let certificate_path = dir.join(role.certificate_file());
         let authority = read_certificate(&dir.join(AUTHORITY_FILE), role)?;
@@ -42,7 +44,7 @@ impl Credentials {
         let key_path = dir.join(role.key_file());
         let key = PrivateKeyDer::from_pem_slice(&Zeroizing::new(read(&key_path, role)?))
             .map_err(|error| not_pem(&key_path, "private key", &error))?;
-        warn_if_shared(&key_path);
+        check_private(&key_path)?;
         let denied = Arc::new(DenyList::in_folder(dir));
         Self::with_deny_list(authority, certificate, key, role, denied).map_err(|error| match error
         {
@@ -175,27 +177,6 @@ fn not_pem(path: &Path, item: &'static str, error: &dyn fmt::Display) -> Error {
         item,
         reason: error.to_string(),
     }
-}
-
-/// A warning, not an error: copying a folder often loses the mode, and containers mount secrets
-/// with modes of their own.
-fn warn_if_shared(key: &Path) {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        let shared = |path: &PathBuf| {
-            std::fs::metadata(path).is_ok_and(|file| file.permissions().mode() & 0o077 != 0)
-        };
-        let path = key.to_path_buf();
-        if shared(&path) {
-            tracing::warn!(
-                "{}: other users can read this key; run chmod 600",
-                path.display()
-            );
-        }
-    }
-    #[cfg(not(unix))]
-    let _ = key;
 }
 
 #[cfg(test)]

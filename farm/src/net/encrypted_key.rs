@@ -1,6 +1,8 @@
 //! Private keys under a passphrase (PKCS #8), which only the program that keeps a farm's authority needs: the
 //! feature `cli` brings it.
 
+use zeroize::Zeroizing;
+
 /// The label of an encrypted key in a PEM file (RFC 7468, 11).
 pub(crate) const ENCRYPTED_KEY: &str = "ENCRYPTED PRIVATE KEY";
 
@@ -28,7 +30,7 @@ pub(super) fn encrypt(der: &[u8], passphrase: &str) -> Result<String, String> {
 
 /// The key in a PEM text, as DER.
 #[cfg(feature = "cli")]
-pub(super) fn decrypt(pem: &str, passphrase: &str) -> Result<Vec<u8>, KeyFault> {
+pub(super) fn decrypt(pem: &str, passphrase: &str) -> Result<Zeroizing<Vec<u8>>, KeyFault> {
     use pkcs8::{EncryptedPrivateKeyInfoRef, SecretDocument};
 
     let (_, document) =
@@ -37,7 +39,7 @@ pub(super) fn decrypt(pem: &str, passphrase: &str) -> Result<Vec<u8>, KeyFault> 
         .map_err(|error| KeyFault::Format(error.to_string()))?
         .decrypt(passphrase)
         .map_err(|_| KeyFault::Passphrase)?;
-    Ok(key.as_bytes().to_vec())
+    Ok(Zeroizing::new(key.as_bytes().to_vec()))
 }
 
 #[cfg(not(feature = "cli"))]
@@ -46,7 +48,7 @@ pub(super) fn encrypt(_der: &[u8], _passphrase: &str) -> Result<String, String> 
 }
 
 #[cfg(not(feature = "cli"))]
-pub(super) fn decrypt(_pem: &str, _passphrase: &str) -> Result<Vec<u8>, KeyFault> {
+pub(super) fn decrypt(_pem: &str, _passphrase: &str) -> Result<Zeroizing<Vec<u8>>, KeyFault> {
     Err(KeyFault::Format(ABSENT.to_owned()))
 }
 

@@ -14,6 +14,7 @@ use quinn::{
 
 use crate::Error;
 use crate::net::credentials::Credentials;
+pub(crate) use crate::net::peer::HANDSHAKE_TIMEOUT;
 use crate::net::tls;
 use crate::node::STALL_TIMEOUT;
 
@@ -22,9 +23,6 @@ use crate::node::STALL_TIMEOUT;
 /// a player that accepts no tiles.
 const IDLE_TIMEOUT: Duration = STALL_TIMEOUT;
 const KEEP_ALIVE: Duration = Duration::from_secs(1);
-/// From the first packet until both certificates are checked: 65 round trips of 46 ms. A slower
-/// peer holds a place that another could have.
-pub(crate) const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(3);
 /// max_ack_delay. With the default of 25 ms the last packet of a burst is acknowledged so late that
 /// the delay looks like a queue (draft-ietf-quic-ack-frequency).
 const ACK_DELAY_MAX: Duration = Duration::from_millis(2);

@@ -142,19 +142,26 @@ impl IssuanceLog {
         .map_err(|why| file_error(&path, why))
     }
 
-    /// All that was issued, oldest first.
+    /// All that was issued, oldest first. A line that is damaged is reported and passed over: it must
+    /// not keep anybody's trust from being withdrawn.
     ///
     /// # Errors
-    /// [`Error::CredentialsFile`] if the file cannot be read or a line is damaged.
+    /// [`Error::CredentialsFile`] if the file cannot be read.
     pub(crate) fn records(&self) -> Result<Vec<IssuanceRecord>, Error> {
         let path = self.path();
-        let text = match std::fs::read_to_string(&path) {
-            Err(why) if why.kind() == ErrorKind::NotFound => String::new(),
-            text => text.map_err(|why| file_error(&path, why))?,
+        let bytes = match std::fs::read(&path) {
+            Err(why) if why.kind() == ErrorKind::NotFound => Vec::new(),
+            bytes => bytes.map_err(|why| file_error(&path, why))?,
         };
-        text.lines()
-            .map(|line| serde_json::from_str(line).map_err(|why| file_error(&path, why.into())))
-            .collect()
+        let mut records = Vec::new();
+        for (index, line) in bytes.split_inclusive(|&byte| byte == b'\n').enumerate() {
+            let (whole, is_damaged) = records_of_line(line);
+            records.extend(whole);
+            if is_damaged {
+                tracing::warn!("{}", damage(&path, index + 1, line.ends_with(b"\n")));
+            }
+        }
+        Ok(records)
     }
 
     /// The certificates of `name` that are valid and not revoked.
@@ -235,5 +242,84 @@ impl IssuanceLog {
 
     fn path(&self) -> PathBuf {
         self.dir.join(LOG_FILE)
+    }
+}
+
+/// The records in a line, and whether there is anything else: a record that was cut off while it was
+/// written has the next one in its line.
+fn records_of_line(line: &[u8]) -> (Vec<IssuanceRecord>, bool) {
+    let line = line.trim_ascii();
+    if line.is_empty() {
+        return (Vec::new(), false);
+    }
+    if let Ok(record) = serde_json::from_slice(line) {
+        return (vec![record], false);
+    }
+    let mut whole = Vec::new();
+    let mut is_damaged = !line.starts_with(b"{");
+    for part in line.split(|&byte| byte == b'{').skip(1) {
+        match serde_json::from_slice(&[b"{", part].concat()) {
+            Ok(record) => whole.push(record),
+            Err(_) => is_damaged = true,
+        }
+    }
+    (whole, is_damaged)
+}
+
+fn damage(path: &Path, line: usize, has_end: bool) -> String {
+    let path = path.display();
+    if has_end {
+        return format!(
+            "{path}, line {line} is damaged and passed over: a certificate that only it names cannot \
+             be revoked by its name; restore the line from a copy, or delete it"
+        );
+    }
+    format!(
+        "{path}, line {line} was cut off while it was written, before anybody had its certificate: it \
+         is passed over, and can be deleted"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::net::farm_folder::{FIRST_PLAYER, add_node, create_farm, revoke};
+
+    #[test]
+    fn a_damaged_record_keeps_nobody_from_being_revoked() {
+        let dir = tempfile::tempdir().unwrap();
+        let farm = dir.path();
+        create_farm(farm).unwrap();
+        let path = farm.join(LOG_FILE);
+        let torn = |text: &str| {
+            let mut file = OpenOptions::new().append(true).open(&path).unwrap();
+            file.write_all(text.as_bytes()).unwrap();
+        };
+        // An append was cut off; the next one is in its line.
+        torn(r#"{"name":"el"#);
+        add_node(farm, "oak", None, false).unwrap();
+        torn("\0\0\n\n{\"name\":\"ash\",\"role\"");
+        let log = IssuanceLog::open(farm).unwrap();
+        let records = log.records().unwrap();
+        let names: Vec<&str> = records.iter().map(|record| record.name.as_str()).collect();
+        assert_eq!(names, [FIRST_PLAYER, "oak"]);
+        for name in names {
+            assert_eq!(revoke(farm, name).unwrap().len(), 1, "{name}");
+        }
+        add_node(farm, "elm", None, false).unwrap();
+        assert_eq!(revoke(farm, "elm").unwrap().len(), 1);
+        let line = |of: &str| damage(Path::new("issued.jsonl"), 3, of.ends_with('\n'));
+        assert!(line("{").contains("issued.jsonl, line 3 was cut off"));
+        assert!(line("{\n").contains("issued.jsonl, line 3 is damaged"));
+    }
+
+    #[test]
+    fn records_of_one_line_are_both_read() {
+        let record = r#"{"name":"oak","role":"node","serial":"01","key_id":"02","not_before_unix_secs":1,"not_after_unix_secs":2}"#;
+        let (records, is_damaged) = records_of_line(format!("{record}{record}\n").as_bytes());
+        assert_eq!((records.len(), is_damaged), (2, false));
+        let (records, is_damaged) = records_of_line(format!("{{\"na{record}").as_bytes());
+        assert_eq!((records.len(), is_damaged), (1, true));
+        assert_eq!(records_of_line(b" \r\n"), (Vec::new(), false));
     }
 }

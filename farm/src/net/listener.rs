@@ -155,10 +155,12 @@ async fn authenticate(
         Error::NodeFull { reason }
     })?;
     let control = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, connection.accept_bi());
-    let (send, receive) = control
-        .await
-        .map_err(|_| Error::NoControlStream)?
-        .map_err(lost)?;
+    let Ok(control) = control.await else {
+        let why = Error::NoControlStream;
+        connection.close(close_code::PROTOCOL, why.to_string().as_bytes());
+        return Err(why);
+    };
+    let (send, receive) = control.map_err(lost)?;
     // Only now, so that a player that opens no stream counts as a handshake.
     pending.succeed();
     let streams = ConnectionStreams {

@@ -1,8 +1,5 @@
 //! The transport of tile packets: each on a stream of its own, or, where the path is long and loses
 //! packets, as datagrams with [forward error correction](super::fec).
-//!
-//! A stream holds a tile packet; or [`RETRANSMISSION`], the number of a block, the index of the
-//! packet's first symbol in it and the packet; or [`LAST_BLOCK`] and the number of the last block.
 
 use std::collections::VecDeque;
 use std::future::{Future, poll_fn};
@@ -25,6 +22,7 @@ use super::fec::datagram::Datagram;
 use super::fec::decoder::FecDecoder;
 use super::fec::encoder::FecEncoder;
 use super::fec::loss_estimator::LossEstimator;
+use super::fec::tile_stream::{RETRANSMISSION_HEADER_BYTES, TileStream};
 use crate::Error;
 
 /// The present transport of a node's tiles, as both ends go by it.
@@ -165,8 +163,8 @@ impl TileSender {
         }
         match self.encoder.announce_last() {
             Some(last) => {
-                let parts: [&[u8]; 2] = [&[LAST_BLOCK], &last.to_le_bytes()];
-                self.send_stream(None, &parts).await
+                let bytes = TileStream::last_block(last);
+                self.send_stream(None, &[&bytes]).await
             }
             None => Ok(()),
         }
@@ -187,7 +185,7 @@ impl TileSender {
             if self.is_cancelled(request) {
                 continue;
             }
-            let header = [&[RETRANSMISSION], &block.to_le_bytes()[..], &[index]].concat();
+            let header = TileStream::retransmission_header(block, index);
             self.send_stream(request, &[&header, &packet]).await?;
         }
         Ok(())
@@ -341,28 +339,16 @@ impl TileReceiver {
     }
 
     fn on_stream(&mut self, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, &'static str> {
-        match bytes.first() {
-            Some(&RETRANSMISSION) => {
-                let (header, packet) = bytes
-                    .split_first_chunk::<RETRANSMISSION_HEADER_BYTES>()
-                    .ok_or("a retransmission is too short")?;
-                let [_, block @ .., index] = *header;
-                let packet = self.decoder.on_retransmission(Retransmission {
-                    block: u64::from_le_bytes(block),
-                    index,
-                    packet: packet.to_vec(),
-                });
+        match TileStream::parse(bytes)? {
+            TileStream::Retransmission(sent) => {
+                let packet = self.decoder.on_retransmission(sent);
                 Ok(packet.into_iter().collect())
             }
-            Some(&LAST_BLOCK) => {
-                let last = bytes[1..]
-                    .try_into()
-                    .map_err(|_| "the number of the last block is malformed")?;
-                let now = self.start.elapsed();
-                self.decoder.on_announcement(now, u64::from_le_bytes(last));
+            TileStream::LastBlock(last) => {
+                self.decoder.on_announcement(self.start.elapsed(), last);
                 Ok(Vec::new())
             }
-            _ => {
+            TileStream::Packet(bytes) => {
                 self.set_transport(false);
                 Ok(vec![bytes])
             }
@@ -435,14 +421,19 @@ impl UnfinishedTiles {
         }
     }
 
-    fn push(&mut self, bytes: &[u8]) -> Result<(), &'static str> {
+    fn push(&mut self, bytes: &[u8]) -> Result<(), String> {
         self.counted += bytes.len();
         let total = self.total.fetch_add(bytes.len(), Ordering::Relaxed) + bytes.len();
         if self.counted > STREAM_BYTES_MAX {
-            return Err("a stream is longer than any tile message");
+            return Err(format!(
+                "a stream has {} bytes or more, and a tile message at most {STREAM_BYTES_MAX}: {UPDATE}",
+                self.counted
+            ));
         }
         if total > UNFINISHED_BYTES_MAX {
-            return Err("more than 16 MiB are in streams that have not ended");
+            return Err(format!(
+                "{total} bytes are in streams that have not ended, of at most {UNFINISHED_BYTES_MAX}: {UPDATE}"
+            ));
         }
         self.bytes.extend_from_slice(bytes);
         Ok(())
@@ -455,8 +446,8 @@ impl Drop for UnfinishedTiles {
     }
 }
 
-fn violation(rule: &'static str) -> ConnectionEnd {
-    ConnectionEnd::Violation(Error::ErrorCorrection { rule })
+fn violation(rule: impl Into<String>) -> ConnectionEnd {
+    ConnectionEnd::Violation(Error::ErrorCorrection { rule: rule.into() })
 }
 
 fn broken(error: &dyn std::fmt::Display) -> ConnectionEnd {
@@ -466,15 +457,12 @@ fn broken(error: &dyn std::fmt::Display) -> ConnectionEnd {
     })
 }
 
-/// The first byte of a stream with a packet that was lost as datagrams; no tile packet starts so.
-const RETRANSMISSION: u8 = 0xff;
-const RETRANSMISSION_HEADER_BYTES: usize = 10;
+/// What to do about a node that sends what no node of this version does.
+const UPDATE: &str = "restart the node, and update the older of the two programs";
 const STREAM_BYTES_MAX: usize = limits::TILES_BYTES_MAX + RETRANSMISSION_HEADER_BYTES;
 /// Bytes in streams of one node that have not ended, four times what a node sends before it is
 /// acknowledged. Reading opens the window of flow control, which therefore does not bound them.
 const UNFINISHED_BYTES_MAX: usize = 16 << 20;
-/// The first byte of a stream with the number of the last block; no tile packet starts so.
-const LAST_BLOCK: u8 = 0xfe;
 /// Bytes buffered beyond the congestion window, which the bitrate control does not see and nobody
 /// can drop: enough to keep the window full, 6 ms of 25 Mbit/s.
 const SEND_BYTES_AHEAD: u64 = 16 << 10;
@@ -492,7 +480,8 @@ mod tests {
         for stream in &mut streams {
             stream.push(&chunk).unwrap();
         }
-        assert!(open().push(&[0]).is_err());
+        let why = open().push(&[0]).unwrap_err();
+        assert!(why.starts_with("16777217 bytes") && why.contains("at most 16777216: restart"));
         streams.pop();
         open().push(&chunk).unwrap();
         drop(streams);

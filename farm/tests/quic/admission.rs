@@ -138,7 +138,15 @@ fn a_player_that_does_not_greet_loses_its_place() {
     let ConnectionError::ApplicationClosed(close) = why else {
         panic!("{why:?}");
     };
-    assert_eq!(close.reason, "the player sent no greeting");
+    let why = String::from_utf8_lossy(&close.reason);
+    assert!(why.contains("no greeting within 3 s: call again"), "{why}");
+    // A stream is not open before its first byte.
+    let why = intrude(node.address, tls(Some(&player), b"carom/1"), &[]);
+    let ConnectionError::ApplicationClosed(close) = why else {
+        panic!("{why:?}");
+    };
+    let why = String::from_utf8_lossy(&close.reason);
+    assert!(why.contains("no control stream within 3 s"), "{why}");
 }
 
 #[test]

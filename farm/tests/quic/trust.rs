@@ -7,11 +7,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime};
 
 use carom_farm::net::{
-    Authority, AuthorityFolder, Credentials, EnrolmentEvent, EnrolmentService, FIRST_PLAYER,
-    IssuedCertificate, JoinUrl, NodeServer, Role, ServerEvent, StopHandle, create_farm, join,
-    revoke,
+    Authority, AuthorityFolder, Client, Credentials, EnrolmentEvent, EnrolmentService,
+    FIRST_PLAYER, IssuedCertificate, JoinUrl, LinkEvent, NodeServer, Role, ServerEvent, StopHandle,
+    create_farm, join, revoke,
 };
 use carom_farm::node::Node;
+use carom_protocol::PrecisionRange;
+use carom_protocol::session::ClientEvent;
 use carom_tracer::CpuTracer;
 use quinn::{ConnectionError, VarInt};
 use rustls::pki_types::CertificateDer;
@@ -248,6 +250,53 @@ fn a_running_node_renews_its_certificate() {
     );
     stop.stop();
     running.join().unwrap();
+}
+
+#[test]
+fn certificates_of_nodes_live_thirty_days() {
+    let dir = tempfile::tempdir().unwrap();
+    let farm = dir.path().join("farm");
+    create_farm(&farm).unwrap();
+    let folder = AuthorityFolder::open(&farm, None).unwrap();
+    let days = |role, name| {
+        let out = folder.add(role, name, None, false).unwrap();
+        let validity = Credentials::load(&out, role).unwrap().validity().unwrap();
+        let life = validity.end.duration_since(validity.start).unwrap();
+        life.as_secs() / (24 * 3600)
+    };
+    // And a day before they are issued.
+    assert_eq!(days(Role::Node, "oak"), 31);
+    assert_eq!(days(Role::Player, "bob"), 91);
+}
+
+#[test]
+fn a_running_player_cuts_off_a_revoked_node() {
+    let dir = tempfile::tempdir().unwrap();
+    let farm = dir.path().join("farm");
+    create_farm(&farm).unwrap();
+    let folder = AuthorityFolder::open(&farm, None).unwrap();
+    let oak = folder.add(Role::Node, "oak", None, false).unwrap();
+    let node = Greeter::with_credentials(&Credentials::load(&oak, Role::Node).unwrap());
+    let client = Client::new(&Credentials::load(&farm, Role::Player).unwrap()).unwrap();
+    let (sender, events) = mpsc::channel();
+    let address = node.address.to_string().parse().unwrap();
+    let _link = client.link(address, PrecisionRange::EXACT, move |several| {
+        let _ = several.into_iter().try_for_each(|event| sender.send(event));
+    });
+    let next = |wanted: fn(&LinkEvent) -> bool| {
+        let mut events = std::iter::from_fn(|| events.recv_timeout(TIMEOUT).ok());
+        events.find(wanted).expect("the event comes")
+    };
+    next(|event| matches!(event, LinkEvent::Session(ClientEvent::Welcome(_))));
+    revoke(&farm, "oak").unwrap();
+    // It is cut off, and refused when it is called again.
+    for _ in 0..2 {
+        let lost = next(|event| matches!(event, LinkEvent::Lost { .. }));
+        let LinkEvent::Lost { why, .. } = lost else {
+            unreachable!()
+        };
+        assert!(why.contains("its certificate has been revoked"), "{why}");
+    }
 }
 
 #[test]

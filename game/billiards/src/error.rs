@@ -326,6 +326,9 @@ pub enum FileFault {
     /// The system failed.
     #[error("{0}")]
     Io(std::io::Error),
+    /// It is a folder, a pipe or a device.
+    #[error("it is no plain file")]
+    NotPlain,
     /// It is another kind of file.
     #[error("it does not begin as a {kind} does")]
     OtherKind {

@@ -1,6 +1,9 @@
 //! The form of the crate's files: a line that says the kind, a version, and a body by postcard.
 
-use std::{fs, path::Path};
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::path::Path;
 
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -52,10 +55,20 @@ impl FileFormat {
         }
     }
 
-    /// The bytes of a file on the disk; one that is too large is not read.
+    /// The bytes of a file on the disk, no further than the limit, whatever the file says of its length:
+    /// pipes and devices have none.
     pub(crate) fn read(&self, path: &Path) -> Result<Vec<u8>, FileFault> {
-        self.check_size(fs::metadata(path).map_err(FileFault::Io)?.len())?;
-        fs::read(path).map_err(FileFault::Io)
+        let found = fs::metadata(path).map_err(FileFault::Io)?;
+        if !found.is_file() {
+            return Err(FileFault::NotPlain);
+        }
+        self.check_size(found.len())?;
+        let mut bytes = Vec::new();
+        let limited = File::open(path).map(|file| file.take(self.bytes_max + 1));
+        let read = limited.and_then(|mut file| file.read_to_end(&mut bytes));
+        read.map_err(FileFault::Io)?;
+        self.check_size(bytes.len() as u64)?; // it may have grown
+        Ok(bytes)
     }
 
     fn check_size(&self, bytes: u64) -> Result<(), FileFault> {
@@ -64,5 +77,76 @@ impl FileFormat {
             true => Ok(()),
             false => Err(FileFault::TooLarge { bytes, max }),
         }
+    }
+}
+
+/// Writes a file under a hidden name that is new, and renames it: a reader sees what was before or all that
+/// is new, and no link is followed.
+pub(crate) fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut name = OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{}.partial", std::process::id()));
+    let partial = path.with_file_name(name);
+    // What has the name is of a process of this number that was killed.
+    match fs::remove_file(&partial) {
+        Err(why) if why.kind() != ErrorKind::NotFound => return Err(why),
+        _ => {}
+    }
+    let write = || {
+        File::create_new(&partial)?.write_all(bytes)?;
+        fs::rename(&partial, path)
+    };
+    write().inspect_err(|_| {
+        let _ = fs::remove_file(&partial); // the reason that counts is the first
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FORMAT: FileFormat = FileFormat {
+        kind: "test",
+        magic: b"test\n",
+        version: 1,
+        bytes_max: 100,
+    };
+
+    #[test]
+    fn files_are_read_to_their_limit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("long");
+        File::create(&path).unwrap().set_len(101).unwrap();
+        let why = FORMAT.read(&path).unwrap_err().to_string();
+        assert!(why.contains("101"), "{why}");
+        let why = FORMAT.read(folder.path()).unwrap_err().to_string();
+        assert!(why.contains("no plain file"), "{why}");
+        #[cfg(unix)]
+        {
+            let endless = folder.path().join("endless");
+            std::os::unix::fs::symlink("/dev/zero", &endless).unwrap();
+            let why = FORMAT.read(&endless).unwrap_err().to_string();
+            assert!(why.contains("no plain file"), "{why}");
+        }
+    }
+
+    #[test]
+    fn files_are_replaced_whole_and_through_no_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, other) = (folder.path().join("a"), folder.path().join("a.new"));
+        fs::write(&other, "somebody's").unwrap();
+        replace(&path, b"first").unwrap();
+        #[cfg(unix)]
+        {
+            let hidden = format!(".a.{}.partial", std::process::id());
+            std::os::unix::fs::symlink(&other, folder.path().join(hidden)).unwrap();
+        }
+        replace(&path, b"second").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(fs::read(&other).unwrap(), b"somebody's");
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 2);
+        fs::create_dir(folder.path().join("taken")).unwrap();
+        replace(&folder.path().join("taken"), b"third").unwrap_err();
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 3);
     }
 }

@@ -7,8 +7,8 @@
 //!                                            └─▶ stats.json
 //! ```
 
-use std::fs::{self, File};
-use std::io::{BufWriter, Write as _};
+use std::fs;
+use std::io::Write as _;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver};
@@ -18,7 +18,7 @@ use anyhow::Context as _;
 use carom_billiards::physics::{Engine, ParticlePrecision, Recording, Shot, Stroke, Table, World};
 use carom_farm::{
     Farm, FarmConfig, Film, FilmFrames, FilmJob, FilmProgress, FrameRange, FrameStats, NodeState,
-    NodeStatus, net,
+    NodeStatus, WholeFile, net,
 };
 use carom_tracer::{ImageSize, RenderSettings};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -102,6 +102,7 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     };
     let interrupted = net::interruption().context("Ctrl-C")?;
     let range = args.frame_range;
+    let report_file = claim(&target, range.is_some())?;
     let (mut frames, report) = make(config, &footage, settings, range, &target, &interrupted)?;
     if let Some(range) = range {
         let (folder, count) = (frames.folder().display(), frames.frames());
@@ -118,10 +119,9 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     video::save(&frames, sound, settings.frames_per_sec, &film, proceed)
         .with_context(|| going_on(count, count, frames.folder()))?;
     frames.finish()?;
-    if let VideoTarget::Folder(folder) = &target {
-        write_report(&report, &folder.join("stats.json"))?;
-    } else {
-        frames.remove()?;
+    match report_file {
+        Some(file) => write_report(&report, file)?,
+        None => frames.remove()?,
     }
     println!("{}", done(settings, &target, target != film));
     Ok(())
@@ -351,15 +351,34 @@ fn node(status: NodeStatus) -> ReportNode {
     }
 }
 
-fn write_report(report: &HeadlessReport, path: &Path) -> anyhow::Result<()> {
-    let write = || -> anyhow::Result<()> {
-        let mut file = BufWriter::new(File::create(path)?);
-        serde_json::to_writer_pretty(&mut file, report)?;
-        writeln!(file)?;
-        file.flush()?;
-        Ok(())
+/// Finds out before anything is traced whether the file that is wanted can be written, and claims the
+/// report of a folder; jobs that trace a part of a film write neither.
+fn claim(target: &VideoTarget, is_part: bool) -> anyhow::Result<Option<WholeFile>> {
+    if is_part {
+        return Ok(None);
+    }
+    let claim = |path: &Path| {
+        let claimed = WholeFile::claim(path);
+        claimed.with_context(|| format!("cannot write {}", path.display()))
     };
-    write().with_context(|| format!("cannot write {}", path.display()))
+    let VideoTarget::Folder(folder) = target else {
+        // Not held: jobs that trace other parts put the film together too.
+        return claim(target.path()).map(|_| None);
+    };
+    fs::create_dir_all(folder).with_context(|| format!("cannot write {}", folder.display()))?;
+    claim(&folder.join("stats.json")).map(Some)
+}
+
+fn write_report(report: &HeadlessReport, file: WholeFile) -> anyhow::Result<()> {
+    let path = file.path().display().to_string();
+    let write = || -> anyhow::Result<()> {
+        let mut file = file;
+        let mut text = serde_json::to_vec_pretty(report)?;
+        text.push(b'\n');
+        file.write_all(&text)?;
+        Ok(file.commit()?)
+    };
+    write().with_context(|| format!("cannot write {path}"))
 }
 
 fn progress_bar(frames: u32) -> ProgressBar {

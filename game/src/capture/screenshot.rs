@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use carom_farm::{Farm, FileFormat, FrameSpec, Picture, PixelFormat, Still};
+use carom_farm::{Farm, FrameSpec, Picture, PixelFormat, Still};
 use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
@@ -55,14 +55,8 @@ pub fn frame_spec(update: SceneUpdate, size: ImageSize, max_depth: u32) -> Frame
 fn write(picture: &Picture, folder: &Path) -> anyhow::Result<PathBuf> {
     fs::create_dir_all(folder)?;
     let path = next_path(folder, "still", "png")?;
-    let partial = folder.join("still.partial");
-    for (format, to) in [
-        (FileFormat::Exr, path.with_extension("exr")),
-        (FileFormat::Png, path.clone()),
-    ] {
-        picture.write(&partial, format)?;
-        fs::rename(&partial, to)?;
-    }
+    picture.save(path.with_extension("exr"))?;
+    picture.save(&path)?;
     Ok(path)
 }
 

@@ -1,9 +1,10 @@
 //! The settings file: read once, written when something was changed, never destroyed.
 
 use std::fs;
-use std::io::{ErrorKind, Read as _};
+use std::io::{ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
+use carom_farm::WholeFile;
 use carom_text::text;
 use etcetera::BaseStrategy as _;
 use toml_edit::{DocumentMut, Item, Value};
@@ -107,9 +108,8 @@ impl SettingsStore {
         let mut document = self.document.clone();
         self.enter_changes(&mut document);
         let written = self.make_room(&path).and_then(|()| {
-            let fresh = path.with_extension("toml.new");
-            fs::write(&fresh, document.to_string())?;
-            fs::rename(&fresh, &path)
+            let text = document.to_string();
+            WholeFile::replace(&path, |file| file.write_all(text.as_bytes()))
         });
         written.map_err(|source| Error::Settings { path, source })?;
         self.document = document;

@@ -2,13 +2,13 @@
 //! become ready one after the other.
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::Context;
 use carom::scene::ball_materials::BallSet;
 use carom::scene::table_scene::TableScene;
 use carom_farm::{
-    Farm, FarmConfig, FrameSpec, LocalNode, NodeStatus, PixelFormat, PixelPrecision, PrecisionRange,
+    Farm, FarmConfig, FrameSpec, LocalNode, PixelFormat, PixelPrecision, PrecisionRange,
 };
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 use serde::Serialize;
@@ -16,6 +16,7 @@ use serde::Serialize;
 use crate::BenchError;
 use crate::cluster::process::{FarmFolder, RunningProcess};
 use crate::scenes;
+use crate::wait::WaitArgs;
 
 /// Compare the first frames of many nodes of one thread with those of one node of as many threads.
 ///
@@ -45,6 +46,8 @@ pub(crate) struct Args {
     /// Trace this scene file in place of the game's room.
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
+    #[command(flatten)]
+    wait: WaitArgs,
 }
 
 #[derive(Serialize)]
@@ -148,7 +151,7 @@ fn play(
             farm.submit(spec(args, submitted))?;
             submitted += 1;
         }
-        let frame = farm.wait_frame(PATIENCE).with_context(|| no_frame(&farm))?;
+        let frame = args.wait.frame(&mut farm)?;
         reissued += frame.stats.reissued_tiles;
         lost += frame.stats.lost_tiles;
         tiles += frame.stats.tiles_by_node.iter().sum::<u32>();
@@ -159,12 +162,6 @@ fn play(
         reissued,
         lost,
     })
-}
-
-fn no_frame(farm: &Farm) -> String {
-    let state = |node: &NodeStatus| format!("{} {}", node.address, node.state.sentence());
-    let nodes: Vec<String> = farm.nodes().iter().map(state).collect();
-    format!("no frame came: {}", nodes.join("; "))
 }
 
 /// A frame that differs from its neighbours.
@@ -185,5 +182,3 @@ fn spec(args: &Args, frame: u32) -> FrameSpec {
 const FRAMES_IN_FLIGHT: usize = 3;
 /// How many times as long the many may take.
 const RATIO_MAX: f64 = 1.25;
-/// No frame takes that long unless something is wrong.
-const PATIENCE: Duration = Duration::from_secs(120);

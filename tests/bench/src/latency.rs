@@ -16,6 +16,7 @@ use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{CpuTracer, ImageSize, RenderSettings, SceneUpdate};
 use serde::Serialize;
 
+use crate::wait::WaitArgs;
 use crate::{BenchError, case_filter, scenes};
 
 /// Measure the latency from an input to the screen, stage by stage.
@@ -46,6 +47,8 @@ pub(crate) struct Args {
     /// Only the paths whose name has this in it.
     #[arg(long)]
     path: Option<String>,
+    #[command(flatten)]
+    wait: WaitArgs,
 }
 
 #[derive(Serialize)]
@@ -180,8 +183,7 @@ fn measure(
     let mut setup = LatencySetup::new(args, path)?;
     let farm = &mut setup.farm;
     farm.submit(spec(args, 0))?;
-    farm.wait_frame(PATIENCE)
-        .context("the node does not answer")?;
+    args.wait.frame(farm)?;
     let mut player = LatencyProbe {
         began: Instant::now(),
         asked: BTreeMap::new(),
@@ -324,4 +326,3 @@ const STAGES: [&str; 9] = [
 const REFRESHES_PER_SECOND: u64 = 60;
 const PERIOD: Duration = Duration::from_nanos(16_666_667);
 const WARM_UP: Duration = Duration::from_secs(1);
-const PATIENCE: Duration = Duration::from_secs(60);

@@ -21,6 +21,7 @@ use crate::BenchError;
 use crate::cluster::process::{FarmFolder, NodeProcess, NodeSpec};
 use crate::proxy::LinkArgs;
 use crate::scenes;
+use crate::wait::WaitArgs;
 
 /// Measure whether frames requested ahead of time are there at their moments.
 ///
@@ -59,6 +60,8 @@ pub(crate) struct Args {
     /// Draws clicks, losses and jitter.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    wait: WaitArgs,
 }
 
 #[derive(Debug, Serialize)]
@@ -162,18 +165,14 @@ impl<'a> RefreshLoop<'a> {
     }
 
     fn wait_ready(&mut self, count: usize, interrupted: &AtomicBool) -> Result<(), BenchError> {
-        let deadline = Instant::now() + PATIENCE;
+        let mut wait = self.args.wait.begin();
         loop {
             let nodes = self.farm.nodes();
             let ready = nodes.iter().filter(|node| node.state.is_ready());
             if ready.count() == count {
                 return Ok(());
             }
-            if Instant::now() > deadline {
-                let states: Vec<String> = nodes.iter().map(|node| node.state.to_string()).collect();
-                let states = states.join("; ");
-                return Err(anyhow!("the nodes do not become ready: {states}").into());
-            }
+            wait.check_farm("the nodes", &self.farm)?;
             self.wait_refresh(interrupted)?;
         }
     }
@@ -264,7 +263,7 @@ impl<'a> RefreshLoop<'a> {
         self.farm.cancel_before(FrameId(self.last.0 + 1));
         let id = self.ask(Some(0.0), None)?;
         loop {
-            let frame = self.farm.wait_frame(PATIENCE).context("no picture came")?;
+            let frame = self.args.wait.frame(&mut self.farm)?;
             if frame.id == id {
                 self.asked.remove(&id);
                 return Ok(frame.pixels);
@@ -391,5 +390,3 @@ fn print(report: &LatencyHidingReport) {
 
 /// Of the display.
 const PERIOD: Duration = Duration::from_nanos(16_666_667);
-/// No picture takes that long unless something is wrong.
-const PATIENCE: Duration = Duration::from_secs(60);

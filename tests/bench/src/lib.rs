@@ -28,6 +28,7 @@ mod scenes;
 mod timing;
 mod tradeoff_chart;
 mod transport;
+mod wait;
 
 pub use cli::run;
 pub(crate) use error::{BenchError, ValueError};

@@ -1,6 +1,7 @@
 //! `carom-farm bench`: the measurements by which a user judges a machine and the settings of a
 //! picture.
 
+mod progress;
 mod trace;
 mod tradeoff;
 

@@ -14,6 +14,7 @@ use carom_tracer::{
 use cpu_time::ProcessTime;
 use serde::Serialize;
 
+use super::progress::Progress;
 use crate::commands::Failure;
 use crate::commands::inputs;
 use carom_farm::backend::{self, Backend, OpenBackend};
@@ -131,9 +132,12 @@ fn measure_all(
     scene: &CompiledScene,
     args: &Args,
 ) -> anyhow::Result<Vec<Row>> {
+    let pictures = opened.len() * (1 + 2 * args.repetitions as usize);
+    let progress = Progress::start("back ends", pictures);
     for opened in opened {
         warm_up(opened, scene, args)
             .with_context(|| format!("back end {}", opened.backend.name()))?;
+        progress.step();
     }
     let mut costs = vec![(Vec::new(), Vec::new()); opened.len()];
     for _ in 0..args.repetitions {
@@ -146,8 +150,13 @@ fn measure_all(
                     trace(tracer, scene, args.size, settings(samples)).map(|_| ())
                 })?;
             }
-            paths.push(trace(tracer, scene, args.size, settings(samples))?);
-            primary.push(trace(tracer, scene, args.size, camera_rays(samples))?);
+            for (costs, settings) in [
+                (&mut *paths, settings(samples)),
+                (&mut *primary, camera_rays(samples)),
+            ] {
+                costs.push(trace(tracer, scene, args.size, settings)?);
+                progress.step();
+            }
         }
     }
     let rows = opened.iter().zip(&costs);
@@ -204,10 +213,13 @@ fn scaling(scene: &CompiledScene, args: &Args) -> anyhow::Result<Vec<Scaling>> {
         .map(|&threads| CpuTracer::with_threads(threads));
     let tracers = tracers.collect::<Result<Vec<_>, _>>()?;
     let mut costs = vec![Vec::new(); counts.len()];
+    let pictures = counts.len() * (1 + args.repetitions as usize);
+    let progress = Progress::start("threads", pictures);
     for _ in 0..=args.repetitions {
         for (tracer, costs) in tracers.iter().zip(&mut costs) {
             let samples = args.spp.unwrap_or(samples_default(Backend::Cpu));
             costs.push(trace(tracer, scene, args.size, settings(samples))?);
+            progress.step();
         }
     }
     let rates = costs

@@ -18,6 +18,7 @@ use carom_tracer::{
 use cpu_time::ProcessTime;
 use serde::Serialize;
 
+use super::progress::Progress;
 use crate::commands::Failure;
 use crate::commands::inputs;
 use carom_farm::backend::{self, Backend, OpenBackend};
@@ -173,6 +174,8 @@ fn sweep(
 ) -> anyhow::Result<Vec<Row>> {
     let tracer = opened.tracer.as_ref();
     trace(tracer, scene, reference.size, Choice::of(Preset::Draft))?; // compiles kernels
+    let pictures = choices().len() * repetitions as usize;
+    let progress = Progress::start(opened.backend.name(), pictures);
     let measure = |choice: Choice| -> anyhow::Result<Row> {
         let mut milliseconds = f64::INFINITY;
         let mut traced = None;
@@ -184,6 +187,7 @@ fn sweep(
         }
         for _ in 0..repetitions {
             let (image, cost) = trace(tracer, scene, reference.size, choice)?;
+            progress.step();
             milliseconds = milliseconds.min(cost);
             traced = Some(image);
         }

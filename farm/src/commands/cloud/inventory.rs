@@ -1,9 +1,11 @@
 //! `carom-farm cloud status` and `cloud logs`: the machines of a farm, and what they have written.
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
+use carom_farm::WholeFile;
 use serde_json::json;
 
 use super::stack::{Machine, Stack, list, text};
@@ -58,10 +60,7 @@ pub(super) fn write_nodes(path: &Path, machines: &[Machine]) -> Result<(), Failu
         }
     }
     // Whole or not at all: games read it each second.
-    let mut staged = path.as_os_str().to_owned();
-    staged.push(".partial");
-    std::fs::write(&staged, text)
-        .and_then(|()| std::fs::rename(&staged, path))
+    WholeFile::replace(path, |file| file.write_all(text.as_bytes()))
         .with_context(|| format!("{}", path.display()))?;
     Ok(())
 }

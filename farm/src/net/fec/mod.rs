@@ -18,6 +18,7 @@ pub(crate) mod datagram;
 pub(crate) mod decoder;
 pub(crate) mod encoder;
 pub(crate) mod loss_estimator;
+pub(crate) mod tile_stream;
 
 /// A packet that is sent once more, whole, on a stream.
 #[derive(Debug, PartialEq, Eq)]

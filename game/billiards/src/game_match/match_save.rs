@@ -12,7 +12,7 @@ use std::{fs, path::Path, sync::Arc};
 use glam::{DQuat, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::file_format::FileFormat;
+use crate::file_format::{self, FileFormat};
 use crate::{Error, FileFault, LayoutFault, Result, RuleFault, TableFault};
 
 use super::{Match, MatchConfig, Player};
@@ -156,9 +156,7 @@ impl MatchSave {
             if let Some(folder) = path.parent() {
                 fs::create_dir_all(folder).map_err(FileFault::Io)?;
             }
-            let fresh = path.with_extension("new");
-            fs::write(&fresh, bytes).map_err(FileFault::Io)?;
-            fs::rename(&fresh, path).map_err(FileFault::Io)
+            file_format::replace(path, &bytes).map_err(FileFault::Io)
         };
         write().map_err(|fault| Error::MatchFile {
             path: path.to_owned(),

@@ -9,12 +9,12 @@
 //! a break takes about 60 kB, a layout 3 kB, and the shot that is read back has the bits of the one
 //! that was written. On a table with particles the version is 3, and their tracks follow.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use glam::DQuat;
 use serde::{Deserialize, Serialize};
 
-use crate::file_format::FileFormat;
+use crate::file_format::{self, FileFormat};
 use crate::{Error, FileFault, Result};
 
 use super::{
@@ -103,12 +103,13 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Writes a file.
+    /// Writes a file: whole, or not at all.
     ///
     /// # Errors
     /// [`Error::Recording`] with the path.
     pub fn save(&self, path: &Path) -> Result<()> {
-        fs::write(path, self.to_bytes()?).map_err(|error| at(path, FileFault::Io(error)))
+        let bytes = self.to_bytes()?;
+        file_format::replace(path, &bytes).map_err(|error| at(path, FileFault::Io(error)))
     }
 
     /// Reads a file.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, bail};
-use carom_farm::FilmFrames;
+use carom_farm::{FilmFrames, WholeFile};
 
 use crate::audio::{Sound, installed_program};
 
@@ -57,7 +57,7 @@ pub(super) fn installed() -> Option<PathBuf> {
 }
 
 /// Puts frames and sound together in one file, as long as `proceed` says so before each frame. Written
-/// beside its place and renamed: there is never half a video.
+/// under a name of its own and renamed: there is never half a video, nor one in place of another file.
 ///
 /// # Errors
 /// A sentence with the path: what ffmpeg says, or that it is not installed; [`FilmFrames::write_y4m`]'s.
@@ -75,16 +75,15 @@ pub(super) fn encode(
     let mut file = BufWriter::new(File::create(&track)?);
     sound.write_wav(1.0, &mut file)?;
     file.flush()?;
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    let partial = PathBuf::from(partial);
+    let unwritable = || format!("cannot write {}", path.display());
+    let claimed = WholeFile::claim(path).with_context(unwritable)?;
     let secs = f64::from(frames.frames()) / f64::from(frames_per_sec);
     let mut encoder = Command::new(&program)
         .args("-y -hide_banner -loglevel error -f yuv4mpegpipe -i pipe:0 -i".split(' '))
         .arg(&track)
         .args(container.options().split(' '))
         .args(["-t", &secs.to_string()])
-        .arg(&partial)
+        .arg(claimed.partial_path())
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::from(File::create(scratch.path().join("log"))?))
@@ -97,7 +96,6 @@ pub(super) fn encode(
     }
     let status = encoder.wait()?;
     if !status.success() || sent.is_err() {
-        let _ = fs::remove_file(&partial); // the reason that counts comes next
         let said = fs::read_to_string(scratch.path().join("log")).unwrap_or_default();
         if let Some(line) = said.lines().last() {
             bail!("{}: ffmpeg: {line}", path.display());
@@ -105,5 +103,5 @@ pub(super) fn encode(
         sent?;
         bail!("{}: ffmpeg ended with {status}", path.display());
     }
-    fs::rename(&partial, path).with_context(|| format!("cannot write {}", path.display()))
+    claimed.commit().with_context(unwritable)
 }

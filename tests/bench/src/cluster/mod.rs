@@ -29,6 +29,7 @@ use self::process::{FarmFolder, NodeAction, NodeProcess, NodeSpec, ScheduledActi
 use crate::BenchError;
 use crate::proxy::LinkArgs;
 use crate::scenes;
+use crate::wait::WaitArgs;
 
 /// Compare the balancing algorithms on a farm of real processes of this machine.
 ///
@@ -81,6 +82,8 @@ pub(crate) struct Args {
     /// Draws losses and jitter.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    wait: WaitArgs,
 }
 
 #[derive(Serialize)]
@@ -233,7 +236,7 @@ fn pictures(args: &Args) -> Result<ExpectedFrames, BenchError> {
         vec![NodeBackend::Cpu.open(0)?],
     )?;
     farm.set_scene(&scenes::scene(None)?.scene)?;
-    ExpectedFrames::new(&mut farm, size(args), args.spp)
+    ExpectedFrames::new(&mut farm, size(args), args.spp, args.wait)
 }
 
 fn config(args: &Args, balancer: Balancing) -> FarmConfig {
@@ -284,6 +287,7 @@ impl ClusterBench<'_> {
             nodes,
             pictures: &self.pictures,
             interrupted: &self.interrupted,
+            wait: self.args.wait,
         };
         player.wait_ready(count)?;
         Ok(player)

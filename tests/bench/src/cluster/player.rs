@@ -3,13 +3,13 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
 use carom_farm::{Farm, Frame, FrameSpec, NodeStatus, PixelFormat, Pixels};
 use carom_testkit::simulator::SimulationReport;
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 
 use super::process::{NodeAction, NodeProcess, ScheduledAction};
 use crate::BenchError;
+use crate::wait::WaitArgs;
 
 /// Frames in a row differ, so that none costs less for being like the one before.
 const SEEDS: u64 = 4;
@@ -23,7 +23,12 @@ pub(super) struct ExpectedFrames {
 
 impl ExpectedFrames {
     /// Traces them with `farm`.
-    pub(super) fn new(farm: &mut Farm, size: ImageSize, samples: u32) -> Result<Self, BenchError> {
+    pub(super) fn new(
+        farm: &mut Farm,
+        size: ImageSize,
+        samples: u32,
+        wait: WaitArgs,
+    ) -> Result<Self, BenchError> {
         let mut pictures = Self {
             size,
             samples,
@@ -31,7 +36,7 @@ impl ExpectedFrames {
         };
         for frame in 0..SEEDS {
             farm.submit(pictures.spec(frame))?;
-            let frame = farm.wait_frame(PATIENCE).context("no picture")?;
+            let frame = wait.frame(farm)?;
             pictures.right.push(frame.pixels);
         }
         Ok(pictures)
@@ -61,6 +66,7 @@ pub(super) struct ClusterPlayer<'a> {
     pub(super) nodes: &'a mut [NodeProcess],
     pub(super) pictures: &'a ExpectedFrames,
     pub(super) interrupted: &'a AtomicBool,
+    pub(super) wait: WaitArgs,
 }
 
 /// How the frames are asked for.
@@ -74,8 +80,8 @@ pub(super) struct SubmissionPace {
 
 impl ClusterPlayer<'_> {
     /// Waits until the first `count` nodes hold the scene.
-    pub(super) fn wait_ready(&self, count: usize) -> anyhow::Result<()> {
-        let deadline = Instant::now() + PATIENCE;
+    pub(super) fn wait_ready(&self, count: usize) -> Result<(), BenchError> {
+        let mut wait = self.wait.begin();
         let is_ready = |node: &NodeStatus| node.state.is_ready();
         while self
             .farm
@@ -85,12 +91,10 @@ impl ClusterPlayer<'_> {
             .count()
             < count
         {
-            if Instant::now() > deadline || self.interrupted.load(Ordering::Relaxed) {
-                let states = self.farm.nodes();
-                let states: Vec<String> =
-                    states.iter().map(|node| node.state.to_string()).collect();
-                bail!("the nodes do not become ready: {}", states.join("; "));
+            if self.interrupted.load(Ordering::Relaxed) {
+                return Err(BenchError::Interrupted);
             }
+            wait.check_farm("the nodes", &self.farm)?;
             std::thread::sleep(POLL);
         }
         Ok(())
@@ -147,18 +151,16 @@ impl ClusterPlayer<'_> {
         let full = self.farm.in_flight() >= pace.frames_in_flight || submitted == pace.frames;
         let patience = match next {
             Some(next) if submitted < pace.frames => next.saturating_duration_since(Instant::now()),
-            _ if full => PATIENCE,
+            _ if full => {
+                let frame = self.wait.frame(&mut self.farm)?;
+                self.note(frame, report);
+                return Ok(());
+            }
             _ => Duration::ZERO,
         };
         let before = Instant::now();
         match self.farm.wait_frame(patience) {
             Some(frame) => self.note(frame, report),
-            None if patience == PATIENCE => {
-                bail!(
-                    "frame {} did not come within {PATIENCE:?}",
-                    report.frames.len()
-                )
-            }
             None => std::thread::sleep(patience.saturating_sub(before.elapsed())),
         }
         Ok(())
@@ -214,6 +216,4 @@ impl ClusterPlayer<'_> {
     }
 }
 
-/// No frame takes that long unless something is wrong.
-const PATIENCE: Duration = Duration::from_secs(60);
 const POLL: Duration = Duration::from_millis(5);

@@ -5,7 +5,7 @@ mod loopback;
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
-use std::sync::mpsc::{self, Receiver};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, anyhow};
@@ -25,6 +25,7 @@ use serde::Serialize;
 
 use self::arrivals::Arrivals;
 use self::loopback::ReadySession;
+use crate::wait::WaitArgs;
 use crate::{BenchError, case_filter, scenes};
 use carom_testkit::noise_tracer::NoiseTracer;
 
@@ -63,6 +64,8 @@ pub(crate) struct Args {
     /// Only Carom's own way of sending.
     #[arg(long)]
     own: bool,
+    #[command(flatten)]
+    wait: WaitArgs,
 }
 
 #[derive(Serialize)]
@@ -318,14 +321,18 @@ impl TransportSetup {
     }
 
     /// Waits for an event that `wanted` accepts.
-    fn wait(&self, wanted: impl Fn(&LinkEvent) -> bool) -> Result<(), BenchError> {
-        let deadline = Instant::now() + PATIENCE;
+    fn wait(&self, args: &Args, wanted: impl Fn(&LinkEvent) -> bool) -> Result<(), BenchError> {
+        let mut wait = args.wait.begin();
         loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            let events = self.events.recv_timeout(left);
-            let (_, events) = events.map_err(|_| anyhow!("the node does not answer"))?;
-            if events.iter().any(&wanted) {
-                return Ok(());
+            match self.events.recv_timeout(wait.left()) {
+                Ok((_, events)) if events.iter().any(&wanted) => return Ok(()),
+                Ok(_) => {}
+                Err(RecvTimeoutError::Timeout) => {
+                    wait.check("the node's answer", || "it says nothing".to_owned())?;
+                }
+                Err(RecvTimeoutError::Disconnected) => {
+                    return Err(anyhow!("the link to the node has ended").into());
+                }
             }
         }
     }
@@ -349,11 +356,15 @@ fn measure(
     let setup = TransportSetup::new(args, case, sending)?;
     let scene = Arc::new(scenes::scene(None)?.scene);
     let hash = SceneHash::of(&scene);
-    setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::Welcome(_))))?;
+    setup.wait(args, |event| {
+        matches!(event, LinkEvent::Session(ClientEvent::Welcome(_)))
+    })?;
     setup
         .link
         .send(LinkCommand::Scene(hash, Arc::clone(&scene)));
-    setup.wait(|event| matches!(event, LinkEvent::Session(ClientEvent::SceneReady(_))))?;
+    setup.wait(args, |event| {
+        matches!(event, LinkEvent::Session(ClientEvent::SceneReady(_)))
+    })?;
     let mut arrivals = Arrivals::default();
     let frames = args.seconds * FRAMES_PER_SECOND;
     let began = Instant::now();
@@ -411,4 +422,3 @@ const PERIOD: Duration = Duration::from_nanos(16_666_667);
 const FRAME_RENDER: Duration = Duration::from_millis(8);
 /// 100 ms.
 const DEADLINE_FRAMES: u64 = 6;
-const PATIENCE: Duration = Duration::from_secs(20);
