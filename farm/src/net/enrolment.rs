@@ -18,6 +18,7 @@ use rustls::crypto::CryptoProvider;
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{CertificateError, DigitallySignedStruct, SignatureScheme};
 use serde::{Deserialize, Serialize};
+use zeroize::Zeroizing;
 
 use crate::Error;
 use crate::net::authority::not_created;
@@ -107,7 +108,7 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
         // Of a join that was killed: no certificate names it.
         std::fs::remove_file(&key_path).map_err(|why| file_error(&key_path, why))?;
     }
-    write_private(&key_path, &key.serialize_pem())?;
+    write_private(&key_path, &Zeroizing::new(key.serialize_pem()))?;
     write_whole(&folder.join(AUTHORITY_FILE), &answer.authority_pem)?;
     let kept = url.without_secret().to_string();
     write_whole(&folder.join(URL_FILE), &kept)?;

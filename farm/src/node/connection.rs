@@ -9,7 +9,8 @@ use carom_protocol::{NodeInfo, RequestId};
 
 use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing, wake};
 use super::fair_queue::PlayerId;
-use super::queue::{JobQueue, NodeJob};
+use super::job::NodeJob;
+use super::queue::JobQueue;
 
 /// The end of a connection's work, seen from outside its session.
 #[derive(Clone)]

@@ -14,6 +14,7 @@ mod client_connection;
 mod connection;
 mod device_quota;
 mod fair_queue;
+mod job;
 mod load_meter;
 mod queue;
 mod rate_model;

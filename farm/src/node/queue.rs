@@ -9,70 +9,19 @@
 //! priced, refused for their cost, nor divided.
 
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
-use carom_protocol::{NodeLoad, SceneHash, TraceRequest};
-use carom_tracer::{CompiledScene, Scene, TileRange};
+use carom_protocol::{NodeLoad, SceneHash};
+use carom_tracer::{CompiledScene, TileRange};
 
-use super::client_connection::ClientConnection;
 use super::device_quota::DeviceQuota;
 use super::fair_queue::{FairQueue, PlayerId};
+use super::job::NodeJob;
 use super::load_meter::LoadMeter;
 use super::scene_compiler::SceneCompiler;
-
-/// A request to trace.
-pub(super) struct NodeJob {
-    pub(super) client: Arc<ClientConnection>,
-    pub(super) request: Box<TraceRequest>,
-    pub(super) scene: Arc<Scene>,
-    pub(super) cancelled: Arc<AtomicBool>,
-    pub(super) arrived: Instant,
-    /// The time at which its first slice was begun.
-    pub(super) begun: OnceLock<Instant>,
-    /// The scene, once it is compiled.
-    pub(super) base: Option<Arc<CompiledScene>>,
-    /// The scene with the request's update.
-    pub(super) compiled: Mutex<Option<Arc<CompiledScene>>>,
-    pub(super) encode_nanos: AtomicU64,
-    /// Tiles that are not finished.
-    unfinished: AtomicU32,
-}
-
-impl NodeJob {
-    pub(super) fn new(
-        client: Arc<ClientConnection>,
-        request: Box<TraceRequest>,
-        scene: Arc<Scene>,
-        cancelled: Arc<AtomicBool>,
-    ) -> Self {
-        Self {
-            client,
-            unfinished: AtomicU32::new(request.tiles.count),
-            request,
-            scene,
-            cancelled,
-            arrived: Instant::now(),
-            begun: OnceLock::new(),
-            base: None,
-            compiled: Mutex::default(),
-            encode_nanos: AtomicU64::default(),
-        }
-    }
-
-    /// Counts tiles as finished; whether they were the last.
-    pub(super) fn finish(&self, tiles: u32) -> bool {
-        self.unfinished.fetch_sub(tiles, Ordering::AcqRel) == tiles
-    }
-
-    /// Samples of so many of its tiles, if they are whole.
-    fn samples(&self, tiles: u32) -> f64 {
-        let edge = f64::from(self.request.grid.edge);
-        f64::from(tiles) * edge * edge * f64::from(self.request.settings.samples)
-    }
-}
 
 /// A worker's turn at a request.
 pub(super) struct Turn {
@@ -512,10 +461,10 @@ const PROBES_BEFORE_REFUSAL: u32 = 2;
 mod tests {
     use carom_protocol::session::ClientSession;
     use carom_protocol::{
-        CodedParticles, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId,
+        CodedParticles, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId, TraceRequest,
     };
     use carom_tracer::{
-        DeviceInfo, DeviceKind, ImageSize, RenderSettings, SceneUpdate, TileGrid, TileRange,
+        DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
     };
 
     use super::super::NodeConnection;

@@ -14,7 +14,7 @@ use carom_tracer::scene::Shape;
 use carom_tracer::{CompiledScene, Scene, SceneError};
 
 use super::fair_queue::{FairQueue, PlayerId};
-use super::queue::NodeJob;
+use super::job::NodeJob;
 
 /// The scenes that a node has compiled, and the jobs whose scenes are to be.
 pub(super) struct SceneCompiler {

@@ -17,7 +17,8 @@ use carom_tracer::{
 };
 
 use super::client_connection::TileSharing;
-use super::queue::{COST_ADVICE, JobQueue, NodeJob, TILE_SECS_MAX, Turn, TurnWork};
+use super::job::NodeJob;
+use super::queue::{COST_ADVICE, JobQueue, TILE_SECS_MAX, Turn, TurnWork};
 
 /// Starts a worker thread; it ends when the queue is closed.
 pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {

@@ -45,6 +45,7 @@ mod g2p;
 mod gpu;
 mod grid;
 mod lanes;
+mod marble;
 mod marble_contact;
 mod marbles;
 mod material;
@@ -65,7 +66,8 @@ pub use error::{Error, Result};
 pub use gpu::{
     GPU_BALLS_MAX, GPU_BLOCKS_MAX, GPU_MATERIALS_MAX, GPU_OBSTACLES_MAX, Gpu, GpuSimulation,
 };
-pub use marbles::{Marble, MarbleSnapshot, Marbles, Sphere};
+pub use marble::{Marble, MarbleState};
+pub use marbles::{MarbleSnapshot, Marbles};
 pub use material::{Jelly, Material, Sand, Snow, Water};
 pub use region::Region;
 pub use settings::{PARTICLES_MAX, REST_SECS, Settings};

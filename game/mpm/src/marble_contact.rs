@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::marbles::{Marble, Sphere};
+use crate::marble::{Marble, MarbleState};
 
 /// What a marble touches, as the marble meets it.
 pub(crate) struct Surface {
@@ -62,7 +62,7 @@ impl Surface {
         &self,
         marble: &Marble,
         damping: f64,
-        sphere: &Sphere,
+        sphere: &MarbleState,
         stretch: &mut DVec3,
         dt: f64,
     ) -> Option<Push> {

@@ -5,99 +5,15 @@
 //! numerical model for granular assemblies"). So a heap holds itself at rest without creep.
 
 use std::collections::HashMap;
-use std::f64::consts::PI;
 
 use glam::{DVec3, IVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Ball, Bodies};
 use crate::error::{Error, Result, check_range};
+use crate::marble::{Marble, MarbleState};
 use crate::marble_contact::{Surface, damping_of};
 use crate::settings::REST_SECS;
-
-/// What all marbles of a heap are.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Marble {
-    /// In m; default 0.008, a toy marble.
-    pub radius_m: f64,
-    /// In kg/m³; default 2,500, glass.
-    pub density_kg_m3: f64,
-    /// Speed after over speed before of marbles that meet, and of marbles and balls, 0.15 to 1; default 0.9.
-    pub restitution: f64,
-    /// The same on obstacles; default 0.5, slate under cloth.
-    pub obstacle_restitution: f64,
-    /// Of Coulomb; default 0.3.
-    pub friction: f64,
-    /// Resistance to rolling over the weight; default 0.03, glass on cloth.
-    pub rolling_friction: f64,
-    /// Of the normal spring, in N/m; default 1e5, far softer than glass for longer substeps: marbles that meet at
-    /// 5 m/s press each other in by 8 % of their diameter.
-    pub stiffness_n_m: f64,
-}
-
-impl Default for Marble {
-    fn default() -> Self {
-        Self {
-            radius_m: 0.008,
-            density_kg_m3: 2500.0,
-            restitution: 0.9,
-            obstacle_restitution: 0.5,
-            friction: 0.3,
-            rolling_friction: 0.03,
-            stiffness_n_m: 1e5,
-        }
-    }
-}
-
-impl Marble {
-    /// In kg.
-    pub fn mass_kg(&self) -> f64 {
-        4.0 / 3.0 * PI * self.radius_m.powi(3) * self.density_kg_m3
-    }
-
-    /// About the centre, in kg·m².
-    pub fn moment_of_inertia(&self) -> f64 {
-        0.4 * self.mass_kg() * self.radius_m * self.radius_m
-    }
-
-    /// The longest substep, in s: a fifteenth of the time that two marbles touch.
-    pub fn substep_secs_max(&self) -> f64 {
-        PI * (0.5 * self.mass_kg() / self.stiffness_n_m).sqrt() / 15.0
-    }
-
-    fn validate(&self) -> Result<()> {
-        check_range("radius of a marble in m", self.radius_m, 1e-4, 1.0)?;
-        check_range("density of marbles in kg/m³", self.density_kg_m3, 1.0, 1e5)?;
-        check_range("restitution of marbles", self.restitution, 0.15, 1.0)?;
-        let slate = self.obstacle_restitution;
-        check_range("restitution of marbles on obstacles", slate, 0.15, 1.0)?;
-        check_range("friction of marbles", self.friction, 0.0, 10.0)?;
-        check_range(
-            "rolling friction of marbles",
-            self.rolling_friction,
-            0.0,
-            1.0,
-        )?;
-        check_range("stiffness of marbles in N/m", self.stiffness_n_m, 1.0, 1e9)
-    }
-}
-
-/// A marble.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Sphere {
-    /// Of the centre, in m.
-    pub position: DVec3,
-    /// In m/s.
-    pub velocity: DVec3,
-    /// Angular velocity, in rad/s.
-    pub spin: DVec3,
-}
-
-impl Sphere {
-    fn is_finite(&self) -> bool {
-        self.position.is_finite() && self.velocity.is_finite() && self.spin.is_finite()
-    }
-}
 
 /// What a marble may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -124,7 +40,7 @@ pub struct Marbles {
     damping: [f64; 2],
     gravity: DVec3,
     rest_speed_m_s: f64,
-    spheres: Vec<Sphere>,
+    spheres: Vec<MarbleState>,
     /// By marble and partner.
     contacts: Vec<Contact>,
     rested_secs: f64,
@@ -133,7 +49,7 @@ pub struct Marbles {
 /// All that changes in [`Marbles`], to store: from it they go on with the same bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarbleSnapshot {
-    spheres: Vec<Sphere>,
+    spheres: Vec<MarbleState>,
     contacts: Vec<Contact>,
     rested_secs: f64,
 }
@@ -183,7 +99,7 @@ impl Marbles {
     /// # Errors
     ///
     /// If one of its numbers is not finite, or over 1e6.
-    pub fn add(&mut self, sphere: Sphere) -> Result<()> {
+    pub fn add(&mut self, sphere: MarbleState) -> Result<()> {
         for (quantity, value) in [
             ("place of a marble", sphere.position),
             ("velocity of a marble", sphere.velocity),
@@ -203,7 +119,7 @@ impl Marbles {
     }
 
     /// All, in the order in which they were added.
-    pub fn spheres(&self) -> &[Sphere] {
+    pub fn spheres(&self) -> &[MarbleState] {
         &self.spheres
     }
 
@@ -229,7 +145,8 @@ impl Marbles {
     pub fn restore(&mut self, snapshot: &MarbleSnapshot) -> Result<()> {
         let refuse = |fault| Err(Error::BadSnapshot { fault });
         let is_small = |v: DVec3| v.is_finite() && v.length() < NUMBER_MAX;
-        let sphere = |s: &Sphere| is_small(s.position) && is_small(s.velocity) && is_small(s.spin);
+        let sphere =
+            |s: &MarbleState| is_small(s.position) && is_small(s.velocity) && is_small(s.spin);
         if !snapshot.spheres.iter().all(sphere) {
             return refuse("a marble has a number that is not finite, or too large");
         }
@@ -280,7 +197,7 @@ impl Marbles {
         for _ in 0..count as u32 {
             let fastest = self.substep(dt, bodies);
             travelled_m += 2.0 * fastest * dt;
-            if !fastest.is_finite() || !self.spheres.iter().all(Sphere::is_finite) {
+            if !fastest.is_finite() || !self.spheres.iter().all(MarbleState::is_finite) {
                 return Err(Error::Diverged { courant: 1.0 });
             }
             if travelled_m > SKIN_RADII * self.marble.radius_m {
@@ -297,7 +214,7 @@ impl Marbles {
 
     fn fastest_m_s(&self) -> f64 {
         let radius_m = self.marble.radius_m;
-        let speed = |s: &Sphere| s.velocity.length().max(s.spin.length() * radius_m);
+        let speed = |s: &MarbleState| s.velocity.length().max(s.spin.length() * radius_m);
         self.spheres.iter().map(speed).fold(0.0, f64::max)
     }
 
@@ -305,7 +222,7 @@ impl Marbles {
         let mut moving = bodies.balls.iter();
         moving.any(|ball| {
             let reach_m = ball.radius_m + (1.0 + 2.0 * SKIN_RADII) * self.marble.radius_m;
-            let is_near = |s: &Sphere| s.position.distance(ball.position) < reach_m;
+            let is_near = |s: &MarbleState| s.position.distance(ball.position) < reach_m;
             ball.velocity.length() > self.rest_speed_m_s && self.spheres.iter().any(is_near)
         })
     }
@@ -427,14 +344,14 @@ impl Marbles {
 /// What a marble touches.
 fn surface(
     partner: Partner,
-    sphere: &Sphere,
-    spheres: &[Sphere],
+    sphere: &MarbleState,
+    spheres: &[MarbleState],
     bodies: &Bodies,
     marble: &Marble,
 ) -> Surface {
     match partner {
         Partner::Marble(other) => {
-            let Sphere {
+            let MarbleState {
                 position,
                 velocity,
                 spin,

@@ -520,10 +520,9 @@ mod tests {
         let viewing = ReplayPlayer::new(read, practice.world().table(), 0.0).unwrap();
         let mut other = self::practice();
         other.lay(viewing.start().balls, viewing.patches()).unwrap();
-        assert_eq!(
-            bed(&other).unwrap().centers(),
-            bed(&practice).unwrap().centers()
-        );
+        // What is laid again lies as what was painted does once it is played on.
+        let played = practice.table_layout().unwrap().particles.unwrap();
+        assert_eq!(bed(&other).unwrap().centers(), played.centers());
         assert!(
             !viewing
                 .particles(0.0)

@@ -97,7 +97,7 @@ impl ShotPreview {
         let ways = match aids {
             AimAids::Full => {
                 let shot = world.without_particles().strike(stroke).ok()?;
-                let known = world.particles().map(|bed| bed.known_until_secs(&shot));
+                let known = world.particles().map(|bed| shot.known_until_secs(bed));
                 ways(&shot, &known.unwrap_or_default())
             }
             _ => Vec::new(),

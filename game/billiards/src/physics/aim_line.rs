@@ -67,7 +67,7 @@ pub fn predict(world: &World, stroke: Stroke) -> Result<AimLine> {
         .particles()
         .zip(cue_ball)
         .map_or(f64::INFINITY, |(bed, cue_ball)| {
-            bed.known_until_secs(&shot)[cue_ball]
+            shot.known_until_secs(bed)[cue_ball]
         });
     let end = shot.duration_secs().min(known_secs);
     let cue_ball_at = |t: f64| shot.states_at(t).into_iter().find(|ball| ball.number == 0);

@@ -261,7 +261,7 @@ fn aim_lines_end_where_particles_begin_and_hold_until_there() {
     assert!(nearest.fold(f64::MAX, f64::min) < 5e-4);
     let bed = world.particles().unwrap();
     let free = world.without_particles().strike(stroke).unwrap();
-    let known = bed.known_until_secs(&free)[0];
+    let known = free.known_until_secs(bed)[0];
     assert!(free.states_at(known)[0].position.distance(end) < 1e-9);
     let (one, other) = (shot.states_at(known)[0], free.states_at(known)[0]);
     let apart = one.position.distance(other.position);

@@ -1,14 +1,14 @@
 //! Laws of marbles: restitution, momentum, heaps.
 
-use carom_mpm::{Ball, Bodies, Marble, Marbles, Obstacle, Sphere};
+use carom_mpm::{Ball, Bodies, Marble, MarbleState, Marbles, Obstacle};
 use glam::DVec3;
 
 fn marbles(marble: Marble, gravity: f64) -> Marbles {
     Marbles::new(marble, DVec3::new(0.0, 0.0, -gravity), 0.02).expect("valid")
 }
 
-fn sphere(x: f64, y: f64, z: f64) -> Sphere {
-    Sphere {
+fn sphere(x: f64, y: f64, z: f64) -> MarbleState {
+    MarbleState {
         position: DVec3::new(x, y, z),
         velocity: DVec3::ZERO,
         spin: DVec3::ZERO,

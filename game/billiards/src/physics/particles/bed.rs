@@ -5,10 +5,10 @@ use std::fmt;
 use carom_mpm::{Ball, Bodies, Grip, Marbles, Obstacle, Settings, Simulation, Solid};
 use glam::{DQuat, DVec2, DVec3, Vec3};
 
-use super::first_touch::HeightMap;
+use super::height_map::HeightMap;
 use super::marbles;
-use super::{ParticleMaterial, ParticlePatch, ParticlePrecision, ParticleTrack};
-use crate::physics::{BallState, Shot, Table};
+use super::{ParticleMaterial, ParticlePatch, ParticlePrecision};
+use crate::physics::{BallState, Table};
 use crate::{ParticleFault, Result};
 
 /// Particles on a table, as they lie or move.
@@ -111,12 +111,12 @@ impl ParticleBed {
         let lying = balls.iter().filter(|ball| ball.phase.is_on_table());
         let lying = lying.map(|ball| Ball::new(ball.position, ball.body.radius_m, IMMOVABLE_KG));
         let lying: Vec<Ball> = lying.collect();
-        let steps = (SETTLE_SECS_MAX * ParticleTrack::FRAMES_PER_SEC) as u32;
+        let steps = (SETTLE_SECS_MAX / SETTLE_STEP_SECS) as u32;
         for _ in 0..steps {
             if self.is_asleep() {
                 break;
             }
-            self.step(1.0 / ParticleTrack::FRAMES_PER_SEC, lying.clone())?;
+            self.step(SETTLE_STEP_SECS, lying.clone())?;
         }
         self.put_in_order()?;
         self.find_bounds();
@@ -229,10 +229,9 @@ impl ParticleBed {
         Ok(())
     }
 
-    /// Until when each ball of a shot that was simulated without these particles goes as it would with them, in s:
-    /// until it touches some, or a ball that had. Infinite for a ball that does neither.
-    pub fn known_until_secs(&self, shot: &Shot) -> Vec<f64> {
-        self.heights.known_until_secs(shot)
+    /// How high they lie.
+    pub(super) fn heights(&self) -> &HeightMap {
+        &self.heights
     }
 
     pub(super) fn has_marbles(&self) -> bool {
@@ -405,6 +404,8 @@ fn obstacles(table: &Table, patches: &[ParticlePatch]) -> Vec<Obstacle> {
 
 /// What is laid has come to rest by then, or creeps too slowly to be seen.
 const SETTLE_SECS_MAX: f64 = 6.0;
+/// Between two looks whether it has.
+const SETTLE_STEP_SECS: f64 = 1.0 / 60.0;
 /// Of a ball that lies while particles settle.
 const IMMOVABLE_KG: f64 = 1e6;
 /// Of the distance between particles: grains are no lattice.

@@ -1,88 +1,25 @@
 //! First touch of balls and particles that lie: up to it a shot is as if there were no particles.
 
-use glam::{DVec3, IVec2, Vec3};
+use glam::DVec3;
 
+use super::ParticleBed;
+use super::height_map::HeightMap;
 use crate::physics::event::EventKind;
 use crate::physics::shot::Shot;
 use crate::physics::trajectory::Trajectory;
 
-/// How high particles lie over each square of the cloth.
-#[derive(Clone, Debug)]
-pub(super) struct HeightMap {
-    edge_m: f64,
-    /// The square of the smallest coordinates.
-    first: IVec2,
-    columns: usize,
-    /// In m, row by row; none where nothing lies.
-    tops: Vec<Option<f32>>,
-}
-
-impl HeightMap {
-    /// Of the tops of particles that lie `spacing_m` apart.
-    pub(super) fn new(tops: &[Vec3], spacing_m: f64) -> Self {
-        let edge_m = 2.0 * spacing_m;
-        let square = |top: Vec3| (top.truncate().as_dvec2() / edge_m).floor().as_ivec2();
-        let none = (IVec2::MAX, IVec2::MIN);
-        let squares = tops.iter().map(|top| square(*top));
-        let (first, last) = squares.fold(none, |(min, max), at| (min.min(at), max.max(at)));
-        let size = (last.saturating_sub(first) + 1)
-            .max(IVec2::ZERO)
-            .as_usizevec2();
-        let columns = size.x.min(SQUARES_MAX);
-        let mut map = Self {
-            edge_m,
-            first,
-            columns,
-            tops: vec![None; columns * size.y.min(SQUARES_MAX)],
-        };
-        for top in tops {
-            if let Some(index) = map.index(square(*top)) {
-                let highest = map.tops[index].map_or(top.z, |highest| highest.max(top.z));
-                map.tops[index] = Some(highest);
-            }
-        }
-        map
-    }
-
-    fn index(&self, square: IVec2) -> Option<usize> {
-        let at = square.saturating_sub(self.first);
-        let is_inside = at.cmpge(IVec2::ZERO).all() && at.x < self.columns as i32;
-        let index = at.y.max(0) as usize * self.columns + at.x.max(0) as usize;
-        (is_inside && index < self.tops.len()).then_some(index)
-    }
-
-    /// Whether a sphere reaches into what lies.
-    pub(super) fn touches(&self, center: DVec3, radius_m: f64) -> bool {
-        let low = ((center.truncate() - radius_m) / self.edge_m)
-            .floor()
-            .as_ivec2();
-        let high = ((center.truncate() + radius_m) / self.edge_m)
-            .floor()
-            .as_ivec2();
-        let rows = low.y..=high.y;
-        let mut squares = rows.flat_map(|y| (low.x..=high.x).map(move |x| IVec2::new(x, y)));
-        squares.any(|square| {
-            let top = self.index(square).and_then(|index| self.tops[index]);
-            top.is_some_and(|top| {
-                let corner = square.as_dvec2() * self.edge_m;
-                let near = center.truncate().clamp(corner, corner + self.edge_m);
-                let height = center.z.min(top.into());
-                near.extend(height).distance(center) < radius_m
-            })
-        })
-    }
-
-    /// Until when each ball of a shot without particles goes as it would with them: until it touches some, or a
-    /// ball that had; infinite if none of both comes.
-    pub(super) fn known_until_secs(&self, shot: &Shot) -> Vec<f64> {
-        let end_secs = shot.duration_secs();
-        let trajectories = shot.trajectories();
+impl Shot {
+    /// Until when each ball of this shot, which was simulated without particles, goes as it would with those of `bed`, in
+    /// s: until it touches some, or a ball that had. Infinite for a ball that does neither.
+    pub fn known_until_secs(&self, bed: &ParticleBed) -> Vec<f64> {
+        let end_secs = self.duration_secs();
+        let trajectories = self.trajectories();
         let touches = trajectories
             .iter()
-            .map(|ball| self.first_touch_secs(ball, end_secs));
+            .map(|ball| first_touch_secs(bed.heights(), ball, end_secs));
         let mut known: Vec<f64> = touches.collect();
         let index = |number: u8| trajectories.iter().position(|ball| ball.number() == number);
-        for event in shot.events() {
+        for event in self.events() {
             let EventKind::BallBall { first, second, .. } = event.kind else {
                 continue;
             };
@@ -95,35 +32,33 @@ impl HeightMap {
         }
         known
     }
+}
 
-    /// When a ball that moves first touches particles; infinite if it does not.
-    fn first_touch_secs(&self, ball: &Trajectory, end_secs: f64) -> f64 {
-        let radius_m = ball.body().radius_m;
-        let starts: Vec<_> = ball.segments().map(|(segment, _)| segment).collect();
-        let ends = starts.iter().skip(1).map(|next| next.start_secs);
-        for (segment, end) in starts
-            .iter()
-            .zip(ends.chain([ball.end_secs().min(end_secs)]))
-        {
-            if segment.velocity == DVec3::ZERO && segment.acceleration == DVec3::ZERO {
-                continue;
-            }
-            let duration_secs = end - segment.start_secs;
-            let steps = (duration_secs / STEP_SECS).ceil().clamp(1.0, STEPS_MAX);
-            for step in 0..=steps as u32 {
-                let since = duration_secs * f64::from(step) / steps;
-                if self.touches(segment.position_after(since), radius_m) {
-                    return segment.start_secs + since;
-                }
+/// When a ball that moves first touches particles; infinite if it does not.
+fn first_touch_secs(heights: &HeightMap, ball: &Trajectory, end_secs: f64) -> f64 {
+    let radius_m = ball.body().radius_m;
+    let starts: Vec<_> = ball.segments().map(|(segment, _)| segment).collect();
+    let ends = starts.iter().skip(1).map(|next| next.start_secs);
+    for (segment, end) in starts
+        .iter()
+        .zip(ends.chain([ball.end_secs().min(end_secs)]))
+    {
+        if segment.velocity == DVec3::ZERO && segment.acceleration == DVec3::ZERO {
+            continue;
+        }
+        let duration_secs = end - segment.start_secs;
+        let steps = (duration_secs / STEP_SECS).ceil().clamp(1.0, STEPS_MAX);
+        for step in 0..=steps as u32 {
+            let since = duration_secs * f64::from(step) / steps;
+            if heights.touches(segment.position_after(since), radius_m) {
+                return segment.start_secs + since;
             }
         }
-        f64::INFINITY
     }
+    f64::INFINITY
 }
 
 /// Between two looks: a ball of 5 m/s goes 5 mm.
 const STEP_SECS: f64 = 1e-3;
 /// Of one motion: the longest roll takes longer steps, at less speed.
 const STEPS_MAX: f64 = 20_000.0;
-/// Along each axis: more than a table has, so that stray particles take no memory.
-const SQUARES_MAX: usize = 2048;

@@ -1,6 +1,6 @@
 //! Marbles on patches: a square lattice in layers, from which they settle.
 
-use carom_mpm::{Marble, Marbles, Sphere};
+use carom_mpm::{Marble, MarbleState, Marbles};
 use glam::{DVec2, DVec3, Vec3};
 
 use super::{ParticleMaterial, ParticlePatch};
@@ -39,7 +39,7 @@ pub(super) fn laid(
                 let at = (DVec2::new(x.into(), y.into()) + 0.5 + shift) * STEP_M;
                 let position = at.extend(radius_m + f64::from(layer) * LAYER_M);
                 if is_clear(position, radius_m) {
-                    let sphere = Sphere {
+                    let sphere = MarbleState {
                         position,
                         velocity: DVec3::ZERO,
                         spin: DVec3::ZERO,

@@ -9,6 +9,7 @@
 
 mod bed;
 mod first_touch;
+mod height_map;
 mod marbles;
 mod patch;
 mod run;
