@@ -30,6 +30,7 @@ impl TokenBucket {
     }
 
     /// Takes a token if there is one.
+    #[cfg(feature = "net")]
     pub(crate) fn try_take(&mut self, now: Instant) -> bool {
         self.fill(now);
         let free = self.tokens >= 1.0;
@@ -67,5 +68,17 @@ mod tests {
         now += Duration::from_secs(1000);
         assert_eq!(bucket.take(now, 100.0), Duration::ZERO);
         assert!(bucket.take(now, 1.0) > Duration::ZERO);
+    }
+
+    #[cfg(feature = "net")]
+    #[test]
+    fn an_empty_bucket_gives_nothing_until_it_fills() {
+        let start = Instant::now();
+        let mut bucket = TokenBucket::new(start, 2.0, 0.5);
+        let taken: Vec<bool> = (0..4)
+            .map(|secs| bucket.try_take(start + Duration::from_secs(secs / 2)))
+            .collect();
+        assert_eq!(taken, [true, true, false, false]);
+        assert!(bucket.try_take(start + Duration::from_secs(2)));
     }
 }
