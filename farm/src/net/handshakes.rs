@@ -107,8 +107,8 @@ impl HandshakeTable {
         self.pending.values().map(VecDeque::len).sum()
     }
 
-    /// Ends the oldest handshake of the source with the most, if that has more than another one of a source with
-    /// `of_source` would have.
+    /// Ends the oldest handshake of the source with the most of them, if it would still have as many as a source that
+    /// has `of_source` and gets one more.
     fn evict_for(&mut self, of_source: usize) -> bool {
         let fullest = self
             .pending

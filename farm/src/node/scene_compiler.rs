@@ -112,10 +112,10 @@ impl SceneCompiler {
             state.make_room(predicted, player)?;
         }
         // Without the lock, as compiling a large scene takes long.
-        let compiled = CompiledScene::new(&job.scene).map_err(|why| invalid(&why))?;
-        let scene = Arc::new(compiled);
+        let compiled = CompiledScene::new(&job.scene);
         let mut state = self.lock();
         state.waiting.charge(player, begun.elapsed().as_secs_f64());
+        let scene = Arc::new(compiled.map_err(|why| invalid(&why))?);
         state.kept.push_front(KeptScene {
             hash,
             bytes: scene.memory_bytes(),
@@ -177,15 +177,16 @@ impl CompilerState {
                 self.bytes(|kept| kept.player == player),
             );
             let own_fits = is_local || own + bytes <= share;
-            let fits = all + bytes <= self.bytes_max && self.kept.len() < SCENES_KEPT_MAX;
-            if fits && own_fits {
+            let fits = is_local || (own_fits && all + bytes <= self.bytes_max);
+            if fits && all + bytes <= self.bytes_max && self.kept.len() < SCENES_KEPT_MAX {
                 return Ok(());
             }
             let is_unused =
                 |kept: &KeptScene| !kept.is_in_use() && (own_fits || kept.player == player);
             match self.kept.iter().rposition(is_unused) {
                 Some(unused) => drop(self.kept.remove(unused)),
-                None if is_local => return Ok(()),
+                // As many scenes are in use as there are players with scenes of their own.
+                None if fits => return Ok(()),
                 // Requests of other scenes have the memory until they are done.
                 None => return Err(RefusalReason::Busy),
             }
@@ -220,7 +221,7 @@ fn invalid(why: &impl ToString) -> RefusalReason {
 pub(super) const SCENE_BYTES_MAX: u64 = 1 << 30;
 /// A player may have one of so many parts of it.
 const PLAYER_PARTS: u64 = 2;
-/// Compiled scenes that a node keeps for all its clients.
+/// Compiled scenes that a node keeps, but for those in use.
 const SCENES_KEPT_MAX: usize = 8;
 const TRIANGLE_BYTES: u64 = 256;
 const OBJECT_BYTES: u64 = 256;
@@ -291,6 +292,21 @@ mod tests {
         assert_eq!(state.make_room(100 * MIB, far), Err(RefusalReason::Busy));
         drop(in_use);
         state.make_room(100 * MIB, far).unwrap();
+    }
+
+    #[test]
+    fn any_number_of_players_may_use_scenes_of_their_own() {
+        let mut state = state(Vec::new());
+        let mut in_use = Vec::new();
+        for index in 0..2 * SCENES_KEPT_MAX as u8 {
+            let player = player(&index.to_string());
+            state.make_room(MIB, player).unwrap();
+            state.kept.push_front(kept(index, MIB, player));
+            in_use.push(Arc::clone(&state.kept[0].scene));
+        }
+        drop(in_use);
+        state.make_room(MIB, player("last")).unwrap();
+        assert_eq!(state.kept.len(), SCENES_KEPT_MAX - 1);
     }
 
     #[test]
