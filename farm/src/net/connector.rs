@@ -170,6 +170,7 @@ mod tests {
     use super::*;
     use crate::net::authority::{Authority, IssuedCertificate};
     use crate::net::endpoint::TransportOptions;
+    use crate::net::handshakes::Handshakes;
     use carom_testkit::link_emulator::LinkConfig;
     use carom_testkit::udp_proxy::UdpProxy;
 
@@ -254,7 +255,7 @@ mod tests {
         let any_port = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         runtime().block_on(async {
             let config = endpoint::server_config(&node, TransportOptions::default()).unwrap();
-            let node = endpoint::open_server(any_port, config).unwrap();
+            let node = endpoint::open_server(any_port, config, &Handshakes::default()).unwrap();
             let address = node.local_addr().unwrap();
             let proxy = path.map(|path| UdpProxy::start(any_port, address, path, 1).unwrap());
             let address = proxy.as_ref().map_or(address, UdpProxy::local_addr);

@@ -8,12 +8,14 @@ use std::time::Duration;
 use carom_protocol::limits;
 use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
 use quinn::{
-    AckFrequencyConfig, Endpoint, EndpointConfig, IdleTimeout, MtuDiscoveryConfig, TransportConfig,
-    VarInt, congestion,
+    AckFrequencyConfig, Endpoint, EndpointConfig, IdleTimeout, MtuDiscoveryConfig, Runtime,
+    TransportConfig, VarInt, congestion,
 };
 
 use crate::Error;
 use crate::net::credentials::Credentials;
+use crate::net::flood_filter::FilteredSocket;
+use crate::net::handshakes::Handshakes;
 pub(crate) use crate::net::peer::HANDSHAKE_TIMEOUT;
 use crate::net::tls;
 use crate::node::STALL_TIMEOUT;
@@ -211,26 +213,34 @@ pub(crate) fn open_client(peer: SocketAddr) -> Result<Endpoint, io::Error> {
         SocketAddr::V4(_) => SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)),
         SocketAddr::V6(_) => SocketAddr::from((Ipv6Addr::UNSPECIFIED, 0)),
     };
-    open(any, None)
+    let runtime = Arc::new(quinn::TokioRuntime);
+    Endpoint::new(endpoint_config()?, None, bind(any)?, runtime)
 }
 
-/// Opens a node's socket. Needs a tokio runtime.
+/// Opens a server's socket, whose strangers `handshakes` tells from sources that are known. Needs a tokio runtime.
 pub(crate) fn open_server(
     address: SocketAddr,
     config: quinn::ServerConfig,
+    handshakes: &Handshakes,
 ) -> Result<Endpoint, io::Error> {
-    open(address, Some(config))
+    let runtime = quinn::TokioRuntime;
+    let socket = runtime.wrap_udp_socket(bind(address)?)?;
+    let socket = Arc::new(FilteredSocket::new(socket, handshakes.clone()));
+    Endpoint::new_with_abstract_socket(endpoint_config()?, Some(config), socket, Arc::new(runtime))
 }
 
-fn open(address: SocketAddr, server: Option<quinn::ServerConfig>) -> Result<Endpoint, io::Error> {
-    let socket = UdpSocket::bind(address)?;
-    enlarge_buffers(&socket);
-    let runtime = Arc::new(quinn::TokioRuntime);
+fn endpoint_config() -> Result<EndpointConfig, io::Error> {
     let mut config = EndpointConfig::default();
     config
         .max_udp_payload_size(MTU_MAX)
         .map_err(io::Error::other)?;
-    Endpoint::new(config, server, socket, runtime)
+    Ok(config)
+}
+
+fn bind(address: SocketAddr) -> Result<UdpSocket, io::Error> {
+    let socket = UdpSocket::bind(address)?;
+    enlarge_buffers(&socket);
+    Ok(socket)
 }
 
 /// The system may grant less, which only slows long fast paths down.

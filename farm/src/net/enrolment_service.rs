@@ -66,6 +66,7 @@ struct EnrolmentState {
     uses_left: Mutex<u32>,
     /// Told when the last use is spent.
     spent: Notify,
+    handshakes: Handshakes,
 }
 
 impl EnrolmentService {
@@ -92,10 +93,14 @@ impl EnrolmentService {
             .enable_all()
             .build()
             .map_err(failed)?;
+        let handshakes = Handshakes::default();
         let (endpoint, signals) = {
             let _inside = runtime.enter();
-            let endpoint = endpoint::open_server(address, config).map_err(failed)?;
-            (endpoint, Signals::listen().map_err(failed)?)
+            let endpoint = endpoint::open_server(address, config, &handshakes);
+            (
+                endpoint.map_err(failed)?,
+                Signals::listen().map_err(failed)?,
+            )
         };
         let port = endpoint.local_addr().map_err(failed)?.port();
         let url = JoinUrl::new(url_address.with_port(port), &authority)?;
@@ -105,6 +110,7 @@ impl EnrolmentService {
             secret_hash: certificate_fields::sha256(secret.as_bytes()),
             uses_left: Mutex::new(uses),
             spent: Notify::new(),
+            handshakes,
         };
         let service = Self {
             runtime,
@@ -170,15 +176,14 @@ async fn accept(
     state: &Arc<EnrolmentState>,
     events: impl Fn(EnrolmentEvent) + Clone + Send + Sync + 'static,
 ) {
-    let handshakes = Handshakes::default();
     let lines = TokenBucket::new(Instant::now(), REFUSALS_TOLD, 1.0 / REFUSAL_SECS);
     let lines = Arc::new(Mutex::new(lines));
     while let Some(incoming) = endpoint.accept().await {
-        let Some((incoming, pending)) = listener::screen(incoming, &handshakes) else {
+        let Some((incoming, pending)) = listener::screen(incoming, &state.handshakes) else {
             continue;
         };
         let (state, events) = (Arc::clone(state), events.clone());
-        let (handshakes, lines) = (handshakes.clone(), Arc::clone(&lines));
+        let lines = Arc::clone(&lines);
         tokio::spawn(async move {
             let from = incoming.remote_address();
             let served = async {
@@ -197,7 +202,7 @@ async fn accept(
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)
                 .try_take(now);
-            let counts = handshakes.fail(now);
+            let counts = state.handshakes.fail(now);
             let why = match counts {
                 Some(counts) if !free => format!("{counts}; the last: {error}"),
                 _ if free => error.to_string(),

@@ -72,6 +72,11 @@ impl Handshakes {
         })
     }
 
+    /// Whether players have come from a [`source`] before.
+    pub(super) fn knows(&self, source: IpAddr) -> bool {
+        self.lock().known.contains(&source)
+    }
+
     /// Whether so many are under way that strangers must validate their addresses.
     pub(crate) fn must_validate(&self) -> bool {
         self.lock().count() > UNVALIDATED_MAX
@@ -154,7 +159,7 @@ impl Drop for PendingHandshake {
 }
 
 /// What one stranger may have: an address of IPv4, a /56 of IPv6.
-fn source(address: IpAddr) -> IpAddr {
+pub(super) fn source(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(address) => {
             let network = u128::from(address) & (u128::MAX << (128 - 56));

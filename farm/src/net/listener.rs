@@ -22,6 +22,7 @@ use crate::node::PlayerId;
 #[derive(Clone)]
 pub(crate) struct Listener {
     endpoint: Endpoint,
+    handshakes: Handshakes,
 }
 
 impl Listener {
@@ -36,11 +37,16 @@ impl Listener {
         options: TransportOptions,
     ) -> Result<Self, Error> {
         let config = endpoint::server_config(credentials, options)?;
-        let endpoint = endpoint::open_server(address, config).map_err(|source| Error::Socket {
+        let handshakes = Handshakes::default();
+        let endpoint = endpoint::open_server(address, config, &handshakes);
+        let endpoint = endpoint.map_err(|source| Error::Socket {
             address: address.to_string(),
             source,
         })?;
-        Ok(Self { endpoint })
+        Ok(Self {
+            endpoint,
+            handshakes,
+        })
     }
 
     /// Shows another certificate from the next connection on.
@@ -68,9 +74,9 @@ impl Listener {
         S: Fn(PlayerId, ConnectionStreams) -> F + Clone + Send + 'static,
         F: Future<Output = ()> + Send + 'static,
     {
-        let (handshakes, places) = (Handshakes::default(), Places::default());
+        let (handshakes, places) = (&self.handshakes, Places::default());
         while let Some(incoming) = self.endpoint.accept().await {
-            let Some((incoming, pending)) = screen(incoming, &handshakes) else {
+            let Some((incoming, pending)) = screen(incoming, handshakes) else {
                 continue;
             };
             let (handshakes, places, serve) = (handshakes.clone(), places.clone(), serve.clone());

@@ -59,6 +59,7 @@ mod enrolment;
 pub mod enrolment_service;
 pub mod farm_folder;
 mod fec;
+mod flood_filter;
 mod handshakes;
 mod issuance;
 mod join_url;

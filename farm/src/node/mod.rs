@@ -16,6 +16,7 @@ mod device_quota;
 mod fair_queue;
 mod job;
 mod load_meter;
+mod partial_tile;
 mod queue;
 mod rate_model;
 mod scene_compiler;

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::{NodeLoad, SceneHash};
-use carom_tracer::{CompiledScene, TileRange};
+use carom_tracer::{CompiledScene, Tile, TileRange};
 
 use super::device_quota::DeviceQuota;
 use super::fair_queue::{FairQueue, PlayerId};
@@ -37,8 +37,10 @@ pub(super) enum TurnWork {
     /// Some pixels of a request whose scene's cost is not known are to be traced for
     /// [`JobQueue::set_cost`].
     Probe,
-    /// A part of a request is to be traced.
+    /// Tiles of a request are to be traced.
     Trace(TileRange),
+    /// A part of a tile, of this number, is to be traced: the whole takes longer than a slice.
+    TracePart(u32, Tile),
     /// A request is to be refused with a sentence.
     Refuse(String),
 }
@@ -79,7 +81,7 @@ struct RunningTurn {
     job: Arc<NodeJob>,
     stop: Arc<AtomicBool>,
     begun: Instant,
-    /// Whether it has several tiles, of which some can be left for later.
+    /// Whether a part of it can be left for later.
     is_divisible: bool,
 }
 
@@ -306,11 +308,16 @@ impl QueueState {
         let (job, next) = (Arc::clone(&queued.job), *queued.left.front()?);
         let work = self.work(&job, next)?;
         let stop = Arc::new(AtomicBool::new(job.cancelled.load(Ordering::Relaxed)));
+        let is_divisible = match work {
+            TurnWork::Trace(tiles) => tiles.count > 1 || job.has_divisible_tiles(),
+            TurnWork::TracePart(_, part) => part.pixels() > 1,
+            TurnWork::Probe | TurnWork::Refuse(_) => false,
+        };
         self.running.push(RunningTurn {
             job: Arc::clone(&job),
             stop: Arc::clone(&stop),
             begun: Instant::now(),
-            is_divisible: matches!(work, TurnWork::Trace(tiles) if tiles.count > 1),
+            is_divisible,
         });
         Some(Turn { job, work, stop })
     }
@@ -330,7 +337,7 @@ impl QueueState {
             return Some(TurnWork::Probe);
         };
         let (secs_per_sample, probes) = (cost.secs_per_sample, cost.probes);
-        let measured = (GROWTH * cost.samples_max / job.samples(1).max(1.0)) as u32;
+        let samples_max = GROWTH * cost.samples_max;
         if job.begun.get().is_none()
             && let Some(why) = too_costly(job, secs_per_sample)
         {
@@ -341,8 +348,14 @@ impl QueueState {
             self.jobs.next_mut()?.pop_front();
             return Some(TurnWork::Refuse(why));
         }
-        let fitting = (SLICE_SECS / (secs_per_sample * job.samples(1)).max(1e-9)) as u32;
-        let fitting = fitting.min(measured);
+        let fitting = SLICE_SECS / secs_per_sample.max(1e-12);
+        let pixels = (fitting.min(samples_max) / job.samples_per_pixel()) as u32;
+        let is_whole = fitting >= job.samples(1);
+        if let Some(part) = job.next_part(next.first, (!is_whole).then_some(pixels)) {
+            self.take(1)?;
+            return Some(TurnWork::TracePart(next.first, part));
+        }
+        let fitting = (fitting.min(samples_max) / job.samples(1)) as u32;
         // Whole messages, unless one takes too long.
         let whole = fitting - fitting % TILES_PER_MESSAGE_MAX;
         let count = if whole > 0 { whole } else { fitting.max(1) };
@@ -376,7 +389,7 @@ impl QueueState {
                 _ if player == PlayerId::LOCAL || turn.stop.load(Ordering::Relaxed) => continue,
                 true if self.jobs.others_wait(player) => SLICE_SECS_MAX,
                 true => continue,
-                false => TILE_SECS_MAX,
+                false => UNDIVIDED_SECS_MAX,
             };
             let due = turn.begun + Duration::from_secs_f64(secs_max);
             match due <= now {
@@ -403,9 +416,10 @@ pub(super) const COST_ADVICE: &str = "ask for fewer samples, shallower paths or 
 fn too_costly(job: &NodeJob, secs_per_sample: f64) -> Option<String> {
     let tile_secs = secs_per_sample * job.samples(1);
     let all_secs = secs_per_sample * job.samples(job.request.tiles.count);
-    if tile_secs > TILE_SECS_MAX {
+    if tile_secs > UNDIVIDED_SECS_MAX && !job.has_divisible_tiles() {
         return Some(format!(
-            "a tile of it takes some {tile_secs:.0} s here, of at most {TILE_SECS_MAX:.0} s: {COST_ADVICE}"
+            "a denoised tile of it takes some {tile_secs:.0} s here, of at most {UNDIVIDED_SECS_MAX:.0} s: \
+             {COST_ADVICE}"
         ));
     }
     (all_secs > REQUEST_SECS_MAX).then(|| {
@@ -440,15 +454,15 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 const UPDATED_KEPT_MAX: usize = 16;
 /// Scenes whose cost a node remembers.
 const COSTS_KEPT_MAX: usize = 32;
-/// Device time of a slice: what another player's frame waits for. A tile is not divided.
+/// Device time of a slice: what another player's frame waits for. Denoised tiles are not divided.
 const SLICE_SECS: f64 = 0.05;
 /// Device time after which a slice is cut if another player waits.
 const SLICE_SECS_MAX: f64 = 2.0 * SLICE_SECS;
 /// A slice has at most so many times the samples of any that was measured: where a probe's pixels were
 /// cheap, the rest of the picture may be dear.
 const GROWTH: f64 = 8.0;
-/// Device time of one tile: what was traced of it before is of no use.
-pub(super) const TILE_SECS_MAX: f64 = 10.0;
+/// Device time of what cannot be divided: a denoised tile, a pixel, a probe.
+pub(super) const UNDIVIDED_SECS_MAX: f64 = 10.0;
 /// The longest pause of [`JobQueue::watch`].
 const WATCH_PAUSE_MAX: Duration = Duration::from_secs(3600);
 /// Device time of a request. A 4K picture of 4,096 samples takes an H200 a minute and four slow
@@ -520,6 +534,11 @@ mod tests {
 
         /// Asks for a picture in so many tiles.
         fn request(&mut self, frame: u64, tiles: u32) {
+            self.request_with(frame, tiles, RenderSettings::default());
+        }
+
+        /// Asks for a picture of one sample in so many tiles.
+        fn request_with(&mut self, frame: u64, tiles: u32, settings: RenderSettings) {
             let scene = include_str!("../../../assets/scenes/pool.json");
             let scene = Scene::from_json(scene).unwrap();
             let request = TraceRequest {
@@ -534,7 +553,7 @@ mod tests {
                 },
                 settings: RenderSettings {
                     samples: 1,
-                    ..RenderSettings::default()
+                    ..settings
                 },
                 format: PixelFormat::LinearF32,
                 precision: PrecisionRange::EXACT,
@@ -573,6 +592,13 @@ mod tests {
 
     /// Samples that are measured at once.
     const SAMPLES: f64 = 1e6;
+    const DENOISED: RenderSettings = RenderSettings {
+        samples: 1,
+        first_sample: 0,
+        max_depth: 5,
+        seed: 0,
+        denoise: true,
+    };
 
     /// Has the queue believe that a sample of the pool table takes so long.
     fn price(queue: &JobQueue, secs_per_sample: f64, probes: u32) {
@@ -685,10 +711,11 @@ mod tests {
     fn a_request_that_takes_days_is_refused() {
         let queue = Arc::new(JobQueue::new());
         let mut greedy = Requester::new(&queue, PlayerId::of_key(b"greedy"));
-        greedy.request(0, 4096);
+        greedy.request_with(0, 32, DENOISED);
         price(&queue, 1.0, PROBES_BEFORE_REFUSAL);
         let why = refused(&queue);
-        assert!(why.contains("64 s here, of at most 10 s"), "{why}");
+        let expected = "a denoised tile of it takes some 64 s here, of at most 10 s";
+        assert!(why.contains(expected), "{why}");
         greedy.request(1, 4096);
         price(&queue, 0.1, PROBES_BEFORE_REFUSAL);
         let why = refused(&queue);
@@ -740,17 +767,54 @@ mod tests {
     }
 
     #[test]
+    fn a_tile_longer_than_a_slice_is_traced_in_parts() {
+        let queue = Arc::new(JobQueue::new());
+        let mut greedy = Requester::new(&queue, PlayerId::of_key(b"a"));
+        greedy.request(0, 2);
+        // A column of eight samples fills a slice, three times.
+        price(&queue, SLICE_SECS / (3.0 * 8.5), 1);
+        let mut parts = Vec::new();
+        for _ in 0..6 {
+            let turn = queue.next().unwrap();
+            let TurnWork::TracePart(tile, part) = turn.work else {
+                panic!("{:?}", turn.work);
+            };
+            parts.push((tile, part.x, part.width, part.height));
+            let mut partial = turn.job.take_partial(tile).unwrap();
+            let radiance = vec![[0.0; 3]; part.pixels()];
+            let traced = carom_tracer::TileRadiance {
+                index: 0,
+                radiance,
+                dropped_samples: 0,
+            };
+            partial.put(part, &traced);
+            if let Err(partial) = partial.whole() {
+                turn.job.keep_partial(partial);
+                let range = TileRange {
+                    first: tile,
+                    count: 1,
+                };
+                queue.put_back(&turn.job, vec![range]);
+            }
+            queue.finish(&turn, Duration::from_secs_f64(SLICE_SECS));
+        }
+        let columns =
+            |tile: u32| [(0, 3), (3, 3), (6, 2)].map(|(x, width)| (tile, 8 * tile + x, width, 8));
+        assert_eq!(parts, [columns(0), columns(1)].concat());
+    }
+
+    #[test]
     fn a_tile_without_end_is_stopped() {
         let queue = Arc::new(JobQueue::new());
         let mut greedy = Requester::new(&queue, PlayerId::of_key(b"a"));
-        greedy.request(0, 1);
+        greedy.request_with(0, 1, DENOISED);
         price(&queue, 1e-6, 1);
         let turn = queue.next().unwrap();
         let state = lock(&queue.state);
         let begun = state.running[0].begun;
-        state.stop_overdue(begun + Duration::from_secs_f64(0.9 * TILE_SECS_MAX));
+        state.stop_overdue(begun + Duration::from_secs_f64(0.9 * UNDIVIDED_SECS_MAX));
         assert!(!turn.stop.load(Ordering::Relaxed));
-        state.stop_overdue(begun + Duration::from_secs_f64(TILE_SECS_MAX));
+        state.stop_overdue(begun + Duration::from_secs_f64(UNDIVIDED_SECS_MAX));
         assert!(turn.stop.load(Ordering::Relaxed));
     }
 }

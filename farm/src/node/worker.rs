@@ -18,7 +18,7 @@ use carom_tracer::{
 
 use super::client_connection::TileSharing;
 use super::job::NodeJob;
-use super::queue::{COST_ADVICE, JobQueue, TILE_SECS_MAX, Turn, TurnWork};
+use super::queue::{COST_ADVICE, JobQueue, Turn, TurnWork, UNDIVIDED_SECS_MAX};
 
 /// Starts a worker thread; it ends when the queue is closed.
 pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
@@ -77,7 +77,11 @@ fn run(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) {
     // A bug in a tracer or a driver must cost one request, not the node of all its players.
     let done = catch_unwind(AssertUnwindSafe(|| match &turn.work {
         TurnWork::Probe => probe(queue, tracer, turn),
-        TurnWork::Trace(tiles) => trace(queue, tracer, turn, *tiles),
+        TurnWork::Trace(tiles) => trace(queue, tracer, turn, *tiles, None),
+        TurnWork::TracePart(tile, part) => {
+            let (first, count) = (*tile, 1);
+            trace(queue, tracer, turn, TileRange { first, count }, Some(*part))
+        }
         TurnWork::Refuse(why) => {
             let why = RefusalReason::Invalid(why.clone());
             job.client.refuse(job.request.id, why);
@@ -108,30 +112,31 @@ fn give_up(queue: &JobQueue, job: &NodeJob, why: RefusalReason) {
     queue.drop_cancelled();
 }
 
-/// Refuses a job of which a tile takes too long.
-fn give_up_tile(queue: &JobQueue, job: &NodeJob) {
-    let why = format!(
-        "a tile of it takes longer than {} s here: {COST_ADVICE}",
-        TILE_SECS_MAX
-    );
+/// Refuses a job of which what cannot be divided takes too long.
+fn give_up_piece(queue: &JobQueue, job: &NodeJob, piece: &str) {
+    let why = format!("{piece} of it takes longer than {UNDIVIDED_SECS_MAX} s here: {COST_ADVICE}");
     give_up(queue, job, RefusalReason::Invalid(why));
 }
 
-/// Traces a slice. Tiles that it leaves because it was stopped are queued again.
+/// Traces a slice: tiles, or a part of one. What it leaves is queued again.
 fn trace(
     queue: &JobQueue,
     tracer: &dyn Tracer,
     turn: &Turn,
     tiles: TileRange,
+    part: Option<Tile>,
 ) -> Result<(), Error> {
     let job = &turn.job;
-    let slice = ActiveSlice::new(queue, turn, tiles);
+    let slice = ActiveSlice::new(queue, turn, tiles, part);
     slice.trace(tracer)?;
     let is_cancelled = job.cancelled.load(Ordering::Relaxed);
     let left = slice.left();
     if !is_cancelled && !left.is_empty() {
-        if tiles.count == 1 {
-            give_up_tile(queue, job);
+        let is_stopped = turn.stop.load(Ordering::Relaxed);
+        if is_stopped && part.is_some_and(|part| part.pixels() == 1) {
+            give_up_piece(queue, job, "a pixel");
+        } else if is_stopped && tiles.count == 1 && !job.has_divisible_tiles() {
+            give_up_piece(queue, job, "a tile");
         } else {
             let left_tiles = left.iter().map(|range| range.count).sum::<u32>();
             job.finish(tiles.count - left_tiles);
@@ -173,7 +178,7 @@ fn probe(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) -> Result<(), Error
     match turn.stop.load(Ordering::Relaxed) {
         false => queue.set_cost(job, tile.pixels() as f64, begun.elapsed(), true),
         true if job.cancelled.load(Ordering::Relaxed) => {}
-        true => give_up_tile(queue, job),
+        true => give_up_piece(queue, job, "a probe"),
     }
     Ok(())
 }
@@ -228,6 +233,9 @@ struct ActiveSlice<'a> {
     begun: Instant,
     first: u32,
     tiles: Vec<Tile>,
+    /// What is traced of the only tile, if it is not all.
+    part: Option<Tile>,
+    part_is_done: AtomicBool,
     groups: Vec<Mutex<TileGroup>>,
     /// Whether the network has made the tracer wait.
     stalled: AtomicBool,
@@ -241,7 +249,7 @@ struct TileGroup {
 }
 
 impl<'a> ActiveSlice<'a> {
-    fn new(queue: &'a JobQueue, turn: &'a Turn, tiles: TileRange) -> Self {
+    fn new(queue: &'a JobQueue, turn: &'a Turn, tiles: TileRange, part: Option<Tile>) -> Self {
         let (job, first) = (&turn.job, tiles.first);
         let tiles: Vec<Tile> = job.request.grid.tiles(tiles).collect();
         let group = |tiles: &[Tile]| {
@@ -260,6 +268,8 @@ impl<'a> ActiveSlice<'a> {
             first,
             groups: tiles.chunks(GROUP_TILES).map(group).collect(),
             tiles,
+            part,
+            part_is_done: AtomicBool::new(false),
             stalled: AtomicBool::new(false),
         }
     }
@@ -274,7 +284,7 @@ impl<'a> ActiveSlice<'a> {
         let scene = self.job.updated(self.queue)?;
         let job = TraceJob {
             size: request.size(),
-            tiles: &self.tiles,
+            tiles: self.part.as_ref().map_or(&self.tiles, std::slice::from_ref),
             settings: request.settings,
             cancelled: self.stop,
         };
@@ -282,7 +292,8 @@ impl<'a> ActiveSlice<'a> {
         // The tracer stays on this thread; only encoding goes to rayon's.
         rayon::in_place_scope(|encoders| {
             let sink = |tile: TileRadiance| {
-                if let Some((first, group)) = self.collect(tile) {
+                let complete = self.completed(tile).and_then(|tile| self.collect(tile));
+                if let Some((first, group)) = complete {
                     let traced = Instant::now();
                     // Backpressure: blocks the tracer, so that traced pixels cannot pile up.
                     if self.job.client.wait_for_room(&self.job.cancelled) {
@@ -297,15 +308,55 @@ impl<'a> ActiveSlice<'a> {
             tracer.trace(&scene, &job, &sink).map(drop)?;
             let is_wanted = !self.job.cancelled.load(Ordering::Relaxed);
             if is_wanted && !self.stalled.load(Ordering::Relaxed) {
-                // Of a slice that was stopped, what has come has taken all the time.
-                let pixels: usize = self.finished().map(|tile| tile.pixels()).sum();
-                let pixels = pixels.max(self.tiles[0].pixels());
-                let samples = pixels as f64 * f64::from(request.settings.samples);
+                let samples = self.pixels_done() as f64 * self.job.samples_per_pixel();
                 self.queue
                     .set_cost(self.job, samples, begun.elapsed(), false);
             }
             Ok(())
         })
+    }
+
+    /// The tile, once all of it has been traced: a part waits for the others.
+    fn completed(&self, traced: TileRadiance) -> Option<TileRadiance> {
+        let Some(part) = self.part else {
+            return Some(traced);
+        };
+        if self.part_is_done.swap(true, Ordering::Relaxed) {
+            return None;
+        }
+        let mut partial = self.job.take_partial(self.first)?;
+        partial.put(part, &traced);
+        match partial.whole() {
+            Ok((radiance, dropped_samples)) => Some(TileRadiance {
+                index: 0,
+                radiance,
+                dropped_samples,
+            }),
+            Err(partial) => {
+                self.job.keep_partial(partial);
+                None
+            }
+        }
+    }
+
+    /// What all the time was spent on, in pixels: of a slice that was stopped, what has come, or a piece of what
+    /// was begun.
+    fn pixels_done(&self) -> usize {
+        let piece = |tile: Tile| (tile.pixels() / STOPPED_PIECES).max(1);
+        match self.part {
+            Some(part) if self.part_is_done.load(Ordering::Relaxed) => part.pixels(),
+            Some(part) => piece(part),
+            None => {
+                let finished: usize = self.finished().map(|tile| tile.pixels()).sum();
+                let is_lone = self.tiles.len() == 1;
+                let begun = self.tiles[0];
+                finished.max(if is_lone {
+                    piece(begun)
+                } else {
+                    begun.pixels()
+                })
+            }
+        }
     }
 
     /// Adds a tile to its group; returns the group when it is complete, with the index of its first
@@ -420,5 +471,7 @@ fn panic_message(panic: &(dyn Any + Send)) -> &str {
 }
 
 const GROUP_TILES: usize = TILES_PER_MESSAGE_MAX as usize;
+/// Pieces of a stopped tile of which one is taken to have been traced: its price rises so quickly.
+const STOPPED_PIECES: usize = 8;
 /// Pixels along the edge of a probe: a quarter of a millisecond of one core at most scenes.
 const PROBE_EDGE: u32 = 16;

@@ -1,6 +1,7 @@
 //! A node as a process of its own, and what the system says of it.
 
 use std::io::{BufRead, BufReader};
+use std::net::UdpSocket;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
@@ -11,6 +12,10 @@ pub(crate) struct AttackedNode {
     child: Child,
     pub(crate) folder: TempDir,
     pub(crate) address: String,
+    /// Where the farm's player believes another node to be.
+    pub(crate) rogue_address: String,
+    /// The farm's authority, if it admits nodes.
+    enrolment: Option<Child>,
 }
 
 /// What a process has of the system.
@@ -24,14 +29,47 @@ pub(crate) struct Resources {
 
 impl AttackedNode {
     pub(crate) fn start() -> Self {
-        Self::start_limited("unlimited")
+        Self::start_with("unlimited", &[])
     }
 
     /// A node that may open so many files, as `ulimit -n` has it.
     pub(crate) fn start_limited(descriptors: &str) -> Self {
+        Self::start_with(descriptors, &[])
+    }
+
+    /// A node that keeps little memory for scenes: a player may have half of it.
+    pub(crate) fn start_small() -> Self {
+        Self::start_with("unlimited", &["--scene-memory", "96"])
+    }
+
+    /// A node beside an authority that admits others, whose address is in the file `enrolment`.
+    pub(crate) fn start_with_enrolment() -> Self {
+        let mut node = Self::start();
+        let mut child = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
+            .args(["token", "--listen", "127.0.0.1:0", "--host", "127.0.0.1"])
+            .current_dir(node.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let url = lines
+            .by_ref()
+            .map(Result::unwrap)
+            .find_map(|line| Some(line.strip_prefix("carom-farm join farm://")?.to_owned()))
+            .expect("a token");
+        std::thread::spawn(move || lines.for_each(drop));
+        let (address, _) = url.split_once('#').expect("a token behind the address");
+        std::fs::write(node.path().join("enrolment"), address).unwrap();
+        node.enrolment = Some(child);
+        node
+    }
+
+    fn start_with(descriptors: &str, options: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         carom_farm(folder.path(), &["init"]);
         carom_farm(folder.path(), &["add-node", "oak"]);
+        carom_farm(folder.path(), &["add-node", "birch"]);
         carom_farm(folder.path(), &["add-player", "mallory"]);
         // Core dumps are the node's own business, whatever its user's limits.
         let limit = match descriptors {
@@ -43,6 +81,7 @@ impl AttackedNode {
             .arg(env!("CARGO_BIN_EXE_carom-farm"))
             .args(["node", "--listen", "127.0.0.1:0", "--backend", "cpu"])
             .args(["--threads", "1", "--credentials", ".carom/nodes/oak"])
+            .args(options)
             .current_dir(folder.path())
             .stdout(Stdio::piped())
             .spawn()
@@ -53,10 +92,14 @@ impl AttackedNode {
         let listening = listening.expect("the node listens");
         let address = listening.rsplit(' ').next().unwrap().to_owned();
         std::thread::spawn(move || lines.for_each(drop));
+        let free = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let rogue_address = free.local_addr().unwrap().to_string();
         Self {
             child,
             folder,
             address,
+            rogue_address,
+            enrolment: None,
         }
     }
 
@@ -120,8 +163,10 @@ impl AttackedNode {
 
 impl Drop for AttackedNode {
     fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        for child in self.enrolment.iter_mut().chain([&mut self.child]) {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
     }
 }
 

@@ -1,208 +1,30 @@
-"""Attacks on a node, by a QUIC stack that shares no code with Carom's.
+"""Attacks on a node and on its player, by a QUIC stack that shares no code with Carom's.
 
-attacker.py ATTACK NODE FOLDER    prints `attacking`, goes on until its standard input ends, and then prints
-                                  one line of JSON: what it counted.
+attacker.py ATTACK NODE ROGUE FOLDER    prints `attacking`, goes on until its standard input ends, and then prints
+                                        one line of JSON: what it counted.
 
-NODE is host:port; FOLDER holds what the test has put there: `.carom` with the farm, whose player mallory
-the attacker is, and messages as files (hello, scene, trace, ...), each with its length before it.
+NODE is host:port; at ROGUE, host:port too, the player believes another node to be. FOLDER holds what the test has put
+there: `.carom` with the farm, whose player mallory the attacker is, and messages as files (hello, scene, trace, ...),
+each with its length before it.
 """
 
-import datetime
 import json
 import os
-import select
+import random
 import socket
 import struct
 import sys
 import time
-from pathlib import Path
 
-from aioquic.quic import connection as quic
-from aioquic.quic import events
-from aioquic.quic.configuration import QuicConfiguration
-from aioquic.quic.packet import QuicFrameType
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec, rsa
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
-
-PLAYER, NODE_ROLE = "carom://role/player", "carom://role/node"
-DAY = datetime.timedelta(days=1)
-
-
-class ShapedConnection(quic.QuicConnection):
-    """A connection that sends bytes of the attacker's choice as frames, behind PINGs."""
-
-    raw: list = []
-
-    def _write_ping_frame(self, builder, uids=[], comment=""):
-        raw = self.raw[0] if self.raw else b""
-        frame = builder.start_frame(QuicFrameType.PING, capacity=1 + len(raw))
-        frame.push_bytes(raw)
-        del self.raw[:1]
+from quic_client import DAY, NODE_ROLE, PLAYER, Attack, Client, address, varint, varlen
+from rogue_node import NodeAttacks
 
 
-quic.CRYPTO_BUFFER_SIZE = 1 << 20  # for certificates of any size
-
-
-class Client:
-    """One connection over a socket of its own."""
-
-    def __init__(self, node, shown=None, alpn="carom/1", source="127.0.0.1", token=b"", parameters=None, **config):
-        configuration = QuicConfiguration(
-            is_client=True, alpn_protocols=[alpn], verify_mode=0, token=token, max_datagram_frame_size=65536, **config
-        )
-        if shown:
-            configuration.certificate, configuration.private_key = shown[0], shown[1]
-            configuration.certificate_chain = list(shown[2:])
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind((source, 0))
-        self.socket.setblocking(False)
-        self.node, self.quic = node, ShapedConnection(configuration=configuration)
-        self.quic.raw = []
-        if parameters is not None:
-            self.quic._serialize_transport_parameters = lambda: parameters
-        self.sent = self.received = self.stream_bytes = 0
-        self.is_open, self.closed, self.first_flight = False, None, []
-        self.quic.connect(node, now=time.monotonic())
-        self.flush()
-
-    def flush(self):
-        for data, _ in self.quic.datagrams_to_send(now=time.monotonic()):
-            if len(self.first_flight) < 4:
-                self.first_flight.append(data)
-            try:
-                self.sent += self.socket.sendto(data, self.node)
-            except OSError:
-                pass
-
-    def step(self):
-        """Takes what has come, and sends what is due."""
-        now = time.monotonic()
-        while True:
-            try:
-                data = self.socket.recv(65536)
-            except OSError:
-                break
-            self.received += len(data)
-            self.quic.receive_datagram(data, self.node, now=now)
-        due = self.quic.get_timer()
-        if due is not None and due <= now:
-            self.quic.handle_timer(now)
-        while (event := self.quic.next_event()) is not None:
-            if isinstance(event, events.HandshakeCompleted):
-                self.is_open = True
-            elif isinstance(event, events.ConnectionTerminated):
-                self.closed = event
-            elif isinstance(event, events.StreamDataReceived):
-                self.stream_bytes += len(event.data)
-        self.flush()
-
-    def run(self, secs, until=lambda client: client.closed):
-        """Goes on for so many seconds, or until something is so."""
-        end = time.monotonic() + secs
-        while time.monotonic() < end and not until(self):
-            select.select([self.socket], [], [], 0.005)
-            self.step()
-        return self
-
-    def open(self):
-        self.run(3, lambda client: client.is_open or client.closed)
-        return self
-
-    def send(self, data, stream=0, end=False):
-        self.quic.send_stream_data(stream, data, end)
-        self.flush()
-
-    def frames(self, *raw):
-        """Sends frames as they are, a packet each."""
-        self.quic.raw.extend(raw)
-        end = time.monotonic() + 2
-        while self.quic.raw and not self.closed and time.monotonic() < end:
-            self.quic.send_ping(1)
-            self.flush()
-            if self.quic.raw:  # the window is full
-                self.run(0.002, lambda client: False)
-
-    def drop(self):
-        self.socket.close()
-
-
-def varint(value):
-    if value < 64:
-        return bytes([value])
-    if value < 1 << 14:
-        return struct.pack(">H", value | 0x4000)
-    if value < 1 << 30:
-        return struct.pack(">I", value | 0x8000_0000)
-    return struct.pack(">Q", value | 0xC000_0000_0000_0000)
-
-
-class Attack:
-    def __init__(self, node, folder):
-        host, port = node.rsplit(":", 1)
-        self.node, self.folder, self.counts = (host, int(port)), Path(folder), {}
-
-    def count(self, what, by=1):
-        self.counts[what] = self.counts.get(what, 0) + by
-
-    def ends(self):
-        """Whether the test has had enough. The first time it says that the attack is on, which goes through
-        all that it has at least once."""
-        if not self.counts.get("announced"):
-            self.counts["announced"] = 1
-            print("attacking", flush=True)
-            return False
-        return bool(select.select([sys.stdin], [], [], 0)[0])
-
-    def message(self, name):
-        return (self.folder / name).read_bytes()
-
-    def mallory(self):
-        folder = self.folder / ".carom/players/mallory"
-        certificate = x509.load_pem_x509_certificate((folder / "player.pem").read_bytes())
-        key = serialization.load_pem_private_key((folder / "player.key").read_bytes(), None)
-        return certificate, key
-
-    def insider(self, greets=True, **config):
-        """A connection of mallory's that the node has taken, or None."""
-        client = Client(self.node, self.mallory(), **config).open()
-        if greets and client.is_open:
-            client.send(self.message("hello"))
-        # A node that has no place says so after the handshake.
-        client.run(0.2, lambda client: client.closed or client.stream_bytes > 0)
-        if client.closed or not client.is_open:
-            self.count("turned away")
-            client.drop()
-            return None
-        self.count("taken")
-        return client
-
-    def issuer(self):
-        """Issues certificates as the farm's authority would, or would not."""
-        authority = x509.load_pem_x509_certificate((self.folder / ".carom/ca.pem").read_bytes())
-        issuer = serialization.load_pem_private_key((self.folder / ".carom/ca.key").read_bytes(), None)
-        now = datetime.datetime.now(datetime.timezone.utc)
-
-        def issue(by=issuer, key=None, roles=(PLAYER,), starts=-DAY, days=2 * DAY, use=ExtendedKeyUsageOID.CLIENT_AUTH, name="mallory"):
-            key = key or ec.generate_private_key(ec.SECP256R1())
-            names = [x509.UniformResourceIdentifier(role) for role in roles] or [x509.DNSName("mallory")]
-            builder = (
-                x509.CertificateBuilder()
-                .subject_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]))
-                .issuer_name(authority.subject)
-                .public_key(key.public_key())
-                .serial_number(x509.random_serial_number())
-                .not_valid_before(now + starts)
-                .not_valid_after(now + starts + days)
-                .add_extension(x509.SubjectAlternativeName(names), critical=False)
-                .add_extension(x509.ExtendedKeyUsage([use]), critical=False)
-            )
-            hashed = hashes.SHA256() if isinstance(by, ec.EllipticCurvePrivateKey) else None
-            return builder.sign(by, hashed), key
-
-        return issue
-
+class PlayerAttacks(Attack):
     # 1: certificates
 
     def certificates(self):
@@ -291,10 +113,12 @@ class Attack:
             client.socket.setblocking(False)
             sockets.append(client.socket)
         begun, sent, received, packets = time.monotonic(), 0, 0, 0
+        identifiers = os.urandom(1 << 16)
         while not self.ends():
             for at, data in enumerate(flights):
                 # Other connection identifiers each time: nothing of an earlier one is met again.
-                fresh = data[:6] + os.urandom(8) + data[14:]
+                place = packets * 8 % len(identifiers)
+                fresh = data[:6] + identifiers[place : place + 8] + data[14:]
                 try:
                     sent += sockets[at].sendto(fresh if packets % 2 else data, self.node)
                 except OSError:
@@ -304,7 +128,7 @@ class Attack:
                     received += len(sockets[at].recv(65536))
                 except OSError:
                     pass
-            time.sleep(max(0.0, packets / FLOOD_PACKETS_PER_SEC - (time.monotonic() - begun)))
+            identifiers = os.urandom(1 << 16)
         self.counts["packets a second"] = int(packets / (time.monotonic() - begun))
         self.counts["bytes sent"], self.counts["bytes received"] = sent, received
 
@@ -421,12 +245,9 @@ class Attack:
                 if client is None:
                     time.sleep(0.2)
                     continue
-            # The request's number is the byte behind length, kind and frame: it must rise.
             for _ in range(50):
                 number += 1
-                fresh = request[:6] + varlen(number) + request[7:]
-                fresh = struct.pack("<I", len(fresh) - 4) + fresh[4:]
-                client.send(fresh)
+                client.send(renumbered(request, number))
             self.count("requests", 50)
             client.step()
             time.sleep(0.01)
@@ -448,6 +269,63 @@ class Attack:
                 if client.closed:
                     break
             client.run(3)
+            self.count("closed" if client.closed else "borne")
+            client.drop()
+
+    # 7: few bytes that become many
+
+    def textures(self):
+        """Scenes whose small pictures are large when they are decoded, each another."""
+        scenes = sorted(self.folder.glob("bomb-*"))
+        client, turn = None, 0
+        while not self.ends():
+            if client is None or client.closed:
+                client = self.insider()
+                if client is None:
+                    time.sleep(0.2)
+                    continue
+            scene, trace = scenes[turn % len(scenes)], self.message(f"trace-{scenes[turn % len(scenes)].name}")
+            client.send(scene.read_bytes() + renumbered(trace, turn))
+            turn += 1
+            self.count("scenes")
+            client.run(0.25)
+
+    # 10: tokens
+
+    def guesses(self):
+        """Guesses of a token's secret, each on a connection of its own."""
+        service = address(self.message("enrolment").decode())
+        key = ec.generate_private_key(ec.SECP256R1())
+        names = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "guesser")])
+        request = x509.CertificateSigningRequestBuilder().subject_name(names).sign(key, hashes.SHA256())
+        request_pem = request.public_bytes(serialization.Encoding.PEM).decode()
+        host = 0
+        while not self.ends():
+            host = host % 250 + 1
+            client = Client(service, alpn="carom-join/1", source=f"127.0.6.{host}").open()
+            if client.is_open:
+                guess = {"secret": os.urandom(16).hex(), "name": f"guess-{host}", "request_pem": request_pem}
+                client.send(json.dumps({"Join": guess}).encode(), end=True)
+                client.run(1, lambda client: client.closed or client.answer)
+                self.count("admitted" if b"Certified" in client.answer else "guesses")
+            client.drop()
+
+    # 13: arbitrary bytes
+
+    def noise(self):
+        """What a player says with some of its bytes changed, and bytes that nobody says."""
+        hello, scene, trace = (self.message(name) for name in ("hello", "scene", "trace"))
+        while not self.ends():
+            client = self.insider(greets=False)
+            if not client:
+                continue
+            words = bytearray(random.choice([hello, hello + scene, hello + scene + trace, hello + os.urandom(300)]))
+            for _ in range(random.choice([0, 1, 3, 30])):
+                words[random.randrange(len(words))] = random.randrange(256)
+            client.send(bytes(words))
+            for _ in range(20):
+                client.quic.send_datagram_frame(os.urandom(random.randrange(1, 1000)))
+            client.run(0.1)
             self.count("closed" if client.closed else "borne")
             client.drop()
 
@@ -492,23 +370,22 @@ class Attack:
             time.sleep(0.01)
 
 
-def varlen(value):
-    """A number as postcard has it."""
-    out = bytearray()
-    while True:
-        byte, value = value & 0x7F, value >> 7
-        out.append(byte | (0x80 if value else 0))
-        if not value:
-            return bytes(out)
+def renumbered(request, number):
+    """A request with another number, which must rise: it is the byte behind length, kind and frame."""
+    message = request[4:6] + varlen(number) + request[7:]
+    return struct.pack("<I", len(message)) + message
 
 
-FLOOD_PACKETS_PER_SEC = 3_000
+class Attacks(PlayerAttacks, NodeAttacks):
+    """All attacks by their names."""
+
+
 # Length, variant and hash.
 SCENE_READY_BYTES = 4 + 1 + 32
 
 if __name__ == "__main__":
     os.nice(19)  # it is the node that is attacked, not the machine's other processes
-    attack = Attack(sys.argv[2], sys.argv[3])
+    attack = Attacks(sys.argv[2], sys.argv[3], sys.argv[4])
     getattr(attack, sys.argv[1])()
     attack.counts.pop("announced", None)
     print(json.dumps(attack.counts), flush=True)

@@ -7,10 +7,13 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::LazyLock;
 
 use carom_protocol::{
-    CodedParticles, FrameId, PixelFormat, PrecisionRange, RequestId, SceneHash, ToNode,
-    TraceRequest, codec, framing, message,
+    CodedParticles, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId, SceneHash, ToClient,
+    ToNode, TraceRequest, codec, framing, message,
 };
-use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
+use carom_tracer::texture_file::{self, Texels};
+use carom_tracer::{
+    DeviceInfo, DeviceKind, ImageSize, ImageTexture, RenderSettings, Scene, SceneUpdate, TileGrid,
+};
 use serde_json::{Map, Value};
 
 use crate::attacked_node::AttackedNode;
@@ -47,7 +50,8 @@ impl Attacker {
         write_messages(node.path());
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/attack/attacker.py");
         let mut child = Command::new(python)
-            .args(["-B", script, attack, &node.address])
+            .args(["-B", script, attack])
+            .args([&node.address, &node.rogue_address])
             .arg(node.path())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -87,42 +91,81 @@ impl Drop for Attacker {
 fn write_messages(folder: &Path) {
     let scene = Scene::from_json(include_str!("../../../assets/scenes/pool.json")).unwrap();
     let hash = SceneHash::of(&scene);
-    let write = |name: &str, message: &ToNode| {
-        let bytes = codec::encode_to_node(message).unwrap();
-        std::fs::write(folder.join(name), framing::frame(&bytes)).unwrap();
-    };
-    let trace = |scene: SceneHash, samples: u32| {
-        // Little work, and more bytes than a window that is never opened further.
-        let grid = TileGrid::new(ImageSize::new(320, 180), 32);
-        ToNode::Trace(Box::new(TraceRequest {
-            frame: FrameId(0),
-            id: RequestId(1),
-            scene,
-            update: SceneUpdate::default(),
-            grid,
-            tiles: TileRange {
-                count: grid.len(),
-                ..grid.all()
-            },
-            settings: RenderSettings {
-                samples,
-                ..RenderSettings::default()
-            },
-            format: PixelFormat::LinearF32,
-            precision: PrecisionRange::EXACT,
-            references: Vec::new(),
-            particles: CodedParticles::default(),
-        }))
-    };
     let version = message::VERSION;
-    write("hello", &ToNode::Hello { version });
-    write(
-        "scene",
-        &ToNode::Scene {
-            hash,
-            scene: Box::new(scene),
+    write(folder, "hello", &ToNode::Hello { version });
+    write(folder, "scene", &scene_message(&scene));
+    // Little work, and more bytes than a window that is never opened further.
+    let many_pixels = ImageSize::new(320, 180);
+    write(folder, "trace", &trace(hash, many_pixels));
+    let nobodys = SceneHash([9; 32]);
+    write(folder, "unknown-trace", &trace(nobodys, many_pixels));
+    for index in 0..BOMBS {
+        let bomb = texture_bomb(&scene, index);
+        let name = format!("bomb-{index}");
+        write(folder, &name, &scene_message(&bomb));
+        let hash = SceneHash::of(&bomb);
+        let few_pixels = ImageSize::new(32, 32);
+        write(folder, &format!("trace-{name}"), &trace(hash, few_pixels));
+    }
+    let device = DeviceInfo {
+        kind: DeviceKind::Cpu,
+        name: "a device".to_owned(),
+        width: 16,
+        threads: 1,
+    };
+    let node = NodeInfo {
+        name: "birch".to_owned(),
+        device,
+    };
+    let welcome = codec::encode_to_client(&ToClient::Welcome { version, node }).unwrap();
+    std::fs::write(folder.join("welcome"), framing::frame(&welcome)).unwrap();
+}
+
+/// Scenes with textures that are small as files.
+const BOMBS: u8 = 3;
+
+/// A scene with a picture of one colour, 17 kB that are decoded to 16 MiB.
+fn texture_bomb(scene: &Scene, index: u8) -> Scene {
+    const EDGE: u32 = 2048;
+    let texels = Texels {
+        size: [EDGE; 2],
+        texels: vec![[index; 4]; (EDGE * EDGE) as usize],
+    };
+    let file = texture_file::encode_png(&texels).unwrap();
+    let mut bomb = scene.clone();
+    bomb.textures.push(ImageTexture::new("a bomb", file));
+    bomb
+}
+
+fn scene_message(scene: &Scene) -> ToNode {
+    ToNode::Scene {
+        hash: SceneHash::of(scene),
+        scene: Box::new(scene.clone()),
+    }
+}
+
+/// A request for a picture of one sample.
+fn trace(scene: SceneHash, size: ImageSize) -> ToNode {
+    let grid = TileGrid::new(size, 32);
+    ToNode::Trace(Box::new(TraceRequest {
+        frame: FrameId(0),
+        id: RequestId(1),
+        scene,
+        update: SceneUpdate::default(),
+        grid,
+        tiles: grid.all(),
+        settings: RenderSettings {
+            samples: 1,
+            ..RenderSettings::default()
         },
-    );
-    write("trace", &trace(hash, 1));
-    write("unknown-trace", &trace(SceneHash([9; 32]), 1));
+        format: PixelFormat::LinearF32,
+        precision: PrecisionRange::EXACT,
+        references: Vec::new(),
+        particles: CodedParticles::default(),
+    }))
+}
+
+fn write(folder: &Path, name: &str, message: &ToNode) {
+    let bytes = codec::encode_to_node(message).unwrap();
+    std::fs::write(folder.join(name), framing::frame(&bytes)).unwrap();
 }

@@ -20,7 +20,7 @@ impl HonestPlayer {
     pub(crate) fn new(node: &AttackedNode) -> Self {
         let mut farm = Farm::new(FarmConfig {
             local: LocalNode::None,
-            nodes: vec![node.address.clone()],
+            nodes: vec![node.address.clone(), node.rogue_address.clone()],
             credentials: node.path().join(".carom"),
             ..FarmConfig::default()
         })

@@ -154,6 +154,44 @@ fn large_scenes_that_are_none_cost_their_sender() {
 }
 
 #[test]
+fn textures_that_grow_cost_their_sender() {
+    if let Some(counts) = withstood_by("textures", AttackedNode::start_small) {
+        assert!(count(&counts, "scenes") > 0, "{counts:?}");
+    }
+}
+
+#[test]
+fn nodes_of_nobodys_farm_are_told_nothing() {
+    if let Some(counts) = withstood("wrong_nodes") {
+        assert!(count(&counts, "calls") > 0, "{counts:?}");
+        assert_eq!(count(&counts, "bytes told"), 0, "{counts:?}");
+    }
+}
+
+#[test]
+fn nodes_that_lie_do_not_hold_frames_up() {
+    if let Some(counts) = withstood("rogue_nodes") {
+        assert!(count(&counts, "requests taken") > 0, "{counts:?}");
+        assert!(count(&counts, "forged tiles") > 0, "{counts:?}");
+    }
+}
+
+#[test]
+fn tokens_are_not_guessed() {
+    if let Some(counts) = withstood_by("guesses", AttackedNode::start_with_enrolment) {
+        assert!(count(&counts, "guesses") > 0, "{counts:?}");
+        assert_eq!(count(&counts, "admitted"), 0, "{counts:?}");
+    }
+}
+
+#[test]
+fn arbitrary_bytes_end_their_own_connection() {
+    if let Some(counts) = withstood("noise") {
+        assert!(count(&counts, "closed") > 0, "{counts:?}");
+    }
+}
+
+#[test]
 fn one_player_takes_few_connections_and_no_descriptors() {
     if let Some(counts) = withstood_by("connections", || AttackedNode::start_limited("64")) {
         assert!(count(&counts, "most at once") <= 4, "{counts:?}");

@@ -1,10 +1,17 @@
-//! The load of a node by other players, as a player is told it.
+//! A node that several players share.
 
+use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use carom_farm::net::{Authority, AuthorityFolder, Role, create_farm};
+use carom_farm::{Farm, FarmConfig, FrameSpec, LocalNode, PrecisionRange};
+use carom_protocol::PixelFormat;
+use carom_tracer::{CpuTracer, ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use crate::drain::{farm, paced_node, submit};
+use crate::greeter::any_port;
+use crate::running_node::RunningNode;
 
 #[test]
 fn a_player_is_told_how_much_of_a_node_others_have() {
@@ -32,4 +39,71 @@ fn a_player_is_told_how_much_of_a_node_others_have() {
         0,
         "its own work is no others'"
     );
+}
+
+/// A picture of so many samples of the pool table, in tiles of 64 × 64 pixels.
+fn picture(size: ImageSize, samples: u32) -> FrameSpec {
+    FrameSpec {
+        update: SceneUpdate::default(),
+        size,
+        settings: RenderSettings {
+            samples,
+            ..RenderSettings::default()
+        },
+        format: PixelFormat::LinearF32,
+    }
+}
+
+fn player(credentials: &Path, node: &RunningNode) -> Farm {
+    let config = FarmConfig {
+        local: LocalNode::None,
+        nodes: vec![node.address.to_string()],
+        credentials: credentials.to_owned(),
+        tile_edge: 64,
+        precision: PrecisionRange::EXACT,
+        ..FarmConfig::default()
+    };
+    with_pool(Farm::new(config).unwrap())
+}
+
+fn with_pool(mut farm: Farm) -> Farm {
+    let scene = Scene::from_json(include_str!("../../../assets/scenes/pool.json")).unwrap();
+    farm.set_scene(&scene).unwrap();
+    farm
+}
+
+#[test]
+fn a_tile_that_takes_seconds_keeps_no_other_player_waiting() {
+    const PATIENCE: Duration = Duration::from_secs(120);
+    let folder = tempfile::tempdir().unwrap();
+    create_farm(folder.path()).unwrap();
+    let authority = Authority::load(folder.path()).unwrap();
+    let issuer = AuthorityFolder::open(folder.path(), None).unwrap();
+    let bob = issuer.add(Role::Player, "bob", None, false).unwrap();
+    let node = RunningNode::start(&authority, any_port());
+    let mut greedy = player(folder.path(), &node);
+    let mut honest = player(&bob, &node);
+    let small = picture(ImageSize::new(16, 16), 1);
+    for farm in [&mut greedy, &mut honest] {
+        farm.submit(small.clone()).unwrap();
+        farm.wait_frame(PATIENCE).expect("a first picture");
+    }
+    let dear = picture(ImageSize::new(64, 64), 4096);
+    greedy.submit(dear.clone()).unwrap();
+    let mut frames = 0;
+    let whole = loop {
+        honest.submit(small.clone()).unwrap();
+        honest.wait_frame(PATIENCE).expect("the node is not idle");
+        frames += 1;
+        if let Some(whole) = greedy.poll_frame() {
+            break whole;
+        }
+    };
+    // One tile of a second at least, between slices of 50 ms.
+    assert!(frames > 5, "{frames} frames beside a tile that takes long");
+    let tracer = Arc::new(CpuTracer::with_threads(1).unwrap());
+    let mut local = with_pool(Farm::with_tracers(FarmConfig::default(), vec![tracer]).unwrap());
+    local.submit(dear).unwrap();
+    let here = local.wait_frame(PATIENCE).expect("a picture");
+    assert!(whole.pixels == here.pixels, "parts change a pixel");
 }

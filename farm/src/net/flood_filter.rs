@@ -1,0 +1,229 @@
+//! A socket that drops what strangers send beyond a rate, before it costs cryptography.
+//!
+//! Whoever opens a connection sends Initial packets (RFC 9000, 17.2.2), from any address that he likes to write on
+//! them. Each costs a key derivation and a decryption before a node can decide not to answer: some 20 times what it
+//! takes to receive it and look at its first byte. Packets of connections that exist are not touched.
+
+use std::hash::{BuildHasher, RandomState};
+use std::io::{self, IoSliceMut};
+use std::net::{IpAddr, SocketAddr};
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll, ready};
+use std::time::Instant;
+
+use quinn::udp::{RecvMeta, Transmit};
+use quinn::{AsyncUdpSocket, UdpPoller};
+
+use super::handshakes::{Handshakes, source};
+use crate::token_bucket::TokenBucket;
+
+/// Packets a second of all strangers, and again of all sources that players have come from. A handshake has two to
+/// four; a hundred players that come back at once fit into the burst.
+const PER_SEC: f64 = 500.0;
+const BURST: f64 = 500.0;
+/// Of the sources that share one of [`SOURCE_BUCKETS`].
+const SOURCE_PER_SEC: f64 = 100.0;
+const SOURCE_BURST: f64 = 200.0;
+/// Sources are told apart by a hash with a secret key: 40 kB whoever comes.
+const SOURCE_BUCKETS: usize = 1024;
+
+/// A socket behind a [`FloodFilter`].
+#[derive(Debug)]
+pub(super) struct FilteredSocket {
+    socket: Arc<dyn AsyncUdpSocket>,
+    filter: Mutex<FloodFilter>,
+}
+
+/// Decides which packets that may open a connection are looked at.
+#[derive(Debug)]
+struct FloodFilter {
+    handshakes: Handshakes,
+    strangers: PacketBudget,
+    known: PacketBudget,
+    hash: RandomState,
+}
+
+/// What many sources may send together, and each of them.
+#[derive(Debug)]
+struct PacketBudget {
+    all: TokenBucket,
+    sources: Vec<TokenBucket>,
+}
+
+impl FilteredSocket {
+    /// Filters what `socket` receives; sources that `handshakes` knows have a rate of their own.
+    pub(super) fn new(socket: Arc<dyn AsyncUdpSocket>, handshakes: Handshakes) -> Self {
+        let filter = Mutex::new(FloodFilter::new(handshakes, Instant::now()));
+        Self { socket, filter }
+    }
+}
+
+impl AsyncUdpSocket for FilteredSocket {
+    fn create_io_poller(self: Arc<Self>) -> Pin<Box<dyn UdpPoller>> {
+        Arc::clone(&self.socket).create_io_poller()
+    }
+
+    fn try_send(&self, transmit: &Transmit<'_>) -> io::Result<()> {
+        self.socket.try_send(transmit)
+    }
+
+    fn poll_recv(
+        &self,
+        context: &mut Context<'_>,
+        buffers: &mut [IoSliceMut<'_>],
+        meta: &mut [RecvMeta],
+    ) -> Poll<io::Result<usize>> {
+        let count = ready!(self.socket.poll_recv(context, buffers, meta))?;
+        let mut filter = None;
+        for (buffer, meta) in buffers.iter().zip(meta).take(count) {
+            if opens_connections(&buffer[..meta.len]) {
+                let lock = || self.filter.lock().unwrap_or_else(PoisonError::into_inner);
+                let (filter, now) = filter.get_or_insert_with(|| (lock(), Instant::now()));
+                // The kernel hands over packets of one source that came together as one.
+                let packets = meta.len.div_ceil(meta.stride.max(1));
+                if !filter.admits(*now, meta.addr.ip(), packets) {
+                    meta.len = 0;
+                }
+            }
+        }
+        Poll::Ready(Ok(count))
+    }
+
+    fn local_addr(&self) -> io::Result<SocketAddr> {
+        self.socket.local_addr()
+    }
+
+    fn max_transmit_segments(&self) -> usize {
+        self.socket.max_transmit_segments()
+    }
+
+    fn max_receive_segments(&self) -> usize {
+        self.socket.max_receive_segments()
+    }
+
+    fn may_fragment(&self) -> bool {
+        self.socket.may_fragment()
+    }
+}
+
+/// Whether a datagram begins with a long header other than that of a Handshake packet (RFC 9000, 17.2): all
+/// that a node may answer without a connection, but for stateless resets.
+fn opens_connections(datagram: &[u8]) -> bool {
+    const LONG_HEADER: u8 = 0x80;
+    const TYPE: u8 = 0x30;
+    const HANDSHAKE: u8 = 0x20;
+    const VERSION_1: &[u8] = &[0, 0, 0, 1];
+    datagram.first().is_some_and(|first| {
+        let is_handshake = first & TYPE == HANDSHAKE && datagram.get(1..5) == Some(VERSION_1);
+        first & LONG_HEADER != 0 && !is_handshake
+    })
+}
+
+impl FloodFilter {
+    fn new(handshakes: Handshakes, now: Instant) -> Self {
+        let budget = || PacketBudget {
+            all: TokenBucket::new(now, BURST, PER_SEC),
+            sources: (0..SOURCE_BUCKETS)
+                .map(|_| TokenBucket::new(now, SOURCE_BURST, SOURCE_PER_SEC))
+                .collect(),
+        };
+        Self {
+            handshakes,
+            strangers: budget(),
+            known: budget(),
+            hash: RandomState::new(),
+        }
+    }
+
+    /// Whether so many packets of a source may be looked at.
+    fn admits(&mut self, now: Instant, address: IpAddr, packets: usize) -> bool {
+        let source = source(address);
+        let budget = match self.handshakes.knows(source) {
+            true => &mut self.known,
+            false => &mut self.strangers,
+        };
+        let slot = self.hash.hash_one(source) as usize % SOURCE_BUCKETS;
+        (0..packets).all(|_| budget.sources[slot].try_take(now) && budget.all.try_take(now))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    fn filter(now: Instant) -> (Handshakes, FloodFilter) {
+        let handshakes = Handshakes::default();
+        (handshakes.clone(), FloodFilter::new(handshakes, now))
+    }
+
+    fn admitted(
+        filter: &mut FloodFilter,
+        now: Instant,
+        sources: impl Iterator<Item = u32>,
+    ) -> usize {
+        let admits = |source: u32| filter.admits(now, IpAddr::from(source.to_be_bytes()), 1);
+        sources.map(admits).filter(|admits| *admits).count()
+    }
+
+    #[test]
+    fn strangers_share_a_rate_whatever_addresses_they_write() {
+        let start = Instant::now();
+        let (_, mut filter) = filter(start);
+        let mut all = 0;
+        for millis in 0..2000 {
+            let now = start + Duration::from_millis(millis);
+            all += admitted(
+                &mut filter,
+                now,
+                (0..100).map(|at| millis as u32 * 100 + at),
+            );
+        }
+        let bound = BURST + 2.0 * PER_SEC;
+        assert!(
+            (0.98..=1.0).contains(&(all as f64 / bound)),
+            "{all} of 200,000"
+        );
+    }
+
+    #[test]
+    fn one_source_leaves_the_others_theirs() {
+        let start = Instant::now();
+        let (_, mut filter) = filter(start);
+        let of_one = std::iter::repeat_n(7, 10_000);
+        assert_eq!(admitted(&mut filter, start, of_one), SOURCE_BURST as usize);
+        assert!(admitted(&mut filter, start, 100..200) >= 99);
+    }
+
+    #[test]
+    fn players_come_back_in_a_flood_of_strangers() {
+        let start = Instant::now();
+        let (handshakes, mut filter) = filter(start);
+        let player = u32::from_be_bytes([192, 0, 2, 1]);
+        handshakes
+            .begin(IpAddr::from([192, 0, 2, 1]))
+            .unwrap()
+            .succeed();
+        admitted(&mut filter, start, 0..100_000);
+        assert_eq!(
+            admitted(&mut filter, start, std::iter::repeat_n(player, 4)),
+            4
+        );
+    }
+
+    #[test]
+    fn packets_of_connections_are_not_counted() {
+        let version_1 = |first: u8| [first, 0, 0, 0, 1, 8];
+        assert!(opens_connections(&version_1(0xc0)), "Initial");
+        assert!(opens_connections(&version_1(0xd0)), "0-RTT");
+        assert!(!opens_connections(&version_1(0xe0)), "Handshake");
+        assert!(
+            opens_connections(&[0xe0, 0xff, 0, 0, 1, 8]),
+            "another version"
+        );
+        assert!(!opens_connections(&[0x40, 1, 2, 3]), "a short header");
+        assert!(!opens_connections(&[]));
+    }
+}
