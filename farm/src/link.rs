@@ -171,6 +171,7 @@ mod tests {
         };
         let mut node = NodeSession::new(NodeInfo {
             name: "oak".into(),
+            instance: 0,
             device,
         });
         let mut handed = Vec::new();

@@ -261,7 +261,11 @@ mod tests {
             threads: 2,
         };
         let name = "node".into();
-        let node = NodeInfo { name, device };
+        let node = NodeInfo {
+            name,
+            instance: 0,
+            device,
+        };
         ToClient::Welcome { version, node }
     }
 

@@ -25,7 +25,7 @@
 //! let device = DeviceInfo { kind: DeviceKind::Cpu, name: "one".into(), width: 1, threads: 1 };
 //!
 //! let mut client = ClientSession::new();
-//! let mut node = NodeSession::new(NodeInfo { name: "near".into(), device });
+//! let mut node = NodeSession::new(NodeInfo { name: "near".into(), instance: 0, device });
 //! client.set_scene(SceneHash::of(&scene), &scene)?;
 //! let mut pictures = 0;
 //! while pictures == 0 {

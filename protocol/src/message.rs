@@ -12,7 +12,7 @@ use crate::precision::PrecisionRange;
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
 /// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
 /// ends of different versions can say so.
-pub const VERSION: u16 = 12;
+pub const VERSION: u16 = 13;
 
 /// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -124,6 +124,9 @@ pub struct NodeLoad {
 pub struct NodeInfo {
     /// The node's name, from its certificate; empty for a node in the client's process.
     pub name: String,
+    /// A random number that it has chosen as it started: two addresses lead to one node if they tell the same. 0 if
+    /// it has none.
+    pub instance: u64,
     /// Its device.
     pub device: DeviceInfo,
 }

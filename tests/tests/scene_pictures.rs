@@ -23,6 +23,7 @@ fn answer(scene: Scene) -> ToClient {
     };
     let mut node = NodeSession::new(NodeInfo {
         name: String::new(),
+        instance: 0,
         device,
     });
     node.handle(packet(&ToNode::Hello { version: VERSION }))

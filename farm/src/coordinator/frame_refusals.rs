@@ -153,6 +153,7 @@ mod tests {
     fn node_info() -> NodeInfo {
         NodeInfo {
             name: "oak".into(),
+            instance: 0,
             device: DeviceInfo {
                 kind: DeviceKind::Cpu,
                 name: "simulated".into(),

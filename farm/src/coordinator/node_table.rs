@@ -187,6 +187,7 @@ mod tests {
     fn info() -> NodeInfo {
         NodeInfo {
             name: "oak".into(),
+            instance: 0,
             device: DeviceInfo {
                 kind: DeviceKind::Gpu,
                 name: "simulated".into(),

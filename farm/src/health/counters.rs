@@ -264,7 +264,11 @@ mod tests {
             threads: 1,
         };
         let name = "oak".into();
-        let text = counters.figures().prometheus(&NodeInfo { name, device });
+        let text = counters.figures().prometheus(&NodeInfo {
+            name,
+            instance: 0,
+            device,
+        });
         for line in [
             "carom_node_payload_bytes_total 1500",
             "carom_node_players 1",

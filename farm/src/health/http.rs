@@ -174,7 +174,11 @@ mod tests {
             threads: 1,
         };
         let name = String::from("oak");
-        let info = NodeInfo { name, device };
+        let info = NodeInfo {
+            name,
+            instance: 0,
+            device,
+        };
         NodeProbe {
             counters: Arc::default(),
             info: Arc::new(move || info.clone()),

@@ -9,7 +9,7 @@ use std::time::Duration;
 use carom_protocol::PrecisionRange;
 use carom_protocol::session::{ClientEvent, Packet};
 use tokio::runtime::Runtime;
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 
 use crate::Error;
@@ -18,7 +18,7 @@ pub use crate::link::{LinkCommand, LinkEvent};
 use crate::net::address::NodeAddress;
 use crate::net::certificate_fields::common_name;
 use crate::net::connection_driver::{self, PacketHandler};
-use crate::net::connector::{AddressClaims, Connector};
+use crate::net::connector::{Connector, NodeClaims};
 use crate::net::credentials::Credentials;
 use crate::net::deny_list::DenyList;
 use crate::net::peer::CertificateFault;
@@ -64,7 +64,7 @@ impl Client {
     /// [`Error::KeyPair`] if the credentials cannot be used, [`Error::Socket`] if the system has
     /// no threads left.
     pub fn new(credentials: &Credentials) -> Result<Self, Error> {
-        let claims = AddressClaims::default();
+        let claims = NodeClaims::default();
         let thread = |_| {
             let runtime = tokio::runtime::Builder::new_multi_thread()
                 .worker_threads(1)
@@ -179,7 +179,7 @@ impl LinkTask {
 
     /// Connects, runs the session until the connection is lost, and returns the reason.
     async fn connect(&mut self) -> Error {
-        let (streams, _claim) = match self.connector.connect(&self.address).await {
+        let (streams, address_claim) = match self.connector.connect(&self.address).await {
             Ok(connected) => connected,
             Err(error) => return error,
         };
@@ -187,14 +187,23 @@ impl LinkTask {
         while self.commands.try_recv().is_ok() {}
         let certificate = connection_driver::peer_certificate(&streams.connection);
         let name = certificate.and_then(|shown| common_name(&shown).ok());
+        let mut claims = vec![address_claim];
+        let (same, is_same) = oneshot::channel();
+        let mut same = Some(same);
         let events = |mut events: Vec<LinkEvent>| {
             for event in &mut events {
                 if let LinkEvent::Session(ClientEvent::Welcome(node)) = event {
                     // Whatever it calls itself.
                     node.name = name.clone().unwrap_or_default();
+                    match claims[0].claim_instance(node.instance) {
+                        Ok(claim) => claims.extend(claim),
+                        Err(error) => drop(same.take().map(|same| same.send(error))),
+                    }
                 }
             }
-            (self.events)(events);
+            if same.is_some() {
+                (self.events)(events);
+            }
         };
         let mut player = PlayerSession {
             session: LinkSession::new(self.precision, events),
@@ -203,6 +212,7 @@ impl LinkTask {
         let connection = streams.connection.clone();
         let error = tokio::select! {
             error = connection_driver::drive(streams, &mut player) => error,
+            Ok(error) = is_same => error,
             () = self.denied.close_if_denied(&connection) => Error::PeerCertificate {
                 fault: CertificateFault::Revoked,
             },

@@ -20,39 +20,74 @@ use crate::net::{close_code, connection_error, endpoint, tls};
 pub(crate) struct Connector {
     config: ClientConfig,
     sockets: Mutex<Sockets>,
-    claims: AddressClaims,
+    claims: NodeClaims,
 }
 
-/// The addresses that a player's links hold, with the names that led to them: two names of one node
-/// must not count as two nodes.
+/// The nodes that a player's links hold, with the names that led to them: two names or addresses of one
+/// node must not count as two nodes.
 #[derive(Clone, Default)]
-pub(crate) struct AddressClaims(Arc<Mutex<HashMap<SocketAddr, NodeAddress>>>);
+pub(crate) struct NodeClaims(Arc<Mutex<HashMap<NodeIdentity, NodeAddress>>>);
 
-/// A link's hold on an address, until it is dropped.
-pub(crate) struct AddressClaim {
-    claims: AddressClaims,
-    address: SocketAddr,
+/// What is of one node only.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum NodeIdentity {
+    Address(SocketAddr),
+    /// [`NodeInfo::instance`](carom_protocol::NodeInfo::instance).
+    Instance(u64),
 }
 
-impl AddressClaims {
+/// A link's hold on a node, until it is dropped.
+pub(crate) struct NodeClaim {
+    claims: NodeClaims,
+    identity: NodeIdentity,
+    address: SocketAddr,
+    node: NodeAddress,
+}
+
+impl NodeClaims {
     /// # Errors
     /// [`Error::SameNode`] if another link holds the address.
-    fn claim(&self, address: SocketAddr, node: &NodeAddress) -> Result<AddressClaim, Error> {
+    fn claim(&self, address: SocketAddr, node: &NodeAddress) -> Result<NodeClaim, Error> {
+        self.claim_as(NodeIdentity::Address(address), address, node)
+    }
+
+    fn claim_as(
+        &self,
+        identity: NodeIdentity,
+        address: SocketAddr,
+        node: &NodeAddress,
+    ) -> Result<NodeClaim, Error> {
         let mut claims = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(holder) = claims.get(&address) {
+        if let Some(holder) = claims.get(&identity) {
             let node = holder.to_string();
             return Err(Error::SameNode { address, node });
         }
-        claims.insert(address, node.clone());
-        let claims = self.clone();
-        Ok(AddressClaim { claims, address })
+        claims.insert(identity, node.clone());
+        Ok(NodeClaim {
+            claims: self.clone(),
+            identity,
+            address,
+            node: node.clone(),
+        })
     }
 }
 
-impl Drop for AddressClaim {
+impl NodeClaim {
+    /// Claims the same node by the number that it has told, if it has told one.
+    ///
+    /// # Errors
+    /// [`Error::SameNode`] if another link holds it, by another address.
+    pub(crate) fn claim_instance(&self, instance: u64) -> Result<Option<Self>, Error> {
+        let identity = NodeIdentity::Instance(instance);
+        let claim = || self.claims.claim_as(identity, self.address, &self.node);
+        (instance != 0).then(claim).transpose()
+    }
+}
+
+impl Drop for NodeClaim {
     fn drop(&mut self) {
         let mut claims = self.claims.0.lock().unwrap_or_else(PoisonError::into_inner);
-        claims.remove(&self.address);
+        claims.remove(&self.identity);
     }
 }
 
@@ -65,7 +100,7 @@ struct Sockets {
 impl Connector {
     /// # Errors
     /// [`Error::KeyPair`] if the credentials cannot be used.
-    pub(crate) fn new(credentials: &Credentials, claims: AddressClaims) -> Result<Self, Error> {
+    pub(crate) fn new(credentials: &Credentials, claims: NodeClaims) -> Result<Self, Error> {
         Ok(Self {
             config: endpoint::client_config(credentials)?,
             sockets: Mutex::default(),
@@ -77,7 +112,7 @@ impl Connector {
     pub(crate) async fn connect(
         &self,
         node: &NodeAddress,
-    ) -> Result<(ConnectionStreams, AddressClaim), Error> {
+    ) -> Result<(ConnectionStreams, NodeClaim), Error> {
         let mut errors = Vec::new();
         for address in node.resolve().await?.into_iter().take(ADDRESSES_MAX) {
             let claim = self.claims.claim(address, node)?;
@@ -197,7 +232,7 @@ mod tests {
     fn refusal_of(farm: &Authority, shown: &IssuedCertificate, alpn: &[u8]) -> String {
         let today = SystemTime::now() - DAY..SystemTime::now() + DAY;
         let player = farm.credentials(Role::Player, "player", today).unwrap();
-        let connector = Connector::new(&player, AddressClaims::default()).unwrap();
+        let connector = Connector::new(&player, NodeClaims::default()).unwrap();
         runtime().block_on(async {
             let impostor = impostor(shown, alpn);
             let address = impostor.local_addr().unwrap().to_string().parse().unwrap();
@@ -259,7 +294,7 @@ mod tests {
             let address = node.local_addr().unwrap();
             let proxy = path.map(|path| UdpProxy::start(any_port, address, path, 1).unwrap());
             let address = proxy.as_ref().map_or(address, UdpProxy::local_addr);
-            let connector = Connector::new(&player, AddressClaims::default()).unwrap();
+            let connector = Connector::new(&player, NodeClaims::default()).unwrap();
             let address = address.to_string().parse().unwrap();
             let answer = async { node.accept().await.unwrap().await.unwrap() };
             let (connected, answered) = tokio::join!(connector.connect(&address), answer);
@@ -293,7 +328,7 @@ mod tests {
 
     #[test]
     fn an_address_is_held_by_one_link_at_a_time() {
-        let claims = AddressClaims::default();
+        let claims = NodeClaims::default();
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, 4433));
         let name = |text: &str| text.parse::<NodeAddress>().unwrap();
         let held = claims.claim(address, &name("oak:4433")).unwrap();
@@ -305,11 +340,32 @@ mod tests {
     }
 
     #[test]
+    fn a_node_at_two_addresses_is_held_by_one_link() {
+        let claims = NodeClaims::default();
+        let claim = |last: u8| {
+            let address = SocketAddr::from(([127, 0, 0, last], 4433));
+            claims.claim(address, &address.to_string().parse().unwrap())
+        };
+        let (first, second) = (claim(1).unwrap(), claim(2).unwrap());
+        let held = first.claim_instance(7).unwrap();
+        let why = second.claim_instance(7).err().unwrap().to_string();
+        assert!(
+            why.contains("127.0.0.2:4433 is the same node as 127.0.0.1:4433"),
+            "{why}"
+        );
+        assert!(second.claim_instance(8).unwrap().is_some());
+        drop(held);
+        assert!(second.claim_instance(7).unwrap().is_some());
+        // Nodes that tell none are told apart by their addresses alone.
+        assert!(first.claim_instance(0).unwrap().is_none());
+    }
+
+    #[test]
     fn unresolvable_names_are_reported() {
         let farm = Authority::generate().unwrap();
         let now = SystemTime::now();
         let player = farm.credentials(Role::Player, "player", now - DAY..now + DAY);
-        let connector = Connector::new(&player.unwrap(), AddressClaims::default()).unwrap();
+        let connector = Connector::new(&player.unwrap(), NodeClaims::default()).unwrap();
         // RFC 6761: no name under `invalid` is ever given to anybody.
         let nobody = "nobody.invalid:4433".parse().unwrap();
         let error = runtime()

@@ -198,7 +198,11 @@ mod tests {
             threads: 1,
         };
         let (name, queue) = (String::new(), Arc::new(JobQueue::new()));
-        let info = NodeInfo { name, device };
+        let info = NodeInfo {
+            name,
+            instance: 0,
+            device,
+        };
         let mut connection =
             NodeConnection::new(info, PlayerId::LOCAL, queue, TileSharing::Encoded);
         let mut session = ClientSession::new();

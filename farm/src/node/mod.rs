@@ -22,6 +22,7 @@ mod rate_model;
 mod scene_compiler;
 mod worker;
 
+use std::hash::{BuildHasher, RandomState};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -39,6 +40,7 @@ use queue::JobQueue;
 /// One device, shared by any number of clients.
 pub struct Node {
     name: String,
+    instance: u64,
     tracer: Arc<dyn Tracer>,
     queue: Arc<JobQueue>,
 }
@@ -60,6 +62,8 @@ impl Node {
         worker::start_compiler(Arc::clone(&queue));
         Arc::new(Self {
             name: name.into(),
+            // The standard library's random keys.
+            instance: RandomState::new().hash_one("instance").max(1),
             tracer,
             queue,
         })
@@ -80,6 +84,7 @@ impl Node {
     pub fn info(&self) -> NodeInfo {
         NodeInfo {
             name: self.name.clone(),
+            instance: self.instance,
             device: self.tracer.info(),
         }
     }

@@ -502,7 +502,11 @@ mod tests {
                 threads: 1,
             };
             let name = String::new();
-            let info = NodeInfo { name, device };
+            let info = NodeInfo {
+                name,
+                instance: 0,
+                device,
+            };
             let queue = Arc::clone(queue);
             let connection =
                 NodeConnection::new(info, player, Arc::clone(&queue), TileSharing::Encoded);

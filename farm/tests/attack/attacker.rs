@@ -115,6 +115,7 @@ fn write_messages(folder: &Path) {
     };
     let node = NodeInfo {
         name: "birch".to_owned(),
+        instance: 0,
         device,
     };
     let welcome = codec::encode_to_client(&ToClient::Welcome { version, node }).unwrap();

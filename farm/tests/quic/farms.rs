@@ -213,6 +213,21 @@ fn pixels_survive_a_long_path_that_loses_and_reorders() {
     assert!(proxy.counts().lost > 0);
 }
 
+#[test]
+fn a_node_at_two_addresses_counts_once() {
+    let dir = tempfile::tempdir().unwrap();
+    create_farm(dir.path()).unwrap();
+    let authority = Authority::load(dir.path()).unwrap();
+    let oak = RunningNode::start(&authority, SocketAddr::from(([0; 4], 0)));
+    let at = |last: u8| SocketAddr::from(([127, 0, 0, last], oak.address.port()));
+    let farm = farm(dir.path(), &[at(1), at(2)]);
+    let is_same = |state: &NodeState| state.sentence().contains("is the same node as 127.0.0.");
+    let states = || farm.nodes().into_iter().map(|node| node.state);
+    while !(states().any(|state| state.is_ready()) && states().any(|state| is_same(&state))) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
 /// Costs nothing, and no codec makes it smaller.
 struct Static;
 

@@ -31,6 +31,7 @@ pub(crate) fn any_port() -> SocketAddr {
 pub(crate) fn info() -> NodeInfo {
     NodeInfo {
         name: "oak".into(),
+        instance: 0,
         device: DeviceInfo {
             kind: DeviceKind::Scalar,
             name: "test".into(),

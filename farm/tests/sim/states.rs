@@ -29,6 +29,7 @@ fn a_node_is_syncing_until_it_holds_the_scene_and_tells_how_much_it_has() {
     };
     let welcome = ClientEvent::Welcome(NodeInfo {
         name: "oak".into(),
+        instance: 0,
         device: DeviceInfo {
             kind: DeviceKind::Cpu,
             name: "a processor".into(),

@@ -276,6 +276,7 @@ mod tests {
         let mut local = node("local", NodeState::Ready);
         local.info = Some(NodeInfo {
             name: String::new(),
+            instance: 0,
             device: DeviceInfo {
                 kind: DeviceKind::Cpu,
                 name: "some processor".to_owned(),

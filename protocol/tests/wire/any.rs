@@ -67,6 +67,7 @@ pub(crate) fn to_client() -> impl Strategy<Value = ToClient> {
 pub(crate) fn node_info(name: &str) -> NodeInfo {
     NodeInfo {
         name: name.into(),
+        instance: 0,
         device: DeviceInfo {
             kind: DeviceKind::Cpu,
             name: "a processor".into(),
@@ -218,8 +219,12 @@ fn tiles_done() -> impl Strategy<Value = TilesDone> {
 }
 
 fn node() -> impl Strategy<Value = NodeInfo> {
-    ("[a-z.-]{0,100}", "[ -~é€🎱]{0,60}", any::<(u32, u32)>()).prop_map(
-        |(name, device, (width, threads))| {
+    (
+        "[a-z.-]{0,100}",
+        "[ -~é€🎱]{0,60}",
+        any::<(u64, u32, u32)>(),
+    )
+        .prop_map(|(name, device, (instance, width, threads))| {
             let kind = DeviceKind::Gpu;
             let device = DeviceInfo {
                 kind,
@@ -227,9 +232,12 @@ fn node() -> impl Strategy<Value = NodeInfo> {
                 width,
                 threads,
             };
-            NodeInfo { name, device }
-        },
-    )
+            NodeInfo {
+                name,
+                instance,
+                device,
+            }
+        })
 }
 
 fn report() -> impl Strategy<Value = RequestReport> {

@@ -106,6 +106,7 @@ fn documented_greetings_are_encoded_so() {
         version: VERSION,
         node: NodeInfo {
             name: "near".into(),
+            instance: 7,
             device: DeviceInfo {
                 kind: DeviceKind::Cpu,
                 name: "cpu".into(),

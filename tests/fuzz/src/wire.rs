@@ -434,6 +434,7 @@ fn scene() -> Scene {
 fn node_info() -> NodeInfo {
     NodeInfo {
         name: "node".into(),
+        instance: 0,
         device: DeviceInfo {
             kind: DeviceKind::Cpu,
             name: "a processor".into(),

@@ -31,6 +31,7 @@ pub(crate) fn nodes() -> Vec<NodeStatus> {
         let mut node = NodeStatus::new(format!("{name}.example:4433"));
         node.info = Some(NodeInfo {
             name: name.to_owned(),
+            instance: 0,
             device: DeviceInfo {
                 kind: DeviceKind::Gpu,
                 name: device.to_owned(),

@@ -128,6 +128,7 @@ fn answer(coordinator: &mut Coordinator, now: Duration, node: NodeIndex, request
 fn info() -> NodeInfo {
     NodeInfo {
         name: String::new(),
+        instance: 0,
         device: DeviceInfo {
             kind: DeviceKind::Gpu,
             name: "none".into(),

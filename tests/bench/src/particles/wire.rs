@@ -124,6 +124,7 @@ fn send(frames: &[ParticleCloud]) -> Result<Vec<RequestCost>, BenchError> {
     let mut client = ClientSession::new();
     let mut node = NodeSession::new(NodeInfo {
         name: "bench".into(),
+        instance: 0,
         device,
     });
     let hash = SceneHash::of(&scene);

@@ -38,6 +38,7 @@ impl ReadySession {
         let (message, _) = Encoder::new().encode_srgb(1.0, PixelPrecision::Exact, &inputs);
         let info = NodeInfo {
             name: "ready".into(),
+            instance: 0,
             device: noise.info(),
         };
         Self {

@@ -471,6 +471,7 @@ const START: Duration = Duration::from_millis(500);
 fn info(index: NodeIndex) -> NodeInfo {
     NodeInfo {
         name: format!("node {}", index.0),
+        instance: 0,
         device: DeviceInfo {
             kind: DeviceKind::Gpu,
             name: "simulated".into(),
