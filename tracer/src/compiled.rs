@@ -5,6 +5,7 @@ mod data;
 mod environment;
 mod material;
 mod mesh;
+mod opacity;
 mod particle_surface;
 mod punctual_light;
 #[cfg(test)]
@@ -21,12 +22,14 @@ pub use self::data::{
     AreaLightData, BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER,
     CSG_FACE_INNER_BOX, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame, CsgBoxData, CsgFaceData,
     DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
-    PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
-    RectangleData, SphereData, TriangleData, TriangleNormals, TriangleUvs,
+    OPACITY_BLEND, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE,
+    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData, TriangleColors,
+    TriangleData, TriangleNormals, TriangleUvs,
 };
 pub use self::environment::{CompiledEnvironment, EnvironmentSample};
 use self::material::material_data;
 pub use self::mesh::CompiledMeshes;
+pub(crate) use self::opacity::{AlphaTest, corner_weights};
 pub use self::punctual_light::PunctualLightData;
 #[cfg(feature = "gpu")]
 pub(crate) use self::texture::SRGB_LINEAR;
@@ -167,7 +170,10 @@ impl CompiledScene {
         let meshes = &self.meshes;
         // Once more for the BVH over them.
         let triangles = 2 * size_of_val(&meshes.triangles[..]);
-        let triangles = triangles + size_of_val(&meshes.normals[..]) + size_of_val(&meshes.uvs[..]);
+        let triangles = triangles
+            + size_of_val(&meshes.normals[..])
+            + size_of_val(&meshes.uvs[..])
+            + size_of_val(&meshes.colors[..]);
         (spheres + flat + textures + environment + triangles) as u64
     }
 

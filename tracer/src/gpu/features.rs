@@ -149,6 +149,10 @@ pub(crate) struct Features {
     pub(crate) uv_triangles: u32,
     /// Image textures, if any material has one.
     pub(crate) textures: u32,
+    /// Those up to the last with vertex colours.
+    pub(crate) colored_triangles: u32,
+    /// Rays pass some.
+    pub(crate) has_opacity: bool,
     /// Pixels across and down the environment map; 0 without.
     pub(crate) environment_map: [u32; 2],
     pub(crate) area_lights: u32,
@@ -178,6 +182,8 @@ pub(crate) struct Features {
     pub(crate) has_dielectric: bool,
     /// Some material is that of glTF.
     pub(crate) has_metallic_roughness: bool,
+    /// Some of that has a clear coat or a sheen.
+    pub(crate) has_layers: bool,
     /// Some ball may allow refracted NEE: its material is a smooth dielectric and scatters light inside.
     pub(crate) has_refracted_nee: bool,
     pub(crate) output: KernelOutput,
@@ -222,6 +228,8 @@ impl Features {
                 true => 0,
                 false => scene.textures.images.len() as u32,
             },
+            colored_triangles: scene.meshes.colors.len() as u32,
+            has_opacity: scene.alpha_test().is_some(),
             area_lights: scene.area_lights.len() as u32,
             punctual_lights: scene.punctual_lights.len() as u32,
             punctual_halves: (2.0 * scene.punctual_probability) as u32,
@@ -235,10 +243,11 @@ impl Features {
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),
             has_wood: any(|m| !matches!(m.pattern, PATTERN_NONE | PATTERN_NUMBER)),
-            has_sheen: any(|material| material.sheen != [0.0; 3]),
+            has_sheen: any(|m| m.kind == KIND_LAYERED && m.sheen != [0.0; 3]),
             has_microfacet: any(|m| matches!(m.kind, KIND_CONDUCTOR | KIND_DIELECTRIC)),
             has_dielectric: any(|material| material.kind == KIND_DIELECTRIC),
             has_metallic_roughness: any(|m| m.kind == KIND_METALLIC_ROUGHNESS),
+            has_layers: any(MaterialData::has_layers),
             has_refracted_nee: has_refracted_nee(scene),
             output: KernelOutput::Radiance,
             is_compensated: needs_compensation(scene),

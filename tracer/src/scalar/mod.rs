@@ -790,9 +790,16 @@ impl Vertex {
             return self;
         }
         match &mut self.scatter {
-            Scatter::Conductor(Conductor { alpha, .. })
-            | Scatter::MetallicRoughness(MetallicRoughness { alpha, .. }) => {
+            Scatter::Conductor(Conductor { alpha, .. }) => {
                 *alpha = alpha.max(f64::from(ALPHA_MIN));
+            }
+            Scatter::MetallicRoughness(MetallicRoughness {
+                alpha,
+                clearcoat_alpha,
+                ..
+            }) => {
+                *alpha = alpha.max(f64::from(ALPHA_MIN));
+                *clearcoat_alpha = clearcoat_alpha.max(f64::from(ALPHA_MIN));
             }
             Scatter::Layered(_) | Scatter::Dielectric(_) => {}
         }

@@ -10,6 +10,7 @@ pub mod file;
 #[cfg(feature = "gltf")]
 pub mod gltf_file;
 mod image_texture;
+mod layers;
 mod mesh;
 pub mod mesh_file;
 mod particles;
@@ -32,6 +33,7 @@ pub use image_texture::{
 };
 #[cfg(feature = "image-io")]
 pub(crate) use image_texture::{levels, texels_with_levels};
+pub use layers::{Layers, Opacity};
 pub use mesh::Mesh;
 pub use particles::{ParticleCloud, ParticleForm};
 pub use punctual_light::{PunctualEmitter, PunctualLight};
@@ -368,6 +370,12 @@ pub enum Material {
         /// Pictures that multiply these numbers, on meshes with texture coordinates.
         #[serde(default)]
         textures: MaterialTextures,
+        /// Where rays pass the surface as if it were not there; other shapes than meshes are opaque.
+        #[serde(default)]
+        opacity: Opacity,
+        /// A clear coat and a sheen over it, and the strength of its reflection.
+        #[serde(default)]
+        layers: Layers,
     },
 }
 
