@@ -289,7 +289,11 @@ mod tests {
     #[test]
     fn an_obj_has_its_materials_and_a_ply_its_colours() {
         let folder = tempfile::tempdir().unwrap();
-        write(folder.path(), "paint.mtl", "newmtl red\nKd 0.5 0.125 0\nKe 2 1 0\n");
+        write(
+            folder.path(),
+            "paint.mtl",
+            "newmtl red\nKd 0.5 0.125 0\nKe 2 1 0\n",
+        );
         let faces = TRIANGLE.replace("f 1 2 3", "usemtl red\nf 1 2 3\nf 3 2 1");
         let text = format!("mtllib paint.mtl\n{faces}");
         let scene = open_scene(write(folder.path(), "sign.obj", &text)).unwrap();
@@ -312,9 +316,16 @@ mod tests {
         assert_eq!(scene.objects[0].name, "wing");
         let material = scene.materials[&scene.objects[0].material];
         assert_eq!(material, Material::grey(1.0));
-        let why = open_scene(write(folder.path(), "bare.obj", &text.replace("red", "blue")));
+        let why = open_scene(write(
+            folder.path(),
+            "bare.obj",
+            &text.replace("red", "blue"),
+        ));
         let why = why.unwrap_err().to_string();
-        assert!(why.contains("bare.obj: line 5: the material `blue` is in none"), "{why}");
+        assert!(
+            why.contains("bare.obj: line 5: the material `blue` is in none"),
+            "{why}"
+        );
     }
 
     #[test]

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::{
     CompiledScene, CompiledTextures, KIND_METALLIC_ROUGHNESS, MaterialData, MaterialTextureData,
-    OPACITY_BLEND, OPACITY_MASK, OPACITY_OPAQUE, TriangleColors, TriangleData, TriangleUvs,
+    OPACITY_MASK, OPACITY_OPAQUE, TriangleColors, TriangleData, TriangleUvs,
 };
 use crate::sampling::{pcg4d, unit_float};
 
@@ -29,13 +29,19 @@ impl CompiledScene {
     /// The test of rays against the scene's triangles; none if all are opaque.
     pub(crate) fn alpha_test(&self) -> Option<AlphaTest<'_>> {
         let has_some = self.materials.iter().any(MaterialData::is_transparent);
-        (has_some && !self.meshes.triangles.is_empty()).then_some(AlphaTest {
+        let has_some = has_some && !self.meshes.triangles.is_empty();
+        has_some.then(|| self.triangle_tables())
+    }
+
+    /// What tells of points of triangles how much is there, and what it emits.
+    pub(super) fn triangle_tables(&self) -> AlphaTest<'_> {
+        AlphaTest {
             materials: &self.materials,
             triangles: &self.meshes.triangles,
             uvs: &self.meshes.uvs,
             colors: &self.meshes.colors,
             textures: &self.textures,
-        })
+        }
     }
 }
 
@@ -58,13 +64,23 @@ impl AlphaTest<'_> {
         if !material.is_transparent() {
             return true;
         }
+        let share = self.share_there(triangle, weights());
+        share >= 1.0 || ray_number(origin, direction, triangle) < share
+    }
+
+    /// With which probability a ray meets a triangle where the corners have these weights.
+    pub(super) fn share_there(&self, triangle: u32, weights: [f32; 3]) -> f32 {
+        let data = &self.triangles[triangle as usize];
+        let material = &self.materials[data.material as usize];
         let [_, cutoff, mode] = material.sights;
-        let alpha = self.alpha(data, material, triangle, weights());
-        if mode == OPACITY_MASK {
-            return alpha >= cutoff;
+        if !material.is_transparent() {
+            return 1.0;
         }
-        debug_assert_eq!(mode, OPACITY_BLEND);
-        ray_number(origin, direction, triangle) < alpha
+        let alpha = self.alpha(data, material, triangle, weights);
+        match mode == OPACITY_MASK {
+            true => f32::from(alpha >= cutoff),
+            false => alpha,
+        }
     }
 
     fn alpha(
@@ -92,7 +108,7 @@ impl AlphaTest<'_> {
 
 impl TriangleUvs {
     /// Where corners have these weights.
-    fn at(&self, [wa, wb, wc]: [f32; 3]) -> [f32; 2] {
+    pub(super) fn at(&self, [wa, wb, wc]: [f32; 3]) -> [f32; 2] {
         [0, 1].map(|axis| wa * self.a[axis] + wb * self.b[axis] + wc * self.c[axis])
     }
 }

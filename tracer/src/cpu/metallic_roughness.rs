@@ -25,7 +25,7 @@ pub(super) struct MetallicRoughnessTable {
     has_layers: bool,
 }
 
-type MetallicRoughnessRow = [f32; 20];
+type MetallicRoughnessRow = [f32; 21];
 
 const IS_SUCH: usize = 0;
 const DIELECTRIC_F0: usize = 1;
@@ -40,17 +40,22 @@ const CLEARCOAT_ALPHA: usize = 14;
 const SHEEN: usize = 15;
 const SHEEN_ROUGHNESS: usize = 18;
 const SHEEN_LEFT: usize = 19;
+/// With which light sampling draws points on triangles, m⁻²; 0 of other shapes.
+const POINT_DENSITY: usize = 20;
 
 impl MetallicRoughnessTable {
     /// `materials` are those of all rows.
     pub(super) fn new<'a, I: Iterator<Item = &'a MaterialData>>(
         scene: &CompiledScene,
         materials: impl FnOnce() -> I,
+        triangles_first: usize,
     ) -> Self {
         let has_some = (scene.materials.iter()).any(|m| m.kind == KIND_METALLIC_ROUGHNESS);
         Self {
             rows: match has_some {
-                true => materials().map(metallic_roughness_row).collect(),
+                true => (materials().enumerate())
+                    .map(|(row, material)| metallic_roughness_row(material, row >= triangles_first))
+                    .collect(),
                 false => Vec::new(),
             },
             has_layers: scene.materials.iter().any(MaterialData::has_layers),
@@ -62,8 +67,8 @@ impl MetallicRoughnessTable {
     }
 }
 
-fn metallic_roughness_row(material: &MaterialData) -> MetallicRoughnessRow {
-    let mut row = [0.0; 20];
+fn metallic_roughness_row(material: &MaterialData, is_of_triangles: bool) -> MetallicRoughnessRow {
+    let mut row = [0.0; 21];
     if material.kind != KIND_METALLIC_ROUGHNESS {
         return row;
     }
@@ -78,6 +83,9 @@ fn metallic_roughness_row(material: &MaterialData) -> MetallicRoughnessRow {
     row[SHEEN..][..3].copy_from_slice(&material.sheen);
     row[SHEEN_ROUGHNESS] = material.sheen_roughness;
     row[SHEEN_LEFT] = material.scale;
+    if is_of_triangles {
+        row[POINT_DENSITY] = material.majorant;
+    }
     row
 }
 
@@ -86,6 +94,8 @@ fn metallic_roughness_row(material: &MaterialData) -> MetallicRoughnessRow {
 pub(super) struct MetallicRoughness<S: Simd> {
     pub(super) lanes: Mask<S>,
     pub(super) emission: Vec3x<S>,
+    /// With which light sampling draws the point among all of triangles that emit, m⁻²; 0 where it does not.
+    pub(super) point_density: Float<S>,
     diffuse: Vec3x<S>,
     f0: Vec3x<S>,
     f90: Float<S>,
@@ -109,7 +119,7 @@ impl<S: Simd> LayerLanes<S> {
     #[inline(always)]
     fn new(
         simd: S,
-        rows: &Rows<'_, 20>,
+        rows: &Rows<'_, 21>,
         lanes: Mask<S>,
         textures: Option<&TextureLanes<S>>,
     ) -> Self {
@@ -175,6 +185,7 @@ impl<S: Simd> MetallicRoughness<S> {
                 Some(Self {
                     lanes,
                     emission,
+                    point_density: rows.number(simd, POINT_DENSITY),
                     diffuse: base * (1.0 - metallic),
                     f0: (base - even).mul_add(metallic, even),
                     f90: (1.0 - specular).mul_add(metallic, specular),

@@ -155,7 +155,11 @@ impl Surfaces {
             microfacet: microfacet_rows(scene),
             texture: texture_rows(scene),
             sheen: sheen_rows(scene),
-            metallic_roughness: MetallicRoughnessTable::new(scene, || materials(scene)),
+            metallic_roughness: MetallicRoughnessTable::new(
+                scene,
+                || materials(scene),
+                triangles_first as usize,
+            ),
             has_dielectric: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
             nee_boundaries: nee_boundary_rows(scene),
         }

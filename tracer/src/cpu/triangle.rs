@@ -143,13 +143,41 @@ pub(super) struct Triangles {
     alpha_filter: Option<AlphaFilter>,
 }
 
-/// Lets rays pass triangles as their opacity says.
-struct AlphaFilter {
+/// What tells of points of triangles how much is there, and what it emits.
+pub(super) struct TriangleTables {
     materials: Vec<MaterialData>,
     triangles: Arc<Vec<TriangleData>>,
     uvs: Arc<Vec<TriangleUvs>>,
     colors: Arc<Vec<TriangleColors>>,
     textures: CompiledTextures,
+}
+
+impl TriangleTables {
+    pub(super) fn new(scene: &CompiledScene) -> Self {
+        let meshes = &scene.meshes;
+        Self {
+            materials: scene.materials.clone(),
+            triangles: Arc::clone(&meshes.triangles),
+            uvs: Arc::clone(&meshes.uvs),
+            colors: Arc::clone(&meshes.colors),
+            textures: scene.textures.clone(),
+        }
+    }
+
+    pub(super) fn alpha_test(&self) -> AlphaTest<'_> {
+        AlphaTest {
+            materials: &self.materials,
+            triangles: &self.triangles,
+            uvs: &self.uvs,
+            colors: &self.colors,
+            textures: &self.textures,
+        }
+    }
+}
+
+/// Lets rays pass triangles as their opacity says.
+struct AlphaFilter {
+    tables: TriangleTables,
     /// The id of the first triangle.
     first: u32,
 }
@@ -158,15 +186,8 @@ impl AlphaFilter {
     /// None where all triangles are opaque.
     fn new(scene: &CompiledScene, first: u32) -> Option<Self> {
         scene.alpha_test()?;
-        let meshes = &scene.meshes;
-        Some(Self {
-            materials: scene.materials.clone(),
-            triangles: Arc::clone(&meshes.triangles),
-            uvs: Arc::clone(&meshes.uvs),
-            colors: Arc::clone(&meshes.colors),
-            textures: scene.textures.clone(),
-            first,
-        })
+        let tables = TriangleTables::new(scene);
+        Some(Self { tables, first })
     }
 
     /// The lanes of `hit` whose rays meet the triangle with an id.
@@ -193,15 +214,9 @@ impl HitFilter for AlphaFilter {
     #[inline(never)]
     fn is_met(&self, origin: [f32; 3], direction: [f32; 3], id: u32) -> bool {
         let index = id - self.first;
-        let test = AlphaTest {
-            materials: &self.materials,
-            triangles: &self.triangles,
-            uvs: &self.uvs,
-            colors: &self.colors,
-            textures: &self.textures,
-        };
+        let test = self.tables.alpha_test();
         let (origin, direction) = (origin.into(), direction.into());
-        let triangle = &self.triangles[index as usize];
+        let triangle = &test.triangles[index as usize];
         let weights = || corner_weights(triangle, origin, direction);
         test.is_met(origin, direction, index, weights)
     }

@@ -156,6 +156,12 @@ pub(crate) struct Features {
     /// Pixels across and down the environment map; 0 without.
     pub(crate) environment_map: [u32; 2],
     pub(crate) area_lights: u32,
+    /// Triangles that emit.
+    pub(crate) mesh_lights: u32,
+    /// Their probability in light sampling.
+    pub(crate) mesh_light_sixteenths: u32,
+    /// Some surface emits.
+    pub(crate) has_emission: bool,
     /// Lights without extent.
     pub(crate) punctual_lights: u32,
     /// Their probability in light sampling, in halves.
@@ -207,8 +213,9 @@ impl Features {
     /// What `scene` requires, its arrays in constant memory.
     pub(crate) fn new(scene: &CompiledScene) -> Self {
         let any = |has: fn(&MaterialData) -> bool| scene.materials.iter().any(has);
-        let shares_light_sampling =
-            !(scene.environment_map.is_empty() && scene.punctual_lights.is_empty());
+        let shares_light_sampling = !(scene.environment_map.is_empty()
+            && scene.punctual_lights.is_empty())
+            || scene.mesh_lights.sixteenths > 0;
         Self {
             spheres: scene.spheres.len() as u32,
             boxes: scene.boxes.len() as u32,
@@ -231,8 +238,11 @@ impl Features {
             colored_triangles: scene.meshes.colors.len() as u32,
             has_opacity: scene.alpha_test().is_some(),
             area_lights: scene.area_lights.len() as u32,
+            mesh_lights: scene.mesh_lights.triangles.len() as u32,
+            mesh_light_sixteenths: scene.mesh_lights.sixteenths,
+            has_emission: scene.has_emission(),
             punctual_lights: scene.punctual_lights.len() as u32,
-            punctual_halves: (2.0 * scene.punctual_probability) as u32,
+            punctual_halves: punctual_halves(scene),
             materials: scene.materials.len().max(1) as u32,
             bvhs: ShapeKind::ALL.map(|shape| bvh(scene, shape).is_some()),
             has_csg_cone: scene
@@ -293,7 +303,7 @@ impl Features {
 
     /// Whether light is looked for elsewhere than at area lights.
     pub(crate) const fn shares_light_sampling(&self) -> bool {
-        self.has_environment_map() || self.punctual_lights > 0
+        self.has_environment_map() || self.punctual_lights > 0 || self.mesh_lights > 0
     }
 
     /// Whether there is an environment map.
@@ -372,6 +382,15 @@ const fn bvh_min(shape: ShapeKind) -> usize {
 /// The BVH by which rays find the primitives of a shape, where they do.
 pub(crate) fn bvh(scene: &CompiledScene, shape: ShapeKind) -> Option<&Bvh> {
     scene.bvh(shape, bvh_min(shape))
+}
+
+/// Beside triangles that emit.
+fn punctual_halves(scene: &CompiledScene) -> u32 {
+    let others = 1.0 - scene.mesh_lights.probability();
+    match others > 0.0 {
+        true => (2.0 * scene.punctual_probability / others).round() as u32,
+        false => 0,
+    }
 }
 
 /// Whether some ball may have [`crate::compiled::SphereData::allows_refracted_nee`], wherever it moves.

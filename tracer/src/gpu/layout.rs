@@ -6,8 +6,8 @@ use glam::Vec3;
 use crate::bvh::{BvhNode, LEAF, leaves};
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
-    MaterialData, PunctualLightData, RectangleData, ShapeKind, SphereData, TriangleColors,
-    TriangleData, TriangleNormals, TriangleUvs,
+    MaterialData, MeshLightData, PunctualLightData, RectangleData, ShapeKind, SphereData,
+    TriangleColors, TriangleData, TriangleNormals, TriangleUvs,
 };
 use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features, SceneMemory};
@@ -267,7 +267,9 @@ pub(crate) fn mesh_bytes_len(features: &Features) -> u64 {
     let normals = features.smooth_triangles as usize * size_of::<TriangleNormals>();
     let uvs = features.uv_triangles as usize * size_of::<TriangleUvs>();
     let colors = features.colored_triangles as usize * size_of::<TriangleColors>();
-    (triangles + normals + uvs + colors + finders_bytes(features, ShapeKind::Triangle)) as u64
+    let lights = features.mesh_lights as usize * size_of::<MeshLightData>();
+    (triangles + normals + uvs + colors + lights + finders_bytes(features, ShapeKind::Triangle))
+        as u64
 }
 
 /// The scene's triangles as the kernel's `MeshData`.
@@ -280,14 +282,9 @@ pub(crate) fn mesh_bytes(scene: &CompiledScene) -> Vec<u8> {
         false => cast_slice(&meshes.uvs),
     };
     let colors = cast_slice(&meshes.colors);
-    [
-        triangles,
-        cast_slice(&meshes.normals),
-        uvs,
-        colors,
-        &finders,
-    ]
-    .concat()
+    let lights = cast_slice(&scene.mesh_lights.triangles);
+    let normals = cast_slice(&meshes.normals);
+    [triangles, normals, uvs, colors, lights, &finders].concat()
 }
 
 /// What rays find the primitives of a shape by.

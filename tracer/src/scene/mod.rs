@@ -363,8 +363,8 @@ pub enum Material {
         /// Index of refraction of what is no metal, in [1, 1000]; plastic 1.5.
         #[serde(default = "plastic_ior")]
         ior: f32,
-        /// Radiance that the surface emits evenly to both sides, in W·sr⁻¹·m⁻² per channel. Paths find it by chance
-        /// alone: bright and small it is noisy, where [`AreaLight`] is not.
+        /// Radiance that the surface emits evenly to both sides, in W·sr⁻¹·m⁻² per channel. Triangles are aimed at by their
+        /// power; other shapes paths find by chance alone: bright and small they are noisy.
         #[serde(default)]
         emission: Vec3,
         /// Pictures that multiply these numbers, on meshes with texture coordinates.

@@ -11,6 +11,7 @@ mod images;
 mod laws;
 mod layers;
 mod materials;
+mod mesh_lights;
 mod meshes;
 mod opacity;
 mod particles;

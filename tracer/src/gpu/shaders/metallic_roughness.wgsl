@@ -9,7 +9,6 @@ struct MetallicRoughness {
     dielectric_f0: f32,
     base_f90: f32,
     alpha: f32,
-    emission: vec3f,
 }
 
 // That of the surface for which `bsdf_at` was called last.
@@ -35,7 +34,6 @@ fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
         dielectric_f0,
         max((1.0 - alpha) * (1.0 - alpha) * specular, dielectric_f0),
         max(alpha, ALPHA_LEAST),
-        scene_storage.materials[material].k * textures.emission,
     );
 }
 
@@ -113,12 +111,37 @@ fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
 // Surfaces that emit do so once for each path that meets them.
 fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     texture_footprint = select(0.0, length(scene.header.camera.dx), (*path).depth == 0u);
-    let beta = (*path).beta;
-    let state = plain_shade(path, hit);
-    if (metallic_roughness.is_met) {
-        (*path).radiance += beta * metallic_roughness.emission;
+    // Before the path's next density is noted.
+    (*path).radiance += emission_of_hit(*path, hit);
+    return plain_shade(path, hit);
+}
+
+// Of what a path meets last, too.
+fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 {
+    let state = plain_extend(path, met, rays);
+    // What was scattered inside a body has not come to a surface.
+    let is_last = state == DONE && (*path).depth == job.max_depth && met.primitive < AREA_LIGHT_FIRST;
+    if (HAS_EMISSION && is_last) {
+        texture_footprint = select(0.0, length(scene.header.camera.dx), job.max_depth == 0u);
+        (*path).radiance += emission_of_hit(*path, met);
     }
     return state;
+}
+
+// What the surface emits that a path meets, times its throughput.
+fn emission_of_hit(path: Path, met: Hit) -> vec3f {
+    if (!HAS_EMISSION) {
+        return vec3f(0.0);
+    }
+    let is_within = HAS_DIELECTRIC && path.start == (met.primitive | INSIDE);
+    let surface = surface_at(path.ray, met, is_within);
+    let material = surface.material;
+    if (scene_storage.materials[material].kind != KIND_METALLIC_ROUGHNESS) {
+        return vec3f(0.0);
+    }
+    let emission = scene_storage.materials[material].k * textures_met().emission;
+    let cosine = abs(dot(path.ray.direction, own_normal(surface)));
+    return path.beta * emission * emission_weight(met.primitive, material, met.t, cosine);
 }
 
 fn first_hit(ray: Ray) -> Aovs {

@@ -17,8 +17,8 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::{ImageTexture, Material, Mesh, Scene};
 use super::validate::{NAME_BYTES_MAX, TRIANGLES_MAX, VERTICES_MAX};
+use super::{ImageTexture, Material, Mesh, Scene};
 use crate::Error;
 
 /// The longest mesh file in bytes: ten million triangles as text have 0.7 GB.
@@ -155,7 +155,10 @@ fn read_mesh_file(path: &Path) -> Result<Vec<u8>, Error> {
     })?;
     if bytes.len() as u64 > MESH_BYTES_MAX {
         let sentence = "it is longer than {} bytes, the most that a mesh file may hold";
-        return Err(format(path, &sentence.replace("{}", &MESH_BYTES_MAX.to_string())));
+        return Err(format(
+            path,
+            &sentence.replace("{}", &MESH_BYTES_MAX.to_string()),
+        ));
     }
     Ok(bytes)
 }

@@ -13,7 +13,7 @@ use std::str::SplitAsciiWhitespace;
 use glam::Vec3;
 
 use super::Refusal;
-use crate::scene::file::read_limited;
+use crate::scene::file::read_file_limited;
 use crate::scene::validate::{MATERIALS_MAX, NAME_BYTES_MAX};
 use crate::scene::{ColorSpace, ImageTexture, Layers, Material, MaterialTextures, Opacity, Wrap};
 use crate::text::printable;
@@ -70,7 +70,7 @@ impl MaterialLibrary {
     /// Adds the materials of a file that stands in `folder`.
     pub(super) fn read(&mut self, folder: &Path, file: &str) -> Result<(), Refusal> {
         let path = beside(folder, file)?;
-        let bytes = read_limited(&path, MTL_BYTES_MAX).map_err(|why| why.to_string())?;
+        let bytes = read_file_limited(&path, MTL_BYTES_MAX).map_err(|why| why.to_string())?;
         let mut current: Option<MtlMaterial> = None;
         for (line, text) in (1..).zip(bytes.split(|&byte| byte == b'\n')) {
             let place = Place { folder, file, line };
@@ -166,9 +166,13 @@ impl MaterialLibrary {
         }
         let path = beside(place.folder, &map.file)?;
         let left = TEXTURE_FILES_BYTES_MAX - self.texture_bytes;
-        let bytes = read_limited(&path, left).map_err(|why| why.to_string())?;
+        let bytes = read_file_limited(&path, left).map_err(|why| why.to_string())?;
         self.texture_bytes += bytes.len() as u64;
-        let wrap = if map.is_clamped { Wrap::Clamp } else { Wrap::Repeat };
+        let wrap = if map.is_clamped {
+            Wrap::Clamp
+        } else {
+            Wrap::Repeat
+        };
         let name = printable(&map.file, NAME_BYTES_MAX);
         let texture = ImageTexture {
             color_space,
@@ -291,7 +295,9 @@ impl TextureStatement {
 /// A file in the folder or one within it.
 fn beside(folder: &Path, file: &str) -> Result<std::path::PathBuf, Refusal> {
     let path = Path::new(file);
-    let is_within = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    let is_within = path
+        .components()
+        .all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     match is_within && !file.is_empty() {
         true => Ok(folder.join(path)),
         false => Err(format!(
@@ -301,8 +307,12 @@ fn beside(folder: &Path, file: &str) -> Result<std::path::PathBuf, Refusal> {
 }
 
 fn number<'a>(mut words: impl Iterator<Item = &'a str>, what: &str) -> Result<f32, Refusal> {
-    let word = words.next().ok_or_else(|| format!("a number must follow `{what}`"))?;
-    let number: f32 = word.parse().map_err(|_| format!("`{word}` is not a number"))?;
+    let word = words
+        .next()
+        .ok_or_else(|| format!("a number must follow `{what}`"))?;
+    let number: f32 = word
+        .parse()
+        .map_err(|_| format!("`{word}` is not a number"))?;
     match number.is_finite() {
         true => Ok(number),
         false => Err(format!("its {what} is {number}, which is not finite")),
@@ -319,8 +329,15 @@ fn at_least_0(words: SplitAsciiWhitespace<'_>, what: &str) -> Result<f32, Refusa
 
 /// Three numbers, or one for all three.
 fn triple(words: SplitAsciiWhitespace<'_>, what: &str) -> Result<Vec3, Refusal> {
-    if words.clone().next().is_some_and(|word| ["spectral", "xyz"].contains(&word)) {
-        return Err(format!("its {what} is `{}`: it must be red, green and blue", words.collect::<Vec<_>>().join(" ")));
+    if words
+        .clone()
+        .next()
+        .is_some_and(|word| ["spectral", "xyz"].contains(&word))
+    {
+        return Err(format!(
+            "its {what} is `{}`: it must be red, green and blue",
+            words.collect::<Vec<_>>().join(" ")
+        ));
     }
     let count = words.clone().count();
     let mut words = words;
@@ -328,14 +345,20 @@ fn triple(words: SplitAsciiWhitespace<'_>, what: &str) -> Result<Vec3, Refusal> 
     if count == 1 {
         return Ok(Vec3::splat(first));
     }
-    Ok(Vec3::new(first, number(&mut words, what)?, number(&mut words, what)?))
+    Ok(Vec3::new(
+        first,
+        number(&mut words, what)?,
+        number(&mut words, what)?,
+    ))
 }
 
 fn color(words: SplitAsciiWhitespace<'_>, what: &str) -> Result<Vec3, Refusal> {
     let color = triple(words, what)?;
     match color.cmpge(Vec3::ZERO).all() && color.cmple(Vec3::ONE).all() {
         true => Ok(color),
-        false => Err(format!("its {what} is {color}: each number must be from 0 to 1")),
+        false => Err(format!(
+            "its {what} is {color}: each number must be from 0 to 1"
+        )),
     }
 }
 

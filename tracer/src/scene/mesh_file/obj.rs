@@ -175,7 +175,9 @@ impl ObjReader {
     /// A mesh for each material that faces are of.
     pub(super) fn finish(mut self) -> Result<Vec<ObjFaces>, Refusal> {
         let faces = std::mem::take(&mut self.faces);
-        let faces = faces.into_iter().filter(|faces| !faces.triangles.is_empty());
+        let faces = faces
+            .into_iter()
+            .filter(|faces| !faces.triangles.is_empty());
         let parts: Vec<ObjFaces> = faces.map(|faces| self.part(faces)).collect();
         match parts.is_empty() {
             true => Err("it has no face".to_owned()),

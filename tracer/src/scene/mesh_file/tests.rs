@@ -290,7 +290,13 @@ fn materials_of_obj_files_are_read() {
     assert_eq!((metallic, roughness), (0.0, 0.5));
     assert_eq!(emission, Vec3::new(3.0, 2.0, 1.0));
     assert_eq!(opacity, Opacity::Blend { alpha: 0.5 });
-    assert_eq!(layers, Layers { sheen_roughness: 0.5, ..Layers::NONE });
+    assert_eq!(
+        layers,
+        Layers {
+            sheen_roughness: 0.5,
+            ..Layers::NONE
+        }
+    );
     let Some(Material::MetallicRoughness {
         base_color,
         metallic,
@@ -308,9 +314,15 @@ fn materials_of_obj_files_are_read() {
     assert_eq!((layers.clearcoat, layers.clearcoat_roughness), (0.5, 0.125));
     assert_eq!(textures.normal_scale, 0.5);
     let color = &read.textures[textures.base_color.unwrap() as usize];
-    assert_eq!((color.color_space, color.wrap), (ColorSpace::Srgb, [Wrap::Clamp; 2]));
+    assert_eq!(
+        (color.color_space, color.wrap),
+        (ColorSpace::Srgb, [Wrap::Clamp; 2])
+    );
     let normal = &read.textures[textures.normal.unwrap() as usize];
-    assert_eq!((normal.color_space, normal.wrap), (ColorSpace::Linear, [Wrap::Repeat; 2]));
+    assert_eq!(
+        (normal.color_space, normal.wrap),
+        (ColorSpace::Linear, [Wrap::Repeat; 2])
+    );
     let mut scene = Scene::new();
     scene.add_texture(color.clone());
     read.add_to(&mut scene, Material::grey(0.5));
@@ -318,7 +330,10 @@ fn materials_of_obj_files_are_read() {
     let last = scene.materials[&scene.objects[2].material];
     assert_eq!(last.textures().base_color, Some(1));
     // As one mesh it has all faces and no materials.
-    assert_eq!(loaded("a.obj", PAINTED.as_bytes()).unwrap().triangles.len(), 4);
+    assert_eq!(
+        loaded("a.obj", PAINTED.as_bytes()).unwrap().triangles.len(),
+        4
+    );
 }
 
 #[test]
@@ -339,7 +354,10 @@ fn faults_of_materials_are_sentences_with_file_line_and_value() {
             obj("usemtl worn", "usemtl wron"),
             "line 12: the material `wron` is in none of its mtllib files",
         ),
-        (obj("usemtl red", "usemtl"), "line 10: a name must follow `usemtl`"),
+        (
+            obj("usemtl red", "usemtl"),
+            "line 10: a name must follow `usemtl`",
+        ),
         (
             obj("f 1/1 3/2 4/3", "f 1/1 3/2 4"),
             "line 12: the material `worn` has textures, but not all corners",
@@ -352,14 +370,26 @@ fn faults_of_materials_are_sentences_with_file_line_and_value() {
             mtl("Kd 0.5 0.25", "Kd 1.5 0.25"),
             "paint.mtl, line 3: its Kd is [1.5, 0.25, 0.125]: each number must be from 0 to 1",
         ),
-        (mtl("Ns 30", "Ns shiny"), "paint.mtl, line 5: `shiny` is not a number"),
-        (mtl("Ke 3", "Ke -3"), "paint.mtl, line 6: its Ke is [-3, 2, 1]"),
-        (mtl("d 0.5", "d"), "paint.mtl, line 7: a number must follow `d`"),
+        (
+            mtl("Ns 30", "Ns shiny"),
+            "paint.mtl, line 5: `shiny` is not a number",
+        ),
+        (
+            mtl("Ke 3", "Ke -3"),
+            "paint.mtl, line 6: its Ke is [-3, 2, 1]",
+        ),
+        (
+            mtl("d 0.5", "d"),
+            "paint.mtl, line 7: a number must follow `d`",
+        ),
         (
             mtl("maps\\wood.png", "maps/oak.png"),
             "paint.mtl, line 11: ",
         ),
-        (mtl("maps\\wood.png", "maps/oak.png"), "oak.png: No such file"),
+        (
+            mtl("maps\\wood.png", "maps/oak.png"),
+            "oak.png: No such file",
+        ),
         (
             mtl("maps\\wood.png", "maps/not.png"),
             "paint.mtl, line 11: maps/not.png: it begins with the bytes",
@@ -372,10 +402,16 @@ fn faults_of_materials_are_sentences_with_file_line_and_value() {
             mtl("-s 1 1 1", "-s 2 2"),
             "line 11: the option `-s 2 2` of a texture is not read",
         ),
-        (mtl("map_d maps/wood.png", "map_Ke"), "line 12: it names no texture"),
+        (
+            mtl("map_d maps/wood.png", "map_Ke"),
+            "line 12: it names no texture",
+        ),
     ];
     for (read, sentence) in cases {
         let refusal = read.unwrap_err().to_string();
-        assert!(refusal.contains(sentence), "`{sentence}` is not in `{refusal}`");
+        assert!(
+            refusal.contains(sentence),
+            "`{sentence}` is not in `{refusal}`"
+        );
     }
 }
