@@ -8,6 +8,7 @@ use carom_protocol::limits::POSES_MAX;
 use carom_tracer::glam::Vec3;
 #[cfg(feature = "gltf")]
 use carom_tracer::scene::gltf_file::{AnimatedScene, AnimationTime};
+use carom_tracer::scene::mesh_file::{ObjPart, ObjScene};
 use carom_tracer::text::printable;
 use carom_tracer::{AreaLight, Camera, Material, Mesh, Scene, SceneUpdate};
 
@@ -17,8 +18,8 @@ use crate::error::Error;
 pub const SCENE_FILES: [&str; 5] = ["json", "gltf", "glb", "obj", "ply"];
 
 /// The scene of a file, by the ending of its name: JSON as [`carom_tracer::scene::file`] has it, also
-/// without an ending, glTF 2.0, or a mesh (OBJ, which has y upright, or PLY, which has z), in grey, under a sky
-/// and a lamp, with the camera so far away that all of it is seen.
+/// without an ending, glTF 2.0, or a mesh (OBJ with its materials, which has y upright, or PLY with its colours, which has z),
+/// in grey where it has neither, under a sky and a lamp, with the camera so far away that all of it is seen.
 ///
 /// # Errors
 /// [`Error::Tracer`] with the file and what is wrong in it, or that its name ends otherwise.
@@ -29,10 +30,10 @@ pub fn open_scene(path: impl AsRef<Path>) -> Result<Scene, Error> {
         path: path.to_owned(),
         message,
     };
-    let up = match ending.as_deref().map(|ending| ending.to_str()) {
+    let (meshes, up) = match ending.as_deref().map(|ending| ending.to_str()) {
         None | Some(Some("json" | "gltf" | "glb")) => return Ok(Scene::load(path)?),
-        Some(Some("obj")) => Vec3::Y,
-        Some(Some("ply")) => Vec3::Z,
+        Some(Some("obj")) => (ObjScene::load(path)?, Vec3::Y),
+        Some(Some("ply")) => (colored(Mesh::load(path)?), Vec3::Z),
         _ => {
             let endings = SCENE_FILES.map(|ending| format!(".{ending}")).join(", ");
             let sentence = format!("a scene's name must end with one of {endings}");
@@ -40,7 +41,7 @@ pub fn open_scene(path: impl AsRef<Path>) -> Result<Scene, Error> {
         }
     };
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let scene = scene_of_mesh(&printable(&name, NAME_BYTES_MAX), Mesh::load(path)?, up);
+    let scene = scene_of_meshes(&printable(&name, NAME_BYTES_MAX), meshes, up);
     let checked = scene.validate_visible();
     checked.map_err(|fault| format(fault.to_string()))?;
     Ok(scene)
@@ -201,9 +202,24 @@ fn is_gltf(path: &Path) -> bool {
     ending.is_some_and(|ending| ["gltf", "glb"].contains(&ending.to_ascii_lowercase().as_str()))
 }
 
-/// A mesh in the middle of the picture, lit from the upper left.
-fn scene_of_mesh(name: &str, mesh: Mesh, up: Vec3) -> Scene {
-    let bounds = mesh.positions.iter().copied();
+/// A mesh by itself, white if it has colours.
+fn colored(mesh: Mesh) -> ObjScene {
+    let material = (!mesh.colors.is_empty()).then(|| Material::grey(1.0));
+    let part = ObjPart {
+        name: String::new(),
+        material,
+        mesh,
+    };
+    ObjScene {
+        parts: vec![part],
+        textures: Vec::new(),
+    }
+}
+
+/// Meshes in the middle of the picture, lit from the upper left. Those without a name have the file's.
+fn scene_of_meshes(name: &str, mut meshes: ObjScene, up: Vec3) -> Scene {
+    let bounds = meshes.parts.iter().flat_map(|part| &part.mesh.positions);
+    let bounds = bounds.copied();
     let (min, max) = bounds.fold((Vec3::MAX, Vec3::MIN), |(min, max), at| {
         (min.min(at), max.max(at))
     });
@@ -220,7 +236,12 @@ fn scene_of_mesh(name: &str, mesh: Mesh, up: Vec3) -> Scene {
         .facing(center)
         .radiance(LAMP_RADIANCE);
     let mut scene = Scene::new().camera(camera.upright(up)).sky(SKY_RADIANCE);
-    scene.add_named(name, mesh, Material::grey(0.7));
+    for part in &mut meshes.parts {
+        if part.name.is_empty() {
+            name.clone_into(&mut part.name);
+        }
+    }
+    meshes.add_to(&mut scene, Material::grey(0.7));
     scene.add_light(lamp);
     scene
 }
@@ -263,6 +284,48 @@ mod tests {
         assert!(2.5 / half_height.atan().sin() <= distance, "{distance}");
         assert!(camera.eye.z > 30.0, "seen from its front");
         assert!(scene.area_lights[0].center.y > 21.5);
+    }
+
+    #[test]
+    fn an_obj_has_its_materials_and_a_ply_its_colours() {
+        let folder = tempfile::tempdir().unwrap();
+        write(
+            folder.path(),
+            "paint.mtl",
+            "newmtl red\nKd 0.5 0.125 0\nKe 2 1 0\n",
+        );
+        let faces = TRIANGLE.replace("f 1 2 3", "usemtl red\nf 1 2 3\nf 3 2 1");
+        let text = format!("mtllib paint.mtl\n{faces}");
+        let scene = open_scene(write(folder.path(), "sign.obj", &text)).unwrap();
+        let object = &scene.objects[0];
+        assert_eq!(object.name, "red");
+        let Material::MetallicRoughness {
+            base_color,
+            emission,
+            ..
+        } = scene.materials[&object.material]
+        else {
+            panic!("{:?}", scene.materials);
+        };
+        assert_eq!(base_color, Vec3::new(0.5, 0.125, 0.0));
+        assert_eq!(emission, Vec3::new(2.0, 1.0, 0.0));
+        let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+            property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n\
+            property list uchar int vertex_index\nend_header\n0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n";
+        let scene = open_scene(write(folder.path(), "wing.ply", ply)).unwrap();
+        assert_eq!(scene.objects[0].name, "wing");
+        let material = scene.materials[&scene.objects[0].material];
+        assert_eq!(material, Material::grey(1.0));
+        let why = open_scene(write(
+            folder.path(),
+            "bare.obj",
+            &text.replace("red", "blue"),
+        ));
+        let why = why.unwrap_err().to_string();
+        assert!(
+            why.contains("bare.obj: line 5: the material `blue` is in none"),
+            "{why}"
+        );
     }
 
     #[test]

@@ -9,8 +9,8 @@ use carom_tracer::environment_file::encode_exr;
 use carom_tracer::film::trace_image;
 use carom_tracer::texture_file::{Texels, encode_png};
 use carom_tracer::{
-    Camera, CompiledScene, CpuTracer, EnvironmentMap, ImageSize, ImageTexture, Material,
-    MaterialTextures, Mesh, RadianceImage, RenderSettings, Scene,
+    Camera, CompiledScene, CpuTracer, EnvironmentMap, ImageSize, ImageTexture, Layers, Material,
+    MaterialTextures, Mesh, Opacity, RadianceImage, RenderSettings, Scene,
 };
 use glam::{Quat, Vec2, Vec3};
 
@@ -49,7 +49,7 @@ fn scene() -> Result<Scene, String> {
         base_color,
         metallic_roughness,
         normal,
-        emission: None,
+        ..MaterialTextures::NONE
     };
     let metal = |roughness, textures| Material::MetallicRoughness {
         base_color: Vec3::new(0.95, 0.75, 0.45),
@@ -58,6 +58,8 @@ fn scene() -> Result<Scene, String> {
         ior: 1.5,
         emission: Vec3::ZERO,
         textures,
+        opacity: Opacity::Opaque,
+        layers: Layers::NONE,
     };
     let floor = Material::rough([1.0; 3], 0.45).textured(maps(Some(tiles), None, Some(joints)));
     scene.add(floor_mesh(), floor);

@@ -5,6 +5,8 @@ mod data;
 mod environment;
 mod material;
 mod mesh;
+mod mesh_light;
+mod opacity;
 mod particle_surface;
 mod punctual_light;
 #[cfg(test)]
@@ -21,12 +23,17 @@ pub use self::data::{
     AreaLightData, BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER,
     CSG_FACE_INNER_BOX, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame, CsgBoxData, CsgFaceData,
     DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
-    PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
-    RectangleData, SphereData, TriangleData, TriangleNormals, TriangleUvs,
+    OPACITY_BLEND, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE,
+    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData, TriangleColors,
+    TriangleData, TriangleNormals, TriangleUvs,
 };
 pub use self::environment::{CompiledEnvironment, EnvironmentSample};
 use self::material::material_data;
 pub use self::mesh::CompiledMeshes;
+pub use self::mesh_light::{
+    MESH_LIGHT_REACH, MESH_LIGHTS_MAX, MeshLightData, MeshLightPoint, MeshLights,
+};
+pub(crate) use self::opacity::{AlphaTest, corner_weights};
 pub use self::punctual_light::PunctualLightData;
 #[cfg(feature = "gpu")]
 pub(crate) use self::texture::SRGB_LINEAR;
@@ -66,6 +73,8 @@ pub struct CompiledScene {
     pub meshes: CompiledMeshes,
     /// Emitting rectangles; rays end on them.
     pub area_lights: Vec<AreaLightData>,
+    /// Triangles that emit.
+    pub mesh_lights: MeshLights,
     /// Lights without extent.
     pub punctual_lights: Vec<PunctualLightData>,
     /// Probability with which light sampling aims at one of them.
@@ -167,7 +176,10 @@ impl CompiledScene {
         let meshes = &self.meshes;
         // Once more for the BVH over them.
         let triangles = 2 * size_of_val(&meshes.triangles[..]);
-        let triangles = triangles + size_of_val(&meshes.normals[..]) + size_of_val(&meshes.uvs[..]);
+        let triangles = triangles
+            + size_of_val(&meshes.normals[..])
+            + size_of_val(&meshes.uvs[..])
+            + size_of_val(&meshes.colors[..]);
         (spheres + flat + textures + environment + triangles) as u64
     }
 
@@ -194,6 +206,7 @@ impl CompiledScene {
             csg_faces: Vec::new(),
             meshes: CompiledMeshes::default(),
             area_lights: area_lights(&scene.area_lights),
+            mesh_lights: MeshLights::default(),
             punctual_lights: scene.punctual_lights.iter().map(Into::into).collect(),
             punctual_probability: 0.0,
             materials: scene.materials.values().map(material_data).collect(),
@@ -216,6 +229,7 @@ impl CompiledScene {
             let primitive = compiled.push(&object.shape, material(&object.material), &material);
             compiled.primitives.push(primitive);
         }
+        compiled.find_mesh_lights();
         for index in 0..compiled.spheres.len() {
             compiled.spheres[index].allows_refracted_nee = compiled.allows_refracted_nee(index);
         }
@@ -538,8 +552,17 @@ impl CompiledScene {
     pub(crate) fn area_light_probability(&self) -> f64 {
         match self.area_lights.is_empty() {
             true => 1.0,
-            false => 1.0 - f64::from(self.environment_map.probability + self.punctual_probability),
+            false => {
+                let others = self.environment_map.probability + self.punctual_probability;
+                1.0 - f64::from(others + self.mesh_lights.probability())
+            }
         }
+    }
+
+    /// Whether some surface emits.
+    pub(crate) fn has_emission(&self) -> bool {
+        let emits = |m: &MaterialData| m.kind == KIND_METALLIC_ROUGHNESS && m.k != [0.0; 3];
+        self.materials.iter().any(emits)
     }
 
     /// Lights without extent are aimed at as often as all others together.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3, Vec4};
 
 use crate::text::{SENTENCE_BYTES_MAX, printable};
 use crate::{ImageSize, Tile};
@@ -369,6 +369,25 @@ pub enum SceneError {
     /// A textured material is on a surface without texture coordinates.
     #[error("its material `{0}` has textures, which need a mesh with texture coordinates")]
     TexturedShape(String),
+    /// A material through which rays pass is on another shape than a mesh.
+    #[error("its material `{0}` is not opaque, which only meshes can be of")]
+    TransparentShape(String),
+    /// A mesh has another number of vertex colours than of vertices.
+    #[error("its mesh has {colors} colours for {vertices} vertices: give it one each, or none")]
+    VertexColors {
+        /// Colours of the mesh.
+        colors: usize,
+        /// Vertices of the mesh.
+        vertices: usize,
+    },
+    /// A vertex colour is out of range or no number.
+    #[error("colour {index} of its mesh is {value}: each number must be from 0 to 1")]
+    VertexColor {
+        /// Index into the mesh's colours.
+        index: usize,
+        /// Its value.
+        value: Vec4,
+    },
     /// A rectangle's edges are not at right angles.
     #[error("its half_u {half_u} and half_v {half_v} must be at right angles")]
     Skew {

@@ -54,8 +54,8 @@ pub use image::RadianceImage;
 pub use scalar::ScalarTracer;
 pub use scene::{
     AreaLight, Axis, Camera, ClothMarks, ColorSpace, CsgSolid, Cuboid, Environment, EnvironmentMap,
-    ImageSource, ImageTexture, Lens, Material, MaterialTextures, Medium, Mesh, Object,
-    ObjectHandle, ObjectPose, ParticleCloud, ParticleForm, Plane, ProceduralTexture,
+    ImageSource, ImageTexture, Layers, Lens, Material, MaterialTextures, Medium, Mesh, Object,
+    ObjectHandle, ObjectPose, Opacity, ParticleCloud, ParticleForm, Plane, ProceduralTexture,
     PunctualEmitter, PunctualLight, Scene, SceneIdentity, SceneUpdate, Shape, Sights, Sphere,
     Stripe, Subtraction, Wrap,
 };

@@ -59,11 +59,13 @@ pub fn radiance(
             let weight = bsdf_pdf.map_or(1.0, |pdf| power_heuristic(pdf, light_pdf));
             return radiance + beta * weight * vector(light.radiance);
         }
+        let vertex = SurfaceVertex::new(scene, &ray, hit);
+        // Triangles that emit are found by chance alone.
+        radiance += beta * vertex.bsdf.emission();
         if depth == max_depth {
             break;
         }
-        let vertex = SurfaceVertex::new(scene, &ray, hit);
-        radiance += beta * (vertex.bsdf.emission() + direct_light(scene, &vertex, random));
+        radiance += beta * direct_light(scene, &vertex, random);
         let sample = (vertex.bsdf).sample(vertex.wo, vertex.n, [(); 4].map(|()| random()));
         if vertex.is_below(sample.wi) {
             break;

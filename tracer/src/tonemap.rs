@@ -118,7 +118,8 @@ const fn threshold(step: u32) -> f32 {
     }
 }
 
-const fn linear_from_srgb(y: f64) -> f64 {
+/// The linear share of light of a share of sRGB (IEC 61966-2-1), both from 0 to 1.
+pub(crate) const fn linear_from_srgb(y: f64) -> f64 {
     if y <= 0.040_45 {
         return y / 12.92;
     }

@@ -10,7 +10,7 @@ use carom_protocol::{
 };
 use carom_tracer::{
     Camera, DeviceInfo, DeviceKind, Environment, ImageSize, ImageTexture, Lens, Material,
-    MaterialTextures, Mesh, Object, ObjectPose, RenderSettings, Scene, SceneUpdate, Shape,
+    MaterialTextures, Mesh, Object, ObjectPose, Opacity, RenderSettings, Scene, SceneUpdate, Shape,
     TileGrid, TileRange,
 };
 use glam::{Quat, Vec3};
@@ -188,13 +188,16 @@ fn scene() -> impl Strategy<Value = Scene> {
             .iter()
             .map(|corner| 3.0 * corner.truncate())
             .collect();
-        let mesh = Mesh::new(corners, vec![[0, 1, 2]]).uvs(uvs);
+        let colors = corners.iter().map(|corner| corner.extend(0.5)).collect();
+        let mesh = Mesh::new(corners, vec![[0, 1, 2]]).uvs(uvs).colors(colors);
         let base_color = Some(scene.add_texture(ImageTexture::new(name, file)));
         let textures = MaterialTextures {
             base_color,
             ..MaterialTextures::default()
         };
-        scene.add(mesh, Material::rough([0.5; 3], 0.4).textured(textures));
+        let veil = Opacity::Blend { alpha: 0.5 };
+        let material = Material::rough([0.5; 3], 0.4).textured(textures);
+        scene.add(mesh, material.with_opacity(veil));
         scene
     })
 }

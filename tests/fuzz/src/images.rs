@@ -1,10 +1,13 @@
 //! Files of others: pictures, environment maps, glTF.
 
+use std::sync::atomic::AtomicBool;
+
 use carom_tracer::glam::Vec3;
 use carom_tracer::scene::gltf_file::{AnimatedScene, AnimationTime};
 use carom_tracer::texture_file::{Texels, encode_png};
 use carom_tracer::{
-    CompiledScene, ImageSize, RadianceImage, Scene, environment_file, texture_file,
+    CompiledScene, ImageSize, RadianceImage, RenderSettings, ScalarTracer, Scene, TileGrid,
+    TileRadiance, TraceJob, Tracer, environment_file, texture_file,
 };
 
 /// A file is a sentence, or a picture of the size that its header tells.
@@ -42,7 +45,8 @@ pub fn environment(bytes: &[u8]) {
 }
 
 /// A file is a sentence, or a scene that compiles or says why not, and reads back from JSON as the same. At any time of its
-/// animations it is a sentence or a scene too, and what an update moves are meshes that it has.
+/// animations it is a sentence or a scene too, and what an update moves are meshes that it has. A small one is traced: each
+/// sample is finite and at least 0, or counted as dropped.
 pub fn gltf(bytes: &[u8]) {
     let Ok(animated) = AnimatedScene::from_gltf(bytes) else {
         return;
@@ -68,9 +72,34 @@ pub fn gltf(bytes: &[u8]) {
         Scene::from_json(&json).expect("a written scene is right"),
         **scene
     );
-    if scene.texture_bytes().is_ok_and(|bytes| bytes < 1 << 22) {
-        _ = CompiledScene::new(scene);
+    if scene.texture_bytes().is_ok_and(|bytes| bytes < 1 << 22)
+        && let Ok(compiled) = CompiledScene::new(scene)
+        && compiled.meshes.triangles.len() < 1000
+    {
+        trace(&compiled);
     }
+}
+
+/// Traces a few samples of a scene.
+fn trace(scene: &CompiledScene) {
+    let size = ImageSize::new(3, 2);
+    let grid = TileGrid::new(size, 4);
+    let job = TraceJob {
+        size,
+        tiles: &grid.tiles(grid.all()).collect::<Vec<_>>(),
+        settings: RenderSettings {
+            samples: 2,
+            max_depth: 4,
+            ..RenderSettings::default()
+        },
+        cancelled: &AtomicBool::new(false),
+    };
+    let sink = |tile: TileRadiance| {
+        let channels = tile.radiance.as_flattened().iter();
+        channels.for_each(|channel| assert!(channel.is_finite() && *channel >= 0.0));
+    };
+    let traced = ScalarTracer.trace(scene, &job, &sink);
+    traced.expect("the processor is there");
 }
 
 /// A PNG file.
@@ -99,7 +128,7 @@ pub fn environment_seeds() -> Vec<Vec<u8>> {
     ]
 }
 
-/// A textured triangle as `.glb` and as text, and one that a skin, morph targets and an animation move.
+/// Triangles of two materials with most of what these have, as `.glb` and as text, and one that a skin, morph targets and an animation move.
 pub fn gltf_seeds() -> Vec<Vec<u8>> {
     let corners: [f32; 15] = [0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 1.];
     let mut binary: Vec<u8> = corners.into_iter().flat_map(f32::to_le_bytes).collect();
@@ -109,8 +138,13 @@ pub fn gltf_seeds() -> Vec<Vec<u8>> {
     let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"children":[1]}},
         {{"mesh":0,"translation":[0,1,0],"scale":[1,-2,1]}}],"meshes":[{{"primitives":[{{"material":0,"attributes":
-        {{"POSITION":0,"TEXCOORD_0":1}}}}]}}],"materials":[{{"pbrMetallicRoughness":{{"baseColorTexture":
-        {{"index":0}}}},"normalTexture":{{"index":0}}}}],"textures":[{{"source":0}}],"images":[{{"mimeType":
+        {{"POSITION":0,"TEXCOORD_0":1,"COLOR_0":0}}}},{{"material":1,"attributes":{{"POSITION":0,"TEXCOORD_0":1}}}}]}}],
+        "materials":[{{"pbrMetallicRoughness":{{"baseColorTexture":{{"index":0}},"baseColorFactor":[1,1,1,0.5]}},
+        "alphaMode":"BLEND","normalTexture":{{"index":0,"scale":0.5}},"extensions":{{"KHR_materials_clearcoat":
+        {{"clearcoatFactor":1,"clearcoatRoughnessFactor":0.3,"clearcoatTexture":{{"index":0}}}}}}}},{{"alphaMode":"MASK",
+        "alphaCutoff":0.5,"emissiveFactor":[1,0.5,0],"extensions":{{"KHR_materials_sheen":{{"sheenColorFactor":[1,1,0.5],
+        "sheenRoughnessFactor":0.5}},"KHR_materials_specular":{{"specularFactor":0.5,"specularColorFactor":[1,0,2]}},
+        "KHR_materials_emissive_strength":{{"emissiveStrength":9}}}}}}],"textures":[{{"source":0}}],"images":[{{"mimeType":
         "image/png","bufferView":1}}],"accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
         {{"bufferView":0,"byteOffset":36,"componentType":5126,"count":3,"type":"VEC2"}}],"bufferViews":
         [{{"buffer":0,"byteLength":60}},{{"buffer":0,"byteOffset":60,"byteLength":{image_bytes}}}],"buffers":

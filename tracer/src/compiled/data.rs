@@ -2,7 +2,7 @@
 //! WGSL has its structs.
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// A ball. A radius of 0 hides it.
 #[repr(C)]
@@ -189,6 +189,49 @@ pub struct TriangleUvs {
     pub padding: u32,
 }
 
+/// Colours at the corners of a triangle, linear: red and green, blue and alpha, each a 16-bit share of 1, red and blue lowest.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct TriangleColors {
+    /// At [`TriangleData::a`].
+    pub a: [u32; 2],
+    /// At [`TriangleData::b`].
+    pub b: [u32; 2],
+    /// At [`TriangleData::c`].
+    pub c: [u32; 2],
+    /// 0.
+    pub padding: [u32; 2],
+}
+
+impl TriangleColors {
+    /// White, and there.
+    pub const WHITE: Self = Self {
+        a: [u32::MAX; 2],
+        b: [u32::MAX; 2],
+        c: [u32::MAX; 2],
+        padding: [0; 2],
+    };
+
+    /// Of colours in [0, 1].
+    pub fn new(corners: [Vec4; 3]) -> Self {
+        let [a, b, c] = corners.map(|corner| {
+            let [r, g, b, a] = (corner.to_array()).map(|share| (share * 65_535.0).round() as u32);
+            [r | g << 16, b | a << 16]
+        });
+        let padding = [0; 2];
+        Self { a, b, c, padding }
+    }
+
+    /// Where corners have these weights.
+    pub fn at(&self, [wa, wb, wc]: [f32; 3]) -> Vec4 {
+        let corner = |[rg, ba]: [u32; 2]| {
+            let share = |word: u32| (word & 0xffff) as f32 * (1.0 / 65_535.0);
+            Vec4::new(share(rg), share(rg >> 16), share(ba), share(ba >> 16))
+        };
+        wa * corner(self.a) + wb * corner(self.b) + wc * corner(self.c)
+    }
+}
+
 /// An area light, as a rectangle that emits along its normal.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -250,6 +293,13 @@ pub const PATTERN_CLOTH: u32 = 4;
 /// [`MaterialData::pattern`] of a cue.
 pub const PATTERN_CUE: u32 = 5;
 
+/// The last of [`MaterialData::sights`] of a surface that is all there.
+pub const OPACITY_OPAQUE: f32 = 0.0;
+/// The same of one that is there where its alpha is not below the cutoff.
+pub const OPACITY_MASK: f32 = 1.0;
+/// The same of one that is there with its alpha as probability.
+pub const OPACITY_BLEND: f32 = 2.0;
+
 /// A material. Diffuse ones have `ior` 0 and `diffuse_scale` 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -258,21 +308,20 @@ pub struct MaterialData {
     pub albedo: [f32; 3],
     /// Index of refraction of the coat or the body; 0 for none.
     pub ior: f32,
-    /// Albedo inside the stripe.
+    /// Albedo inside the stripe. Of glTF's material the strength of its clear coat and the coat's GGX width.
     pub stripe_albedo: [f32; 3],
     /// The stripe is where `|n · stripe_axis|` is below this; 0 for none.
     pub stripe_half_width: f32,
-    /// `1 / (η² (1 − F_dr,int))`.
+    /// `1 / (η² (1 − F_dr,int))`. Of glTF's material what is no metal reflects at grazing angles.
     pub diffuse_scale: f32,
     /// [`KIND_LAYERED`], [`KIND_CONDUCTOR`], [`KIND_DIELECTRIC`] or [`KIND_METALLIC_ROUGHNESS`].
     pub kind: u32,
     /// GGX width α; 0 where smooth. Textures multiply its square root.
     pub alpha: f32,
     /// The rate of the exponential law that distances inside are drawn from, m⁻¹; 0 where nothing
-    /// scatters.
+    /// scatters. Of glTF's material the density with which [`super::MeshLights`] draw points of triangles of it, m⁻².
     pub majorant: f32,
-    /// Index of refraction of a metal, real part. Of glTF's material thrice the reflectance towards the normal of what is
-    /// no metal.
+    /// Index of refraction of a metal, real part. Of glTF's material the reflectance towards the normal of what is no metal.
     pub eta: [f32; 3],
     /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`], [`PATTERN_PLANKS`], [`PATTERN_CLOTH`] or
     /// [`PATTERN_CUE`]. The rings of wood and the butt of a cue have the stripe's albedo; a cloth has the x of
@@ -288,16 +337,17 @@ pub struct MaterialData {
     pub grain_axis: u32,
     /// Scattering coefficient of the medium over `majorant`.
     pub scattering: [f32; 3],
-    /// Width of a cloth's sheen.
+    /// Width of a sheen.
     pub sheen_roughness: f32,
-    /// Strength of a cloth's sheen, over 2π.
+    /// Strength of a sheen, over 2π.
     pub sheen: [f32; 3],
     /// Share of metal of glTF's material.
     pub metallic: f32,
     /// Spacing of sights, 0 for none, and their x in end rails and y in side rails, metres; 0 where there
-    /// are no mitred rails. Of a cloth the x of its line and the radius of its D.
+    /// are no mitred rails. Of a cloth the x of its line and the radius of its D. Of glTF's material its alpha, the cutoff of
+    /// that and [`OPACITY_OPAQUE`], [`OPACITY_MASK`] or [`OPACITY_BLEND`].
     pub sights: [f32; 3],
-    /// Reciprocal of the size of wood's pattern; of a cloth the most that its base may reflect.
+    /// Reciprocal of the size of wood's pattern; of a cloth and of glTF's material what the sheen leaves of light for its base.
     pub scale: f32,
 }
 

@@ -4,12 +4,13 @@ use bytemuck::Zeroable as _;
 use glam::Vec3;
 
 use super::{
-    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS, MaterialData, PATTERN_CLOTH,
-    PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS, MaterialData, OPACITY_BLEND,
+    OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER,
+    PATTERN_PLANKS, PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
-use crate::scene::validate::ALPHA_SMOOTH_MAX;
-use crate::scene::{ClothMarks, Material, Medium, ProceduralTexture};
+use crate::scene::validate::{ALPHA_SMOOTH_MAX, SHEEN_ROUGHNESS};
+use crate::scene::{ClothMarks, Layers, Material, Medium, Opacity, ProceduralTexture};
 use crate::sheen::sheen_reflectance_max;
 
 pub(super) fn material_data(material: &Material) -> MaterialData {
@@ -72,15 +73,59 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             ior,
             emission,
             textures: _,
-        } => MaterialData {
-            kind: KIND_METALLIC_ROUGHNESS,
-            albedo: base_color.to_array(),
-            metallic,
-            alpha: roughness * roughness,
-            eta: [((ior - 1.0) / (ior + 1.0)).powi(2); 3],
-            k: emission.to_array(),
-            ..MaterialData::zeroed()
-        },
+            opacity,
+            layers,
+        } => {
+            let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
+            let f0 = (f0 * layers.specular_color).min(Vec3::ONE) * layers.specular;
+            with_layers(
+                MaterialData {
+                    kind: KIND_METALLIC_ROUGHNESS,
+                    albedo: base_color.to_array(),
+                    metallic,
+                    alpha: roughness * roughness,
+                    eta: f0.to_array(),
+                    diffuse_scale: layers.specular,
+                    k: emission.to_array(),
+                    sights: match opacity {
+                        Opacity::Opaque => [1.0, 0.0, OPACITY_OPAQUE],
+                        Opacity::Mask { alpha, cutoff } => [alpha, cutoff, OPACITY_MASK],
+                        Opacity::Blend { alpha } => [alpha, 0.0, OPACITY_BLEND],
+                    },
+                    ..MaterialData::zeroed()
+                },
+                &layers,
+            )
+        }
+    }
+}
+
+impl MaterialData {
+    /// Whether it has a clear coat or a sheen over glTF's material.
+    pub(crate) fn has_layers(&self) -> bool {
+        let has_some = self.stripe_albedo[0] > 0.0 || self.sheen != [0.0; 3];
+        self.kind == KIND_METALLIC_ROUGHNESS && has_some
+    }
+}
+
+/// A clear coat and a sheen over glTF's material.
+fn with_layers(base: MaterialData, layers: &Layers) -> MaterialData {
+    let alpha = layers.clearcoat_roughness * layers.clearcoat_roughness;
+    let (least, most) = (*SHEEN_ROUGHNESS.start(), *SHEEN_ROUGHNESS.end());
+    let width = (layers.sheen_roughness * layers.sheen_roughness).clamp(least, most);
+    let left = match layers.sheen == Vec3::ZERO {
+        true => 1.0,
+        false => {
+            let most = sheen_reflectance_max(f64::from(width)) as f32;
+            (1.0 - layers.sheen.max_element() * most).max(0.0)
+        }
+    };
+    MaterialData {
+        stripe_albedo: [layers.clearcoat, alpha, 0.0],
+        sheen: (layers.sheen / (2.0 * std::f32::consts::PI)).to_array(),
+        sheen_roughness: width,
+        scale: left,
+        ..base
     }
 }
 

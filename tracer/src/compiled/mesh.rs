@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bytemuck::Zeroable as _;
 use glam::{DQuat, DVec3, Vec3};
 
-use super::data::{TriangleData, TriangleNormals, TriangleUvs};
+use super::data::{TriangleColors, TriangleData, TriangleNormals, TriangleUvs};
 use super::particle_surface::SurfaceMesh;
 use crate::SceneError;
 use crate::scene::{Mesh, ObjectPose, ParticleCloud, ParticleForm};
@@ -24,6 +24,8 @@ pub struct CompiledMeshes {
     pub normals: Arc<Vec<TriangleNormals>>,
     /// Texture coordinates of those that have some.
     pub uvs: Arc<Vec<TriangleUvs>>,
+    /// Colours of the triangles up to the last that has some; all others are white.
+    pub colors: Arc<Vec<TriangleColors>>,
     /// The largest sum of a vertex's coordinates, each without its sign, in metres.
     pub reach: f32,
     placed: Vec<PlacedMesh>,
@@ -96,6 +98,13 @@ impl CompiledMeshes {
                 .iter()
                 .map(|corners| triangle_uvs(mesh, corners));
             Arc::make_mut(&mut self.uvs).extend(added);
+        }
+        if !mesh.colors.is_empty() {
+            let colors = Arc::make_mut(&mut self.colors);
+            colors.resize(triangles, TriangleColors::WHITE);
+            colors.extend(mesh.triangles.iter().map(|corners| {
+                TriangleColors::new(corners.map(|corner| mesh.colors[corner as usize]))
+            }));
         }
         let base = ObjectPose {
             object,

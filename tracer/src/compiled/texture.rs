@@ -55,7 +55,7 @@ pub const WRAP_MIRROR: u32 = 2;
 
 /// A material's textures, as indices into [`CompiledTextures::images`].
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct MaterialTextureData {
     /// See [`MaterialTextures::base_color`].
     pub base_color: u32,
@@ -65,6 +65,12 @@ pub struct MaterialTextureData {
     pub normal: u32,
     /// See [`MaterialTextures::emission`].
     pub emission: u32,
+    /// See [`MaterialTextures::clearcoat`].
+    pub clearcoat: u32,
+    /// See [`MaterialTextures::clearcoat_roughness`].
+    pub clearcoat_roughness: u32,
+    /// See [`MaterialTextures::normal_scale`].
+    pub normal_scale: f32,
 }
 
 impl MaterialTextureData {
@@ -78,6 +84,9 @@ impl MaterialTextureData {
             metallic_roughness: index(textures.metallic_roughness),
             normal: index(textures.normal),
             emission: index(textures.emission),
+            clearcoat: index(textures.clearcoat),
+            clearcoat_roughness: index(textures.clearcoat_roughness),
+            normal_scale: textures.normal_scale,
         }
     }
 }
@@ -91,13 +100,14 @@ impl CompiledTextures {
         textures: &[ImageTexture],
         materials: impl Iterator<Item = MaterialTextures>,
     ) -> Result<Self, Error> {
-        let materials: Vec<_> = materials.map(MaterialTextureData::new).collect();
-        let is_used = |textures: &MaterialTextureData| {
-            *textures != MaterialTextureData::new(MaterialTextures::default())
-        };
-        if !materials.iter().any(is_used) {
+        let materials: Vec<MaterialTextures> = materials.collect();
+        if (materials.iter()).all(|textures| textures.indices().next().is_none()) {
             return Ok(Self::default());
         }
+        let materials = materials
+            .into_iter()
+            .map(MaterialTextureData::new)
+            .collect();
         let (mut images, mut texels) = (Vec::new(), Vec::new());
         for (index, texture) in textures.iter().enumerate() {
             let fault = |fault| {

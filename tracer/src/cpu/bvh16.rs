@@ -22,6 +22,30 @@ pub(super) struct Bvh16<F, const N: usize> {
     root: u32,
 }
 
+/// Which of the primitives that rays go through they meet.
+pub(super) trait HitFilter {
+    /// Whether it lets rays pass any.
+    fn is_some(&self) -> bool;
+
+    /// Whether a ray meets the primitive with an id.
+    fn is_met(&self, origin: [f32; 3], direction: [f32; 3], id: u32) -> bool;
+}
+
+/// Rays meet all.
+pub(super) struct Solid;
+
+impl HitFilter for Solid {
+    #[inline(always)]
+    fn is_some(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn is_met(&self, _: [f32; 3], _: [f32; 3], _: u32) -> bool {
+        true
+    }
+}
+
 /// Set in the number of a leaf.
 const LEAF_TAG: u32 = 1 << 31;
 
@@ -72,12 +96,18 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         bvh16
     }
 
-    /// Takes what rays meet before what they have met, or as far away with a smaller id.
+    /// Takes what rays meet, and `filter` lets them, before what they have met, or as far away with a smaller id.
     #[inline(always)]
-    pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>, nearest: &mut Nearest<S>) {
+    pub(super) fn nearest<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        nearest: &mut Nearest<S>,
+        filter: &impl HitFilter,
+    ) {
         let (distance, id) = simd.vectorize(
             #[inline(always)]
-            || self.nearest_by_lane(simd, rays, nearest),
+            || self.nearest_by_lane(simd, rays, nearest, filter),
         );
         nearest.distance = Float::load_array(simd, distance);
         nearest.id = Word::load_array(simd, id);
@@ -89,6 +119,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         simd: S,
         rays: &Rays<S>,
         nearest: &Nearest<S>,
+        filter: &impl HitFilter,
     ) -> ([f32; LANES], [u32; LANES]) {
         let columns = RayLanes::new(rays);
         let mut stack = Stack::new();
@@ -122,7 +153,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     let at = hits.trailing_zeros() as usize % LANES;
                     hits &= hits - 1;
                     let met = (t[at], leaf.id[at]);
-                    if met < (distance[lane], id[lane]) {
+                    if met < (distance[lane], id[lane]) && columns.is_met(lane, met.1, filter) {
                         (distance[lane], id[lane]) = met;
                     }
                 }
@@ -131,7 +162,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         (distance, id)
     }
 
-    /// Adds where a primitive lies before `distance` to `dark`.
+    /// Adds where a primitive that `filter` lets rays meet lies before `distance` to `dark`.
     #[inline(always)]
     pub(super) fn occlude<S: Simd>(
         &self,
@@ -139,11 +170,12 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         rays: &Rays<S>,
         distance: Float<S>,
         dark: &mut Mask<S>,
+        filter: &impl HitFilter,
     ) {
         let lanes = dark.to_bitmask();
         let lanes = simd.vectorize(
             #[inline(always)]
-            || self.occlude_by_lane(simd, rays, distance, lanes),
+            || self.occlude_by_lane(simd, rays, distance, lanes, filter),
         );
         *dark = Mask::from_bitmask(simd, lanes);
     }
@@ -155,6 +187,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         rays: &Rays<S>,
         distance: Float<S>,
         mut dark: u64,
+        filter: &impl HitFilter,
     ) -> u64 {
         let columns = RayLanes::new(rays);
         let mut stack = Stack::new();
@@ -174,7 +207,11 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 }
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
                 let met = leaf.intersect(simd, &ray, &frame, limit);
-                if met.is_some_and(|(hit, _)| hit.any_true()) {
+                let mut hits = met.map_or(0, |(hit, _)| hit.to_bitmask());
+                if filter.is_some() {
+                    hits = columns.met(lane, hits, &leaf.id, filter);
+                }
+                if hits != 0 {
                     dark |= 1 << lane;
                     // Any hit will do.
                     stack.len = 0;
@@ -257,6 +294,20 @@ impl RayLanes {
     #[inline(always)]
     fn is_finite(&self, lane: usize) -> bool {
         self.origin.iter().all(|column| column[lane].is_finite())
+    }
+
+    #[inline(always)]
+    fn is_met(&self, lane: usize, id: u32, filter: &impl HitFilter) -> bool {
+        let vector = |columns: &[[f32; LANES]; 3]| columns.map(|column| column[lane]);
+        !filter.is_some() || filter.is_met(vector(&self.origin), vector(&self.direction), id)
+    }
+
+    /// The bits of `hits` whose primitives a lane's ray meets.
+    #[inline(always)]
+    fn met(&self, lane: usize, hits: u64, ids: &[u32; LANES], filter: &impl HitFilter) -> u64 {
+        let bits = (0..LANES).filter(|at| hits >> at & 1 == 1);
+        let met = bits.filter(|at| self.is_met(lane, ids[*at], filter));
+        met.fold(0, |bits, at| bits | 1 << at)
     }
 
     /// One ray in all lanes.

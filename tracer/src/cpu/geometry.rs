@@ -5,7 +5,7 @@
 
 use fearless_simd::prelude::*;
 
-use super::bvh16::Bvh16;
+use super::bvh16::{Bvh16, Solid};
 use super::csg::CsgBox;
 use super::lanes::{Float, Mask, Word};
 use super::rays::{INSIDE, Nearest, Rays};
@@ -189,7 +189,7 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
     #[inline(always)]
     fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>, nearest: &mut Nearest<S>) {
         if let Some(bvh) = &self.bvh {
-            bvh.nearest(simd, rays, nearest);
+            bvh.nearest(simd, rays, nearest, &Solid);
         }
         let frame = F::frame(simd, rays);
         for one in &self.each {
@@ -202,7 +202,7 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
     #[inline(always)]
     fn occlude<S: Simd>(&self, simd: S, rays: &Rays<S>, distance: Float<S>, dark: &mut Mask<S>) {
         if let Some(bvh) = &self.bvh {
-            bvh.occlude(simd, rays, distance, dark);
+            bvh.occlude(simd, rays, distance, dark, &Solid);
         }
         let frame = F::frame(simd, rays);
         for one in &self.each {

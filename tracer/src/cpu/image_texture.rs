@@ -22,6 +22,8 @@ pub(super) struct TextureLanes<S: Simd> {
     pub(super) roughness: Float<S>,
     pub(super) metallic: Float<S>,
     pub(super) emission: Vec3x<S>,
+    pub(super) clearcoat: Float<S>,
+    pub(super) clearcoat_roughness: Float<S>,
 }
 
 /// A lane's hit.
@@ -38,7 +40,7 @@ pub(super) struct LaneHit<'a> {
 
 /// By channel what [`TextureLanes`] has by lane, and the normals.
 pub(super) struct TextureColumns {
-    factors: [[f32; LANES]; 8],
+    factors: [[f32; LANES]; 10],
     pub(super) normals: [[f32; LANES]; 3],
     /// A bit for each lane that has a normal map.
     pub(super) mapped: u64,
@@ -81,6 +83,8 @@ impl TriangleTextures {
         store(0, textures.base_color, &[0, 1, 2]);
         store(3, textures.metallic_roughness, &[1, 2]);
         store(5, textures.emission, &[0, 1, 2]);
+        store(8, textures.clearcoat, &[0]);
+        store(9, textures.clearcoat_roughness, &[1]);
         if let Some(normal) = self.mapped_normal(textures, uvs, uv, hit) {
             for (column, coordinate) in columns.normals.iter_mut().zip(normal.to_array()) {
                 column[lane] = coordinate;
@@ -102,6 +106,8 @@ impl TriangleTextures {
         }
         let [tangent, bitangent] = tangents(hit.triangle, uvs, hit.n_out)?;
         let [x, y, z, _] = (self.textures.sample(textures.normal, uv, 0.0)).map(|c| 2.0 * c - 1.0);
+        let scale = textures.normal_scale;
+        let (x, y) = (scale * x, scale * y);
         let mapped = (x * tangent + y * bitangent + z * hit.n_out).try_normalize()?;
         let mapped = if hit.n_out.dot(hit.n) < 0.0 {
             -mapped
@@ -118,7 +124,7 @@ impl TriangleTextures {
 
 impl TextureColumns {
     pub(super) const NONE: Self = Self {
-        factors: [[1.0; LANES]; 8],
+        factors: [[1.0; LANES]; 10],
         normals: [[0.0; LANES]; 3],
         mapped: 0,
     };
@@ -132,6 +138,8 @@ impl TextureColumns {
             roughness: number(3),
             metallic: number(4),
             emission: triple(5),
+            clearcoat: number(8),
+            clearcoat_roughness: number(9),
         }
     }
 }

@@ -97,7 +97,7 @@ impl Prepared {
     #[inline(always)]
     fn generate<S: Simd>(&self, simd: S, stream: &mut Stream) {
         let one = Float::splat(simd, 1.0);
-        stream.has_sampled_pdf = self.environment.probability() > 0.0;
+        stream.has_sampled_pdf = self.environment.probability() > 0.0 || self.mesh_lights.is_some();
         for StreamPacket { at, .. } in packets(stream.len) {
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
@@ -196,7 +196,11 @@ impl Prepared {
             }
             let scattering = alive & !unscattered;
             if last {
-                let radiance = stream.radiance.load(simd, at);
+                let mut radiance = stream.radiance.load(simd, at);
+                if self.has_emission && scattering.any_true() {
+                    radiance = radiance
+                        + self.last_emission(simd, stream, at, depth, scattering, &nearest);
+                }
                 stream.finish(packet, scattering, radiance);
             } else if self.records_aovs_at(depth) {
                 // In the order of slots, in which first hits are noted.
@@ -366,7 +370,12 @@ impl Prepared {
                 stream.store_aovs(at, aovs);
             }
             let beta = stream.beta.load(simd, at);
-            add_emission(simd, stream, at, alive, &hit);
+            if let Some(emission) =
+                self.surface_emission(simd, stream, at, alive, direction, distance, &hit)
+            {
+                let radiance = stream.radiance.load(simd, at);
+                stream.radiance.store(at, radiance + emission);
+            }
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
             let seed = self.settings.seed;
@@ -419,6 +428,75 @@ impl Prepared {
             store_words(&mut stream.primitive, at, left);
         }
         rays
+    }
+
+    /// What surfaces emit to the `lanes` of a packet's rays that meet them, times their throughput; none if none is of a
+    /// material that emits.
+    #[inline(always)]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "one packet's values, all in registers"
+    )]
+    fn surface_emission<S: Simd>(
+        &self,
+        simd: S,
+        stream: &Stream,
+        at: usize,
+        lanes: Mask<S>,
+        direction: Vec3x<S>,
+        distance: Float<S>,
+        hit: &Hit<S>,
+    ) -> Option<Vec3x<S>> {
+        let surface = hit.metallic_roughness.as_ref()?;
+        let mut emission = surface.emission;
+        if let Some(lights) = &self.mesh_lights {
+            let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+            let mut normal = hit.normal;
+            if let Some(geometric) = hit.geometric {
+                let is_other = geometric.length_squared().simd_gt(0.0);
+                normal = Vec3x::select(is_other, geometric, normal);
+            }
+            let cosine = normal.dot(direction).abs();
+            let pdf = load(simd, &stream.sampled_pdf, at);
+            let density = surface.point_density * lights.probability() * distance * distance;
+            let is_found = pdf.simd_gt(0.0) & pdf.simd_lt(f32::INFINITY) & density.simd_gt(0.0);
+            let ratio = density / is_found.select(cosine * pdf, one);
+            let weight = power_heuristic(is_found.select(ratio, zero));
+            emission = emission * weight;
+        }
+        let black = Vec3x::splat(simd, [0.0; 3]);
+        let beta = stream.beta.load(simd, at);
+        let lanes = lanes & surface.lanes;
+        Some(Vec3x::select(lanes, beta.scale(emission), black))
+    }
+
+    /// The same of surfaces where paths end. Out of line: scenes where nothing emits are not to pay for it.
+    #[inline(never)]
+    fn last_emission<S: Simd>(
+        &self,
+        simd: S,
+        stream: &Stream,
+        at: usize,
+        depth: u32,
+        lanes: Mask<S>,
+        nearest: &Nearest<S>,
+    ) -> Vec3x<S> {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+                let tag = lanes.select(nearest.id, Word::splat(simd, 0));
+                let distance = lanes.select(nearest.distance, one);
+                let origin = stream.origin.load(simd, at);
+                let direction = stream.direction.load(simd, at);
+                let footprint = if depth == 0 { self.footprint } else { 0.0 };
+                let hit = (self.surfaces)
+                    .hit::<S, true>(simd, origin, direction, distance, tag, footprint);
+                let emission =
+                    self.surface_emission(simd, stream, at, lanes, direction, distance, &hit);
+                emission.unwrap_or(Vec3x::new(zero, zero, zero))
+            },
+        )
     }
 
     /// The surfaces that a packet's rays have met, their mirrors mollified in the lanes returned.
@@ -490,20 +568,6 @@ impl Prepared {
         }
         rays
     }
-}
-
-/// Adds what the surfaces of a packet's hits emit.
-#[inline(always)]
-fn add_emission<S: Simd>(simd: S, stream: &mut Stream, at: usize, alive: Mask<S>, hit: &Hit<S>) {
-    let Some(surface) = &hit.metallic_roughness else {
-        return;
-    };
-    let beta = stream.beta.load(simd, at);
-    let black = Vec3x::splat(simd, [0.0; 3]);
-    let emission = beta.scale(surface.emission);
-    let emission = Vec3x::select(alive & surface.lanes, emission, black);
-    let radiance = stream.radiance.load(simd, at);
-    stream.radiance.store(at, radiance + emission);
 }
 
 /// A density times the area lights' sum, 0 and ∞ as they are and nothing else 0 where there is no light.

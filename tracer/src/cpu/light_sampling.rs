@@ -6,6 +6,7 @@ use fearless_simd::prelude::*;
 use super::area_light::LightSample;
 use super::bsdf::Bsdf;
 use super::lanes::{Float, Mask, Vec3x, Word};
+use super::mesh_light::MeshLightSampler;
 use super::microfacet::untagged;
 use super::prepared::Prepared;
 use super::punctual_light::sample_punctual_light;
@@ -40,7 +41,14 @@ pub(super) const MIRROR: usize = 1;
 impl Prepared {
     /// Whether light is looked for elsewhere than at area lights.
     pub(super) fn shares_light_sampling(&self) -> bool {
-        self.environment.probability() > 0.0 || self.punctual_probability > 0.0
+        self.environment.probability() > 0.0
+            || self.punctual_probability > 0.0
+            || self.mesh_lights.is_some()
+    }
+
+    /// With which light sampling aims at triangles that emit.
+    pub(super) fn mesh_light_probability(&self) -> f32 {
+        (self.mesh_lights.as_ref()).map_or(0.0, MeshLightSampler::probability)
     }
 
     /// Whether there are directions in which light is looked for.
@@ -117,29 +125,38 @@ impl Prepared {
         if !self.shares_light_sampling() {
             return None;
         }
+        let mesh_share = self.mesh_light_probability();
         let shares = [
             self.punctual_probability,
             self.environment.probability(),
             self.area_light_probability,
         ];
         let [punctual_share, environment_share, _] = shares;
-        let after = u[0] - punctual_share;
-        let mut punctual = after.simd_lt(0.0);
-        let mut environment = after.simd_lt(environment_share) & !punctual;
+        let beside_mesh = u[0] - mesh_share;
+        let mut mesh = beside_mesh.simd_lt(0.0);
+        let after = beside_mesh - punctual_share;
+        let mut punctual = after.simd_lt(0.0) & !mesh;
+        let mut environment = after.simd_lt(environment_share) & !punctual & !mesh;
         let part = |u: Float<S>, share: f32| u * (1.0 / share.max(f32::MIN_POSITIVE));
         let rest = part(after - environment_share, shares[2]);
         let rest = environment.select(part(after, environment_share), rest);
         let mut rest = punctual
-            .select(part(u[0], punctual_share), rest)
+            .select(part(beside_mesh, punctual_share), rest)
             .min(BELOW_1 as f32);
+        if self.mesh_lights.is_some() {
+            let of_mesh = part(u[0], mesh_share).min(BELOW_1 as f32);
+            rest = mesh.select(of_mesh, rest.max(0.0));
+        }
         if let Some(microfacet) = &hit.microfacet {
             let scattered = microfacet.is_scattered();
             rest = scattered.select(u[0], rest);
             punctual &= !scattered;
             environment &= !scattered;
+            mesh &= !scattered;
         }
         u[0] = rest;
         Some(LightAims {
+            mesh,
             punctual,
             environment,
         })
@@ -176,6 +193,19 @@ impl Prepared {
             bsdf,
             ..
         } = *packet;
+        let mesh = alive & aims.mesh;
+        if mesh.any_true()
+            && let Some(lights) = &self.mesh_lights
+        {
+            let drawn = lights.sample(simd, mesh, hit.position, u);
+            let cos_i = hit.normal.dot(drawn.wi);
+            let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, drawn.wi, cos_i);
+            let weight = power_heuristic(bsdf_pdf * drawn.inverse_density);
+            let light = f_cos.scale(drawn.radiance) * weight;
+            let lanes = mesh & bsdf.sees(cos_i);
+            let distance = drawn.distance;
+            replace_shadow_ray(packet, stream, mesh, lanes, drawn.wi, distance, light);
+        }
         let environment = alive & aims.environment;
         if environment.any_true()
             && let Some(drawn) = self.environment.sample(simd, u)
@@ -375,6 +405,7 @@ fn queue_no_shadow_rays<S: Simd>(packet: &HitPacket<'_, S>, stream: &mut Stream)
 
 /// The lanes that aim elsewhere than at an area light.
 struct LightAims<S: Simd> {
+    mesh: Mask<S>,
     punctual: Mask<S>,
     environment: Mask<S>,
 }

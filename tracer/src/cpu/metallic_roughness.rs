@@ -11,31 +11,81 @@ use super::lanes::{Float, Mask, Vec3x, Word};
 use super::microfacet::{ggx, normalize, sample_visible, visibility};
 use super::rows::Rows;
 use super::sampling::{BsdfSample, cosine_hemisphere};
+use super::sheen::Sheen;
+use crate::CompiledScene;
 use crate::compiled::{KIND_METALLIC_ROUGHNESS, MaterialData};
 use crate::regularisation::ALPHA_MIN;
-use crate::scalar::metallic_roughness::ALPHA_LEAST;
+use crate::scalar::metallic_roughness::{ALPHA_LEAST, CLEARCOAT_F0};
 
-/// One row of numbers per primitive that scatters, in the order of ids.
-pub(super) type MetallicRoughnessRow = [f32; 10];
+/// Such materials of a scene.
+pub(super) struct MetallicRoughnessTable {
+    /// One row of numbers per primitive that scatters, in the order of ids; empty without such a material.
+    rows: Vec<MetallicRoughnessRow>,
+    /// Some have a clear coat or a sheen.
+    has_layers: bool,
+}
+
+type MetallicRoughnessRow = [f32; 21];
 
 const IS_SUCH: usize = 0;
 const DIELECTRIC_F0: usize = 1;
-const METALLIC: usize = 2;
-const ALPHA: usize = 3;
-const BASE_COLOR: usize = 4;
-const EMISSION: usize = 7;
+const METALLIC: usize = 4;
+const ALPHA: usize = 5;
+const BASE_COLOR: usize = 6;
+const EMISSION: usize = 9;
+/// Reflectance at grazing angles of what is no metal.
+const SPECULAR: usize = 12;
+const CLEARCOAT: usize = 13;
+const CLEARCOAT_ALPHA: usize = 14;
+const SHEEN: usize = 15;
+const SHEEN_ROUGHNESS: usize = 18;
+const SHEEN_LEFT: usize = 19;
+/// With which light sampling draws points on triangles, m⁻²; 0 of other shapes.
+const POINT_DENSITY: usize = 20;
 
-pub(super) fn metallic_roughness_row(material: &MaterialData) -> MetallicRoughnessRow {
-    let mut row = [0.0; 10];
+impl MetallicRoughnessTable {
+    /// `materials` are those of all rows.
+    pub(super) fn new<'a, I: Iterator<Item = &'a MaterialData>>(
+        scene: &CompiledScene,
+        materials: impl FnOnce() -> I,
+        triangles_first: usize,
+    ) -> Self {
+        let has_some = (scene.materials.iter()).any(|m| m.kind == KIND_METALLIC_ROUGHNESS);
+        Self {
+            rows: match has_some {
+                true => (materials().enumerate())
+                    .map(|(row, material)| metallic_roughness_row(material, row >= triangles_first))
+                    .collect(),
+                false => Vec::new(),
+            },
+            has_layers: scene.materials.iter().any(MaterialData::has_layers),
+        }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+}
+
+fn metallic_roughness_row(material: &MaterialData, is_of_triangles: bool) -> MetallicRoughnessRow {
+    let mut row = [0.0; 21];
     if material.kind != KIND_METALLIC_ROUGHNESS {
         return row;
     }
     row[IS_SUCH] = 1.0;
-    row[DIELECTRIC_F0] = material.eta[0];
+    row[DIELECTRIC_F0..][..3].copy_from_slice(&material.eta);
+    row[SPECULAR] = material.diffuse_scale;
     row[METALLIC] = material.metallic;
     row[ALPHA] = material.alpha;
     row[BASE_COLOR..][..3].copy_from_slice(&material.albedo);
     row[EMISSION..][..3].copy_from_slice(&material.k);
+    row[CLEARCOAT..][..2].copy_from_slice(&material.stripe_albedo[..2]);
+    row[SHEEN..][..3].copy_from_slice(&material.sheen);
+    row[SHEEN_ROUGHNESS] = material.sheen_roughness;
+    row[SHEEN_LEFT] = material.scale;
+    if is_of_triangles {
+        row[POINT_DENSITY] = material.majorant;
+    }
     row
 }
 
@@ -44,11 +94,57 @@ pub(super) fn metallic_roughness_row(material: &MaterialData) -> MetallicRoughne
 pub(super) struct MetallicRoughness<S: Simd> {
     pub(super) lanes: Mask<S>,
     pub(super) emission: Vec3x<S>,
+    /// With which light sampling draws the point among all of triangles that emit, m⁻²; 0 where it does not.
+    pub(super) point_density: Float<S>,
     diffuse: Vec3x<S>,
     f0: Vec3x<S>,
+    f90: Float<S>,
     dielectric_f0: Float<S>,
     base_f90: Float<S>,
     alpha: Float<S>,
+    /// Of scenes where some have any.
+    layers: Option<LayerLanes<S>>,
+}
+
+/// Clear coat and sheen.
+#[derive(Clone, Copy)]
+struct LayerLanes<S: Simd> {
+    clearcoat: Float<S>,
+    clearcoat_alpha: Float<S>,
+    sheen: Sheen<S>,
+    sheen_left: Float<S>,
+}
+
+impl<S: Simd> LayerLanes<S> {
+    #[inline(always)]
+    fn new(
+        simd: S,
+        rows: &Rows<'_, 21>,
+        lanes: Mask<S>,
+        textures: Option<&TextureLanes<S>>,
+    ) -> Self {
+        let mut clearcoat = rows.number(simd, CLEARCOAT);
+        let mut clearcoat_alpha = rows.number(simd, CLEARCOAT_ALPHA);
+        if let Some(textures) = textures {
+            let roughness = textures.clearcoat_roughness;
+            clearcoat *= textures.clearcoat;
+            clearcoat_alpha *= roughness * roughness;
+        }
+        let width = rows.number(simd, SHEEN_ROUGHNESS);
+        let width = lanes.select(width, Float::splat(simd, 1.0));
+        Self {
+            clearcoat,
+            clearcoat_alpha: clearcoat_alpha.max(ALPHA_LEAST),
+            sheen: Sheen::of(rows.triple(simd, SHEEN), width),
+            sheen_left: rows.number(simd, SHEEN_LEFT),
+        }
+    }
+
+    /// What the coat reflects at a cosine.
+    #[inline(always)]
+    fn reflected(&self, cos: Float<S>) -> Float<S> {
+        self.clearcoat * grazing(cos).mul_add(1.0 - CLEARCOAT_F0, CLEARCOAT_F0)
+    }
 }
 
 impl<S: Simd> MetallicRoughness<S> {
@@ -56,14 +152,15 @@ impl<S: Simd> MetallicRoughness<S> {
     #[inline(never)]
     pub(super) fn new(
         simd: S,
-        table: &[MetallicRoughnessRow],
+        table: &MetallicRoughnessTable,
         id: Word<S>,
         textures: Option<&TextureLanes<S>>,
+        color: Option<Vec3x<S>>,
     ) -> Option<Self> {
         simd.vectorize(
             #[inline(always)]
             || {
-                let rows = Rows::new(table, id);
+                let rows = Rows::new(&table.rows, id);
                 let lanes = rows.number(simd, IS_SUCH).simd_gt(0.0);
                 if !lanes.any_true() {
                     return None;
@@ -78,16 +175,24 @@ impl<S: Simd> MetallicRoughness<S> {
                     alpha *= textures.roughness * textures.roughness;
                     emission = emission.scale(textures.emission);
                 }
-                let dielectric_f0 = rows.number(simd, DIELECTRIC_F0);
-                let even = Vec3x::new(dielectric_f0, dielectric_f0, dielectric_f0);
+                if let Some(color) = color {
+                    base = base.scale(color);
+                }
+                let even = rows.triple(simd, DIELECTRIC_F0);
+                let dielectric_f0 = even.x.max(even.y).max(even.z);
+                let specular = rows.number(simd, SPECULAR);
+                let layers = LayerLanes::new(simd, &rows, lanes, textures);
                 Some(Self {
                     lanes,
                     emission,
+                    point_density: rows.number(simd, POINT_DENSITY),
                     diffuse: base * (1.0 - metallic),
                     f0: (base - even).mul_add(metallic, even),
+                    f90: (1.0 - specular).mul_add(metallic, specular),
                     dielectric_f0,
-                    base_f90: ((1.0 - alpha) * (1.0 - alpha)).max(dielectric_f0),
+                    base_f90: ((1.0 - alpha) * (1.0 - alpha) * specular).max(dielectric_f0),
                     alpha: alpha.max(ALPHA_LEAST),
+                    layers: table.has_layers.then_some(layers),
                 })
             },
         )
@@ -97,6 +202,10 @@ impl<S: Simd> MetallicRoughness<S> {
     #[inline(always)]
     pub(super) fn regularise(&mut self, regularised: Mask<S>) {
         self.alpha = regularised.select(self.alpha.max(ALPHA_MIN), self.alpha);
+        if let Some(layers) = &mut self.layers {
+            let alpha = layers.clearcoat_alpha;
+            layers.clearcoat_alpha = regularised.select(alpha.max(ALPHA_MIN), alpha);
+        }
     }
 
     /// `f · |cos θ|` and the density of `wi`.
@@ -129,18 +238,35 @@ impl<S: Simd> MetallicRoughness<S> {
         let seen = ggx(self.alpha, normal, h) * visibility(self.alpha, cos_o) * 0.25;
         let shadowing = visibility(self.alpha, cos_i) * cos_i;
         let off = grazing(wo.dot(h));
-        let reflected = self.schlick(simd, off) * (seen * shadowing);
+        let reflected = self.schlick(off) * (seen * shadowing);
         let passed = self.passed(cos_o) * self.passed(cos_i);
         let rise = self.base_f90 - self.dielectric_f0;
-        let scale = 1.0 / (1.0 - self.dielectric_f0 - rise * (1.0 / 21.0));
+        let mut mean_passed = 1.0 - self.dielectric_f0 - rise * (1.0 / 21.0);
+        if let Some(layers) = &self.layers {
+            let coat_rise = layers.clearcoat * (1.0 - CLEARCOAT_F0);
+            let lost = (1.0 - self.dielectric_f0) * (1.0 / 21.0) - rise * (1.0 / 66.0);
+            let coat_passed = 1.0 - layers.clearcoat * CLEARCOAT_F0;
+            mean_passed = mean_passed * coat_passed - coat_rise * lost;
+        }
+        let scale = 1.0 / mean_passed;
         let scattered = self.diffuse * (passed * scale * cos_i * FRAC_1_PI);
         let share = self.reflected_share(simd, cos_o);
-        let pdf = share.mul_add(seen, (1.0 - share) * cos_i * FRAC_1_PI);
+        let mut pdf = share.mul_add(seen, (1.0 - share) * cos_i * FRAC_1_PI);
+        let mut f_cos = reflected + scattered;
+        if let Some(layers) = &self.layers {
+            let napped = layers.sheen.evaluate(simd, normal, wo, wi) * cos_i;
+            f_cos = f_cos * layers.sheen_left + napped;
+            let alpha = layers.clearcoat_alpha;
+            let seen = ggx(alpha, normal, h) * visibility(alpha, cos_o) * 0.25;
+            let shadowing = visibility(alpha, cos_i) * cos_i;
+            let coat = layers.reflected(wo.dot(h)) * seen * shadowing;
+            let passed = (1.0 - layers.reflected(cos_o)) * (1.0 - layers.reflected(cos_i));
+            f_cos = f_cos * passed + Vec3x::new(coat, coat, coat);
+            let share = self.clearcoat_share(simd, cos_o);
+            pdf = share.mul_add(seen, (1.0 - share) * pdf);
+        }
         let black = Vec3x::new(zero, zero, zero);
-        (
-            Vec3x::select(valid, reflected + scattered, black),
-            valid.select(pdf, zero),
-        )
+        (Vec3x::select(valid, f_cos, black), valid.select(pdf, zero))
     }
 
     /// Draws a direction as the scalar tracer does.
@@ -156,10 +282,17 @@ impl<S: Simd> MetallicRoughness<S> {
             #[inline(always)]
             || {
                 let share = self.reflected_share(simd, normal.dot(wo));
-                let h = sample_visible(simd, self.alpha, normal, wo, u[1], u[2]);
+                let (mut u0, mut alpha, mut coated) = (u[0], self.alpha, Mask::splat(simd, false));
+                if let Some(layers) = &self.layers {
+                    let coat = self.clearcoat_share(simd, normal.dot(wo));
+                    coated = u0.simd_lt(coat);
+                    u0 = (u0 - coat) / (1.0 - coat);
+                    alpha = coated.select(layers.clearcoat_alpha, alpha);
+                }
+                let h = sample_visible(simd, alpha, normal, wo, u[1], u[2]);
                 let mirrored = h.mul_add(wo.dot(h) * 2.0, -wo);
                 let even = cosine_hemisphere(simd, normal, u[1], u[2]);
-                let wi = Vec3x::select(u[0].simd_lt(share), mirrored, even);
+                let wi = Vec3x::select(coated | u0.simd_lt(share), mirrored, even);
                 let (f_cos, pdf) = self.evaluate_inline(simd, normal, wo, wi);
                 let is_some = pdf.simd_gt(0.0);
                 let one = Float::splat(simd, 1.0);
@@ -182,9 +315,9 @@ impl<S: Simd> MetallicRoughness<S> {
     }
 
     #[inline(always)]
-    fn schlick(&self, simd: S, off: Float<S>) -> Vec3x<S> {
-        let white = Vec3x::splat(simd, [1.0; 3]);
-        (white - self.f0).mul_add(off, self.f0)
+    fn schlick(&self, off: Float<S>) -> Vec3x<S> {
+        let f90 = Vec3x::new(self.f90, self.f90, self.f90);
+        (f90 - self.f0).mul_add(off, self.f0)
     }
 
     /// Into the base or out of it.
@@ -196,8 +329,30 @@ impl<S: Simd> MetallicRoughness<S> {
     #[inline(always)]
     fn reflected_share(&self, simd: S, cos_o: Float<S>) -> Float<S> {
         let sum = |v: Vec3x<S>| v.x + v.y + v.z;
-        let reflected = sum(self.schlick(simd, grazing(cos_o)));
+        let reflected = sum(self.schlick(grazing(cos_o)));
+        if let Some(layers) = &self.layers {
+            let sheen = (1.0 - layers.sheen_left) * 3.0;
+            let all = sum(self.diffuse).mul_add(self.passed(cos_o), reflected) + sheen;
+            let is_some = all.simd_gt(0.0);
+            let share = reflected / is_some.select(all, Float::splat(simd, 1.0));
+            return is_some.select(share, Float::splat(simd, 0.0));
+        }
         reflected / sum(self.diffuse).mul_add(self.passed(cos_o), reflected)
+    }
+
+    /// The probability with which a direction is drawn from the coat; 0 without layers.
+    #[inline(always)]
+    fn clearcoat_share(&self, simd: S, cos_o: Float<S>) -> Float<S> {
+        let Some(layers) = &self.layers else {
+            return Float::splat(simd, 0.0);
+        };
+        let sum = |v: Vec3x<S>| v.x + v.y + v.z;
+        let reflected = sum(self.schlick(grazing(cos_o)));
+        let sheen = (1.0 - layers.sheen_left) * 3.0;
+        let below = sum(self.diffuse).mul_add(self.passed(cos_o), reflected) + sheen;
+        let coat = layers.reflected(cos_o);
+        let all = (1.0 - coat).mul_add(below * (1.0 / 3.0), coat);
+        coat / all.max(f32::MIN_POSITIVE)
     }
 }
 

@@ -33,6 +33,7 @@ mod lanes;
 mod light_sampling;
 mod math;
 mod medium;
+mod mesh_light;
 mod metallic_roughness;
 mod microfacet;
 mod prepared;

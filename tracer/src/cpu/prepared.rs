@@ -3,6 +3,7 @@
 use super::area_light::AreaLights;
 use super::environment::Environment;
 use super::geometry::Geometry;
+use super::mesh_light::MeshLightSampler;
 use super::surface::Surfaces;
 use crate::compiled::{CameraFrame, CompiledScene, PunctualLightData};
 use crate::{ImageSize, RenderSettings};
@@ -14,6 +15,10 @@ pub(super) struct Prepared {
     pub(super) geometry: Geometry,
     pub(super) surfaces: Surfaces,
     pub(super) area_lights: AreaLights,
+    /// Triangles that emit, if there are any.
+    pub(super) mesh_lights: Option<MeshLightSampler>,
+    /// Some surface emits.
+    pub(super) has_emission: bool,
     pub(super) punctual_lights: Vec<PunctualLightData>,
     /// With which light sampling aims at those, and at area lights.
     pub(super) punctual_probability: f32,
@@ -40,6 +45,8 @@ impl Prepared {
             geometry: Geometry::new(scene),
             surfaces,
             area_lights: AreaLights::new(&scene.area_lights),
+            mesh_lights: MeshLightSampler::new(scene),
+            has_emission: scene.has_emission(),
             punctual_lights: scene.punctual_lights.clone(),
             punctual_probability: scene.punctual_probability,
             area_light_probability: scene.area_light_probability() as f32,

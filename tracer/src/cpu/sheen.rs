@@ -32,6 +32,13 @@ impl<S: Simd> Sheen<S> {
         Some(Self { strength, exponent })
     }
 
+    /// Of a strength over 2π and a width above 0.
+    #[inline(always)]
+    pub(super) fn of(strength: Vec3x<S>, width: Float<S>) -> Self {
+        let exponent = 1.0 / width;
+        Self { strength, exponent }
+    }
+
     /// `f`, where both directions are above the surface.
     #[inline(always)]
     pub(super) fn evaluate(

@@ -18,7 +18,7 @@ pub(super) struct Stream {
     /// Density of the last direction per solid angle times the area lights' `light_weight_sum` where it began; ∞
     /// if all light along it counts, −∞ if so and it began where the path was scattered inside a body.
     pub(super) pdf: Box<[f32]>,
-    /// The density itself, where there is an environment map.
+    /// The density itself, where there is an environment map or triangles emit.
     pub(super) sampled_pdf: Box<[f32]>,
     pub(super) has_sampled_pdf: bool,
     /// Distance along the ray to what it hit; of a camera's ray until then, the length of its

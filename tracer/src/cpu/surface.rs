@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::medium::FreeFlight;
-use super::metallic_roughness::{MetallicRoughness, MetallicRoughnessRow, metallic_roughness_row};
+use super::metallic_roughness::{MetallicRoughness, MetallicRoughnessTable};
 use super::microfacet::{MicrofacetBsdf, MicrofacetRow, SCATTERED, microfacet_row, untagged};
 use super::rays::{INSIDE, inverse};
 use super::refracted_nee::{NeeBoundaryRow, nee_boundary_row};
@@ -31,7 +31,7 @@ pub(super) struct Surfaces {
     /// Some cloth has a sheen.
     sheen: Vec<SheenRow>,
     /// Empty without glTF's material.
-    metallic_roughness: Vec<MetallicRoughnessRow>,
+    metallic_roughness: MetallicRoughnessTable,
     /// Paths go on inside of bodies and need to know what fills them.
     pub(super) has_dielectric: bool,
     /// Empty if no ball allows refracted NEE.
@@ -155,7 +155,11 @@ impl Surfaces {
             microfacet: microfacet_rows(scene),
             texture: texture_rows(scene),
             sheen: sheen_rows(scene),
-            metallic_roughness: metallic_roughness_rows(scene),
+            metallic_roughness: MetallicRoughnessTable::new(
+                scene,
+                || materials(scene),
+                triangles_first as usize,
+            ),
             has_dielectric: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
             nee_boundaries: nee_boundary_rows(scene),
         }
@@ -185,7 +189,8 @@ impl Surfaces {
             return None;
         }
         let textures = triangles.and_then(|triangles| triangles.textures.as_ref());
-        MetallicRoughness::new(simd, &self.metallic_roughness, id, textures)
+        let color = triangles.and_then(|triangles| triangles.color);
+        MetallicRoughness::new(simd, &self.metallic_roughness, id, textures, color)
     }
 
     /// The flight of the rays inside dielectrics, whose ids are in `start`, towards a boundary at
@@ -291,6 +296,9 @@ impl Surfaces {
             let striped = normal.dot(axis).abs().simd_lt(half_width);
             albedo = Vec3x::select(striped, rows.triple(simd, STRIPE_ALBEDO), albedo);
         }
+        if let Some(color) = triangles.as_ref().and_then(|triangles| triangles.color) {
+            albedo = albedo.scale(color);
+        }
         if !self.texture.is_empty() {
             albedo = textured(simd, &self.texture, id, position, normal, albedo);
         }
@@ -372,19 +380,17 @@ fn texture_rows(scene: &CompiledScene) -> Vec<TextureRow> {
 }
 
 fn sheen_rows(scene: &CompiledScene) -> Vec<SheenRow> {
-    if scene.materials.iter().all(|m| m.sheen == [0.0; 3]) {
+    // That of glTF's material is in the table of its own.
+    let is_napped = |m: &MaterialData| m.kind == KIND_LAYERED && m.sheen != [0.0; 3];
+    if !scene.materials.iter().any(is_napped) {
         return Vec::new();
     }
     materials(scene)
-        .map(|m| [m.sheen[0], m.sheen[1], m.sheen[2], m.sheen_roughness])
+        .map(|m| match is_napped(m) {
+            true => [m.sheen[0], m.sheen[1], m.sheen[2], m.sheen_roughness],
+            false => [0.0, 0.0, 0.0, 1.0],
+        })
         .collect()
-}
-
-fn metallic_roughness_rows(scene: &CompiledScene) -> Vec<MetallicRoughnessRow> {
-    if (scene.materials.iter()).all(|m| m.kind != KIND_METALLIC_ROUGHNESS) {
-        return Vec::new();
-    }
-    materials(scene).map(metallic_roughness_row).collect()
 }
 
 fn row(

@@ -4,14 +4,17 @@ use std::sync::Arc;
 
 use fearless_simd::prelude::*;
 
-use super::bvh16::Bvh16;
+use super::bvh16::{Bvh16, HitFilter, Solid};
 use super::image_texture::{LaneHit, TextureColumns, TextureLanes, TriangleTextures};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rays::{HitMask, INSIDE, Nearest, Rays};
 use super::sampling::basis;
 use super::shapes::{PackedPrimitive, Primitives, Shape, join};
 use crate::CompiledScene;
-use crate::compiled::{KIND_DIELECTRIC, ShapeKind, TriangleData, TriangleNormals};
+use crate::compiled::{
+    AlphaTest, CompiledTextures, KIND_DIELECTRIC, MaterialData, ShapeKind, TriangleColors,
+    TriangleData, TriangleNormals, TriangleUvs, corner_weights,
+};
 use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
 
 /// A triangle: its corners.
@@ -136,6 +139,87 @@ pub(super) struct Triangles {
     /// Empty if they are in the BVH.
     each: Vec<PackedPrimitive<Triangle, 9>>,
     bvh: Option<Arc<Bvh16<Triangle, 9>>>,
+    /// Where some are not opaque.
+    alpha_filter: Option<AlphaFilter>,
+}
+
+/// What tells of points of triangles how much is there, and what it emits.
+pub(super) struct TriangleTables {
+    materials: Vec<MaterialData>,
+    triangles: Arc<Vec<TriangleData>>,
+    uvs: Arc<Vec<TriangleUvs>>,
+    colors: Arc<Vec<TriangleColors>>,
+    textures: CompiledTextures,
+}
+
+impl TriangleTables {
+    pub(super) fn new(scene: &CompiledScene) -> Self {
+        let meshes = &scene.meshes;
+        Self {
+            materials: scene.materials.clone(),
+            triangles: Arc::clone(&meshes.triangles),
+            uvs: Arc::clone(&meshes.uvs),
+            colors: Arc::clone(&meshes.colors),
+            textures: scene.textures.clone(),
+        }
+    }
+
+    pub(super) fn alpha_test(&self) -> AlphaTest<'_> {
+        AlphaTest {
+            materials: &self.materials,
+            triangles: &self.triangles,
+            uvs: &self.uvs,
+            colors: &self.colors,
+            textures: &self.textures,
+        }
+    }
+}
+
+/// Lets rays pass triangles as their opacity says.
+struct AlphaFilter {
+    tables: TriangleTables,
+    /// The id of the first triangle.
+    first: u32,
+}
+
+impl AlphaFilter {
+    /// None where all triangles are opaque.
+    fn new(scene: &CompiledScene, first: u32) -> Option<Self> {
+        scene.alpha_test()?;
+        let tables = TriangleTables::new(scene);
+        Some(Self { tables, first })
+    }
+
+    /// The lanes of `hit` whose rays meet the triangle with an id.
+    #[inline(never)]
+    fn met<S: Simd>(&self, simd: S, rays: &Rays<S>, hit: Mask<S>, id: u32) -> Mask<S> {
+        let columns = |v: Vec3x<S>| [v.x.to_array(), v.y.to_array(), v.z.to_array()];
+        let (origins, directions) = (columns(rays.origin), columns(rays.direction));
+        let bits = hit.to_bitmask();
+        let hits = (0..LANES).filter(|lane| bits >> lane & 1 == 1);
+        let met = hits.filter(|&lane| {
+            let of_lane = |columns: &[[f32; LANES]; 3]| columns.map(|column| column[lane]);
+            self.is_met(of_lane(&origins), of_lane(&directions), id)
+        });
+        Mask::from_bitmask(simd, met.fold(0, |bits, lane| bits | 1 << lane))
+    }
+}
+
+impl HitFilter for AlphaFilter {
+    #[inline(always)]
+    fn is_some(&self) -> bool {
+        true
+    }
+
+    #[inline(never)]
+    fn is_met(&self, origin: [f32; 3], direction: [f32; 3], id: u32) -> bool {
+        let index = id - self.first;
+        let test = self.tables.alpha_test();
+        let (origin, direction) = (origin.into(), direction.into());
+        let triangle = &test.triangles[index as usize];
+        let weights = || corner_weights(triangle, origin, direction);
+        test.is_met(origin, direction, index, weights)
+    }
 }
 
 impl Triangles {
@@ -153,6 +237,7 @@ impl Triangles {
             return Self {
                 each: each().collect(),
                 bvh: None,
+                alpha_filter: AlphaFilter::new(scene, first),
             };
         };
         let bvh = scene.meshes.layout.get_or_make(|| {
@@ -162,6 +247,7 @@ impl Triangles {
         Self {
             each: Vec::new(),
             bvh: Some(bvh),
+            alpha_filter: AlphaFilter::new(scene, first),
         }
     }
 
@@ -173,7 +259,10 @@ impl Triangles {
     #[inline(never)]
     pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>, nearest: &mut Nearest<S>) {
         if let Some(bvh) = &self.bvh {
-            bvh.nearest(simd, rays, nearest);
+            match &self.alpha_filter {
+                None => bvh.nearest(simd, rays, nearest, &Solid),
+                Some(filter) => bvh.nearest(simd, rays, nearest, filter),
+            }
         }
         simd.vectorize(
             #[inline(always)]
@@ -181,7 +270,10 @@ impl Triangles {
                 let axes = Triangle::frame(simd, rays);
                 for one in &self.each {
                     let triangle = one.splat(simd);
-                    let met = Triangle::intersect(rays, &axes, &triangle, nearest.distance);
+                    let mut met = Triangle::intersect(rays, &axes, &triangle, nearest.distance);
+                    if let (Some(filter), Some((hit, _))) = (&self.alpha_filter, &mut met) {
+                        *hit = filter.met(simd, rays, *hit, one.id);
+                    }
                     nearest.update(met, one.id);
                 }
             },
@@ -198,7 +290,10 @@ impl Triangles {
         dark: &mut Mask<S>,
     ) {
         if let Some(bvh) = &self.bvh {
-            bvh.occlude(simd, rays, distance, dark);
+            match &self.alpha_filter {
+                None => bvh.occlude(simd, rays, distance, dark, &Solid),
+                Some(filter) => bvh.occlude(simd, rays, distance, dark, filter),
+            }
         }
         simd.vectorize(
             #[inline(always)]
@@ -207,7 +302,10 @@ impl Triangles {
                 for one in &self.each {
                     let triangle = one.splat(simd);
                     if let Some((hit, _)) = Triangle::intersect(rays, &axes, &triangle, distance) {
-                        *dark |= hit;
+                        *dark |= match &self.alpha_filter {
+                            None => hit,
+                            Some(filter) => filter.met(simd, rays, hit, one.id),
+                        };
                     }
                 }
             },
@@ -220,6 +318,7 @@ pub(super) struct TriangleSurfaces {
     triangles: Arc<Vec<TriangleData>>,
     normals: Arc<Vec<TriangleNormals>>,
     textures: TriangleTextures,
+    colors: Arc<Vec<TriangleColors>>,
     /// The id of the first triangle, and the number of them.
     ids: [u32; 2],
     /// The row of the first material.
@@ -241,6 +340,8 @@ pub(super) struct TriangleHit<S: Simd> {
     pub(super) geometric: Vec3x<S>,
     /// Of lanes whose materials have some, if any can.
     pub(super) textures: Option<TextureLanes<S>>,
+    /// Of scenes with vertex colours: white in lanes without.
+    pub(super) color: Option<Vec3x<S>>,
     /// Of scenes with meshes of dielectrics.
     pub(super) boundary: Option<Boundary<S>>,
 }
@@ -261,6 +362,7 @@ impl TriangleSurfaces {
             triangles: Arc::clone(&scene.meshes.triangles),
             normals: Arc::clone(&scene.meshes.normals),
             textures: TriangleTextures::new(scene),
+            colors: Arc::clone(&scene.meshes.colors),
             ids: [first, scene.meshes.triangles.len() as u32],
             rows_first,
             has_dielectric: scene.has_dielectric_mesh(),
@@ -325,8 +427,12 @@ impl TriangleSurfaces {
                     normal,
                     geometric: Vec3x::splat(simd, [0.0; 3]),
                     textures: None,
+                    color: None,
                     boundary: None,
                 };
+                if !self.colors.is_empty() {
+                    hit.color = Some(self.vertex_color(simd, id, weights));
+                }
                 let mut smooth = Mask::from_bitmask(simd, columns.smooth);
                 if self.has_dielectric {
                     let outward = wound_normal(corners);
@@ -363,6 +469,22 @@ impl TriangleSurfaces {
                 hit
             },
         )
+    }
+
+    /// What vertex colours multiply each lane's albedo by.
+    fn vertex_color<S: Simd>(&self, simd: S, id: Word<S>, weights: [Float<S>; 3]) -> Vec3x<S> {
+        let weights = weights.map(Float::<S>::to_array);
+        let mut columns = [[1.0; LANES]; 3];
+        for (lane, id) in id.to_array().into_iter().enumerate() {
+            if let Some(colors) = self.colors.get(id.wrapping_sub(self.ids[0]) as usize) {
+                let color = colors.at(weights.map(|weight| weight[lane]));
+                for (column, channel) in columns.iter_mut().zip(color.to_array()) {
+                    column[lane] = channel;
+                }
+            }
+        }
+        let [r, g, b] = columns.map(|column| Float::load_array(simd, column));
+        Vec3x::new(r, g, b)
     }
 
     /// What textures give each lane.

@@ -149,9 +149,19 @@ pub(crate) struct Features {
     pub(crate) uv_triangles: u32,
     /// Image textures, if any material has one.
     pub(crate) textures: u32,
+    /// Those up to the last with vertex colours.
+    pub(crate) colored_triangles: u32,
+    /// Rays pass some.
+    pub(crate) has_opacity: bool,
     /// Pixels across and down the environment map; 0 without.
     pub(crate) environment_map: [u32; 2],
     pub(crate) area_lights: u32,
+    /// Triangles that emit.
+    pub(crate) mesh_lights: u32,
+    /// Their probability in light sampling.
+    pub(crate) mesh_light_sixteenths: u32,
+    /// Some surface emits.
+    pub(crate) has_emission: bool,
     /// Lights without extent.
     pub(crate) punctual_lights: u32,
     /// Their probability in light sampling, in halves.
@@ -178,6 +188,8 @@ pub(crate) struct Features {
     pub(crate) has_dielectric: bool,
     /// Some material is that of glTF.
     pub(crate) has_metallic_roughness: bool,
+    /// Some of that has a clear coat or a sheen.
+    pub(crate) has_layers: bool,
     /// Some ball may allow refracted NEE: its material is a smooth dielectric and scatters light inside.
     pub(crate) has_refracted_nee: bool,
     pub(crate) output: KernelOutput,
@@ -201,8 +213,9 @@ impl Features {
     /// What `scene` requires, its arrays in constant memory.
     pub(crate) fn new(scene: &CompiledScene) -> Self {
         let any = |has: fn(&MaterialData) -> bool| scene.materials.iter().any(has);
-        let shares_light_sampling =
-            !(scene.environment_map.is_empty() && scene.punctual_lights.is_empty());
+        let shares_light_sampling = !(scene.environment_map.is_empty()
+            && scene.punctual_lights.is_empty())
+            || scene.mesh_lights.sixteenths > 0;
         Self {
             spheres: scene.spheres.len() as u32,
             boxes: scene.boxes.len() as u32,
@@ -222,9 +235,14 @@ impl Features {
                 true => 0,
                 false => scene.textures.images.len() as u32,
             },
+            colored_triangles: scene.meshes.colors.len() as u32,
+            has_opacity: scene.alpha_test().is_some(),
             area_lights: scene.area_lights.len() as u32,
+            mesh_lights: scene.mesh_lights.triangles.len() as u32,
+            mesh_light_sixteenths: scene.mesh_lights.sixteenths,
+            has_emission: scene.has_emission(),
             punctual_lights: scene.punctual_lights.len() as u32,
-            punctual_halves: (2.0 * scene.punctual_probability) as u32,
+            punctual_halves: punctual_halves(scene),
             materials: scene.materials.len().max(1) as u32,
             bvhs: ShapeKind::ALL.map(|shape| bvh(scene, shape).is_some()),
             has_csg_cone: scene
@@ -235,10 +253,11 @@ impl Features {
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),
             has_wood: any(|m| !matches!(m.pattern, PATTERN_NONE | PATTERN_NUMBER)),
-            has_sheen: any(|material| material.sheen != [0.0; 3]),
+            has_sheen: any(|m| m.kind == KIND_LAYERED && m.sheen != [0.0; 3]),
             has_microfacet: any(|m| matches!(m.kind, KIND_CONDUCTOR | KIND_DIELECTRIC)),
             has_dielectric: any(|material| material.kind == KIND_DIELECTRIC),
             has_metallic_roughness: any(|m| m.kind == KIND_METALLIC_ROUGHNESS),
+            has_layers: any(MaterialData::has_layers),
             has_refracted_nee: has_refracted_nee(scene),
             output: KernelOutput::Radiance,
             is_compensated: needs_compensation(scene),
@@ -284,7 +303,7 @@ impl Features {
 
     /// Whether light is looked for elsewhere than at area lights.
     pub(crate) const fn shares_light_sampling(&self) -> bool {
-        self.has_environment_map() || self.punctual_lights > 0
+        self.has_environment_map() || self.punctual_lights > 0 || self.mesh_lights > 0
     }
 
     /// Whether there is an environment map.
@@ -363,6 +382,15 @@ const fn bvh_min(shape: ShapeKind) -> usize {
 /// The BVH by which rays find the primitives of a shape, where they do.
 pub(crate) fn bvh(scene: &CompiledScene, shape: ShapeKind) -> Option<&Bvh> {
     scene.bvh(shape, bvh_min(shape))
+}
+
+/// Beside triangles that emit.
+fn punctual_halves(scene: &CompiledScene) -> u32 {
+    let others = 1.0 - scene.mesh_lights.probability();
+    match others > 0.0 {
+        true => (2.0 * scene.punctual_probability / others).round() as u32,
+        false => 0,
+    }
 }
 
 /// Whether some ball may have [`crate::compiled::SphereData::allows_refracted_nee`], wherever it moves.

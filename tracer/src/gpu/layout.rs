@@ -6,8 +6,8 @@ use glam::Vec3;
 use crate::bvh::{BvhNode, LEAF, leaves};
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
-    MaterialData, PunctualLightData, RectangleData, ShapeKind, SphereData, TriangleData,
-    TriangleNormals, TriangleUvs,
+    MaterialData, MeshLightData, PunctualLightData, RectangleData, ShapeKind, SphereData,
+    TriangleColors, TriangleData, TriangleNormals, TriangleUvs,
 };
 use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features, SceneMemory};
@@ -266,7 +266,10 @@ pub(crate) fn mesh_bytes_len(features: &Features) -> u64 {
     let triangles = features.triangles as usize * size_of::<TriangleData>();
     let normals = features.smooth_triangles as usize * size_of::<TriangleNormals>();
     let uvs = features.uv_triangles as usize * size_of::<TriangleUvs>();
-    (triangles + normals + uvs + finders_bytes(features, ShapeKind::Triangle)) as u64
+    let colors = features.colored_triangles as usize * size_of::<TriangleColors>();
+    let lights = features.mesh_lights as usize * size_of::<MeshLightData>();
+    (triangles + normals + uvs + colors + lights + finders_bytes(features, ShapeKind::Triangle))
+        as u64
 }
 
 /// The scene's triangles as the kernel's `MeshData`.
@@ -278,7 +281,10 @@ pub(crate) fn mesh_bytes(scene: &CompiledScene) -> Vec<u8> {
         true => &[],
         false => cast_slice(&meshes.uvs),
     };
-    [triangles, cast_slice(&meshes.normals), uvs, &finders].concat()
+    let colors = cast_slice(&meshes.colors);
+    let lights = cast_slice(&scene.mesh_lights.triangles);
+    let normals = cast_slice(&meshes.normals);
+    [triangles, normals, uvs, colors, lights, &finders].concat()
 }
 
 /// What rays find the primitives of a shape by.

@@ -6,8 +6,9 @@ use crate::bvh::{self, DEPTH_MAX, LEAF, SLACK};
 use crate::compiled::{
     AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX,
     CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS,
-    MaterialTextureData, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
-    ShapeKind, SphereData, TriangleData, WRAP_CLAMP, WRAP_REPEAT,
+    MESH_LIGHT_REACH, MaterialTextureData, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH,
+    PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData, TriangleData,
+    WRAP_CLAMP, WRAP_REPEAT,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{
@@ -17,7 +18,7 @@ use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{
     BELOW_1, BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SCRAMBLE, SURVIVAL_PER_THROUGHPUT,
 };
-use crate::scalar::metallic_roughness::ALPHA_LEAST;
+use crate::scalar::metallic_roughness::{ALPHA_LEAST, CLEARCOAT_F0};
 use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
@@ -136,13 +137,39 @@ fn metallic_roughness_parts(features: &Features) -> Vec<&'static str> {
         0 => include_str!("shaders/texture_factors_stub.wgsl"),
         _ => include_str!("shaders/image_texture.wgsl"),
     };
-    vec![METALLIC_ROUGHNESS, factors, textures]
+    let layers = match features.has_layers {
+        true => LAYERS,
+        false => include_str!("shaders/layers_stub.wgsl"),
+    };
+    let mut parts = vec![METALLIC_ROUGHNESS, factors, textures, layers];
+    if !features.has_shading_normals() {
+        parts.push(include_str!("shaders/own_normal_stub.wgsl"));
+    }
+    if features.mesh_lights == 0 {
+        parts.push(include_str!("shaders/mesh_light_stub.wgsl"));
+        return parts;
+    }
+    parts.push(MESH_LIGHT);
+    parts.push(match features.textures {
+        0 => include_str!("shaders/emission_texture_stub.wgsl"),
+        _ => include_str!("shaders/emission_texture.wgsl"),
+    });
+    if !features.has_opacity {
+        parts.push(include_str!("shaders/opacity_stub.wgsl"));
+    }
+    parts
 }
 
 fn triangle_normal_parts(features: &Features) -> Vec<&'static str> {
     let mut parts = Vec::new();
     if features.has_dielectric_mesh {
         parts.push(include_str!("shaders/dielectric_mesh.wgsl"));
+    }
+    if features.colored_triangles > 0 {
+        parts.push(VERTEX_COLOR);
+    }
+    if features.has_opacity {
+        parts.extend(opacity_parts(features));
     }
     if !features.has_shading_normals() {
         parts.push(include_str!("shaders/triangle_flat.wgsl"));
@@ -159,6 +186,22 @@ fn triangle_normal_parts(features: &Features) -> Vec<&'static str> {
     parts
 }
 
+fn opacity_parts(features: &Features) -> Vec<&'static str> {
+    let mut parts = vec![OPACITY];
+    parts.push(match features.textures {
+        0 => include_str!("shaders/opacity_texture_stub.wgsl"),
+        _ => include_str!("shaders/opacity_texture.wgsl"),
+    });
+    if features.colored_triangles == 0 {
+        parts.push(include_str!("shaders/vertex_color_stub.wgsl"));
+    }
+    parts
+}
+
+const MESH_LIGHT: &str = include_str!("shaders/mesh_light.wgsl");
+const LAYERS: &str = include_str!("shaders/layers.wgsl");
+const OPACITY: &str = include_str!("shaders/opacity.wgsl");
+const VERTEX_COLOR: &str = include_str!("shaders/vertex_color.wgsl");
 const ENVIRONMENT_MAP: &str = include_str!("shaders/environment_map.wgsl");
 const PUNCTUAL_LIGHT: &str = include_str!("shaders/punctual_light.wgsl");
 const SHADING_NORMAL: &str = include_str!("shaders/shading_normal.wgsl");
@@ -218,9 +261,12 @@ fn constants(features: &Features) -> String {
          const HAS_DIELECTRIC: bool = {};\n\
          const HAS_REFRACTED_NEE: bool = {};\n\
          const HAS_METALLIC_ROUGHNESS: bool = {};\n\
+         const HAS_LAYERS: bool = {};\n\
+         const HAS_EMISSION: bool = {};\n\
          const HAS_ENVIRONMENT_MAP: bool = {};\n\
          const SAMPLES_LIGHT: bool = {};\n\
          const ALPHA_LEAST: f32 = {ALPHA_LEAST:?};\n\
+         const CLEARCOAT_F0: f32 = {CLEARCOAT_F0:?};\n\
          const REFRACTED_NEE_STEPS: u32 = {}u;\n\
          const HAS_NUMBER: bool = {};\n\
          const HAS_WOOD: bool = {};\n\
@@ -240,6 +286,8 @@ fn constants(features: &Features) -> String {
         features.has_dielectric,
         features.has_refracted_nee,
         features.has_metallic_roughness,
+        features.has_layers,
+        features.has_emission,
         features.has_environment_map(),
         features.area_lights > 0 || features.shares_light_sampling(),
         SphereData::REFRACTED_NEE_STEPS,
@@ -291,11 +339,15 @@ fn light_sampling_constants(features: &Features) -> String {
     let punctual = 0.5 * features.punctual_halves as f32;
     // Where there are no others, so that nothing is divided by 0.
     let others = if punctual < 1.0 { 1.0 - punctual } else { 1.0 };
+    let mesh = features.mesh_light_sixteenths as f32 / 16.0;
+    let lamps = if mesh < 1.0 { 1.0 - mesh } else { 1.0 };
+    let others = others * lamps;
     format!(
         "const SHARES_LIGHT_SAMPLING: bool = {};\n\
          const PUNCTUAL_LIGHT_COUNT: u32 = {}u;\n\
          const PUNCTUAL_SHARE: f32 = {punctual:?};\n\
-         const OTHERS_SHARE: f32 = {others:?};\n",
+         const OTHERS_SHARE: f32 = {others:?};\n\
+         const LAMP_SHARE: f32 = {lamps:?};\n",
         features.shares_light_sampling(),
         features.punctual_lights
     )
@@ -416,11 +468,20 @@ fn mesh_declaration(features: &Features) -> String {
     }
     let mut text = format!(
         "const FLAT: u32 = {}u;\n\
+         const COLORED_TRIANGLE_COUNT: u32 = {}u;\n\
+         const MESH_LIGHT_COUNT: u32 = {}u;\n\
+         const MESH_LIGHT_SHARE: f32 = {:?};\n\
+         const MESH_LIGHT_REACH: f32 = {MESH_LIGHT_REACH:?};\n\
+         const OPACITY_OPAQUE: f32 = {OPACITY_OPAQUE:?};\n\
+         const OPACITY_MASK: f32 = {OPACITY_MASK:?};\n\
          const POINT_ROUNDING: f32 = {POINT_ROUNDING:e};\n\
          const REFLECTION_SINE_MIN: f32 = {REFLECTION_SINE_MIN:e};\n\
          const HAS_DIELECTRIC_MESH: bool = {};\n\
          struct MeshData {{\n    triangles: array<TriangleData, {triangles}>,\n",
         TriangleData::FLAT,
+        features.colored_triangles,
+        features.mesh_lights,
+        features.mesh_light_sixteenths as f32 / 16.0,
         features.has_dielectric_mesh
     );
     if normals > 0 {
@@ -429,6 +490,14 @@ fn mesh_declaration(features: &Features) -> String {
     if features.uv_triangles > 0 {
         let count = features.uv_triangles;
         _ = writeln!(text, "    uvs: array<TriangleUvs, {count}>,");
+    }
+    if features.colored_triangles > 0 {
+        let count = features.colored_triangles;
+        _ = writeln!(text, "    colors: array<TriangleColors, {count}>,");
+    }
+    if features.mesh_lights > 0 {
+        let count = features.mesh_lights;
+        _ = writeln!(text, "    lights: array<MeshLightData, {count}>,");
     }
     text += &finders_declaration(features, ShapeKind::Triangle);
     text + "}\n@group(0) @binding("
@@ -478,9 +547,21 @@ fn environment_declaration(features: &Features) -> String {
 }
 
 /// A part of a kernel with functions of other parts around its own: those of `shading_normal.wgsl`, and within those of
-/// `metallic_roughness.wgsl`, of `punctual_light.wgsl` and of `environment_map.wgsl`.
+/// `metallic_roughness.wgsl`, of `punctual_light.wgsl` and of `environment_map.wgsl`; those of `layers.wgsl`, of
+/// `opacity.wgsl` and of `vertex_color.wgsl`; and around those of all lights those of `mesh_light.wgsl`.
 fn with_wrappers(features: &Features, part: &str) -> String {
     let mut text = part.to_owned();
+    if features.has_layers && part == METALLIC_ROUGHNESS {
+        for name in ["metallic_roughness_at", "mean_passed", "reflected_share"] {
+            text = text.replace(&format!("fn {name}("), &format!("fn base_{name}("));
+        }
+    }
+    if features.has_opacity && part != OPACITY {
+        text = text.replace("fn triangle_t(", "fn solid_triangle_t(");
+    }
+    if features.colored_triangles > 0 && part != VERTEX_COLOR {
+        text = text.replace("fn triangle_surface(", "fn plain_triangle_surface(");
+    }
     if features.has_metallic_roughness && part != METALLIC_ROUGHNESS && part != SHADING_NORMAL {
         for name in [
             "bsdf_at",
@@ -491,17 +572,26 @@ fn with_wrappers(features: &Features, part: &str) -> String {
             "bsdf_eval",
             "bsdf_sample",
             "shade",
+            "extend",
             "first_hit",
         ] {
             text = text.replace(&format!("fn {name}("), &format!("fn plain_{name}("));
         }
     }
-    let is_outer = [ENVIRONMENT_MAP, PUNCTUAL_LIGHT, SHADING_NORMAL].contains(&part);
-    if features.has_environment_map() && !is_outer {
-        text = text.replace("fn direct_light(", "fn area_direct_light(");
+    // The innermost first.
+    let wrappers = [
+        (features.has_environment_map(), ENVIRONMENT_MAP, "area"),
+        (features.punctual_lights > 0, PUNCTUAL_LIGHT, "other"),
+        (features.mesh_lights > 0, MESH_LIGHT, "lamp"),
+    ];
+    for (place, (is_there, _, name)) in wrappers.iter().enumerate() {
+        let mut outer = wrappers[place..].iter().map(|(_, part, _)| *part);
+        if *is_there && part != SHADING_NORMAL && !outer.any(|outer| outer == part) {
+            text = text.replace("fn direct_light(", &format!("fn {name}_direct_light("));
+        }
     }
-    if features.punctual_lights > 0 && ![PUNCTUAL_LIGHT, SHADING_NORMAL].contains(&part) {
-        text = text.replace("fn direct_light(", "fn other_direct_light(");
+    if features.mesh_lights > 0 && part != MESH_LIGHT {
+        text = text.replace("fn note_density(", "fn lamp_note_density(");
     }
     if features.has_shading_normals() && part != SHADING_NORMAL {
         for name in ["direct_light", "bsdf_sample"] {
@@ -590,7 +680,8 @@ mod tests {
     use super::*;
     use crate::compiled::{
         AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData, MaterialData,
-        PunctualLightData, RectangleData, SphereData, TextureData, TriangleNormals, TriangleUvs,
+        MeshLightData, PunctualLightData, RectangleData, SphereData, TextureData, TriangleColors,
+        TriangleNormals, TriangleUvs,
     };
     use crate::gpu::layout::{
         BoxBound, BvhNodeData, DispatchData, SceneHeader, SphereBound, SphereLeaf, TileEntry,
@@ -614,6 +705,12 @@ mod tests {
         punctual_halves: 1,
         uv_triangles: 5,
         textures: 3,
+        colored_triangles: 4,
+        has_opacity: true,
+        has_layers: true,
+        mesh_lights: 3,
+        mesh_light_sixteenths: 7,
+        has_emission: true,
         bvhs: [true, false, true, true, false, true],
         has_coat: true,
         has_stripe: true,
@@ -667,6 +764,15 @@ mod tests {
                 } else {
                     0
                 },
+                colored_triangles: if i % 4 < 2 { i / 4 % 3 } else { 0 },
+                has_opacity: i % 4 < 2 && i % 5 > 2 && i % 7 > 1,
+                has_layers: i % 5 > 2 && i % 13 > 5,
+                mesh_lights: if i % 4 < 2 && i % 5 > 2 { i % 3 } else { 0 },
+                mesh_light_sixteenths: match (i % 4 < 2 && i % 5 > 2 && i % 3 > 0, i % 7) {
+                    (false, _) => 0,
+                    (true, part) => 16 - part,
+                },
+                has_emission: i % 5 > 2 && (i % 3 > 0 || i % 2 == 1),
                 has_coat: i >> 4 & 1 == 1,
                 memory: [SceneMemory::Uniform, SceneMemory::Storage][(i >> 5 & 1) as usize],
                 area_lights: i >> 6,
@@ -761,7 +867,7 @@ mod tests {
     }
 
     #[rustfmt::skip]
-    fn layouts_in_rust() -> [Layout; 22] {
+    fn layouts_in_rust() -> [Layout; 24] {
         [
             layout!(SphereData, center radius stripe_axis material number_axis allows_refracted_nee),
             layout!(BoxData, min material max),
@@ -772,8 +878,12 @@ mod tests {
             layout!(TriangleData, a material b normals c uvs),
             layout!(TriangleNormals, a b c),
             layout!(TriangleUvs, a b c density),
+            layout!(TriangleColors, a b c padding),
+            layout!(MeshLightData, triangle before probability padding),
             layout!(TextureData, first width height levels is_srgb wrap_u wrap_v),
-            layout!(MaterialTextureData, base_color metallic_roughness normal emission),
+            layout!(MaterialTextureData,
+                base_color metallic_roughness normal emission clearcoat clearcoat_roughness
+                normal_scale),
             layout!(AreaLightData,
                 center brightness axis_u length_u axis_v length_v normal radiance),
             layout!(PunctualLightData,

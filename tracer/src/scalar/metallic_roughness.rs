@@ -6,6 +6,12 @@
 //! `1 − F_avg`, the mean of what passes into the base, is divided by: a smooth white surface reflects all. Rough surfaces
 //! reflect less at grazing angles than smooth ones, so that Schlick's term of what passes rises to `(1 − α)²` alone: about the
 //! least with which white surfaces make no light.
+//!
+//! # Layers
+//! A sheen ([`crate::sheen`]) is added to what it leaves of the rest at least, as on [`crate::Material::Cloth`]. A clear coat
+//! of index 1.5 lies over both: another rough reflection, and what it lets pass multiplies all below in both directions. The
+//! diffuse base is divided by the mean of what passes both, and so a white one reflects all under a smooth coat, too; what a
+//! metal loses between itself and the coat is lost.
 
 use std::f64::consts::PI;
 
@@ -15,6 +21,7 @@ use super::bsdf::{BsdfSample, basis};
 use super::intersect::vector;
 use super::microfacet::{ggx, reflect, sample_visible, visibility};
 use crate::compiled::MaterialData;
+use crate::sheen::sheen;
 
 /// One point of such a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +30,9 @@ pub struct MetallicRoughness {
     pub diffuse: DVec3,
     /// Reflectance towards the normal.
     pub f0: DVec3,
-    /// The same of what is no metal.
+    /// Reflectance at grazing angles.
+    pub f90: f64,
+    /// The most that what is no metal reflects of a channel towards the normal.
     pub dielectric_f0: f64,
     /// What is taken to be reflected at grazing angles of what goes to the base and comes from it.
     pub base_f90: f64,
@@ -31,6 +40,16 @@ pub struct MetallicRoughness {
     pub alpha: f64,
     /// Radiance emitted to both sides.
     pub emission: DVec3,
+    /// Strength of the clear coat; 0 without.
+    pub clearcoat: f64,
+    /// GGX width of the coat, above 0.
+    pub clearcoat_alpha: f64,
+    /// Strength of the sheen, over 2π; 0 without.
+    pub sheen: DVec3,
+    /// Width of the sheen.
+    pub sheen_roughness: f64,
+    /// What the sheen leaves of light for what is below.
+    pub sheen_left: f64,
 }
 
 /// What textures multiply a material's numbers by.
@@ -44,6 +63,10 @@ pub struct TextureFactors {
     pub metallic: f64,
     /// Of the emission.
     pub emission: DVec3,
+    /// Of the strength of the clear coat.
+    pub clearcoat: f64,
+    /// Of the coat's roughness.
+    pub clearcoat_roughness: f64,
 }
 
 impl TextureFactors {
@@ -53,26 +76,39 @@ impl TextureFactors {
         roughness: 1.0,
         metallic: 1.0,
         emission: DVec3::ONE,
+        clearcoat: 1.0,
+        clearcoat_roughness: 1.0,
     };
 }
 
 /// The smallest GGX width, which smoother surfaces have too.
 pub const ALPHA_LEAST: f32 = crate::scene::validate::ALPHA_SMOOTH_MAX;
+/// What a clear coat, of index 1.5, reflects towards the normal.
+pub const CLEARCOAT_F0: f32 = 0.04;
 
 impl MetallicRoughness {
     /// A material, multiplied.
     pub fn new(material: &MaterialData, factors: &TextureFactors) -> Self {
         let base = vector(material.albedo) * factors.base_color;
         let metallic = f64::from(material.metallic) * factors.metallic;
-        let dielectric_f0 = f64::from(material.eta[0]);
+        let f0 = vector(material.eta);
+        let (dielectric_f0, specular) = (f0.max_element(), f64::from(material.diffuse_scale));
         let alpha = f64::from(material.alpha) * factors.roughness * factors.roughness;
+        let [clearcoat, clearcoat_alpha, _] = material.stripe_albedo.map(f64::from);
+        let clearcoat_alpha = clearcoat_alpha * factors.clearcoat_roughness.powi(2);
         Self {
             diffuse: base * (1.0 - metallic),
-            f0: DVec3::splat(dielectric_f0).lerp(base, metallic),
+            f0: f0.lerp(base, metallic),
+            f90: specular + (1.0 - specular) * metallic,
             dielectric_f0,
-            base_f90: (1.0 - alpha).powi(2).max(dielectric_f0),
+            base_f90: ((1.0 - alpha).powi(2) * specular).max(dielectric_f0),
             alpha: alpha.max(f64::from(ALPHA_LEAST)),
             emission: vector(material.k) * factors.emission,
+            clearcoat: clearcoat * factors.clearcoat,
+            clearcoat_alpha: clearcoat_alpha.max(f64::from(ALPHA_LEAST)),
+            sheen: vector(material.sheen),
+            sheen_roughness: f64::from(material.sheen_roughness),
+            sheen_left: f64::from(material.scale),
         }
     }
 
@@ -84,17 +120,33 @@ impl MetallicRoughness {
         }
         let h = (wo + wi).normalize();
         let seen = 0.25 * ggx(self.alpha, h.dot(n)) * visibility(self.alpha, cos_o);
-        let reflected = schlick(self.f0, wo.dot(h)) * (seen * visibility(self.alpha, cos_i));
+        let reflected =
+            schlick(self.f0, self.f90, wo.dot(h)) * (seen * visibility(self.alpha, cos_i));
         let passed = self.passed(cos_o) * self.passed(cos_i);
         let scattered = self.diffuse * (passed * self.diffuse_scale() / PI);
         let share = self.reflected_share(cos_o);
         let pdf = share * seen + (1.0 - share) * cos_i / PI;
-        (reflected + scattered, pdf)
+        let mut f = (reflected + scattered) * self.sheen_left;
+        if self.sheen != DVec3::ZERO {
+            f += self.sheen * sheen(self.sheen_roughness, cos_o, cos_i, h.dot(n));
+        }
+        if self.clearcoat == 0.0 {
+            return (f, pdf);
+        }
+        let alpha = self.clearcoat_alpha;
+        let seen = 0.25 * ggx(alpha, h.dot(n)) * visibility(alpha, cos_o);
+        let coat = self.coat_reflected(wo.dot(h)) * seen * visibility(alpha, cos_i);
+        let passed = (1.0 - self.coat_reflected(cos_o)) * (1.0 - self.coat_reflected(cos_i));
+        let share = self.clearcoat_share(cos_o);
+        (f * passed + coat, share * seen + (1.0 - share) * pdf)
     }
 
-    /// Draws a direction: `u[0]` chooses between reflection and base, `u[1]` and `u[2]` the direction.
+    /// Draws a direction: `u[0]` chooses between coat, reflection and base, `u[1]` and `u[2]` the direction.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
-        let wi = if u[0] < self.reflected_share(wo.dot(n)) {
+        let coat = self.clearcoat_share(wo.dot(n));
+        let wi = if u[0] < coat {
+            reflect(wo, sample_visible(self.clearcoat_alpha, wo, n, u[1], u[2]))
+        } else if (u[0] - coat) / (1.0 - coat) < self.reflected_share(wo.dot(n)) {
             reflect(wo, sample_visible(self.alpha, wo, n, u[1], u[2]))
         } else {
             let (radius, phi) = (u[1].sqrt(), 2.0 * PI * u[2]);
@@ -121,21 +173,55 @@ impl MetallicRoughness {
         1.0 - self.dielectric_f0 - (self.base_f90 - self.dielectric_f0) * grazing(cos)
     }
 
-    /// The reciprocal of the mean of that over even light: [`grazing`] has the mean 1/21 over the cosine.
+    /// The reciprocal of the mean of that over even light, and of what passes the coat: [`grazing`] has the mean 1/21 over the
+    /// cosine, its square 1/66.
     fn diffuse_scale(&self) -> f64 {
-        1.0 / (1.0 - self.dielectric_f0 - (self.base_f90 - self.dielectric_f0) / 21.0)
+        let (passed, rise) = (1.0 - self.dielectric_f0, self.base_f90 - self.dielectric_f0);
+        let base = passed - rise / 21.0;
+        let coat_f0 = f64::from(CLEARCOAT_F0);
+        let (coat_passed, coat_rise) = (
+            1.0 - self.clearcoat * coat_f0,
+            self.clearcoat * (1.0 - coat_f0),
+        );
+        1.0 / (base * coat_passed - coat_rise * (passed / 21.0 - rise / 66.0))
     }
 
-    /// The probability with which [`MetallicRoughness::sample`] chooses the reflection.
+    /// The share of light that the coat reflects at a cosine.
+    fn coat_reflected(&self, cos: f64) -> f64 {
+        let f0 = f64::from(CLEARCOAT_F0);
+        self.clearcoat * (f0 + (1.0 - f0) * grazing(cos))
+    }
+
+    /// The probability with which [`MetallicRoughness::sample`] chooses the coat.
+    fn clearcoat_share(&self, cos_o: f64) -> f64 {
+        let coat = self.coat_reflected(cos_o);
+        let [reflected, scattered] = self.weights(cos_o);
+        coat / (coat + (1.0 - coat) * (reflected + scattered) / 3.0).max(f64::MIN_POSITIVE)
+    }
+
+    /// The probability with which [`MetallicRoughness::sample`] chooses the reflection, if not the coat.
     fn reflected_share(&self, cos_o: f64) -> f64 {
-        let reflected = schlick(self.f0, cos_o).element_sum();
-        reflected / (reflected + self.passed(cos_o) * self.diffuse.element_sum())
+        let [reflected, scattered] = self.weights(cos_o);
+        match reflected + scattered > 0.0 {
+            true => reflected / (reflected + scattered),
+            false => 0.0,
+        }
+    }
+
+    /// About what the reflection, and base and sheen, send on, summed over the channels.
+    fn weights(&self, cos_o: f64) -> [f64; 2] {
+        let reflected = schlick(self.f0, self.f90, cos_o).element_sum();
+        let sheen = 3.0 * (1.0 - self.sheen_left);
+        [
+            reflected,
+            self.passed(cos_o) * self.diffuse.element_sum() + sheen,
+        ]
     }
 }
 
 /// Schlick's approximation of Fresnel's term.
-fn schlick(f0: DVec3, cos: f64) -> DVec3 {
-    f0 + (1.0 - f0) * grazing(cos)
+fn schlick(f0: DVec3, f90: f64, cos: f64) -> DVec3 {
+    f0 + (f90 - f0) * grazing(cos)
 }
 
 fn grazing(cos: f64) -> f64 {
@@ -152,10 +238,33 @@ mod tests {
         MetallicRoughness {
             diffuse: base * (1.0 - metallic),
             f0: DVec3::splat(0.04).lerp(base, metallic),
+            f90: 1.0,
             dielectric_f0: 0.04,
             base_f90: (1.0 - roughness * roughness).powi(2).max(0.04),
             alpha: roughness * roughness,
             emission: DVec3::ZERO,
+            clearcoat: 0.0,
+            clearcoat_alpha: 0.01,
+            sheen: DVec3::ZERO,
+            sheen_roughness: 1.0,
+            sheen_left: 1.0,
+        }
+    }
+
+    /// Under a clear coat and a sheen.
+    fn layered(
+        base: MetallicRoughness,
+        coat: f64,
+        sheen: f64,
+        roughness: f64,
+    ) -> MetallicRoughness {
+        MetallicRoughness {
+            clearcoat: coat,
+            clearcoat_alpha: (roughness * roughness).max(1e-3),
+            sheen: DVec3::splat(sheen / (2.0 * PI)),
+            sheen_roughness: 0.3,
+            sheen_left: 1.0 - sheen * crate::sheen::sheen_reflectance_max(0.3),
+            ..base
         }
     }
 
@@ -173,6 +282,7 @@ mod tests {
         for i in 0..1000 {
             let [a, b, turn, metallic] = random(i);
             let surface = surface(metallic, 0.4, DVec3::new(0.9, 0.5, 0.1));
+            let surface = layered(surface, f64::from(i % 3) * 0.5, f64::from(i % 2), 0.3);
             let wo = direction(0.02 + 0.98 * a, 0.3);
             let wi = direction(0.02 + 0.98 * b, 7.0 * turn);
             let there = surface.eval(wo, wi, DVec3::Z).0;
@@ -188,11 +298,57 @@ mod tests {
         for (metallic, roughness) in [(0.0, 0.4), (0.5, 0.7), (1.0, 1.0)] {
             for cos_o in [0.15, 0.8f64] {
                 let surface = surface(metallic, roughness, DVec3::new(0.9, 0.5, 0.1));
+                let surface = layered(surface, metallic, 1.0 - metallic, 0.5);
                 let wo = cos_o * n + (1.0 - cos_o * cos_o).sqrt() * t;
                 let density = |wi| surface.eval(wo, wi, n).1;
                 let sample = |u| surface.sample(wo, n, u);
                 assert_drawn(n, density, sample, &format!("{surface:?} {cos_o}"));
             }
+        }
+    }
+
+    /// The mean weight of directions that are drawn.
+    fn directional_albedo(surface: &MetallicRoughness, cos_o: f64) -> f64 {
+        let wo = direction(cos_o, 0.3);
+        let draws = 20_000;
+        let weights = (0..draws).map(|i| surface.sample(wo, DVec3::Z, random(i)).weight.x);
+        weights.sum::<f64>() / f64::from(draws)
+    }
+
+    /// White furnace of layers: a white base under a smooth coat reflects all that comes, and none makes light.
+    #[test]
+    fn coats_and_sheens_over_white_surfaces_make_no_light() {
+        for metallic in [0.0, 0.5, 1.0] {
+            for (coat, sheen) in [(1.0, 0.0), (0.5, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+                for roughness in [0.0, 0.3, 1.0] {
+                    for cos_o in [0.05, 0.3, 1.0] {
+                        let base = surface(metallic, roughness, DVec3::ONE);
+                        let surface = layered(base, coat, sheen, roughness);
+                        let albedo = directional_albedo(&surface, cos_o);
+                        let what =
+                            format!("{metallic} {coat} {sheen} {roughness} {cos_o}: {albedo}");
+                        assert!(albedo < 1.01, "{what}");
+                        let is_smooth = roughness == 0.0 && metallic == 0.0 && sheen == 0.0;
+                        let least = if is_smooth && cos_o > 0.2 { 0.95 } else { 0.05 };
+                        assert!(albedo > least, "{what}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// Closed form: a smooth coat over black reflects Schlick's term.
+    #[test]
+    fn a_coat_over_black_reflects_schlick_s_term() {
+        for cos_o in [0.2, 0.5, 1.0f64] {
+            let mut surface = layered(surface(0.0, 1.0, DVec3::ZERO), 0.8, 0.0, 0.0);
+            (surface.f0, surface.f90) = (DVec3::ZERO, 0.0);
+            let expected = 0.8 * (0.04 + 0.96 * (1.0 - cos_o).powi(5));
+            let albedo = directional_albedo(&surface, cos_o);
+            assert!(
+                (albedo - expected).abs() < 0.01 * expected,
+                "{albedo} {expected}"
+            );
         }
     }
 

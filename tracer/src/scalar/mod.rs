@@ -29,7 +29,7 @@
 //!    the same point is aimed at by the path refracted at the boundary, if
 //!    that counts as a scattering that is left: a point that light falls on from `spread` per
 //!    solid angle.
-//! 4. **Scattering** (block `block_scatter(k)`). A surface that emits adds `beta · emission`, at camera rays too. Metals and
+//! 4. **Scattering** (block `block_scatter(k)`). A surface that emits adds `beta · emission · w`, at camera rays too. Metals and
 //!    dielectrics: [`microfacet`], whose choice to reflect takes `u[0]` of `block_choice(k)`, as that of
 //!    [`mod@metallic_roughness`]. Others: with `F` the Fresnel reflectance seen
 //!    from `wo` and `a` the channel mean of the albedo at the hit, the mirror is chosen if `u[0]` is
@@ -46,7 +46,8 @@
 //! A constant environment is found by scattering alone. An environment map is aimed at instead of an area light with
 //! probability [`CompiledEnvironment::probability`] by `u[0]` of `block_light(k)`, which is then stretched to [0, 1) again, and
 //! weighed in the same way; what coats and media lead to it counts in full. Before both, [`mod@punctual_light`]s have their
-//! share of `u[0]`, which chance does not find. From the second vertex on, paths outside of bodies that would bring
+//! share of `u[0]`, which chance does not find, and before all triangles that emit ([`crate::compiled::MeshLights`]), whose
+//! light is weighed as that of an environment map where chance finds it, at the last vertex too. From the second vertex on, paths outside of bodies that would bring
 //! little light are ended by Russian roulette ([`crate::sampling::SURVIVAL_PER_THROUGHPUT`]). There is no clamping; a
 //! sample that is not finite counts as black and is reported.
 //!
@@ -77,7 +78,7 @@ use rayon::prelude::*;
 
 #[cfg(doc)]
 use crate::compiled::CompiledEnvironment;
-use crate::compiled::{AreaLightData, CameraFrame, Primitive, SphereData};
+use crate::compiled::{AreaLightData, CameraFrame, MESH_LIGHT_REACH, Primitive, SphereData};
 use crate::denoise::{
     DenoiseInput, DenoiseInputTile, DenoiseSource, FilterMemory, SampleSums, trace_denoised,
 };
@@ -406,13 +407,17 @@ impl<'a> PathTracer<'a> {
                 let light = &self.scene.area_lights[light as usize];
                 return radiance + beta * self.emission_with_mis(light, &ray, &hit, prev);
             }
-            if depth == self.settings.max_depth {
+            let is_last = depth == self.settings.max_depth;
+            if is_last && !self.scene.has_emission() {
                 return radiance;
             }
             let footprint_m = self.footprint_m(&hit, depth);
             let vertex = Vertex::new(self.scene, &ray, &hit, footprint_m);
+            radiance += beta * self.surface_emission_with_mis(&vertex, &hit, prev);
+            if is_last {
+                return radiance;
+            }
             let vertex = vertex.regularised(prev.is_spread && key & KEY_MASK == 0);
-            radiance += beta * vertex.scatter.emission();
             if !vertex.is_regularised && (!self.settings.denoise || depth > 0) {
                 radiance += beta * self.coat_reflected_light(&vertex, rays);
             }
@@ -552,6 +557,27 @@ impl<'a> PathTracer<'a> {
         weight * vector(light.radiance)
     }
 
+    /// Weighted radiance that a surface emits which a ray finds.
+    fn surface_emission_with_mis(&self, vertex: &Vertex, hit: &Hit, prev: PrevVertex) -> DVec3 {
+        let emission = vertex.scatter.emission();
+        let (Primitive::Triangle(_), Some(pdf)) = (hit.primitive, prev.sampled_pdf) else {
+            return emission;
+        };
+        let cosine = vertex.wo.dot(vertex.geometric_n).abs();
+        emission * power_heuristic(pdf, self.mesh_light_density(hit.primitive, hit.t, cosine))
+    }
+
+    /// Density per solid angle with which light sampling draws a point on a triangle at a distance, seen at a cosine.
+    fn mesh_light_density(&self, triangle: Primitive, distance: f64, cosine: f64) -> f64 {
+        let material = self.scene.material_of(triangle);
+        let per_area = material.map_or(0.0, |material| f64::from(material.majorant));
+        let per_area = per_area * f64::from(self.scene.mesh_lights.probability());
+        match per_area > 0.0 {
+            true => per_area * distance * distance / cosine,
+            false => 0.0,
+        }
+    }
+
     /// Weighted radiance of the environment that a ray finds.
     fn environment_with_mis(&self, direction: DVec3, prev: PrevVertex) -> DVec3 {
         let map = &self.scene.environment_map;
@@ -589,9 +615,14 @@ impl<'a> PathTracer<'a> {
         reflectance * vector(light.radiance)
     }
 
-    /// Next-event estimation: light that comes straight from a light without extent, from the environment, or from
-    /// one point of one area light.
+    /// Next-event estimation: light that comes straight from a triangle that emits, from a light without extent, from the
+    /// environment, or from one point of one area light.
     fn direct_light(&self, vertex: &Vertex, [u, v]: [f64; 2], rays: &mut u64) -> DVec3 {
+        let mesh = f64::from(self.scene.mesh_lights.probability());
+        if u < mesh {
+            return self.direct_mesh_light(vertex, [u / mesh, v], rays);
+        }
+        let u = u - mesh;
         let punctual = f64::from(self.scene.punctual_probability);
         if u < punctual {
             return self.direct_punctual_light(vertex, u / punctual, rays);
@@ -603,6 +634,43 @@ impl<'a> PathTracer<'a> {
         }
         let u = (u - environment) / self.scene.area_light_probability();
         self.direct_area_light(vertex, [u.min(BELOW_1), v], rays)
+    }
+
+    fn direct_mesh_light(&self, vertex: &Vertex, [u, v]: [f64; 2], rays: &mut u64) -> DVec3 {
+        let lights = &self.scene.mesh_lights;
+        let chosen = lights.sample([u.min(BELOW_1) as f32, v as f32]);
+        let triangle = &self.scene.meshes.triangles[chosen.triangle as usize];
+        let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(vector);
+        let across = (b - a).cross(c - a);
+        let [wa, wb, wc] = chosen.weights.map(f64::from);
+        let to_light = wa * a + wb * b + wc * c - vertex.point;
+        let distance = to_light.length();
+        let wi = to_light / distance;
+        let cosine = (wi.dot(across) / across.length()).abs();
+        let (f, pdf_scatter) = vertex.scatter.eval(vertex.wo, wi, vertex.n);
+        // Written so that triangles without area and points on their own plane bring nothing.
+        if !(cosine > 0.0 && distance > 0.0)
+            || f == DVec3::ZERO
+            || vertex.is_below(wi)
+            || vertex.ray_origin(wi).is_inside
+        {
+            return DVec3::ZERO;
+        }
+        let reach = distance * f64::from(MESH_LIGHT_REACH);
+        if self.is_occluded(vertex, wi, reach, usize::MAX, rays) {
+            return DVec3::ZERO;
+        }
+        let primitive = Primitive::Triangle(chosen.triangle);
+        let density = self.mesh_light_density(primitive, distance, cosine);
+        let area = 0.5 * across.length();
+        let probability = f64::from(chosen.probability) * f64::from(lights.probability());
+        let inverse_pdf = area * cosine / (distance * distance * probability);
+        let emission = self
+            .scene
+            .emission_at(chosen.triangle, chosen.weights)
+            .as_dvec3();
+        let weight = power_heuristic(density, pdf_scatter);
+        f * emission * (wi.dot(vertex.n).abs() * weight * inverse_pdf)
     }
 
     fn direct_punctual_light(&self, vertex: &Vertex, u: f64, rays: &mut u64) -> DVec3 {
@@ -790,9 +858,16 @@ impl Vertex {
             return self;
         }
         match &mut self.scatter {
-            Scatter::Conductor(Conductor { alpha, .. })
-            | Scatter::MetallicRoughness(MetallicRoughness { alpha, .. }) => {
+            Scatter::Conductor(Conductor { alpha, .. }) => {
                 *alpha = alpha.max(f64::from(ALPHA_MIN));
+            }
+            Scatter::MetallicRoughness(MetallicRoughness {
+                alpha,
+                clearcoat_alpha,
+                ..
+            }) => {
+                *alpha = alpha.max(f64::from(ALPHA_MIN));
+                *clearcoat_alpha = clearcoat_alpha.max(f64::from(ALPHA_MIN));
             }
             Scatter::Layered(_) | Scatter::Dielectric(_) => {}
         }

@@ -23,6 +23,8 @@ pub(super) fn mapped_normal(
     let uv = interpolate(uvs, barycentric);
     let [x, y, z, _] = scene.textures.sample(textures.normal, uv, 0.0);
     let [x, y, z] = [x, y, z].map(|share| 2.0 * f64::from(share) - 1.0);
+    let scale = f64::from(textures.normal_scale);
+    let (x, y) = (scale * x, scale * y);
     let Some([tangent, bitangent]) = tangents(triangle, uvs, n_out) else {
         return n_out;
     };

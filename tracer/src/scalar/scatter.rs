@@ -6,9 +6,9 @@ use super::bsdf::{Bsdf, BsdfSample};
 use super::intersect::{Hit, vector};
 use super::metallic_roughness::MetallicRoughness;
 use super::microfacet::{Conductor, Dielectric};
-use super::textured::texture_factors;
+use super::textured::{texture_factors, vertex_color};
 use crate::CompiledScene;
-use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS};
+use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS, PATTERN_NONE};
 use crate::fresnel::{fresnel_conductor, fresnel_dielectric};
 
 /// The materials of [`crate::Material`], as seen from one side of a surface.
@@ -47,7 +47,13 @@ impl Scatter {
                 let factors = texture_factors(scene, hit, footprint_m);
                 Self::MetallicRoughness(MetallicRoughness::new(material, &factors))
             }
-            _ => Self::Layered(Bsdf::from_hit(scene, hit)),
+            _ => {
+                let mut bsdf = Bsdf::from_hit(scene, hit);
+                if material.pattern == PATTERN_NONE {
+                    bsdf.albedo *= vertex_color(scene, hit);
+                }
+                Self::Layered(bsdf)
+            }
         }
     }
 

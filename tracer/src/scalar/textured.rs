@@ -6,7 +6,7 @@ use super::intersect::{Hit, vector};
 use super::metallic_roughness::TextureFactors;
 use super::normal_map::{interpolate, textures_at};
 use crate::CompiledScene;
-use crate::compiled::{MaterialTextureData, TriangleData};
+use crate::compiled::{MaterialTextureData, Primitive, TriangleData};
 
 /// What a material's textures multiply its numbers by at a hit, seen `footprint_m` wide.
 pub(super) fn texture_factors(
@@ -14,8 +14,12 @@ pub(super) fn texture_factors(
     hit: &Hit,
     footprint_m: f64,
 ) -> TextureFactors {
+    let color_of_vertices = vertex_color(scene, hit);
     let Some((textures, triangle, uvs)) = textures_at(scene, hit.primitive) else {
-        return TextureFactors::ONE;
+        return TextureFactors {
+            base_color: color_of_vertices,
+            ..TextureFactors::ONE
+        };
     };
     let uv = interpolate(uvs, barycentric(triangle, hit.point));
     let sample = |image: u32| {
@@ -30,12 +34,29 @@ pub(super) fn texture_factors(
     };
     let color = |image: u32| sample(image).map_or(DVec3::ONE, |[r, g, b, _]| DVec3::new(r, g, b));
     let [_, roughness, metallic, _] = sample(textures.metallic_roughness).unwrap_or([1.0; 4]);
+    let [clearcoat, ..] = sample(textures.clearcoat).unwrap_or([1.0; 4]);
+    let [_, clearcoat_roughness, ..] = sample(textures.clearcoat_roughness).unwrap_or([1.0; 4]);
     TextureFactors {
-        base_color: color(textures.base_color),
+        base_color: color(textures.base_color) * color_of_vertices,
         roughness,
         metallic,
         emission: color(textures.emission),
+        clearcoat,
+        clearcoat_roughness,
     }
+}
+
+/// What a mesh's vertex colours multiply the albedo by at a hit.
+pub(super) fn vertex_color(scene: &CompiledScene, hit: &Hit) -> DVec3 {
+    let Primitive::Triangle(index) = hit.primitive else {
+        return DVec3::ONE;
+    };
+    let Some(colors) = scene.meshes.colors.get(index as usize) else {
+        return DVec3::ONE;
+    };
+    let weights = barycentric(&scene.meshes.triangles[index as usize], hit.point);
+    let color = colors.at(weights.map(|weight| weight as f32));
+    color.truncate().as_dvec3()
 }
 
 /// What the corners weigh at a point of a triangle.

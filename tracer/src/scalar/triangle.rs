@@ -22,6 +22,11 @@
 //! is met tells whether a ray was inside. A ray that goes on inside may meet the triangle that it comes from only where
 //! it would leave, after it has been scattered within: on the surface it leads away from it. What is refracted goes to the
 //! side of the triangle to which the normal that it is shaded with sends it, or is lost.
+//!
+//! # Opacity
+//! Where a material's [`crate::Opacity`] lets a ray pass, the triangle is not met: each ray draws for itself
+//! whether it is, by a hash of itself and the triangle, rays to lights like all others. That is unbiased for any number of layers in any order,
+//! needs no random number of a path, and costs nothing where nothing is transparent.
 
 use glam::DVec3;
 
@@ -108,6 +113,12 @@ pub(super) fn nearest_triangle(
     let frame = RayFrame::new(ray);
     let t_max = t_max.unwrap_or(f64::INFINITY);
     let mut nearest = (t_max, u32::MAX);
+    let alpha_test = scene.alpha_test();
+    let (origin, direction) = (ray.origin.as_vec3(), ray.direction.as_vec3());
+    let is_there = |index: u32, met: &TriangleHit| {
+        let weights = || met.barycentric.map(|weight| weight as f32);
+        alpha_test.is_none_or(|test| test.is_met(origin, direction, index, weights))
+    };
     let is_skipped = |index: u32, met: &TriangleHit| {
         start.is_some_and(|start| {
             start.primitive == Primitive::Triangle(index) && !(start.is_inside && met.is_left)
@@ -117,6 +128,7 @@ pub(super) fn nearest_triangle(
         let met = frame.intersect(&triangles[index as usize]);
         if let Some(met) = met.filter(|met| met.t > 0.0 && !is_skipped(index, met))
             && (met.t, index) < nearest
+            && is_there(index, &met)
         {
             nearest = (met.t, index);
             *t_max = met.t;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use serde::de::{Error as _, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
@@ -41,6 +41,10 @@ pub(super) fn normals<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec3>, D
 
 pub(super) fn uvs<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec2>, D::Error> {
     list(from, "texture coordinates", VERTICES_MAX, |_| Ok(()))
+}
+
+pub(super) fn colors<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec4>, D::Error> {
+    list(from, "vertex colours", VERTICES_MAX, |_| Ok(()))
 }
 
 pub(super) fn textures<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<ImageTexture>, D::Error> {

@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{Quat, Vec3};
 
 use super::{
-    AreaLight, Axis, Camera, Environment, EnvironmentMap, ImageTexture, Lens, Material,
-    MaterialTextures, Mesh, Object, ObjectPose, ProceduralTexture, PunctualLight, Scene, Shape,
+    AreaLight, Axis, Camera, Environment, EnvironmentMap, ImageTexture, Layers, Lens, Material,
+    MaterialTextures, Mesh, Object, ObjectPose, Opacity, ProceduralTexture, PunctualLight, Scene,
+    Shape,
 };
 use crate::{Error, SceneError};
 
@@ -461,7 +462,9 @@ impl Material {
             roughness,
             ior: 1.5,
             emission: Vec3::ZERO,
-            textures: MaterialTextures::default(),
+            textures: MaterialTextures::NONE,
+            opacity: Opacity::Opaque,
+            layers: Layers::NONE,
         }
     }
 
@@ -472,6 +475,32 @@ impl Material {
             *textures = with;
         }
         self
+    }
+
+    /// As much of it there; other materials than [`Material::MetallicRoughness`] are opaque.
+    #[must_use]
+    pub fn with_opacity(mut self, with: Opacity) -> Self {
+        if let Self::MetallicRoughness { opacity, .. } = &mut self {
+            *opacity = with;
+        }
+        self
+    }
+
+    /// With these layers; other materials than [`Material::MetallicRoughness`] have none.
+    #[must_use]
+    pub fn layered(mut self, with: Layers) -> Self {
+        if let Self::MetallicRoughness { layers, .. } = &mut self {
+            *layers = with;
+        }
+        self
+    }
+
+    /// How much of it is there.
+    pub fn opacity(&self) -> Opacity {
+        match self {
+            Self::MetallicRoughness { opacity, .. } => *opacity,
+            _ => Opacity::Opaque,
+        }
     }
 
     /// The textures that it has.

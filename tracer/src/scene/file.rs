@@ -46,6 +46,8 @@
 
 mod texture_files;
 
+pub(in crate::scene) use texture_files::read_limited as read_file_limited;
+
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write};
 use std::path::Path;

@@ -105,10 +105,10 @@ impl ImageSource {
 }
 
 /// The textures of a material, as indices into [`super::Scene::textures`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialTextures {
-    /// Red, green and blue multiply the base colour; alpha is not used.
+    /// Red, green and blue multiply the base colour, alpha that of the material's [`super::Opacity`].
     #[serde(default)]
     pub base_color: Option<u32>,
     /// Green multiplies the roughness and blue the metallic share, as in glTF 2.0; to be
@@ -119,12 +119,61 @@ pub struct MaterialTextures {
     /// surface; to be [`ColorSpace::Linear`].
     #[serde(default)]
     pub normal: Option<u32>,
+    /// By what x and y of the normals are multiplied, in ±[`super::validate::NORMAL_SCALE_MAX`]: 0 is flat, 1 the map as it
+    /// is.
+    #[serde(default = "one")]
+    pub normal_scale: f32,
     /// Red, green and blue multiply the emission.
     #[serde(default)]
     pub emission: Option<u32>,
+    /// Red multiplies the strength of the clear coat; to be [`ColorSpace::Linear`].
+    #[serde(default)]
+    pub clearcoat: Option<u32>,
+    /// Green multiplies the roughness of the clear coat; to be [`ColorSpace::Linear`].
+    #[serde(default)]
+    pub clearcoat_roughness: Option<u32>,
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+impl Default for MaterialTextures {
+    fn default() -> Self {
+        Self::NONE
+    }
 }
 
 impl MaterialTextures {
+    /// No textures.
+    pub const NONE: Self = Self {
+        base_color: None,
+        metallic_roughness: None,
+        normal: None,
+        normal_scale: 1.0,
+        emission: None,
+        clearcoat: None,
+        clearcoat_roughness: None,
+    };
+
+    /// The same behind so many other textures.
+    pub(crate) fn shifted(mut self, by: u32) -> Self {
+        for index in [
+            &mut self.base_color,
+            &mut self.metallic_roughness,
+            &mut self.normal,
+            &mut self.emission,
+            &mut self.clearcoat,
+            &mut self.clearcoat_roughness,
+        ]
+        .into_iter()
+        .flatten()
+        {
+            *index += by;
+        }
+        self
+    }
+
     /// All of them.
     pub fn indices(&self) -> impl Iterator<Item = u32> + use<> {
         let all = [
@@ -132,6 +181,8 @@ impl MaterialTextures {
             self.metallic_roughness,
             self.normal,
             self.emission,
+            self.clearcoat,
+            self.clearcoat_roughness,
         ];
         all.into_iter().flatten()
     }

@@ -1,6 +1,6 @@
 //! Triangle meshes.
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 use super::{Shape, bounded};
@@ -30,6 +30,10 @@ pub struct Mesh {
     /// corner of a texture, (1, 1) its bottom right one.
     #[serde(default, deserialize_with = "bounded::uvs")]
     pub uvs: Vec<Vec2>,
+    /// A colour for each position, or none at all: red, green and blue, linear, which multiply the albedo of the material, and
+    /// alpha, which its [`super::Opacity`] may use, each in [0, 1].
+    #[serde(default, deserialize_with = "bounded::colors")]
+    pub colors: Vec<Vec4>,
     /// Where the mesh's own origin lies, in metres.
     #[serde(default)]
     pub center: Vec3,
@@ -47,6 +51,7 @@ impl Mesh {
             triangles,
             normals: Vec::new(),
             uvs: Vec::new(),
+            colors: Vec::new(),
             center: Vec3::ZERO,
             rotation: Quat::IDENTITY,
         }
@@ -62,6 +67,12 @@ impl Mesh {
     #[must_use]
     pub fn uvs(self, uvs: Vec<Vec2>) -> Self {
         Self { uvs, ..self }
+    }
+
+    /// With a colour for each position.
+    #[must_use]
+    pub fn colors(self, colors: Vec<Vec4>) -> Self {
+        Self { colors, ..self }
     }
 
     /// With its own origin here, in metres.

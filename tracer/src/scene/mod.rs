@@ -10,6 +10,7 @@ pub mod file;
 #[cfg(feature = "gltf")]
 pub mod gltf_file;
 mod image_texture;
+mod layers;
 mod mesh;
 pub mod mesh_file;
 mod particles;
@@ -32,6 +33,7 @@ pub use image_texture::{
 };
 #[cfg(feature = "image-io")]
 pub(crate) use image_texture::{levels, texels_with_levels};
+pub use layers::{Layers, Opacity};
 pub use mesh::Mesh;
 pub use particles::{ParticleCloud, ParticleForm};
 pub use punctual_light::{PunctualEmitter, PunctualLight};
@@ -361,13 +363,19 @@ pub enum Material {
         /// Index of refraction of what is no metal, in [1, 1000]; plastic 1.5.
         #[serde(default = "plastic_ior")]
         ior: f32,
-        /// Radiance that the surface emits evenly to both sides, in W·sr⁻¹·m⁻² per channel. Paths find it by chance
-        /// alone: bright and small it is noisy, where [`AreaLight`] is not.
+        /// Radiance that the surface emits evenly to both sides, in W·sr⁻¹·m⁻² per channel. Triangles are aimed at by their
+        /// power; other shapes paths find by chance alone: bright and small they are noisy.
         #[serde(default)]
         emission: Vec3,
         /// Pictures that multiply these numbers, on meshes with texture coordinates.
         #[serde(default)]
         textures: MaterialTextures,
+        /// Where rays pass the surface as if it were not there; other shapes than meshes are opaque.
+        #[serde(default)]
+        opacity: Opacity,
+        /// A clear coat and a sheen over it, and the strength of its reflection.
+        #[serde(default)]
+        layers: Layers,
     },
 }
 

@@ -1,5 +1,6 @@
 //! The rules and limits that every scene keeps, checked once before anything is traced.
 
+mod layers;
 mod mesh;
 #[cfg(test)]
 mod tests;
@@ -9,13 +10,15 @@ use std::ops::RangeInclusive;
 
 use glam::{Quat, Vec3};
 
+pub use self::layers::{CUTOFF_MAX, NORMAL_SCALE_MAX};
+use self::layers::{check_layers, check_opacity};
 pub use self::mesh::{TRIANGLES_MAX, VERTICES_MAX};
 use self::mesh::{check_closed, check_mesh, check_triangles};
 pub use self::texture::{TEXTURE_BYTES_MAX, TEXTURES_MAX, UV_MAX};
 use crate::scene::{
-    AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, Object, ObjectPose, ParticleCloud,
-    ParticleForm, ProceduralTexture, PunctualEmitter, PunctualLight, Scene, SceneUpdate, Shape,
-    Stripe,
+    AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, Object, ObjectPose, Opacity,
+    ParticleCloud, ParticleForm, ProceduralTexture, PunctualEmitter, PunctualLight, Scene,
+    SceneUpdate, Shape, Stripe,
 };
 use crate::{Error, SceneError};
 
@@ -137,6 +140,9 @@ impl Scene {
             return Err(SceneError::UnknownMaterial(name.clone()));
         };
         self.check_textured(object)?;
+        if material.opacity() != Opacity::Opaque && !matches!(object.shape, Shape::Mesh(_)) {
+            return Err(SceneError::TransparentShape(name.clone()));
+        }
         if !matches!(material, Material::Dielectric { .. }) {
             return Ok(());
         }
@@ -539,13 +545,23 @@ fn check_material(material: &Material) -> Check {
             roughness,
             ior,
             emission,
-            textures: _,
+            textures,
+            opacity,
+            layers,
         } => {
             check_albedo("its base_color", base_color)?;
             in_range("its metallic", metallic, &(0.0..=1.0))?;
             in_range("its roughness", roughness, &(0.0..=1.0))?;
             check_ior(ior)?;
-            radiance("material", emission)
+            radiance("material", emission)?;
+            let scales = -NORMAL_SCALE_MAX..=NORMAL_SCALE_MAX;
+            in_range(
+                "the normal_scale of its textures",
+                textures.normal_scale,
+                &scales,
+            )?;
+            check_opacity(opacity)?;
+            check_layers(&layers)
         }
     }
 }

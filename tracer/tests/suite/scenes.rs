@@ -10,6 +10,7 @@ use glam::{Quat, Vec3};
 
 use crate::dielectric_meshes::{MAX_DEPTH, glass_meshes};
 use crate::environments::surrounded_still_life;
+use crate::layers::layered_still_life;
 use crate::meshes::mesh_still_life;
 use crate::punctual_lights::punctual_still_life;
 use crate::textures::image_textured_still_life;
@@ -431,6 +432,7 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
     scenes.push(("still life without a ball", hidden));
     scenes.push(("still life of meshes", mesh_still_life()));
     scenes.push(("still life of image textures", image_textured_still_life()));
+    scenes.push(("still life of masks and layers", layered_still_life()));
     for has_area_lights in [true, false] {
         let scene = surrounded_still_life(has_area_lights);
         scenes.push(("still life among surroundings", scene));

@@ -3,8 +3,8 @@
 use carom_tracer::film::trace_image;
 use carom_tracer::texture_file::{Texels, encode_png};
 use carom_tracer::{
-    CompiledScene, ImageSize, ImageSource, ImageTexture, Material, MaterialTextures, Mesh,
-    RenderSettings, Scene, Tracer, Wrap,
+    CompiledScene, ImageSize, ImageSource, ImageTexture, Layers, Material, MaterialTextures, Mesh,
+    Opacity, RenderSettings, Scene, Tracer, Wrap,
 };
 use glam::{Vec2, Vec3};
 
@@ -30,14 +30,14 @@ pub(crate) fn texture(edge: u32, texel: impl Fn(u32, u32) -> [u8; 3]) -> ImageTe
 
 /// A square of 2 m across the view of [`empty`]'s camera, whose picture it just fills; texture coordinates are 0 at its top
 /// left corner.
-fn screen() -> Mesh {
+pub(crate) fn screen() -> Mesh {
     let corners = [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]];
     let positions = corners.map(|[x, z]| Vec3::new(x, 0.0, z));
     let uvs = corners.map(|[x, z]| Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * z));
     Mesh::new(positions.into(), vec![[0, 3, 2], [0, 2, 1]]).uvs(uvs.into())
 }
 
-fn on_screen(material: Material, textures: Vec<ImageTexture>, mesh: Mesh) -> Scene {
+pub(crate) fn on_screen(material: Material, textures: Vec<ImageTexture>, mesh: Mesh) -> Scene {
     let mut scene = with(empty(0.0), material, mesh.into());
     scene.camera.fov_x_deg = 2.0 * (1.0f32 / 3.0).atan().to_degrees();
     scene.textures = textures;
@@ -45,7 +45,7 @@ fn on_screen(material: Material, textures: Vec<ImageTexture>, mesh: Mesh) -> Sce
 }
 
 /// What emits and reflects nothing.
-fn lamp(textures: MaterialTextures) -> Material {
+pub(crate) fn lamp(textures: MaterialTextures) -> Material {
     Material::MetallicRoughness {
         base_color: Vec3::ZERO,
         metallic: 0.0,
@@ -53,14 +53,14 @@ fn lamp(textures: MaterialTextures) -> Material {
         ior: 1.0,
         emission: Vec3::ONE,
         textures,
+        opacity: Opacity::Opaque,
+        layers: Layers::NONE,
     }
 }
 
 const EMISSION: MaterialTextures = MaterialTextures {
-    base_color: None,
-    metallic_roughness: None,
-    normal: None,
     emission: Some(0),
+    ..MaterialTextures::NONE
 };
 
 /// A floor with a picture, a ball of a rough and partly metallic one, a bumpy ball, one that glows.
@@ -76,6 +76,8 @@ pub(crate) fn image_textured_still_life() -> Scene {
         ior: 1.5,
         emission: Vec3::splat(emission),
         textures,
+        opacity: Opacity::Opaque,
+        layers: Layers::NONE,
     };
     let with_uvs = |mesh: Mesh| {
         let uvs = mesh.positions.iter();
@@ -94,6 +96,7 @@ pub(crate) fn image_textured_still_life() -> Scene {
         metallic_roughness,
         normal,
         emission,
+        ..MaterialTextures::NONE
     };
     let square = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
     let square = square.map(|[x, y]| Vec3::new(x, y, 0.0));
@@ -115,7 +118,7 @@ pub(crate) fn image_textured_still_life() -> Scene {
     scene
 }
 
-fn picture(tracer: &dyn Tracer, scene: &Scene, samples: u32) -> Vec<[f32; 3]> {
+pub(crate) fn picture(tracer: &dyn Tracer, scene: &Scene, samples: u32) -> Vec<[f32; 3]> {
     let settings = RenderSettings {
         samples,
         ..RenderSettings::default()
@@ -173,6 +176,8 @@ fn pictures_of_one_colour_are_that_number() {
         ior: 1.5,
         emission: Vec3::new(0.0, 0.2, 0.0),
         textures: MaterialTextures::default(),
+        opacity: Opacity::Opaque,
+        layers: Layers::NONE,
     };
     let textured = Material::MetallicRoughness {
         base_color: Vec3::ONE,
@@ -183,9 +188,11 @@ fn pictures_of_one_colour_are_that_number() {
         textures: MaterialTextures {
             base_color: Some(0),
             metallic_roughness: Some(1),
-            normal: None,
             emission: Some(2),
+            ..MaterialTextures::NONE
         },
+        opacity: Opacity::Opaque,
+        layers: Layers::NONE,
     };
     let textures = vec![
         uniform([51, 153, 255]),
@@ -249,6 +256,40 @@ fn a_normal_map_is_the_normals_that_it_holds() {
     }
 }
 
+/// Twice the map's x and y are the normals that it would hold if they were.
+#[test]
+fn the_scale_of_a_normal_map_multiplies_its_slopes() {
+    let bytes = [150, 110, 250];
+    let [x, y, z] = bytes.map(|byte: u8| 2.0 * f32::from(byte) / 255.0 - 1.0);
+    let map = texture(2, |_, _| bytes).linear();
+    let lit = |material, mesh| {
+        let mut scene = on_screen(material, vec![map.clone()], mesh);
+        scene.area_lights.push(light(2.0, true, 10.0));
+        scene.area_lights[0].center.y = -2.0;
+        scene
+    };
+    for normal_scale in [0.0, 2.0, -1.0] {
+        let tilted = Vec3::new(normal_scale * x, -z, normal_scale * y);
+        let plain = Material::rough([0.7; 3], 0.3);
+        let mapped = plain.textured(MaterialTextures {
+            normal: Some(0),
+            normal_scale,
+            ..MaterialTextures::NONE
+        });
+        let expected = lit(plain, screen().normals(vec![tilted; 4]));
+        let mapped = lit(mapped, screen());
+        for tracer in tracers() {
+            let [expected, mapped] =
+                [&expected, &mapped].map(|scene| picture(tracer.as_ref(), scene, 4));
+            let pairs = expected.as_flattened().iter().zip(mapped.as_flattened());
+            let off = pairs.map(|(a, b)| (a - b).abs() / (0.1 + a));
+            let worst = off.fold(0.0, f32::max);
+            let name = tracer.info().name;
+            assert!(worst < 2e-3, "{name}, {normal_scale}: {worst}");
+        }
+    }
+}
+
 /// White furnace: nothing is made, whatever the textures; a smooth white surface keeps almost all.
 #[test]
 fn white_surfaces_make_no_light() {
@@ -260,6 +301,8 @@ fn white_surfaces_make_no_light() {
             ior: 1.5,
             emission: Vec3::ZERO,
             textures: MaterialTextures::default(),
+            opacity: Opacity::Opaque,
+            layers: Layers::NONE,
         };
         let ball = facetted_ball(4);
         let normals = ball.positions.clone();

@@ -23,6 +23,9 @@ struct MaterialTextureData {
     metallic_roughness: u32,
     normal: u32,
     emission: u32,
+    clearcoat: u32,
+    clearcoat_roughness: u32,
+    normal_scale: f32,
 }
 
 // Of the surface that was met last.
@@ -55,7 +58,7 @@ fn triangle_shading_normal(index: u32, weights: vec3f, normal: vec3f, wo: vec3f,
         let uv = weights.x * corners.a + weights.y * corners.b + weights.z * corners.c;
         texture_factors = textures_at(maps, uv, texture_footprint * t * corners.density);
         if (maps.normal != NO_TEXTURE) {
-            mapped = mapped_normal(maps.normal, uv, corners, edge_b, edge_c, n_out);
+            mapped = mapped_normal(maps, uv, corners, edge_b, edge_c, n_out);
         }
     }
     if (any(mapped != vec3f(0.0))) {
@@ -80,12 +83,18 @@ fn textures_at(maps: MaterialTextureData, uv: vec2f, footprint: f32) -> TextureF
     if (maps.emission != NO_TEXTURE) {
         factors.emission = texture_at(maps.emission, uv, footprint);
     }
+    if (HAS_LAYERS && maps.clearcoat != NO_TEXTURE) {
+        factors.clearcoat = texture_at(maps.clearcoat, uv, footprint).x;
+    }
+    if (HAS_LAYERS && maps.clearcoat_roughness != NO_TEXTURE) {
+        factors.clearcoat_roughness = texture_at(maps.clearcoat_roughness, uv, footprint).y;
+    }
     return factors;
 }
 
 // Unit normal out of the surface; 0 where there is none.
 fn mapped_normal(
-    image: u32,
+    maps: MaterialTextureData,
     uv: vec2f,
     corners: TriangleUvs,
     edge_b: vec3f,
@@ -104,8 +113,9 @@ fn mapped_normal(
     let tangent = normalize(across_n);
     let across = cross(n, tangent);
     let bitangent = select(across, -across, dot(across, along_v) > 0.0);
-    let map = 2.0 * texture_at(image, uv, 0.0) - 1.0;
-    let mapped = map.x * tangent + map.y * bitangent + map.z * n;
+    let map = 2.0 * texture_at(maps.normal, uv, 0.0) - 1.0;
+    let across_map = maps.normal_scale * map.xy;
+    let mapped = across_map.x * tangent + across_map.y * bitangent + map.z * n;
     if (!(dot(mapped, mapped) > 0.0)) {
         return vec3f(0.0);
     }

@@ -5,10 +5,10 @@ struct MetallicRoughness {
     is_met: bool,
     diffuse: vec3f,
     f0: vec3f,
+    f90: f32,
     dielectric_f0: f32,
     base_f90: f32,
     alpha: f32,
-    emission: vec3f,
 }
 
 // That of the surface for which `bsdf_at` was called last.
@@ -21,16 +21,19 @@ fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
     let textures = textures_met();
     let base = surface.albedo * textures.base_color;
     let metallic = scene_storage.materials[material].metallic * textures.metallic;
-    let dielectric_f0 = scene_storage.materials[material].eta.x;
+    let f0 = scene_storage.materials[material].eta;
+    let dielectric_f0 = largest(f0);
+    // Reflectance at grazing angles of what is no metal.
+    let specular = scene_storage.materials[material].diffuse_scale;
     let alpha = scene_storage.materials[material].alpha * textures.roughness * textures.roughness;
     return MetallicRoughness(
         true,
         base * (1.0 - metallic),
-        fma(base - dielectric_f0, vec3f(metallic), vec3f(dielectric_f0)),
+        fma(base - f0, vec3f(metallic), f0),
+        fma(1.0 - specular, metallic, specular),
         dielectric_f0,
-        max((1.0 - alpha) * (1.0 - alpha), dielectric_f0),
+        max((1.0 - alpha) * (1.0 - alpha) * specular, dielectric_f0),
         max(alpha, ALPHA_LEAST),
-        scene_storage.materials[material].k * textures.emission,
     );
 }
 
@@ -44,6 +47,7 @@ fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
 
 fn bsdf_regularised(bsdf: Bsdf) -> Bsdf {
     metallic_roughness.alpha = max(metallic_roughness.alpha, ALPHA_MIN);
+    regularise_layers();
     return plain_bsdf_regularised(bsdf);
 }
 
@@ -77,20 +81,25 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     let it = metallic_roughness;
     let h = normalize(wo + wi);
     let seen = 0.25 * ggx(it.alpha, n, h) * visibility(it.alpha, cos_o);
-    let reflected = schlick(it.f0, dot(wo, h)) * (seen * visibility(it.alpha, cos_i));
-    let scale = 1.0 / (1.0 - it.dielectric_f0 - (it.base_f90 - it.dielectric_f0) * (1.0 / 21.0));
+    let reflected = schlick(it.f0, it.f90, dot(wo, h)) * (seen * visibility(it.alpha, cos_i));
+    let scale = 1.0 / mean_passed();
     let scattered = it.diffuse * (base_passed(cos_o) * base_passed(cos_i) * scale * (1.0 / PI));
     let share = reflected_share(cos_o);
-    return Evaluated(reflected + scattered, fma(share, seen, (1.0 - share) * cos_i * (1.0 / PI)));
+    let base = Evaluated(reflected + scattered, fma(share, seen, (1.0 - share) * cos_i * (1.0 / PI)));
+    return with_layers(base, n, wo, wi);
 }
 
 fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
     if (!metallic_roughness.is_met) {
         return plain_bsdf_sample(bsdf, n, wo, u);
     }
-    var wi = cosine_hemisphere(n, u.y, u.z);
-    if (u.x < reflected_share(dot(n, wo))) {
-        wi = reflected_by(sample_visible(metallic_roughness.alpha, wo, n, u.y, u.z), wo);
+    var numbers = u;
+    var wi = sample_coat(n, wo, &numbers);
+    if (all(wi == vec3f(0.0))) {
+        wi = cosine_hemisphere(n, u.y, u.z);
+        if (numbers.x < reflected_share(dot(n, wo))) {
+            wi = reflected_by(sample_visible(metallic_roughness.alpha, wo, n, u.y, u.z), wo);
+        }
     }
     let evaluated = bsdf_eval(bsdf, n, wo, wi);
     if (!(evaluated.pdf > 0.0)) {
@@ -102,12 +111,37 @@ fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
 // Surfaces that emit do so once for each path that meets them.
 fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     texture_footprint = select(0.0, length(scene.header.camera.dx), (*path).depth == 0u);
-    let beta = (*path).beta;
-    let state = plain_shade(path, hit);
-    if (metallic_roughness.is_met) {
-        (*path).radiance += beta * metallic_roughness.emission;
+    // Before the path's next density is noted.
+    (*path).radiance += emission_of_hit(*path, hit);
+    return plain_shade(path, hit);
+}
+
+// Of what a path meets last, too.
+fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 {
+    let state = plain_extend(path, met, rays);
+    // What was scattered inside a body has not come to a surface.
+    let is_last = state == DONE && (*path).depth == job.max_depth && met.primitive < AREA_LIGHT_FIRST;
+    if (HAS_EMISSION && is_last) {
+        texture_footprint = select(0.0, length(scene.header.camera.dx), job.max_depth == 0u);
+        (*path).radiance += emission_of_hit(*path, met);
     }
     return state;
+}
+
+// What the surface emits that a path meets, times its throughput.
+fn emission_of_hit(path: Path, met: Hit) -> vec3f {
+    if (!HAS_EMISSION) {
+        return vec3f(0.0);
+    }
+    let is_within = HAS_DIELECTRIC && path.start == (met.primitive | INSIDE);
+    let surface = surface_at(path.ray, met, is_within);
+    let material = surface.material;
+    if (scene_storage.materials[material].kind != KIND_METALLIC_ROUGHNESS) {
+        return vec3f(0.0);
+    }
+    let emission = scene_storage.materials[material].k * textures_met().emission;
+    let cosine = abs(dot(path.ray.direction, own_normal(surface)));
+    return path.beta * emission * emission_weight(met.primitive, material, met.t, cosine);
 }
 
 fn first_hit(ray: Ray) -> Aovs {
@@ -119,8 +153,8 @@ fn reflected_by(h: vec3f, wo: vec3f) -> vec3f {
     return 2.0 * dot(wo, h) * h - wo;
 }
 
-fn schlick(f0: vec3f, cos_theta: f32) -> vec3f {
-    return fma(1.0 - f0, vec3f(grazing(cos_theta)), f0);
+fn schlick(f0: vec3f, f90: f32, cos_theta: f32) -> vec3f {
+    return fma(f90 - f0, vec3f(grazing(cos_theta)), f0);
 }
 
 fn grazing(cos_theta: f32) -> f32 {
@@ -135,7 +169,12 @@ fn base_passed(cos_theta: f32) -> f32 {
     return 1.0 - metallic_roughness.dielectric_f0 - rise * grazing(cos_theta);
 }
 
+fn mean_passed() -> f32 {
+    let rise = metallic_roughness.base_f90 - metallic_roughness.dielectric_f0;
+    return 1.0 - metallic_roughness.dielectric_f0 - rise * (1.0 / 21.0);
+}
+
 fn reflected_share(cos_o: f32) -> f32 {
-    let reflected = dot(schlick(metallic_roughness.f0, cos_o), vec3f(1.0));
+    let reflected = dot(schlick(metallic_roughness.f0, metallic_roughness.f90, cos_o), vec3f(1.0));
     return reflected / (reflected + base_passed(cos_o) * dot(metallic_roughness.diffuse, vec3f(1.0)));
 }

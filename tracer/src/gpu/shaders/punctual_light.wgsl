@@ -68,7 +68,7 @@ fn direct_light(
 ) -> ShadowRay {
     var ray = NO_SHADOW_RAY;
     if (PUNCTUAL_SHARE < 1.0) {
-        let rest = clamp((u.x - PUNCTUAL_SHARE) / OTHERS_SHARE, 0.0, BELOW_1);
+        let rest = clamp((u.x - PUNCTUAL_SHARE) / (OTHERS_SHARE / LAMP_SHARE), 0.0, BELOW_1);
         ray = other_direct_light(surface, bsdf, wo, vec2f(rest, u.y), cone_density, light_weight_sum);
     }
     if (u.x >= PUNCTUAL_SHARE) {
@@ -81,6 +81,6 @@ fn direct_light(
     if (!is_lit || light.distance == 0.0 || all(f == vec3f(0.0))) {
         return NO_SHADOW_RAY;
     }
-    let reflected = f * light.irradiance * (abs(cos_i) / PUNCTUAL_SHARE);
+    let reflected = f * light.irradiance * (abs(cos_i) / (PUNCTUAL_SHARE * LAMP_SHARE));
     return ShadowRay(light.wi, light.distance, reflected, NO_PRIMITIVE);
 }

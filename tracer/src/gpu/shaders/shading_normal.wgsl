@@ -3,6 +3,11 @@
 // The surface's own normal where it is shaded with another one, on the viewer's side; 0 elsewhere.
 var<private> geometric_normal: vec3f;
 
+// Not what it is shaded with.
+fn own_normal(surface: Surface) -> vec3f {
+    return select(surface.normal, geometric_normal, any(geometric_normal != vec3f(0.0)));
+}
+
 // `shading`, on the side of `normal`, turned until the mirror image of the viewer is above the surface.
 fn visible_normal(shading: vec3f, normal: vec3f, wo: vec3f) -> vec3f {
     let reflected = fma(vec3f(2.0 * dot(wo, shading)), shading, -wo);

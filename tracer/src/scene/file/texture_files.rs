@@ -28,7 +28,7 @@ pub(super) fn read(scene: &mut Scene, scene_file: &Path) -> Result<(), Error> {
 }
 
 /// A file of at most `left` bytes.
-fn read_limited(path: &Path, left: u64) -> Result<Vec<u8>, Error> {
+pub(in crate::scene) fn read_limited(path: &Path, left: u64) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
     let read = fs::metadata(path).and_then(|metadata| {
         // A pipe would be waited for.
@@ -45,7 +45,7 @@ fn read_limited(path: &Path, left: u64) -> Result<Vec<u8>, Error> {
         return Err(Error::Format {
             path: path.to_owned(),
             message: format!(
-                "with it, the files that the scene names have more than {TEXTURE_FILES_BYTES_MAX} bytes"
+                "it and others that the scene names have more bytes than are allowed: {left} are left of them"
             ),
         });
     }

@@ -1,5 +1,6 @@
 //! Numbers in a glTF file's buffers.
 
+use glam::{Vec3, Vec4};
 use gltf_json::accessor::{Accessor, ComponentType, Type};
 use gltf_json::buffer::View;
 use gltf_json::root::Index;
@@ -79,6 +80,38 @@ impl Document {
             }
         }
         Ok(numbers)
+    }
+
+    /// All colours of an accessor, with alpha 1 where they have none; the specification wants them clamped.
+    pub(super) fn colors(&self, index: Index<Accessor>, what: &str) -> Result<Vec<Vec4>, Refusal> {
+        let what = format!("{what}, its colours");
+        let accessor = self.root.accessors.get(index.value());
+        let is_rgb = accessor.is_some_and(|found| found.type_ == Checked::Valid(Type::Vec3));
+        if let Some(accessor) = accessor
+            && component(accessor, &what)? != ComponentType::F32
+            && !accessor.normalized
+        {
+            return Err(format!(
+                "{what}: accessor {} holds integers: they must be normalized",
+                index.value()
+            ));
+        }
+        let clamped = |color: Vec4| color.clamp(Vec4::ZERO, Vec4::ONE);
+        Ok(match is_rgb {
+            true => {
+                let numbers = self.numbers(index, Type::Vec3, &what)?;
+                let triples = numbers.as_chunks().0.iter();
+                let opaque = |rgb: &[f32; 3]| clamped(Vec3::from(*rgb).extend(1.0));
+                triples.map(opaque).collect()
+            }
+            false => {
+                let numbers = self.numbers(index, Type::Vec4, &what)?;
+                let fours = numbers.as_chunks().0.iter();
+                fours
+                    .map(|rgba: &[f32; 4]| clamped(Vec4::from(*rgba)))
+                    .collect()
+            }
+        })
     }
 
     /// All indices of an accessor.

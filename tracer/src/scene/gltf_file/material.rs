@@ -7,9 +7,10 @@ use gltf_json::extensions::texture::TextureTransform;
 use gltf_json::root::Index;
 use gltf_json::texture::{Info, Texture, WrappingMode};
 use gltf_json::validation::Checked;
+use serde::Deserialize as _;
 
 use super::container::{self, Files};
-use super::{Document, Fault, Refusal};
+use super::{Document, Fault, Refusal, layers};
 use crate::scene::validate::NAME_BYTES_MAX;
 use crate::scene::{ColorSpace, ImageTexture, Material, MaterialTextures, Medium, Scene, Wrap};
 use crate::text::printable;
@@ -145,15 +146,22 @@ impl Textures<'_> {
         let emission = at(from.emissive_texture.as_ref(), colors, self, scene)?;
         let surface = base.metallic_roughness_texture.as_ref();
         let metallic_roughness = at(surface, numbers, self, scene)?;
-        let mut normal = None;
+        let (layers, coat) = layers::layers(from, what)?;
+        let clearcoat = at(coat.clearcoat_texture.as_ref(), numbers, self, scene)?;
+        let rough = coat.clearcoat_roughness_texture.as_ref();
+        let clearcoat_roughness = at(rough, numbers, self, scene)?;
+        let (mut normal, mut normal_scale) = (None, 1.0);
         if let Some(map) = &from.normal_texture {
-            // Its transformation, which the crate does not read, is that of the others.
-            let plain = UvSet {
-                index: map.tex_coord,
-                ..uvs.unwrap_or(UvSet::plain(0))
-            };
-            merge(&mut uvs, plain, what)?;
+            let others = map.extensions.as_ref().map(|all| &all.others);
+            let transform = others.and_then(|others| others.get("KHR_texture_transform"));
+            let transform = transform.map(|value| {
+                TextureTransform::deserialize(value)
+                    .map_err(|error| format!("{what}: its normalTexture's transform: {error}"))
+            });
+            let laid = uv_set_of(map.tex_coord, transform.transpose()?.as_ref());
+            merge(&mut uvs, laid, what)?;
             normal = Some(self.texture(map.index, numbers, what, scene)?);
+            normal_scale = map.scale;
         }
         let extensions = from.extensions.as_ref();
         let ior = extensions.and_then(|all| all.ior.as_ref());
@@ -171,8 +179,13 @@ impl Textures<'_> {
                 base_color,
                 metallic_roughness,
                 normal,
+                normal_scale,
                 emission,
+                clearcoat,
+                clearcoat_roughness,
             },
+            opacity: layers::opacity(from, what)?,
+            layers,
         };
         Ok((material, uvs))
     }
@@ -245,6 +258,10 @@ fn uv_set(info: &Info) -> UvSet {
         .extensions
         .as_ref()
         .and_then(|all| all.texture_transform.as_ref());
+    uv_set_of(info.tex_coord, transform)
+}
+
+fn uv_set_of(index: u32, transform: Option<&TextureTransform>) -> UvSet {
     let Some(TextureTransform {
         offset,
         rotation,
@@ -253,12 +270,12 @@ fn uv_set(info: &Info) -> UvSet {
         ..
     }) = transform
     else {
-        return UvSet::plain(info.tex_coord);
+        return UvSet::plain(index);
     };
     let (sine, cosine) = rotation.0.sin_cos();
     let turn = Mat2::from_cols(Vec2::new(cosine, -sine), Vec2::new(sine, cosine));
     UvSet {
-        index: tex_coord.unwrap_or(info.tex_coord),
+        index: tex_coord.unwrap_or(index),
         offset: Vec2::from(offset.0),
         turn_and_scale: turn * Mat2::from_diagonal(Vec2::from(scale.0)),
     }

@@ -1,12 +1,18 @@
 //! Scenes from glTF 2.0 files (Khronos Group, "glTF 2.0 Specification", ISO/IEC 12113:2022).
 //!
 //! Read are the nodes of the file's scene with their meshes, as one object for each primitive of each; materials with
-//! their textures; lights (`KHR_lights_punctual`); and the first perspective camera. Its +y is this tracer's +z. The extensions
-//! `KHR_materials_ior`, `KHR_materials_emissive_strength` and `KHR_texture_transform` are read too. Animations, skins and
-//! morph targets give the scene at a time ([`AnimatedScene`]). Closed meshes of a material that transmits half of its light or
-//! more (`KHR_materials_transmission`) are dielectrics that absorb as `KHR_materials_volume` says; open ones are opaque, and the
-//! base colour does not tint what is transmitted. Passed over are opacity, vertex colours,
-//! occlusion and the scale of normal maps. A file that requires another extension, or holds points or lines, is refused.
+//! their textures, alpha modes and vertex colours (`COLOR_0`); lights (`KHR_lights_punctual`); and the first perspective
+//! camera. Its +y is this tracer's +z. The extensions `KHR_materials_clearcoat`, `KHR_materials_emissive_strength`,
+//! `KHR_materials_ior`, `KHR_materials_sheen`, `KHR_materials_specular` and `KHR_texture_transform` are read too. Animations,
+//! skins and morph targets give the scene at a time ([`AnimatedScene`]). Closed meshes of a material that transmits half of its
+//! light or more (`KHR_materials_transmission`) are dielectrics that absorb as `KHR_materials_volume` says; open ones let no
+//! light pass but what their alpha mode does, and the base colour does not tint what is transmitted.
+//!
+//! All meshes are seen from both sides, as Blender and Mitsuba have them: `doubleSided` is passed over, since a path tracer's
+//! light comes to the back of a wall as well, and one that only the camera looks through would still cast its shadow. Passed
+//! over are also `occlusionTexture`, which stands for what is traced here; the coat's normal map, instead of which it has the
+//! base's; and the textures of sheen and specular. A file that requires another extension, or holds points or
+//! lines, is refused.
 //!
 //! The types of the file's JSON are those of the crate `gltf-json`; its buffers and images are read here.
 
@@ -17,7 +23,10 @@ mod animation;
 mod animation_tests;
 mod container;
 mod deformation;
+mod layers;
 mod material;
+#[cfg(test)]
+mod material_tests;
 mod node;
 mod pose;
 #[cfg(test)]
@@ -104,10 +113,13 @@ impl Document {
     }
 }
 
-const EXTENSIONS: [&str; 6] = [
+const EXTENSIONS: [&str; 9] = [
     "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_volume",
     "KHR_texture_transform",

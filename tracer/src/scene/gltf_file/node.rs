@@ -241,6 +241,9 @@ impl Contents<'_> {
                     .collect(),
             );
         }
+        if let Some(colors) = attribute(Semantic::Colors(0)) {
+            mesh = mesh.colors(document.colors(colors, what)?);
+        }
         Ok(mesh)
     }
 }

@@ -4,7 +4,7 @@ use glam::{Quat, Vec2, Vec3};
 use serde_json::{Value, json};
 
 use super::*;
-use crate::scene::{ColorSpace, Material, Mesh, Object, Shape, Wrap};
+use crate::scene::{ColorSpace, Layers, Material, Mesh, Object, Opacity, Shape, Wrap};
 use crate::texture_file::{Texels, encode_png};
 
 /// A `.glb` of JSON and a binary chunk.
@@ -32,7 +32,7 @@ fn picture() -> Vec<u8> {
 }
 
 /// A triangle with normals and texture coordinates in two nodes, the second one moved, turned and mirrored; a camera.
-fn sample() -> (Value, Vec<u8>) {
+pub(super) fn sample() -> (Value, Vec<u8>) {
     let mut binary = Vec::new();
     let positions = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let normals = [[0.0f32, 0.0, 1.0]; 3];
@@ -131,6 +131,8 @@ fn nodes_meshes_materials_and_camera_are_read() {
         ior,
         emission,
         textures,
+        opacity: Opacity::Opaque,
+        layers: Layers::NONE,
     } = scene.materials[&a.material]
     else {
         panic!("{:?}", scene.materials);
@@ -257,6 +259,7 @@ fn texture_transforms_are_applied_to_coordinates() {
     for texture in ["baseColorTexture", "metallicRoughnessTexture"] {
         json["materials"][0]["pbrMetallicRoughness"][texture]["extensions"] = transform.clone();
     }
+    json["materials"][0]["normalTexture"]["extensions"] = transform;
     let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
     // (1, 1) is scaled to (2, 3), turned to (3, −2) and moved.
     let off = mesh(&scene.objects[0]).uvs[1] - Vec2::new(3.5, -1.75);

@@ -1,9 +1,11 @@
 //! Mesh files: Wavefront OBJ and Stanford PLY.
 //!
 //! Both are read here and by no library, for the sake of messages that name the line and the value. Read are positions,
-//! normals and faces, which are cut into triangles that share their first corner, and of OBJ texture coordinates, if all corners
-//! have them; materials and groups are passed over.
+//! normals and faces, which are cut into triangles that share their first corner, of OBJ texture coordinates, if all corners
+//! have them, and of PLY the colours of vertices (red, green, blue, perhaps alpha), which are
+//! sRGB. [`ObjScene`] reads an OBJ file with its materials, as MTL has them; groups are passed over.
 
+mod mtl;
 mod obj;
 mod ply;
 #[cfg(test)]
@@ -15,12 +17,98 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::Mesh;
-use super::validate::{TRIANGLES_MAX, VERTICES_MAX};
+use super::validate::{NAME_BYTES_MAX, TRIANGLES_MAX, VERTICES_MAX};
+use super::{ImageTexture, Material, Mesh, Scene};
 use crate::Error;
 
 /// The longest mesh file in bytes: ten million triangles as text have 0.7 GB.
 pub const MESH_BYTES_MAX: u64 = 1 << 30;
+
+/// An OBJ file with its materials.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObjScene {
+    /// A mesh for each material, in the order in which the file names them.
+    pub parts: Vec<ObjPart>,
+    /// What materials' textures are indices into.
+    pub textures: Vec<ImageTexture>,
+}
+
+/// The faces of one material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObjPart {
+    /// The material's name; empty of faces without.
+    pub name: String,
+    /// The material; none of faces that name none.
+    pub material: Option<Material>,
+    /// All faces of it.
+    pub mesh: Mesh,
+}
+
+impl ObjScene {
+    /// Reads an OBJ file, the MTL files beside it that it names, and their textures.
+    ///
+    /// # Errors
+    /// As [`Mesh::load`]; [`Error::Format`] too, with the file, the line and the value, if a file that is named is not
+    /// there or a material cannot be read.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
+        let path = path.as_ref();
+        let bytes = read_mesh_file(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::read(&bytes, folder).map_err(|message| format(path, &message))
+    }
+
+    fn read(bytes: &[u8], folder: &Path) -> Result<Self, Refusal> {
+        let reader = obj::ObjReader::read(bytes, true)?;
+        let mut library = mtl::MaterialLibrary::default();
+        for (file, line) in &reader.libraries {
+            let read = library.read(folder, file);
+            read.map_err(|why| format!("line {line}: {why}"))?;
+        }
+        let parts = reader.finish()?.into_iter().map(|faces| {
+            let Some((name, line)) = faces.material else {
+                return Ok(ObjPart {
+                    name: String::new(),
+                    material: None,
+                    mesh: faces.mesh,
+                });
+            };
+            let material = library.materials.get(&name).copied();
+            let material = material.ok_or_else(|| {
+                format!("line {line}: the material `{name}` is in none of its mtllib files")
+            })?;
+            let has_textures = material.textures().indices().next().is_some();
+            if has_textures && faces.mesh.uvs.is_empty() {
+                return Err(format!(
+                    "line {line}: the material `{name}` has textures, but not all corners of its faces have texture \
+                     coordinates"
+                ));
+            }
+            Ok(ObjPart {
+                name,
+                material: Some(material),
+                mesh: faces.mesh,
+            })
+        });
+        Ok(Self {
+            parts: parts.collect::<Result<_, Refusal>>()?,
+            textures: library.textures,
+        })
+    }
+
+    /// Adds its parts to a scene, those without a material of its own in `otherwise`.
+    pub fn add_to(self, scene: &mut Scene, otherwise: Material) {
+        let first = scene.textures.len() as u32;
+        for texture in self.textures {
+            scene.add_texture(texture);
+        }
+        for part in self.parts {
+            let material = part.material.unwrap_or(otherwise);
+            let textures = material.textures().shifted(first);
+            let name = crate::text::printable(&part.name, NAME_BYTES_MAX);
+            scene.add_named(name, part.mesh, material.textured(textures));
+        }
+    }
+}
 
 impl Mesh {
     /// Reads an OBJ or PLY file, which its name ends with.
@@ -30,30 +118,13 @@ impl Mesh {
     /// is longer than [`MESH_BYTES_MAX`], or holds what no mesh can be made of.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
-        let format = |message| Error::Format {
-            path: path.to_owned(),
-            message,
-        };
         let extension = path.extension().and_then(|extension| extension.to_str());
         let read = match extension.map(str::to_ascii_lowercase).as_deref() {
             Some("obj") => obj::read,
             Some("ply") => ply::read,
-            _ => return Err(format("its name must end with .obj or .ply".to_owned())),
+            _ => return Err(format(path, "its name must end with .obj or .ply")),
         };
-        let bytes = read_limited(path).map_err(|source| Error::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        if bytes.len() as u64 > MESH_BYTES_MAX {
-            let sentence = "it is longer than {} bytes, the most that a mesh file may hold";
-            return Err(format(sentence.replace("{}", &MESH_BYTES_MAX.to_string())));
-        }
-        read(&bytes).map_err(|message| {
-            format(crate::text::printable(
-                &message,
-                crate::text::SENTENCE_BYTES_MAX,
-            ))
-        })
+        read(&read_mesh_file(path)?).map_err(|message| format(path, &message))
     }
 
     /// Writes the mesh in its own frame as a binary PLY file, which reads back bit by bit.
@@ -68,6 +139,28 @@ impl Mesh {
             source,
         })
     }
+}
+
+fn format(path: &Path, message: &str) -> Error {
+    Error::Format {
+        path: path.to_owned(),
+        message: crate::text::printable(message, crate::text::SENTENCE_BYTES_MAX),
+    }
+}
+
+fn read_mesh_file(path: &Path) -> Result<Vec<u8>, Error> {
+    let bytes = read_limited(path).map_err(|source| Error::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    if bytes.len() as u64 > MESH_BYTES_MAX {
+        let sentence = "it is longer than {} bytes, the most that a mesh file may hold";
+        return Err(format(
+            path,
+            &sentence.replace("{}", &MESH_BYTES_MAX.to_string()),
+        ));
+    }
+    Ok(bytes)
 }
 
 /// At most one byte more than the limit.

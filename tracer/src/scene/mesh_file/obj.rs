@@ -5,19 +5,32 @@ use std::str::SplitAsciiWhitespace;
 
 use glam::{Vec2, Vec3};
 
-use super::{Refusal, push_face, push_vertex};
+use super::{Refusal, limit, push_face, push_vertex};
 use crate::scene::Mesh;
+use crate::scene::validate::{MATERIALS_MAX, TRIANGLES_MAX};
 
 /// Statements of no concern to a mesh's surface.
-const PASSED_OVER: [&str; 8] = ["g", "o", "s", "usemtl", "mtllib", "l", "p", "mg"];
+const PASSED_OVER: [&str; 6] = ["g", "o", "s", "l", "p", "mg"];
 
 /// A file so far.
-#[derive(Default)]
-struct ObjReader {
+pub(super) struct ObjReader {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
-    /// Of all faces.
+    /// By material; of one alone if materials are passed over.
+    faces: Vec<Faces>,
+    /// Those that faces are added to.
+    current: usize,
+    is_by_material: bool,
+    /// Files of materials, each with the line that names it.
+    pub(super) libraries: Vec<(String, usize)>,
+}
+
+/// Faces of one material.
+#[derive(Default)]
+struct Faces {
+    /// The name of their material and the line that first names it; none before any is named.
+    material: Option<(String, usize)>,
     triangles: Vec<[u32; 3]>,
     /// Position, texture coordinates and normal of each vertex that a face has named, where faces have more than positions.
     vertices: Vec<[u32; 3]>,
@@ -29,22 +42,73 @@ struct ObjReader {
     lacks_uvs: bool,
 }
 
+/// Faces of one material as a mesh.
+pub(super) struct ObjFaces {
+    /// The name of the material and the line that first names it.
+    pub(super) material: Option<(String, usize)>,
+    pub(super) mesh: Mesh,
+}
+
+/// All faces as one mesh.
 pub(super) fn read(bytes: &[u8]) -> Result<Mesh, Refusal> {
-    let mut reader = ObjReader::default();
-    for (number, line) in (1..).zip(bytes.split(|&byte| byte == b'\n')) {
-        let text = String::from_utf8_lossy(line);
-        let statement = text.split('#').next().unwrap_or_default();
-        let mut words = statement.split_ascii_whitespace();
-        let Some(keyword) = words.next() else {
-            continue;
-        };
-        let taken = reader.take(keyword, words);
-        taken.map_err(|why| format!("line {number}: {why}"))?;
-    }
-    reader.finish()
+    let mut parts = ObjReader::read(bytes, false)?.finish()?;
+    Ok(parts.swap_remove(0).mesh)
 }
 
 impl ObjReader {
+    /// Reads a file, its faces divided by material if they are to be.
+    pub(super) fn read(bytes: &[u8], is_by_material: bool) -> Result<Self, Refusal> {
+        let mut reader = Self {
+            positions: Vec::new(),
+            normals: Vec::new(),
+            uvs: Vec::new(),
+            faces: vec![Faces::default()],
+            current: 0,
+            is_by_material,
+            libraries: Vec::new(),
+        };
+        for (number, line) in (1..).zip(bytes.split(|&byte| byte == b'\n')) {
+            let text = String::from_utf8_lossy(line);
+            let statement = text.split('#').next().unwrap_or_default().trim();
+            let mut words = statement.split_ascii_whitespace();
+            let Some(keyword) = words.next() else {
+                continue;
+            };
+            let rest = statement[keyword.len()..].trim();
+            let taken = match keyword {
+                "mtllib" | "usemtl" => reader.take_material(keyword, rest, number),
+                _ => reader.take(keyword, words),
+            };
+            taken.map_err(|why| format!("line {number}: {why}"))?;
+        }
+        Ok(reader)
+    }
+
+    fn take_material(&mut self, keyword: &str, name: &str, line: usize) -> Result<(), Refusal> {
+        if !self.is_by_material {
+            return Ok(());
+        }
+        if name.is_empty() {
+            return Err(format!("a name must follow `{keyword}`"));
+        }
+        if keyword == "mtllib" {
+            self.libraries.push((name.to_owned(), line));
+            return limit("files of materials", self.libraries.len(), LIBRARIES_MAX);
+        }
+        let of = |faces: &Faces| faces.material.as_ref().is_some_and(|(of, _)| of == name);
+        self.current = match self.faces.iter().position(of) {
+            Some(known) => known,
+            None => {
+                self.faces.push(Faces {
+                    material: Some((name.to_owned(), line)),
+                    ..Faces::default()
+                });
+                self.faces.len() - 1
+            }
+        };
+        limit("materials", self.faces.len() - 1, MATERIALS_MAX)
+    }
+
     fn take(&mut self, keyword: &str, words: SplitAsciiWhitespace<'_>) -> Result<(), Refusal> {
         match keyword {
             "v" => push_vertex(&mut self.positions, numbers(words)?.into()),
@@ -64,7 +128,9 @@ impl ObjReader {
             "f" => {
                 let corners = words.map(|word| self.corner(word));
                 let corners = corners.collect::<Result<Vec<u32>, Refusal>>()?;
-                push_face(&mut self.triangles, &corners)
+                push_face(&mut self.faces[self.current].triangles, &corners)?;
+                let triangles = self.faces.iter().map(|faces| faces.triangles.len());
+                limit("triangles", triangles.sum(), TRIANGLES_MAX)
             }
             _ if PASSED_OVER.contains(&keyword) => Ok(()),
             _ => Err(format!("`{keyword}` is not a statement that is known here")),
@@ -80,45 +146,60 @@ impl ObjReader {
         let uv = parts
             .next()
             .and_then(|part| index(part, self.uvs.len(), "").ok());
-        let has_uvs = *self.has_uvs.get_or_insert(uv.is_some());
-        self.lacks_uvs |= uv.is_none();
+        let faces = &mut self.faces[self.current];
+        let has_uvs = *faces.has_uvs.get_or_insert(uv.is_some());
+        faces.lacks_uvs |= uv.is_none();
         let normal = parts
             .next()
             .map(|part| index(part, self.normals.len(), "normals"));
         let normal = normal.transpose()?;
-        if *self.has_normals.get_or_insert(normal.is_some()) != normal.is_some() {
+        if *faces.has_normals.get_or_insert(normal.is_some()) != normal.is_some() {
             let sentence =
                 "the corner `{}` differs from those before it: all have a normal or none";
             return Err(sentence.replace("{}", word));
         }
-        if normal.is_none() && !has_uvs {
+        if normal.is_none() && !has_uvs && !self.is_by_material {
             return Ok(position);
         }
         let (uv, normal) = (uv.filter(|_| has_uvs), normal.unwrap_or_default());
         let (vertices, vertex) = (
-            &mut self.vertices,
+            &mut faces.vertices,
             [position, uv.unwrap_or_default(), normal],
         );
-        Ok(*self.numbers.entry(vertex).or_insert_with(|| {
+        Ok(*faces.numbers.entry(vertex).or_insert_with(|| {
             vertices.push(vertex);
             vertices.len() as u32 - 1
         }))
     }
 
-    fn finish(self) -> Result<Mesh, Refusal> {
-        if self.triangles.is_empty() {
-            return Err("it has no face".to_owned());
+    /// A mesh for each material that faces are of.
+    pub(super) fn finish(mut self) -> Result<Vec<ObjFaces>, Refusal> {
+        let faces = std::mem::take(&mut self.faces);
+        let faces = faces
+            .into_iter()
+            .filter(|faces| !faces.triangles.is_empty());
+        let parts: Vec<ObjFaces> = faces.map(|faces| self.part(faces)).collect();
+        match parts.is_empty() {
+            true => Err("it has no face".to_owned()),
+            false => Ok(parts),
         }
-        let (has_normals, has_uvs) = (self.has_normals == Some(true), self.has_uvs == Some(true));
-        if !has_normals && !has_uvs {
-            return Ok(Mesh::new(self.positions, self.triangles));
+    }
+
+    fn part(&mut self, faces: Faces) -> ObjFaces {
+        let (has_normals, has_uvs) = (faces.has_normals == Some(true), faces.has_uvs == Some(true));
+        if faces.vertices.is_empty() {
+            let positions = std::mem::take(&mut self.positions);
+            return ObjFaces {
+                material: faces.material,
+                mesh: Mesh::new(positions, faces.triangles),
+            };
         }
-        let vertices = self.vertices.iter();
+        let vertices = faces.vertices.iter();
         let positions = vertices
             .clone()
             .map(|vertex| self.positions[vertex[0] as usize]);
-        let mut mesh = Mesh::new(positions.collect(), self.triangles);
-        if has_uvs && !self.lacks_uvs {
+        let mut mesh = Mesh::new(positions.collect(), faces.triangles);
+        if has_uvs && !faces.lacks_uvs {
             let uvs = vertices.clone().map(|vertex| self.uvs[vertex[1] as usize]);
             mesh = mesh.uvs(uvs.collect());
         }
@@ -126,9 +207,15 @@ impl ObjReader {
             let normals = vertices.map(|vertex| self.normals[vertex[2] as usize]);
             mesh = mesh.normals(normals.collect());
         }
-        Ok(mesh)
+        ObjFaces {
+            material: faces.material,
+            mesh,
+        }
     }
 }
+
+/// The most files of materials that a file may name.
+const LIBRARIES_MAX: usize = 64;
 
 /// Counted from 1, or from the last one backwards as −1, −2, …
 fn index(word: &str, count: usize, what: &str) -> Result<u32, Refusal> {

@@ -2,10 +2,11 @@
 
 use std::str::SplitAsciiWhitespace;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use super::{Refusal, push_face, push_vertex};
 use crate::scene::Mesh;
+use crate::tonemap::linear_from_srgb;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Encoding {
@@ -162,9 +163,51 @@ fn scalar(name: &str) -> Result<Scalar, Refusal> {
     })
 }
 
+/// A vertex's colour, by convention that of a display (sRGB, IEC 61966-2-1), as shares of 1.
+#[derive(Default)]
+struct VertexColor {
+    rgb: [Option<f32>; 3],
+    alpha: Option<f32>,
+}
+
+impl VertexColor {
+    /// Takes a property if it is a channel.
+    fn set(&mut self, name: &str, value: f32, of: Scalar) -> Result<(), Refusal> {
+        let channel = match name {
+            "red" | "diffuse_red" => &mut self.rgb[0],
+            "green" | "diffuse_green" => &mut self.rgb[1],
+            "blue" | "diffuse_blue" => &mut self.rgb[2],
+            "alpha" => &mut self.alpha,
+            _ => return Ok(()),
+        };
+        let whole = match of {
+            Scalar::F32 | Scalar::F64 => 1.0,
+            Scalar::U16 => 65_535.0,
+            _ => 255.0,
+        };
+        let share = value / whole;
+        if !(0.0..=1.0).contains(&share) {
+            return Err(format!(
+                "its {name} is {value}: it must be from 0 to {whole}"
+            ));
+        }
+        *channel = Some(share);
+        Ok(())
+    }
+
+    /// The linear colour if all of red, green and blue are given.
+    fn linear(&self) -> Option<Vec4> {
+        let [r, g, b] = self.rgb;
+        let [r, g, b] =
+            [r?, g?, b?].map(|share| linear_from_srgb(f64::from(share)).min(1.0) as f32);
+        Some(Vec3::new(r, g, b).extend(self.alpha.unwrap_or(1.0)))
+    }
+}
+
 impl Body<'_> {
     fn element(&mut self, element: &Element, mesh: &mut Mesh) -> Result<(), Refusal> {
-        let (mut position, mut normal) = (Vec3::NAN, None::<Vec3>);
+        let (mut position, mut normal, mut color) =
+            (Vec3::NAN, None::<Vec3>, VertexColor::default());
         let is_vertex = element.name == "vertex";
         for property in &element.properties {
             let Some(length) = property.length else {
@@ -176,6 +219,7 @@ impl Body<'_> {
                     "nx" => normal.get_or_insert(Vec3::ZERO).x = value,
                     "ny" => normal.get_or_insert(Vec3::ZERO).y = value,
                     "nz" => normal.get_or_insert(Vec3::ZERO).z = value,
+                    name if is_vertex => color.set(name, value, property.value)?,
                     _ => {}
                 }
                 continue;
@@ -189,6 +233,7 @@ impl Body<'_> {
         if is_vertex {
             push_vertex(&mut mesh.positions, position)?;
             mesh.normals.extend(normal);
+            mesh.colors.extend(color.linear());
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The rules that triangle meshes keep.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 use super::{COORDINATE_M_MAX, Check, UV_MAX, count, position, rotation};
 use crate::SceneError;
@@ -48,7 +48,8 @@ pub(super) fn check_mesh(mesh: &Mesh) -> Check {
         }
     }
     check_normals(mesh)?;
-    check_uvs(mesh)
+    check_uvs(mesh)?;
+    check_colors(mesh)
 }
 
 fn check_normals(mesh: &Mesh) -> Check {
@@ -78,6 +79,20 @@ fn check_uvs(mesh: &Mesh) -> Check {
             value,
             max: UV_MAX,
         }),
+        None => Ok(()),
+    }
+}
+
+fn check_colors(mesh: &Mesh) -> Check {
+    let (colors, vertices) = (mesh.colors.len(), mesh.positions.len());
+    if colors != 0 && colors != vertices {
+        return Err(SceneError::VertexColors { colors, vertices });
+    }
+    let mut colors = mesh.colors.iter().enumerate();
+    // NaN is not within.
+    let is_within = |c: &Vec4| c.cmpge(Vec4::ZERO).all() && c.cmple(Vec4::ONE).all();
+    match colors.find(|(_, color)| !is_within(color)) {
+        Some((index, &value)) => Err(SceneError::VertexColor { index, value }),
         None => Ok(()),
     }
 }

@@ -1,0 +1,94 @@
+// Clear coats and sheens over glTF's material: see `scalar::metallic_roughness`. Functions of that part that it has
+// namesakes of are renamed to `base_` there.
+
+struct SurfaceLayers {
+    clearcoat: f32,
+    clearcoat_alpha: f32,
+    sheen_left: f32,
+    sheen_width: f32,
+    sheen: vec3f,
+}
+
+// Those of the surface for which `metallic_roughness_at` was called last.
+var<private> layers: SurfaceLayers;
+
+fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
+    let material = surface.material;
+    let textures = textures_met();
+    let coat = scene_storage.materials[material].stripe_albedo.xy;
+    let roughness = textures.clearcoat_roughness;
+    layers = SurfaceLayers(
+        coat.x * textures.clearcoat,
+        max(coat.y * roughness * roughness, ALPHA_LEAST),
+        scene_storage.materials[material].scale,
+        scene_storage.materials[material].sheen_roughness,
+        scene_storage.materials[material].sheen,
+    );
+    return base_metallic_roughness_at(surface);
+}
+
+fn regularise_layers() {
+    layers.clearcoat_alpha = max(layers.clearcoat_alpha, ALPHA_MIN);
+}
+
+// What passes into the diffuse base, on average over even light, through both.
+fn mean_passed() -> f32 {
+    let passed = 1.0 - metallic_roughness.dielectric_f0;
+    let rise = metallic_roughness.base_f90 - metallic_roughness.dielectric_f0;
+    let coat_rise = layers.clearcoat * (1.0 - CLEARCOAT_F0);
+    let lost = passed * (1.0 / 21.0) - rise * (1.0 / 66.0);
+    return base_mean_passed() * (1.0 - layers.clearcoat * CLEARCOAT_F0) - coat_rise * lost;
+}
+
+fn coat_reflected(cos_theta: f32) -> f32 {
+    return layers.clearcoat * fma(grazing(cos_theta), 1.0 - CLEARCOAT_F0, CLEARCOAT_F0);
+}
+
+// What the reflection, and base and sheen, send on.
+fn weights_below(cos_o: f32) -> vec2f {
+    let reflected = dot(schlick(metallic_roughness.f0, metallic_roughness.f90, cos_o), vec3f(1.0));
+    let diffuse = base_passed(cos_o) * dot(metallic_roughness.diffuse, vec3f(1.0));
+    return vec2f(reflected, diffuse + 3.0 * (1.0 - layers.sheen_left));
+}
+
+fn reflected_share(cos_o: f32) -> f32 {
+    let weights = weights_below(cos_o);
+    let sum = weights.x + weights.y;
+    return select(0.0, weights.x / max(sum, 1e-30), sum > 0.0);
+}
+
+fn clearcoat_share(cos_o: f32) -> f32 {
+    let weights = weights_below(cos_o);
+    let coat = coat_reflected(cos_o);
+    return coat / max(fma(1.0 - coat, (weights.x + weights.y) * (1.0 / 3.0), coat), 1e-30);
+}
+
+fn with_layers(base: Evaluated, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
+    let cos_o = dot(n, wo);
+    let cos_i = dot(n, wi);
+    let sum = wo + wi;
+    var f = base.f * layers.sheen_left;
+    if (any(layers.sheen > vec3f(0.0))) {
+        let exponent = 1.0 / layers.sheen_width;
+        let along = dot(sum, n);
+        let sine2 = clamp(1.0 - along * along / dot(sum, sum), 1e-12, 1.0);
+        let power = exp2(0.5 * exponent * log2(sine2));
+        f += layers.sheen * ((2.0 + exponent) * power / (4.0 * (cos_o + cos_i - cos_o * cos_i)));
+    }
+    let h = normalize(sum);
+    let seen = 0.25 * ggx(layers.clearcoat_alpha, n, h) * visibility(layers.clearcoat_alpha, cos_o);
+    let coat = coat_reflected(dot(wo, h)) * seen * visibility(layers.clearcoat_alpha, cos_i);
+    let passed = (1.0 - coat_reflected(cos_o)) * (1.0 - coat_reflected(cos_i));
+    let share = clearcoat_share(cos_o);
+    return Evaluated(f * passed + coat, fma(share, seen, (1.0 - share) * base.pdf));
+}
+
+// The direction of the coat's reflection if `u` chooses that; else 0, and `u` is stretched to [0, 1) again.
+fn sample_coat(n: vec3f, wo: vec3f, u: ptr<function, vec3f>) -> vec3f {
+    let coat = clearcoat_share(dot(n, wo));
+    if ((*u).x < coat) {
+        return reflected_by(sample_visible(layers.clearcoat_alpha, wo, n, (*u).y, (*u).z), wo);
+    }
+    (*u).x = ((*u).x - coat) / (1.0 - coat);
+    return vec3f(0.0);
+}

@@ -1,0 +1,5 @@
+// A scene without image textures.
+
+fn texture_alpha(index: u32, weights: vec3f) -> f32 {
+    return 1.0;
+}

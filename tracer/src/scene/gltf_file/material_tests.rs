@@ -1,0 +1,206 @@
+use glam::{Vec3, Vec4};
+use serde_json::{Value, json};
+
+use super::tests::{glb, mesh, sample};
+use super::*;
+use crate::scene::{Layers, Material, Opacity};
+
+/// The material of the sample's first object.
+fn material(json: &Value, binary: &[u8]) -> Material {
+    let scene = Scene::from_gltf(&glb(json, binary)).unwrap();
+    scene.materials[&scene.objects[0].material]
+}
+
+fn layers(material: Material) -> Layers {
+    match material {
+        Material::MetallicRoughness { layers, .. } => layers,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The sample with another accessor behind its own, of these bytes.
+fn with_accessor(mut accessor: Value, bytes: &[u8]) -> (Value, Vec<u8>) {
+    let (mut json, mut binary) = sample();
+    let views = json["bufferViews"].as_array_mut().unwrap();
+    accessor["bufferView"] = json!(views.len());
+    views.push(json!({ "buffer": 0, "byteOffset": binary.len(), "byteLength": bytes.len() }));
+    binary.extend(bytes);
+    binary.resize(binary.len().next_multiple_of(4), 0);
+    json["accessors"].as_array_mut().unwrap().push(accessor);
+    json["buffers"][0]["byteLength"] = json!(binary.len());
+    json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = json!(4);
+    (json, binary)
+}
+
+#[test]
+fn alpha_modes_are_read() {
+    let (mut json, binary) = sample();
+    assert_eq!(material(&json, &binary).opacity(), Opacity::Opaque);
+    let base = &mut json["materials"][0]["pbrMetallicRoughness"];
+    base["baseColorFactor"] = json!([1, 1, 1, 0.75]);
+    for (mode, expected) in [
+        (json!("OPAQUE"), Opacity::Opaque),
+        (json!("BLEND"), Opacity::Blend { alpha: 0.75 }),
+        (
+            json!("MASK"),
+            Opacity::Mask {
+                alpha: 0.75,
+                cutoff: 0.5,
+            },
+        ),
+    ] {
+        json["materials"][0]["alphaMode"] = mode;
+        assert_eq!(material(&json, &binary).opacity(), expected);
+    }
+    json["materials"][0]["alphaCutoff"] = json!(0.25);
+    let Opacity::Mask { cutoff, .. } = material(&json, &binary).opacity() else {
+        panic!("it is a mask");
+    };
+    assert_eq!(cutoff, 0.25);
+}
+
+#[test]
+fn layers_specular_and_scale_of_normals_are_read() {
+    let (mut json, binary) = sample();
+    assert_eq!(layers(material(&json, &binary)), Layers::NONE);
+    json["materials"][0]["normalTexture"]["scale"] = json!(0.5);
+    json["materials"][0]["extensions"] = json!({
+        "KHR_materials_clearcoat": { "clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.5,
+            "clearcoatTexture": { "index": 0 }, "clearcoatNormalTexture": { "index": 0 } },
+        "KHR_materials_sheen": { "sheenColorFactor": [0.25, 0.5, 1], "sheenRoughnessFactor": 0.5 },
+        "KHR_materials_specular": { "specularFactor": 0.25, "specularColorFactor": [1, 2, 0] },
+        "KHR_materials_dispersion": { "dispersion": 0.1 }
+    });
+    json["extensionsRequired"] = json!([
+        "KHR_materials_clearcoat",
+        "KHR_materials_sheen",
+        "KHR_materials_specular"
+    ]);
+    let read = material(&json, &binary);
+    let expected = Layers {
+        clearcoat: 0.75,
+        clearcoat_roughness: 0.5,
+        sheen: Vec3::new(0.25, 0.5, 1.0),
+        sheen_roughness: 0.5,
+        specular: 0.25,
+        specular_color: Vec3::new(1.0, 2.0, 0.0),
+    };
+    assert_eq!(layers(read), expected);
+    let textures = read.textures();
+    assert_eq!(textures.normal_scale, 0.5);
+    assert_eq!(textures.clearcoat, textures.metallic_roughness);
+    assert_eq!(textures.clearcoat_roughness, None);
+}
+
+#[test]
+fn vertex_colours_of_all_types_are_read() {
+    let floats = |numbers: &[f32]| -> Vec<u8> {
+        numbers
+            .iter()
+            .flat_map(|number| number.to_le_bytes())
+            .collect()
+    };
+    let words = |numbers: &[u16]| -> Vec<u8> {
+        numbers
+            .iter()
+            .flat_map(|number| number.to_le_bytes())
+            .collect()
+    };
+    let cases = [
+        // Floats beyond 0 and 1 are clamped.
+        (
+            json!({ "componentType": 5126, "type": "VEC3", "count": 3 }),
+            floats(&[0.0, 0.5, 1.0, -1.0, 2.0, 0.25, 0.0, 0.0, 0.0]),
+            [[0.0, 0.5, 1.0, 1.0], [0.0, 1.0, 0.25, 1.0]],
+        ),
+        (
+            json!({ "componentType": 5126, "type": "VEC4", "count": 3 }),
+            floats(&[0.0, 0.5, 1.0, 0.75, 1.0, 1.0, 0.25, 0.5, 0.0, 0.0, 0.0, 0.0]),
+            [[0.0, 0.5, 1.0, 0.75], [1.0, 1.0, 0.25, 0.5]],
+        ),
+        (
+            json!({ "componentType": 5121, "type": "VEC4", "count": 3, "normalized": true }),
+            vec![0, 51, 255, 102, 255, 255, 153, 0, 0, 0, 0, 0],
+            [[0.0, 0.2, 1.0, 0.4], [1.0, 1.0, 0.6, 0.0]],
+        ),
+        (
+            json!({ "componentType": 5123, "type": "VEC3", "count": 3, "normalized": true }),
+            words(&[0, 13107, 65535, 65535, 0, 39321, 0, 0, 0]),
+            [[0.0, 0.2, 1.0, 1.0], [1.0, 0.0, 0.6, 1.0]],
+        ),
+    ];
+    for (accessor, bytes, expected) in cases {
+        let (json, binary) = with_accessor(accessor, &bytes);
+        let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+        let colors = &mesh(&scene.objects[0]).colors;
+        for (color, expected) in colors.iter().zip(expected) {
+            assert!(
+                (*color - Vec4::from(expected)).abs().max_element() < 1e-6,
+                "{colors:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn faults_of_materials_and_colours_are_sentences() {
+    type Spoil = fn(&mut Value);
+    let cases: [(Spoil, &str); 8] = [
+        (
+            |json| json["materials"][0]["alphaMode"] = json!("HALF"),
+            "material 0 `paint`: its alphaMode must be OPAQUE, MASK or BLEND",
+        ),
+        (
+            |json| {
+                json["materials"][0]["alphaMode"] = json!("BLEND");
+                json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"][3] = json!(1.5);
+            },
+            "`0 paint`: the alpha of its opacity is 1.5",
+        ),
+        (
+            |json| {
+                json["materials"][0]["alphaMode"] = json!("MASK");
+                json["materials"][0]["alphaCutoff"] = json!(-1);
+            },
+            "`0 paint`: the cutoff of its opacity is -1",
+        ),
+        (
+            |json| json["materials"][0]["normalTexture"]["scale"] = json!(1e9),
+            "`0 paint`: the normal_scale of its textures is 1000000000",
+        ),
+        (
+            |json| {
+                json["materials"][0]["extensions"]["KHR_materials_clearcoat"] =
+                    json!({ "clearcoatFactor": 2 });
+            },
+            "`0 paint`: its clearcoat is 2",
+        ),
+        (
+            |json| {
+                json["materials"][0]["extensions"]["KHR_materials_sheen"] =
+                    json!({ "sheenColorFactor": "red" });
+            },
+            "material 0 `paint`: its KHR_materials_sheen: invalid type: string",
+        ),
+        (
+            |json| json["accessors"][4]["normalized"] = json!(false),
+            "mesh 0, primitive 0, its colours: accessor 4 holds integers: they must be normalized",
+        ),
+        (
+            |json| json["accessors"][4]["count"] = json!(2),
+            "its mesh has 2 colours for 3 vertices",
+        ),
+    ];
+    let accessor = json!({ "componentType": 5121, "type": "VEC4", "count": 3, "normalized": true });
+    for (spoil, sentence) in cases {
+        let (mut json, binary) = with_accessor(accessor.clone(), &[100; 12]);
+        spoil(&mut json);
+        let refusal = Scene::from_gltf(&glb(&json, &binary))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            refusal.contains(sentence),
+            "`{sentence}` is not in `{refusal}`"
+        );
+    }
+}

@@ -1,0 +1,89 @@
+//! What glTF's material has beside colour and roughness: opacity, a clear coat, a sheen.
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// How much of a surface is there: rays of all kinds pass the rest unbent.
+///
+/// A surface's alpha is that given here times the alphas of its base colour's texture and of its vertex colours. Each ray that
+/// meets it draws once whether it is met (Enderton et al., "Stochastic Transparency", I3D 2010), rays to lights too: so light
+/// passes in proportion at the price of noise, whatever lies one behind the other. What is there is seen from both sides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Opacity {
+    /// Everywhere, whatever its alpha.
+    #[default]
+    Opaque,
+    /// Where its alpha is at least `cutoff`: leaves, fences.
+    Mask {
+        /// In [0, 1].
+        #[serde(default = "one")]
+        alpha: f32,
+        /// At least 0; above 1 nothing is there.
+        #[serde(default = "half")]
+        cutoff: f32,
+    },
+    /// With the probability that its alpha is: smoke, thin cloth.
+    Blend {
+        /// In [0, 1].
+        #[serde(default = "one")]
+        alpha: f32,
+    },
+}
+
+/// A clear coat and a sheen over [`super::Material::MetallicRoughness`], and how strongly that itself reflects: glTF's
+/// `KHR_materials_clearcoat`, `KHR_materials_sheen` and `KHR_materials_specular`.
+///
+/// The coat lies on top. Both dim what is below by what they reflect, in both directions, so that no light is gained.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Layers {
+    /// Strength of the clear coat, whose index of refraction is 1.5, in [0, 1].
+    #[serde(default)]
+    pub clearcoat: f32,
+    /// Square root of the coat's GGX width, in [0, 1].
+    #[serde(default)]
+    pub clearcoat_roughness: f32,
+    /// Colour of the sheen per channel, in [0, 1]; the cloth of [`super::Material::Cloth`] has the same one.
+    #[serde(default)]
+    pub sheen: Vec3,
+    /// Square root of the sheen's width, in [0, 1]; widths below 0.1 are drawn as that.
+    #[serde(default)]
+    pub sheen_roughness: f32,
+    /// Strength of the reflection of what is no metal, in [0, 1].
+    #[serde(default = "one")]
+    pub specular: f32,
+    /// Its colour towards the normal, at least 0; where it would reflect more than comes, it reflects all.
+    #[serde(default = "white")]
+    pub specular_color: Vec3,
+}
+
+impl Layers {
+    /// Nothing on top, and all of the reflection.
+    pub const NONE: Self = Self {
+        clearcoat: 0.0,
+        clearcoat_roughness: 0.0,
+        sheen: Vec3::ZERO,
+        sheen_roughness: 0.0,
+        specular: 1.0,
+        specular_color: Vec3::ONE,
+    };
+}
+
+impl Default for Layers {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+fn half() -> f32 {
+    0.5
+}
+
+fn white() -> Vec3 {
+    Vec3::ONE
+}

@@ -1,0 +1,45 @@
+//! The rules that opacity and the layers of glTF's material keep.
+
+use glam::Vec3;
+
+use super::{Check, IOR, check_albedo, in_range};
+use crate::SceneError;
+use crate::scene::{Layers, Opacity};
+
+/// The largest scale of a normal map.
+pub const NORMAL_SCALE_MAX: f32 = 1e3;
+/// The largest cutoff of an alpha: above 1 nothing is there.
+pub const CUTOFF_MAX: f32 = 1e3;
+
+pub(super) fn check_opacity(opacity: Opacity) -> Check {
+    match opacity {
+        Opacity::Opaque => Ok(()),
+        Opacity::Mask { alpha, cutoff } => {
+            in_range("the alpha of its opacity", alpha, &(0.0..=1.0))?;
+            in_range("the cutoff of its opacity", cutoff, &(0.0..=CUTOFF_MAX))
+        }
+        Opacity::Blend { alpha } => in_range("the alpha of its opacity", alpha, &(0.0..=1.0)),
+    }
+}
+
+pub(super) fn check_layers(layers: &Layers) -> Check {
+    let share = 0.0..=1.0;
+    in_range("its clearcoat", layers.clearcoat, &share)?;
+    in_range(
+        "its clearcoat_roughness",
+        layers.clearcoat_roughness,
+        &share,
+    )?;
+    check_albedo("its sheen", layers.sheen)?;
+    in_range("its sheen_roughness", layers.sheen_roughness, &share)?;
+    in_range("its specular", layers.specular, &share)?;
+    let (value, max) = (layers.specular_color, *IOR.end());
+    match value.cmpge(Vec3::ZERO).all() && value.cmple(Vec3::splat(max)).all() {
+        true => Ok(()),
+        false => Err(SceneError::Channels {
+            what: "its specular_color",
+            value,
+            max,
+        }),
+    }
+}
