@@ -1,0 +1,350 @@
+//! Tests of the queue by what it hands out.
+
+use carom_protocol::session::ClientSession;
+use carom_protocol::{
+    CodedParticles, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId, TraceRequest,
+};
+use carom_tracer::{
+    DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
+};
+
+use super::super::NodeConnection;
+use super::super::client_connection::TileSharing;
+use super::*;
+
+/// A client that is connected to a node of `queue`.
+struct Requester {
+    session: ClientSession,
+    connection: NodeConnection,
+    queue: Arc<JobQueue>,
+    runs: u64,
+}
+
+impl Requester {
+    fn new(queue: &Arc<JobQueue>, player: PlayerId) -> Self {
+        let device = DeviceInfo {
+            kind: DeviceKind::Cpu,
+            name: String::new(),
+            width: 1,
+            threads: 1,
+        };
+        let name = String::new();
+        let info = NodeInfo {
+            name,
+            instance: 0,
+            device,
+        };
+        let queue = Arc::clone(queue);
+        let connection =
+            NodeConnection::new(info, player, Arc::clone(&queue), TileSharing::Encoded);
+        let mut requester = Self {
+            session: ClientSession::new(),
+            connection,
+            queue,
+            runs: 0,
+        };
+        requester.exchange();
+        let scene = include_str!("../../../../assets/scenes/pool.json");
+        let scene = Scene::from_json(scene).unwrap();
+        requester
+            .session
+            .set_scene(SceneHash::of(&scene), &scene)
+            .unwrap();
+        requester.exchange();
+        requester
+    }
+
+    fn exchange(&mut self) {
+        while let Some(packet) = self.session.poll_transmit() {
+            self.connection.handle(packet).unwrap();
+            while let Some(answer) = self.connection.poll_transmit() {
+                self.session.handle(answer).unwrap();
+            }
+        }
+    }
+
+    /// Asks for a picture in so many tiles.
+    fn request(&mut self, frame: u64, tiles: u32) {
+        self.request_with(frame, tiles, RenderSettings::default());
+    }
+
+    /// Asks for a picture of one sample in so many tiles.
+    fn request_with(&mut self, frame: u64, tiles: u32, settings: RenderSettings) {
+        let scene = include_str!("../../../../assets/scenes/pool.json");
+        let scene = Scene::from_json(scene).unwrap();
+        let request = TraceRequest {
+            frame: FrameId(frame),
+            id: RequestId(self.runs),
+            scene: SceneHash::of(&scene),
+            update: SceneUpdate::default(),
+            grid: TileGrid::new(ImageSize::new(8 * tiles.min(64), 8 * tiles.div_ceil(64)), 8),
+            tiles: TileRange {
+                first: 0,
+                count: tiles,
+            },
+            settings: RenderSettings {
+                samples: 1,
+                ..settings
+            },
+            format: PixelFormat::LinearF32,
+            precision: PrecisionRange::EXACT,
+            references: Vec::new(),
+            particles: CodedParticles::default(),
+        };
+        self.runs += 1;
+        self.session.trace(request).unwrap();
+        self.exchange();
+        while let Some(job) = self.queue.scenes.try_next() {
+            let scene = self.queue.scenes.compile(&job).unwrap();
+            self.queue.push_compiled(job, scene);
+        }
+    }
+}
+
+/// The player and request of a piece of work.
+fn traced(queue: &JobQueue) -> (PlayerId, u64, TileRange) {
+    let turn = queue.next().unwrap();
+    let TurnWork::Trace(tiles) = turn.work else {
+        panic!("the price is known and low");
+    };
+    queue.finish(&turn, Duration::from_secs_f64(SLICE_SECS));
+    (turn.job.client.player, turn.job.request.id.0, tiles)
+}
+
+/// The sentence of a refusal.
+fn refused(queue: &JobQueue) -> String {
+    let turn = queue.next().unwrap();
+    let TurnWork::Refuse(why) = &turn.work else {
+        panic!("the request is too dear");
+    };
+    queue.finish(&turn, Duration::ZERO);
+    why.clone()
+}
+
+/// Samples that are measured at once.
+const SAMPLES: f64 = 1e6;
+const DENOISED: RenderSettings = RenderSettings {
+    samples: 1,
+    first_sample: 0,
+    max_depth: 5,
+    seed: 0,
+    denoise: true,
+};
+
+/// Has the queue believe that a sample of the pool table takes so long.
+fn price(queue: &JobQueue, secs_per_sample: f64, probes: u32) {
+    for _ in 0..probes {
+        let turn = queue.next().unwrap();
+        assert_eq!(turn.work, TurnWork::Probe, "the price is not known");
+        let took = Duration::from_secs_f64(SAMPLES * secs_per_sample);
+        queue.set_cost(&turn.job, SAMPLES, took, true);
+        queue.finish(&turn, Duration::ZERO);
+    }
+}
+
+#[test]
+fn each_clients_oldest_frame_runs_first_in_its_turn() {
+    let queue = Arc::new(JobQueue::new());
+    let [near_id, far_id] = [b"near", b"far!"].map(|key| PlayerId::of_key(key));
+    let (mut near, mut far) = (
+        Requester::new(&queue, near_id),
+        Requester::new(&queue, far_id),
+    );
+    near.request(7, 1);
+    far.request(2, 1);
+    near.request(8, 1);
+    near.request(8, 1);
+    near.request(6, 1);
+    far.request(3, 1);
+    near.request(7, 1);
+    price(&queue, 1e-6, 1);
+    let order = (0..7)
+        .map(|_| traced(&queue))
+        .map(|(player, id, _)| (player, id));
+    let order: Vec<_> = order.collect();
+    let of = |player| {
+        order
+            .iter()
+            .filter(move |(by, _)| *by == player)
+            .map(|(_, id)| *id)
+    };
+    assert_eq!(of(near_id).collect::<Vec<_>>(), [3, 0, 4, 1, 2]);
+    assert_eq!(of(far_id).collect::<Vec<_>>(), [0, 1]);
+    let early = order[..4].iter().filter(|(player, _)| *player == far_id);
+    assert_eq!(early.count(), 2, "{order:?}");
+}
+
+#[test]
+fn a_long_request_delays_others_by_a_slice() {
+    let queue = Arc::new(JobQueue::new());
+    let [greedy_id, honest_id] = [b"a", b"b"].map(|key| PlayerId::of_key(key));
+    let mut greedy = Requester::new(&queue, greedy_id);
+    greedy.request(0, 4096);
+    // 64 samples a tile: eight tiles fill a slice.
+    price(&queue, SLICE_SECS / (64.0 * 8.5), 1);
+    let mut tiles = 0;
+    for _ in 0..3 {
+        tiles += traced(&queue).2.count;
+    }
+    assert_eq!(tiles, 3 * TILES_PER_MESSAGE_MAX);
+    let mut honest = Requester::new(&queue, honest_id);
+    honest.request(9, 1);
+    assert_eq!(traced(&queue).0, honest_id);
+    let rest = (0..)
+        .map(|_| traced(&queue).2)
+        .take_while(|part| part.end() < 4096);
+    assert_eq!(
+        rest.last().map(TileRange::end),
+        Some(4096 - TILES_PER_MESSAGE_MAX)
+    );
+}
+
+#[test]
+fn the_player_of_this_process_is_neither_priced_nor_sliced() {
+    let queue = Arc::new(JobQueue::new());
+    let mut stranger = Requester::new(&queue, PlayerId::of_key(b"stranger"));
+    stranger.request(0, 4096);
+    price(&queue, 100.0, PROBES_BEFORE_REFUSAL);
+    refused(&queue);
+    let mut local = Requester::new(&queue, PlayerId::LOCAL);
+    for frame in 0..2 {
+        local.request(frame, 4096);
+        let whole = TileRange {
+            first: 0,
+            count: 4096,
+        };
+        assert_eq!(traced(&queue), (PlayerId::LOCAL, frame, whole));
+    }
+}
+
+#[test]
+fn a_player_that_has_had_its_hour_is_refused_and_others_are_not() {
+    let queue = Arc::new(JobQueue::new());
+    queue.set_quota(2.5 * SLICE_SECS);
+    let [near_id, far_id] = [b"near", b"far!"].map(|key| PlayerId::of_key(key));
+    let (mut near, mut far) = (
+        Requester::new(&queue, near_id),
+        Requester::new(&queue, far_id),
+    );
+    near.request(1, 1);
+    price(&queue, 1e-6, 1);
+    for _ in 0..3 {
+        assert_eq!(traced(&queue).0, near_id);
+        near.request(1, 1);
+    }
+    let why = refused(&queue);
+    assert!(why.contains("ask again in"), "{why}");
+    far.request(1, 1);
+    assert_eq!(traced(&queue).0, far_id);
+}
+
+#[test]
+fn a_request_that_takes_days_is_refused() {
+    let queue = Arc::new(JobQueue::new());
+    let mut greedy = Requester::new(&queue, PlayerId::of_key(b"greedy"));
+    greedy.request_with(0, 32, DENOISED);
+    price(&queue, 1.0, PROBES_BEFORE_REFUSAL);
+    let why = refused(&queue);
+    let expected = "a denoised tile of it takes some 64 s here, of at most 10 s";
+    assert!(why.contains(expected), "{why}");
+    greedy.request(1, 4096);
+    price(&queue, 0.1, PROBES_BEFORE_REFUSAL);
+    let why = refused(&queue);
+    assert!(why.contains("26214 s here, of at most 3600 s"), "{why}");
+}
+
+#[test]
+fn slices_grow_from_what_was_measured() {
+    let queue = Arc::new(JobQueue::new());
+    let mut player = Requester::new(&queue, PlayerId::of_key(b"player"));
+    player.request(0, 4096);
+    let probe = queue.next().unwrap();
+    queue.set_cost(&probe.job, 64.0, Duration::from_micros(1), true);
+    queue.finish(&probe, Duration::ZERO);
+    // 64 samples a tile: a slice that was priced by one of them may have eight.
+    assert_eq!(traced(&queue).2.count, 8);
+    queue.set_cost(&probe.job, 512.0, Duration::from_micros(8), false);
+    assert_eq!(traced(&queue).2.count, 64);
+}
+
+#[test]
+fn a_slice_that_takes_longer_than_its_price_is_cut_when_somebody_waits() {
+    let queue = Arc::new(JobQueue::new());
+    let [greedy_id, honest_id] = [b"a", b"b"].map(|key| PlayerId::of_key(key));
+    let mut greedy = Requester::new(&queue, greedy_id);
+    greedy.request(0, 4096);
+    price(&queue, SLICE_SECS / (64.0 * 64.5), 1);
+    let turn = queue.next().unwrap();
+    let stops_at = |secs: f64| {
+        let begun = lock(&queue.state).running[0].begun;
+        lock(&queue.state).stop_overdue(begun + Duration::from_secs_f64(secs));
+        turn.stop.load(Ordering::Relaxed)
+    };
+    // Alone it may take its time.
+    assert!(!stops_at(9.0 * SLICE_SECS_MAX));
+    let mut honest = Requester::new(&queue, honest_id);
+    honest.request(9, 1);
+    assert!(!stops_at(0.9 * SLICE_SECS_MAX));
+    assert!(stops_at(1.1 * SLICE_SECS_MAX));
+    let left = TileRange {
+        first: 8,
+        count: 56,
+    };
+    queue.put_back(&turn.job, vec![left]);
+    queue.finish(&turn, Duration::from_secs_f64(SLICE_SECS_MAX));
+    assert_eq!(traced(&queue).0, honest_id);
+    assert_eq!(traced(&queue), (greedy_id, 0, left));
+    assert_eq!(traced(&queue).2.first, 64);
+}
+
+#[test]
+fn a_tile_longer_than_a_slice_is_traced_in_parts() {
+    let queue = Arc::new(JobQueue::new());
+    let mut greedy = Requester::new(&queue, PlayerId::of_key(b"a"));
+    greedy.request(0, 2);
+    // A column of eight samples fills a slice, three times.
+    price(&queue, SLICE_SECS / (3.0 * 8.5), 1);
+    let mut parts = Vec::new();
+    for _ in 0..6 {
+        let turn = queue.next().unwrap();
+        let TurnWork::TracePart(tile, part) = turn.work else {
+            panic!("{:?}", turn.work);
+        };
+        parts.push((tile, part.x, part.width, part.height));
+        let mut partial = turn.job.take_partial(tile).unwrap();
+        let radiance = vec![[0.0; 3]; part.pixels()];
+        let traced = carom_tracer::TileRadiance {
+            index: 0,
+            radiance,
+            dropped_samples: 0,
+        };
+        partial.put(part, &traced);
+        if let Err(partial) = partial.whole() {
+            turn.job.keep_partial(partial);
+            let range = TileRange {
+                first: tile,
+                count: 1,
+            };
+            queue.put_back(&turn.job, vec![range]);
+        }
+        queue.finish(&turn, Duration::from_secs_f64(SLICE_SECS));
+    }
+    let columns =
+        |tile: u32| [(0, 3), (3, 3), (6, 2)].map(|(x, width)| (tile, 8 * tile + x, width, 8));
+    assert_eq!(parts, [columns(0), columns(1)].concat());
+}
+
+#[test]
+fn a_tile_without_end_is_stopped() {
+    let queue = Arc::new(JobQueue::new());
+    let mut greedy = Requester::new(&queue, PlayerId::of_key(b"a"));
+    greedy.request_with(0, 1, DENOISED);
+    price(&queue, 1e-6, 1);
+    let turn = queue.next().unwrap();
+    let state = lock(&queue.state);
+    let begun = state.running[0].begun;
+    state.stop_overdue(begun + Duration::from_secs_f64(0.9 * UNDIVIDED_SECS_MAX));
+    assert!(!turn.stop.load(Ordering::Relaxed));
+    state.stop_overdue(begun + Duration::from_secs_f64(UNDIVIDED_SECS_MAX));
+    assert!(turn.stop.load(Ordering::Relaxed));
+}
