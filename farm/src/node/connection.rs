@@ -3,13 +3,14 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
+use std::time::Instant;
 
 use carom_protocol::session::{NodeEvent, Packet, ReceivedScene};
 use carom_protocol::{NodeInfo, RequestId};
 
 use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing, wake};
 use super::fair_queue::PlayerId;
-use super::job::NodeJob;
+use super::job::UncompiledJob;
 use super::queue::JobQueue;
 
 /// The end of a connection's work, seen from outside its session.
@@ -93,9 +94,13 @@ impl NodeConnection {
                 let cancelled = Arc::new(AtomicBool::new(false));
                 let flag = Arc::clone(&cancelled);
                 self.client.lock().cancelled.insert(request.id, flag);
-                let client = Arc::clone(&self.client);
-                self.queue
-                    .push(NodeJob::new(client, request, scene, cancelled));
+                self.queue.push(UncompiledJob {
+                    client: Arc::clone(&self.client),
+                    request,
+                    scene,
+                    cancelled,
+                    arrived: Instant::now(),
+                });
             }
             Some(NodeEvent::Ping(number)) => {
                 let load = self.queue.load(self.client.player);

@@ -10,17 +10,25 @@ use carom_tracer::{CompiledScene, Scene, Tile};
 use super::client_connection::ClientConnection;
 use super::partial_tile::PartialTile;
 
-/// A request to trace.
-pub(super) struct NodeJob {
+/// A request whose scene is to be compiled.
+pub(super) struct UncompiledJob {
     pub(super) client: Arc<ClientConnection>,
     pub(super) request: Box<TraceRequest>,
     pub(super) scene: Arc<Scene>,
     pub(super) cancelled: Arc<AtomicBool>,
     pub(super) arrived: Instant,
+}
+
+/// A request to trace.
+pub(super) struct NodeJob {
+    pub(super) client: Arc<ClientConnection>,
+    pub(super) request: Box<TraceRequest>,
+    pub(super) cancelled: Arc<AtomicBool>,
+    pub(super) arrived: Instant,
     /// The time at which its first slice was begun.
     pub(super) begun: OnceLock<Instant>,
-    /// The scene, once it is compiled.
-    pub(super) base: Option<Arc<CompiledScene>>,
+    /// The scene without the request's update.
+    pub(super) base: Arc<CompiledScene>,
     /// The scene with the request's update.
     pub(super) compiled: Mutex<Option<Arc<CompiledScene>>>,
     pub(super) encode_nanos: AtomicU64,
@@ -31,21 +39,15 @@ pub(super) struct NodeJob {
 }
 
 impl NodeJob {
-    pub(super) fn new(
-        client: Arc<ClientConnection>,
-        request: Box<TraceRequest>,
-        scene: Arc<Scene>,
-        cancelled: Arc<AtomicBool>,
-    ) -> Self {
+    pub(super) fn new(job: UncompiledJob, base: Arc<CompiledScene>) -> Self {
         Self {
-            client,
-            unfinished: AtomicU32::new(request.tiles.count),
-            request,
-            scene,
-            cancelled,
-            arrived: Instant::now(),
+            unfinished: AtomicU32::new(job.request.tiles.count),
+            client: job.client,
+            request: job.request,
+            cancelled: job.cancelled,
+            arrived: job.arrived,
             begun: OnceLock::new(),
-            base: None,
+            base,
             compiled: Mutex::default(),
             encode_nanos: AtomicU64::default(),
             partial: Mutex::default(),

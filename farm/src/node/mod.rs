@@ -1,9 +1,9 @@
 //! A node: owns one tracer, traces its clients' requests, and answers with encoded tiles.
 //!
 //! ```text
-//! NodeConnection (NodeSession) ─NodeJob─▶ scene compiler ─▶ queue ─▶ worker: Tracer::trace ─▶ groups of tiles
-//!       ▲  one per client                                                              │
-//!       └─────────────────── TilesDone, RequestDone ◀── encoded on rayon's threads ◀───┘
+//! NodeConnection (NodeSession) ─UncompiledJob─▶ scene compiler ─NodeJob─▶ queue ─▶ worker: Tracer::trace ─▶ groups of tiles
+//!       ▲  one per client                                                                      │
+//!       └─────────────────── TilesDone, RequestDone ◀── encoded on rayon's threads ◀───────────┘
 //! ```
 //!
 //! A tracer that fails or panics costs a refused request, never the node. Stale and cancelled

@@ -19,7 +19,7 @@ use carom_tracer::{CompiledScene, Tile, TileRange};
 
 use super::device_quota::DeviceQuota;
 use super::fair_queue::{FairQueue, PlayerId};
-use super::job::NodeJob;
+use super::job::{NodeJob, UncompiledJob};
 use super::load_meter::LoadMeter;
 use super::scene_compiler::SceneCompiler;
 
@@ -115,7 +115,7 @@ impl JobQueue {
     }
 
     /// Takes in a job; it waits for its scene first if that is not compiled yet.
-    pub(super) fn push(&self, job: NodeJob) {
+    pub(super) fn push(&self, job: UncompiledJob) {
         match self.scenes.kept(job.request.scene) {
             Some(scene) => self.push_compiled(job, scene),
             None => self.scenes.push(job),
@@ -123,8 +123,8 @@ impl JobQueue {
     }
 
     /// Takes in a job whose scene is compiled.
-    pub(super) fn push_compiled(&self, mut job: NodeJob, scene: Arc<CompiledScene>) {
-        job.base = Some(scene);
+    pub(super) fn push_compiled(&self, job: UncompiledJob, scene: Arc<CompiledScene>) {
+        let job = NodeJob::new(job, scene);
         let mut state = lock(&self.state);
         let jobs = state.jobs.jobs_mut(job.client.player);
         jobs.push_back(QueuedJob {

@@ -14,7 +14,7 @@ use carom_tracer::scene::Shape;
 use carom_tracer::{CompiledScene, Scene, SceneError};
 
 use super::fair_queue::{FairQueue, PlayerId};
-use super::job::NodeJob;
+use super::job::UncompiledJob;
 
 /// The scenes that a node has compiled, and the jobs whose scenes are to be.
 pub(super) struct SceneCompiler {
@@ -23,7 +23,7 @@ pub(super) struct SceneCompiler {
 }
 
 struct CompilerState {
-    waiting: FairQueue<NodeJob>,
+    waiting: FairQueue<UncompiledJob>,
     /// The one that was used last is the first.
     kept: VecDeque<KeptScene>,
     bytes_max: u64,
@@ -68,7 +68,7 @@ impl SceneCompiler {
     }
 
     /// Has the job's scene compiled.
-    pub(super) fn push(&self, job: NodeJob) {
+    pub(super) fn push(&self, job: UncompiledJob) {
         let mut state = self.lock();
         if !state.closed {
             state.waiting.jobs_mut(job.client.player).push_back(job);
@@ -77,7 +77,7 @@ impl SceneCompiler {
     }
 
     /// Waits for a job whose scene is to be compiled; `None` when the node is dropped.
-    pub(super) fn next(&self) -> Option<NodeJob> {
+    pub(super) fn next(&self) -> Option<UncompiledJob> {
         let mut state = self.lock();
         loop {
             if state.closed {
@@ -95,12 +95,12 @@ impl SceneCompiler {
 
     /// A job whose scene is to be compiled, if one waits.
     #[cfg(test)]
-    pub(super) fn try_next(&self) -> Option<NodeJob> {
+    pub(super) fn try_next(&self) -> Option<UncompiledJob> {
         self.lock().next()
     }
 
     /// Compiles a job's scene, or says why not.
-    pub(super) fn compile(&self, job: &NodeJob) -> Result<Arc<CompiledScene>, RefusalReason> {
+    pub(super) fn compile(&self, job: &UncompiledJob) -> Result<Arc<CompiledScene>, RefusalReason> {
         let (hash, player) = (job.request.scene, job.client.player);
         let begun = Instant::now();
         let predicted = predicted_bytes(&job.scene).map_err(|why| invalid(&why))?;
@@ -127,7 +127,7 @@ impl SceneCompiler {
 
     /// Drops the jobs that have been cancelled.
     pub(super) fn drop_cancelled(&self) {
-        let is_cancelled = |job: &NodeJob| job.cancelled.load(Ordering::Relaxed);
+        let is_cancelled = |job: &UncompiledJob| job.cancelled.load(Ordering::Relaxed);
         self.lock().waiting.retain(|job| !is_cancelled(job));
     }
 
@@ -146,7 +146,7 @@ impl SceneCompiler {
 }
 
 impl CompilerState {
-    fn next(&mut self) -> Option<NodeJob> {
+    fn next(&mut self) -> Option<UncompiledJob> {
         self.waiting.next_mut()?.pop_front()
     }
 

@@ -186,18 +186,14 @@ fn probe(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) -> Result<(), Error
 impl NodeJob {
     /// The scene with the request's update, made for the first slice.
     fn updated(self: &Arc<Self>, queue: &JobQueue) -> Result<Arc<CompiledScene>, Error> {
-        let base = match &self.base {
-            Some(base) => Arc::clone(base),
-            None => Arc::new(CompiledScene::new(&self.scene)?),
-        };
         if self.request.update == SceneUpdate::default() {
-            return Ok(base);
+            return Ok(Arc::clone(&self.base));
         }
         let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(scene) = &*compiled {
             return Ok(Arc::clone(scene));
         }
-        let mut scene = CompiledScene::clone(&base);
+        let mut scene = CompiledScene::clone(&self.base);
         scene.apply(&self.request.update)?;
         let scene = Arc::clone(compiled.insert(Arc::new(scene)));
         drop(compiled);
