@@ -331,11 +331,12 @@ pub struct MaterialData {
     pub k: [f32; 3],
     /// A ball's number.
     pub number: u32,
-    /// Extinction coefficient σt of the medium inside, m⁻¹.
+    /// Extinction coefficient σt of the medium inside, m⁻¹. Of glTF's material the most that the sheen reflects of a channel to
+    /// cosines whose square roots are 0, 1/5 and 2/5.
     pub extinction: [f32; 3],
     /// The axis of wood's grain: 0, 1 or 2.
     pub grain_axis: u32,
-    /// Scattering coefficient of the medium over `majorant`.
+    /// Scattering coefficient of the medium over `majorant`. Of glTF's material the same for 3/5, 4/5 and 1.
     pub scattering: [f32; 3],
     /// Width of a sheen.
     pub sheen_roughness: f32,
@@ -347,7 +348,7 @@ pub struct MaterialData {
     /// are no mitred rails. Of a cloth the x of its line and the radius of its D. Of glTF's material its alpha, the cutoff of
     /// that and [`OPACITY_OPAQUE`], [`OPACITY_MASK`] or [`OPACITY_BLEND`].
     pub sights: [f32; 3],
-    /// Reciprocal of the size of wood's pattern; of a cloth and of glTF's material what the sheen leaves of light for its base.
+    /// Reciprocal of the size of wood's pattern; of a cloth the most that its base may reflect.
     pub scale: f32,
 }
 

@@ -11,7 +11,7 @@ use super::{
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::validate::{ALPHA_SMOOTH_MAX, SHEEN_ROUGHNESS};
 use crate::scene::{ClothMarks, Layers, Material, Medium, Opacity, ProceduralTexture};
-use crate::sheen::sheen_reflectance_max;
+use crate::sheen::{sheen_reflectance_max, sheen_reflectances};
 
 pub(super) fn material_data(material: &Material) -> MaterialData {
     match *material {
@@ -113,18 +113,20 @@ fn with_layers(base: MaterialData, layers: &Layers) -> MaterialData {
     let alpha = layers.clearcoat_roughness * layers.clearcoat_roughness;
     let (least, most) = (*SHEEN_ROUGHNESS.start(), *SHEEN_ROUGHNESS.end());
     let width = (layers.sheen_roughness * layers.sheen_roughness).clamp(least, most);
-    let left = match layers.sheen == Vec3::ZERO {
-        true => 1.0,
+    let reflected = match layers.sheen == Vec3::ZERO {
+        true => [0.0; 6],
         false => {
-            let most = sheen_reflectance_max(f64::from(width)) as f32;
-            (1.0 - layers.sheen.max_element() * most).max(0.0)
+            let strength = layers.sheen.max_element();
+            sheen_reflectances(f64::from(width)).map(|share| (strength * share as f32).min(1.0))
         }
     };
+    let [a, b, c, d, e, f] = reflected;
     MaterialData {
         stripe_albedo: [layers.clearcoat, alpha, 0.0],
         sheen: (layers.sheen / (2.0 * std::f32::consts::PI)).to_array(),
         sheen_roughness: width,
-        scale: left,
+        extinction: [a, b, c],
+        scattering: [d, e, f],
         ..base
     }
 }

@@ -25,7 +25,7 @@ pub(super) struct MetallicRoughnessTable {
     has_layers: bool,
 }
 
-type MetallicRoughnessRow = [f32; 21];
+type MetallicRoughnessRow = [f32; 26];
 
 const IS_SUCH: usize = 0;
 const DIELECTRIC_F0: usize = 1;
@@ -39,9 +39,10 @@ const CLEARCOAT: usize = 13;
 const CLEARCOAT_ALPHA: usize = 14;
 const SHEEN: usize = 15;
 const SHEEN_ROUGHNESS: usize = 18;
-const SHEEN_LEFT: usize = 19;
+/// What the sheen reflects at six cosines.
+const SHEEN_REFLECTED: usize = 19;
 /// With which light sampling draws points on triangles, m⁻²; 0 of other shapes.
-const POINT_DENSITY: usize = 20;
+const POINT_DENSITY: usize = 25;
 
 impl MetallicRoughnessTable {
     /// `materials` are those of all rows.
@@ -68,7 +69,7 @@ impl MetallicRoughnessTable {
 }
 
 fn metallic_roughness_row(material: &MaterialData, is_of_triangles: bool) -> MetallicRoughnessRow {
-    let mut row = [0.0; 21];
+    let mut row = [0.0; 26];
     if material.kind != KIND_METALLIC_ROUGHNESS {
         return row;
     }
@@ -82,7 +83,8 @@ fn metallic_roughness_row(material: &MaterialData, is_of_triangles: bool) -> Met
     row[CLEARCOAT..][..2].copy_from_slice(&material.stripe_albedo[..2]);
     row[SHEEN..][..3].copy_from_slice(&material.sheen);
     row[SHEEN_ROUGHNESS] = material.sheen_roughness;
-    row[SHEEN_LEFT] = material.scale;
+    row[SHEEN_REFLECTED..][..3].copy_from_slice(&material.extinction);
+    row[SHEEN_REFLECTED + 3..][..3].copy_from_slice(&material.scattering);
     if is_of_triangles {
         row[POINT_DENSITY] = material.majorant;
     }
@@ -112,14 +114,14 @@ struct LayerLanes<S: Simd> {
     clearcoat: Float<S>,
     clearcoat_alpha: Float<S>,
     sheen: Sheen<S>,
-    sheen_left: Float<S>,
+    sheen_reflected: [Float<S>; 6],
 }
 
 impl<S: Simd> LayerLanes<S> {
     #[inline(always)]
     fn new(
         simd: S,
-        rows: &Rows<'_, 21>,
+        rows: &Rows<'_, 26>,
         lanes: Mask<S>,
         textures: Option<&TextureLanes<S>>,
     ) -> Self {
@@ -136,8 +138,27 @@ impl<S: Simd> LayerLanes<S> {
             clearcoat,
             clearcoat_alpha: clearcoat_alpha.max(ALPHA_LEAST),
             sheen: Sheen::of(rows.triple(simd, SHEEN), width),
-            sheen_left: rows.number(simd, SHEEN_LEFT),
+            sheen_reflected: [
+                rows.number(simd, SHEEN_REFLECTED),
+                rows.number(simd, SHEEN_REFLECTED + 1),
+                rows.number(simd, SHEEN_REFLECTED + 2),
+                rows.number(simd, SHEEN_REFLECTED + 3),
+                rows.number(simd, SHEEN_REFLECTED + 4),
+                rows.number(simd, SHEEN_REFLECTED + 5),
+            ],
         }
+    }
+
+    /// What the sheen leaves of light at a cosine.
+    #[inline(always)]
+    fn sheen_left(&self, cos: Float<S>) -> Float<S> {
+        let place = cos.max(0.0).min(1.0).sqrt() * 5.0;
+        let mut left = Float::splat(cos.token(), 1.0);
+        for (node, reflected) in (0u8..).zip(self.sheen_reflected) {
+            let hat = (1.0 - (place - f32::from(node)).abs()).max(0.0);
+            left -= reflected * hat;
+        }
+        left.max(0.0)
     }
 
     /// What the coat reflects at a cosine.
@@ -181,7 +202,10 @@ impl<S: Simd> MetallicRoughness<S> {
                 let even = rows.triple(simd, DIELECTRIC_F0);
                 let dielectric_f0 = even.x.max(even.y).max(even.z);
                 let specular = rows.number(simd, SPECULAR);
-                let layers = LayerLanes::new(simd, &rows, lanes, textures);
+                let mut layers = None;
+                if table.has_layers {
+                    layers = Some(LayerLanes::new(simd, &rows, lanes, textures));
+                }
                 Some(Self {
                     lanes,
                     emission,
@@ -192,7 +216,7 @@ impl<S: Simd> MetallicRoughness<S> {
                     dielectric_f0,
                     base_f90: ((1.0 - alpha) * (1.0 - alpha) * specular).max(dielectric_f0),
                     alpha: alpha.max(ALPHA_LEAST),
-                    layers: table.has_layers.then_some(layers),
+                    layers,
                 })
             },
         )
@@ -255,7 +279,8 @@ impl<S: Simd> MetallicRoughness<S> {
         let mut f_cos = reflected + scattered;
         if let Some(layers) = &self.layers {
             let napped = layers.sheen.evaluate(simd, normal, wo, wi) * cos_i;
-            f_cos = f_cos * layers.sheen_left + napped;
+            let left = layers.sheen_left(cos_o).min(layers.sheen_left(cos_i));
+            f_cos = f_cos * left + napped;
             let alpha = layers.clearcoat_alpha;
             let seen = ggx(alpha, normal, h) * visibility(alpha, cos_o) * 0.25;
             let shadowing = visibility(alpha, cos_i) * cos_i;
@@ -331,7 +356,7 @@ impl<S: Simd> MetallicRoughness<S> {
         let sum = |v: Vec3x<S>| v.x + v.y + v.z;
         let reflected = sum(self.schlick(grazing(cos_o)));
         if let Some(layers) = &self.layers {
-            let sheen = (1.0 - layers.sheen_left) * 3.0;
+            let sheen = (1.0 - layers.sheen_left(cos_o)) * 3.0;
             let all = sum(self.diffuse).mul_add(self.passed(cos_o), reflected) + sheen;
             let is_some = all.simd_gt(0.0);
             let share = reflected / is_some.select(all, Float::splat(simd, 1.0));
@@ -348,7 +373,7 @@ impl<S: Simd> MetallicRoughness<S> {
         };
         let sum = |v: Vec3x<S>| v.x + v.y + v.z;
         let reflected = sum(self.schlick(grazing(cos_o)));
-        let sheen = (1.0 - layers.sheen_left) * 3.0;
+        let sheen = (1.0 - layers.sheen_left(cos_o)) * 3.0;
         let below = sum(self.diffuse).mul_add(self.passed(cos_o), reflected) + sheen;
         let coat = layers.reflected(cos_o);
         let all = (1.0 - coat).mul_add(below * (1.0 / 3.0), coat);

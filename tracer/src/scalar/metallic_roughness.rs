@@ -8,7 +8,8 @@
 //! least with which white surfaces make no light.
 //!
 //! # Layers
-//! A sheen ([`crate::sheen`]) is added to what it leaves of the rest at least, as on [`crate::Material::Cloth`]. A clear coat
+//! A sheen ([`crate::sheen`]) is added to the rest, which is multiplied by what the sheen leaves of light in that of both directions
+//! in which it leaves less (Khronos Group, `KHR_materials_sheen`). A clear coat
 //! of index 1.5 lies over both: another rough reflection, and what it lets pass multiplies all below in both directions. The
 //! diffuse base is divided by the mean of what passes both, and so a white one reflects all under a smooth coat, too; what a
 //! metal loses between itself and the coat is lost.
@@ -21,7 +22,9 @@ use super::bsdf::{BsdfSample, basis};
 use super::intersect::vector;
 use super::microfacet::{ggx, reflect, sample_visible, visibility};
 use crate::compiled::MaterialData;
-use crate::sheen::sheen;
+#[cfg(doc)]
+use crate::sheen::sheen_reflectances;
+use crate::sheen::{interpolated, sheen};
 
 /// One point of such a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,8 +51,8 @@ pub struct MetallicRoughness {
     pub sheen: DVec3,
     /// Width of the sheen.
     pub sheen_roughness: f64,
-    /// What the sheen leaves of light for what is below.
-    pub sheen_left: f64,
+    /// What the sheen reflects at most: see [`sheen_reflectances`].
+    pub sheen_reflected: [f64; 6],
 }
 
 /// What textures multiply a material's numbers by.
@@ -108,7 +111,11 @@ impl MetallicRoughness {
             clearcoat_alpha: clearcoat_alpha.max(f64::from(ALPHA_LEAST)),
             sheen: vector(material.sheen),
             sheen_roughness: f64::from(material.sheen_roughness),
-            sheen_left: f64::from(material.scale),
+            sheen_reflected: {
+                let [a, b, c] = material.extinction.map(f64::from);
+                let [d, e, f] = material.scattering.map(f64::from);
+                [a, b, c, d, e, f]
+            },
         }
     }
 
@@ -126,8 +133,10 @@ impl MetallicRoughness {
         let scattered = self.diffuse * (passed * self.diffuse_scale() / PI);
         let share = self.reflected_share(cos_o);
         let pdf = share * seen + (1.0 - share) * cos_i / PI;
-        let mut f = (reflected + scattered) * self.sheen_left;
+        let mut f = reflected + scattered;
         if self.sheen != DVec3::ZERO {
+            // The larger loss: alike both ways, and with the sheen no more than all.
+            f *= self.sheen_left(cos_o).min(self.sheen_left(cos_i));
             f += self.sheen * sheen(self.sheen_roughness, cos_o, cos_i, h.dot(n));
         }
         if self.clearcoat == 0.0 {
@@ -186,6 +195,11 @@ impl MetallicRoughness {
         1.0 / (base * coat_passed - coat_rise * (passed / 21.0 - rise / 66.0))
     }
 
+    /// What the sheen leaves of light for what is below, at a cosine.
+    fn sheen_left(&self, cos: f64) -> f64 {
+        (1.0 - interpolated(&self.sheen_reflected, cos)).max(0.0)
+    }
+
     /// The share of light that the coat reflects at a cosine.
     fn coat_reflected(&self, cos: f64) -> f64 {
         let f0 = f64::from(CLEARCOAT_F0);
@@ -211,7 +225,10 @@ impl MetallicRoughness {
     /// About what the reflection, and base and sheen, send on, summed over the channels.
     fn weights(&self, cos_o: f64) -> [f64; 2] {
         let reflected = schlick(self.f0, self.f90, cos_o).element_sum();
-        let sheen = 3.0 * (1.0 - self.sheen_left);
+        let sheen = match self.sheen == DVec3::ZERO {
+            true => 0.0,
+            false => 3.0 * (1.0 - self.sheen_left(cos_o)),
+        };
         [
             reflected,
             self.passed(cos_o) * self.diffuse.element_sum() + sheen,
@@ -247,7 +264,7 @@ mod tests {
             clearcoat_alpha: 0.01,
             sheen: DVec3::ZERO,
             sheen_roughness: 1.0,
-            sheen_left: 1.0,
+            sheen_reflected: [0.0; 6],
         }
     }
 
@@ -263,7 +280,8 @@ mod tests {
             clearcoat_alpha: (roughness * roughness).max(1e-3),
             sheen: DVec3::splat(sheen / (2.0 * PI)),
             sheen_roughness: 0.3,
-            sheen_left: 1.0 - sheen * crate::sheen::sheen_reflectance_max(0.3),
+            sheen_reflected: crate::sheen::sheen_reflectances(0.3)
+                .map(|share| (sheen * share).min(1.0)),
             ..base
         }
     }

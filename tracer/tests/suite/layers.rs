@@ -147,8 +147,8 @@ fn layers_over_white_surfaces_make_no_light() {
         (coat(1.0, 0.0), 0.95),
         (coat(0.5, 0.0), 0.95),
         (coat(1.0, 1.0), 0.8),
-        (velvet, 0.3),
-        (all, 0.3),
+        (velvet, 0.8),
+        (all, 0.65),
     ] {
         for (roughness, least) in [(0.1, least), (0.8, 0.75 * least)] {
             let material = Material::rough([1.0; 3], roughness).layered(layers);

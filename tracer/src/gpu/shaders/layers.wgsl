@@ -4,8 +4,10 @@
 struct SurfaceLayers {
     clearcoat: f32,
     clearcoat_alpha: f32,
-    sheen_left: f32,
     sheen_width: f32,
+    // What the sheen reflects at cosines whose square roots are 0, 1/5 and 2/5, and at those of 3/5, 4/5 and 1.
+    sheen_reflected_low: vec3f,
+    sheen_reflected_high: vec3f,
     sheen: vec3f,
 }
 
@@ -20,8 +22,9 @@ fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
     layers = SurfaceLayers(
         coat.x * textures.clearcoat,
         max(coat.y * roughness * roughness, ALPHA_LEAST),
-        scene_storage.materials[material].scale,
         scene_storage.materials[material].sheen_roughness,
+        scene_storage.materials[material].extinction,
+        scene_storage.materials[material].scattering,
         scene_storage.materials[material].sheen,
     );
     return base_metallic_roughness_at(surface);
@@ -40,6 +43,14 @@ fn mean_passed() -> f32 {
     return base_mean_passed() * (1.0 - layers.clearcoat * CLEARCOAT_F0) - coat_rise * lost;
 }
 
+// What the sheen leaves of light at a cosine.
+fn sheen_left(cos_theta: f32) -> f32 {
+    let place = 5.0 * sqrt(clamp(cos_theta, 0.0, 1.0));
+    let low = max(1.0 - abs(place - vec3f(0.0, 1.0, 2.0)), vec3f(0.0));
+    let high = max(1.0 - abs(place - vec3f(3.0, 4.0, 5.0)), vec3f(0.0));
+    return max(1.0 - dot(low, layers.sheen_reflected_low) - dot(high, layers.sheen_reflected_high), 0.0);
+}
+
 fn coat_reflected(cos_theta: f32) -> f32 {
     return layers.clearcoat * fma(grazing(cos_theta), 1.0 - CLEARCOAT_F0, CLEARCOAT_F0);
 }
@@ -48,7 +59,7 @@ fn coat_reflected(cos_theta: f32) -> f32 {
 fn weights_below(cos_o: f32) -> vec2f {
     let reflected = dot(schlick(metallic_roughness.f0, metallic_roughness.f90, cos_o), vec3f(1.0));
     let diffuse = base_passed(cos_o) * dot(metallic_roughness.diffuse, vec3f(1.0));
-    return vec2f(reflected, diffuse + 3.0 * (1.0 - layers.sheen_left));
+    return vec2f(reflected, diffuse + 3.0 * (1.0 - sheen_left(cos_o)));
 }
 
 fn reflected_share(cos_o: f32) -> f32 {
@@ -67,8 +78,9 @@ fn with_layers(base: Evaluated, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     let cos_o = dot(n, wo);
     let cos_i = dot(n, wi);
     let sum = wo + wi;
-    var f = base.f * layers.sheen_left;
+    var f = base.f;
     if (any(layers.sheen > vec3f(0.0))) {
+        f *= min(sheen_left(cos_o), sheen_left(cos_i));
         let exponent = 1.0 / layers.sheen_width;
         let along = dot(sum, n);
         let sine2 = clamp(1.0 - along * along / dot(sum, sum), 1e-12, 1.0);
