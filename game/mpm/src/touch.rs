@@ -27,6 +27,9 @@ pub(crate) const SHARE_MIN: f32 = 0.05;
 /// slowly to gain speed by it.
 pub(crate) const PARTING: f32 = 0.02;
 
+/// A gap of this many cells touches, too: what has just parted is still held, and neither chatters nor creeps.
+pub(crate) const MARGIN_CELLS: f32 = 0.01;
+
 /// From a block's middle to the farthest particle of it, in cells: half of its diagonal and a cell of drift.
 const BLOCK_REACH_CELLS: f64 = 5.2;
 
@@ -96,7 +99,7 @@ impl LocalBall {
         let relative = Vec3::from_slice(&packet.velocity[lane]) - self.velocity;
         let nearing = -relative.dot(normal) * substep.dt / substep.cell_size_m;
         let depth = self.radius + extent - distance;
-        (depth + nearing.max(0.0) > 0.0).then_some((normal, depth.max(0.0)))
+        (depth + nearing.max(0.0) > -MARGIN_CELLS).then_some((normal, depth.max(0.0)))
     }
 }
 
