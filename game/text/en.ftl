@@ -143,7 +143,7 @@ setting-particle-precision-standard = Standard
 setting-particle-precision-standard-about = Cells of 12.5 mm
 setting-particle-precision-fine = Fine
 setting-particle-precision-fine-about = Cells of 10 mm: fine grains, twice the time
-particle-cost = A shot into the sand trap: { $particles } particles, { $time } s of a core, and the cue ball is on average { $differs } mm from where it is at the finest over the first second. The stroke waits for it
+particle-cost = A shot into the sand trap: { $particles } particles, { $time } s of a core, the cue ball is on average { $differs } mm from where it is at the finest over the first second, and the sand behind it { $surface } mm. The stroke waits for it
 
 setting-particles = Dust
 setting-particles-off = Off

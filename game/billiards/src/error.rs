@@ -557,6 +557,12 @@ pub enum ParticleFault {
         /// The most.
         max: usize,
     },
+    /// Marbles and particles of other kinds.
+    #[error(
+        "marbles and other things are on one table, and would go through each other: cover the cloth with marbles alone or \
+         without any"
+    )]
+    Mixed,
     /// A file says that there are other particles than it holds.
     #[error("the file holds other particles than it says: it is damaged")]
     OtherThanSaid,

@@ -1,4 +1,4 @@
-//! Two-way coupling of balls: impulses between a ball and the nodes inside of it.
+//! Two-way coupling of balls: impulses between a ball and the nodes whose particles touch it.
 //!
 //! Projected Gauss–Seidel on sequential impulses (Catto 2005, "Iterative dynamics with temporal
 //! coherence"): each contact in turn makes its node stop moving into the ball, and what the node gains
@@ -10,13 +10,17 @@ use crate::body::{Ball, Bodies};
 use crate::grid::{place, stop};
 use crate::storage::NodeBlock;
 
-/// A node inside of a ball.
+/// A node whose particles touch a ball.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Contact {
     node: usize,
     ball: usize,
     /// From the ball's centre to the node, in m.
     arm: DVec3,
+    /// Away from the ball.
+    normal: DVec3,
+    /// At which they part if they overlap.
+    parting_m_s: f64,
     mass_kg: f64,
     friction: f64,
     /// Impulse on the node along the normal so far, in kg·m/s.
@@ -29,11 +33,19 @@ pub(crate) struct Contact {
 const ROUNDS: usize = 8;
 
 impl Contact {
-    pub(crate) fn new(node: usize, ball: usize, arm: DVec3, mass_kg: f32, friction: f32) -> Self {
+    pub(crate) fn new(
+        node: usize,
+        ball: usize,
+        (arm, normal, parting_m_s): (DVec3, DVec3, f64),
+        mass_kg: f32,
+        friction: f32,
+    ) -> Self {
         Self {
             node,
             ball,
             arm,
+            normal,
+            parting_m_s,
             mass_kg: mass_kg.into(),
             friction: friction.into(),
             push: 0.0,
@@ -44,11 +56,13 @@ impl Contact {
     /// Changes the impulses so that the node neither moves into the ball nor slides on it against
     /// Coulomb's law, and returns the node's velocity then.
     fn resolve(&mut self, ball: &mut Ball, velocity: DVec3) -> DVec3 {
-        let normal = self.arm.normalize_or(DVec3::Z);
+        let normal = self.normal;
         let surface = ball.velocity + ball.angular_velocity.cross(self.arm);
         let relative = velocity - surface;
         let inverse_masses = 1.0 / self.mass_kg + 1.0 / ball.mass_kg;
-        let push = (self.push - relative.dot(normal) / inverse_masses).max(0.0);
+        let lever = self.arm.cross(normal).length_squared() / ball.moment_of_inertia();
+        let approach = relative.dot(normal) - self.parting_m_s;
+        let push = (self.push - approach / (inverse_masses + lever)).max(0.0);
         let slip = relative - normal * relative.dot(normal);
         let inverse_inertia = self.arm.length_squared() / ball.moment_of_inertia();
         let drag = self.drag - slip / (inverse_masses + inverse_inertia);

@@ -61,7 +61,7 @@ pub enum Error {
         duration_secs: f64,
         /// How many it would take.
         substeps: f64,
-        /// The longest stable one, in s.
+        /// As they were, in s.
         substep_secs: f64,
         /// The most.
         max: u32,
@@ -120,6 +120,15 @@ pub enum Error {
     Diverged {
         /// As it was set.
         courant: f32,
+    },
+    /// Velocities of marbles grew past all numbers.
+    #[error(
+        "the marbles diverged at substeps of {substep_secs:e} s: make them softer or heavier, or the balls that meet \
+         them slower, and start again"
+    )]
+    MarblesDiverged {
+        /// As they were, in s.
+        substep_secs: f64,
     },
 }
 

@@ -6,6 +6,7 @@ use crate::body::{Bodies, Grip, Obstacle};
 use crate::coupling::Contact;
 use crate::storage::{ABSENT, BLOCK_EDGE, BLOCK_NODES, NodeBlock, ParticleBlock};
 use crate::tile::for_each_row;
+use crate::touch::{PARTING, add_touches};
 
 /// Mass of a node under which it counts as empty, in kg: its momentum is nothing but rounding.
 const NODE_MASS_MIN: f32 = 1e-30;
@@ -13,10 +14,6 @@ const NODE_MASS_MIN: f32 = 1e-30;
 /// Distance from a surface, in cells, up to which a node counts as inside: material then ends, by
 /// the mean over where the surface lies between nodes, at the surface.
 pub(crate) const SURFACE_CELLS: f64 = 0.499;
-
-/// The same for balls, whose surface water flows into between nodes: measured, so that a ball of
-/// five cells' radius floats within 5 % of the depth of Archimedes.
-pub(crate) const BALL_SURFACE_CELLS: f64 = 0.8;
 
 /// From the middle of a node block's nodes to what can touch one of them, in cells: half of the
 /// diagonal of the nodes and half a cell.
@@ -28,28 +25,25 @@ pub(crate) struct GridStep<'a> {
     pub(crate) blocks: &'a [ParticleBlock],
     pub(crate) bodies: &'a Bodies,
     pub(crate) cell_size_m: f64,
+    /// In s.
+    pub(crate) dt: f64,
     /// Gain of velocity by free fall over the substep, in m/s.
     pub(crate) fall: Vec3,
 }
 
-/// Adds up the tiles around a node block and finds its nodes' velocities after the substep, but for
-/// those inside of balls, which become contacts.
+/// Adds up the tiles around a node block and finds its nodes' velocities after the substep. Those whose particles
+/// touch balls become contacts, too.
 #[inline(always)]
 pub(crate) fn update(node: &mut NodeBlock, step: GridStep) {
     let center = (node.coordinate.as_dvec3() + 0.375) * f64::from(BLOCK_EDGE) * step.cell_size_m;
     let reach = REACH_CELLS * step.cell_size_m;
     let is_near = |obstacle: &&Obstacle| obstacle.distance(center).0 < reach;
     let obstacles: Vec<&Obstacle> = step.bodies.obstacles.iter().filter(is_near).collect();
-    let balls: Vec<usize> = (0..step.bodies.balls.len())
-        .filter(|ball| {
-            let ball = &step.bodies.balls[*ball];
-            center.distance(ball.position) < ball.radius_m + reach
-        })
-        .collect();
+    let touches = add_touches(node, step.blocks);
     let friction = add_tiles(
         node,
         step.blocks,
-        !obstacles.is_empty() || !balls.is_empty(),
+        !obstacles.is_empty() || !touches.is_empty(),
     );
     node.contacts.clear();
     for index in 0..BLOCK_NODES {
@@ -59,19 +53,19 @@ pub(crate) fn update(node: &mut NodeBlock, step: GridStep) {
             continue;
         }
         let mut velocity = Vec3::new(x, y, z) / mass + step.fall;
-        if !obstacles.is_empty() || !balls.is_empty() {
+        if !obstacles.is_empty() || !touches.is_empty() {
             let place = place(node, index, step.cell_size_m);
             let friction = friction[index] / mass;
             for obstacle in &obstacles {
                 velocity = stop(obstacle, place, velocity, friction, step.cell_size_m);
             }
-            for ball in &balls {
-                let ball_state = &step.bodies.balls[*ball];
-                let arm = place - ball_state.position;
-                let reach = ball_state.radius_m + BALL_SURFACE_CELLS * step.cell_size_m;
-                if arm.length_squared() < reach * reach {
+            for touch in &touches {
+                if let Some((normal, depth)) = touch.at(index, mass) {
+                    let arm = place - step.bodies.balls[touch.ball].position;
+                    let parting = f64::from(PARTING * depth) * step.cell_size_m / step.dt;
+                    let way = (arm, normal, parting);
                     node.contacts
-                        .push(Contact::new(index, *ball, arm, mass, friction));
+                        .push(Contact::new(index, touch.ball, way, mass, friction));
                 }
             }
         }

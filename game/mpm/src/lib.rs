@@ -58,6 +58,7 @@ mod storage;
 mod svd;
 mod tile;
 mod totals;
+mod touch;
 
 pub use body::{Ball, Bodies, Grip, Obstacle, Solid};
 pub use dust::{Dust, Grain, Speck};

@@ -198,7 +198,7 @@ impl Marbles {
             let fastest = self.substep(dt, bodies);
             travelled_m += 2.0 * fastest * dt;
             if !fastest.is_finite() || !self.spheres.iter().all(MarbleState::is_finite) {
-                return Err(Error::Diverged { courant: 1.0 });
+                return Err(Error::MarblesDiverged { substep_secs: dt });
             }
             if travelled_m > SKIN_RADII * self.marble.radius_m {
                 self.find_contacts(bodies);

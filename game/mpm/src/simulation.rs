@@ -15,6 +15,7 @@ use crate::region::Region;
 use crate::settings::{PARTICLES_MAX, REST_SECS, Settings};
 use crate::storage::{DRIFT_MAX, Particle, Storage};
 use crate::totals::Totals;
+use crate::touch::find_touches;
 
 /// Cells that a particle or ball may cross in a substep.
 pub(crate) const TRAVEL_CELLS_MAX: f64 = 0.5;
@@ -204,13 +205,16 @@ impl Simulation {
             cell_size_m,
         };
         let Storage { blocks, nodes, .. } = &mut self.storage;
+        let balls = &bodies.balls;
         blocks.par_iter_mut().for_each(|block| {
             dispatch!(level, simd => p2g(simd, block, materials, substep));
+            find_touches(block, balls, substep);
         });
         let grid_step = GridStep {
             blocks,
             bodies,
             cell_size_m: cell_size_m.into(),
+            dt,
             fall: self.settings.gravity * dt as f32,
         };
         nodes

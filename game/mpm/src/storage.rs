@@ -107,6 +107,8 @@ pub(crate) struct ParticleBlock {
     pub(crate) tile: Box<[[f32; 4]; TILE_NODES]>,
     /// Node blocks around in the order of [`neighbours`], [`ABSENT`] where no particle reaches.
     pub(crate) nodes: [u32; 27],
+    /// What of it touches balls.
+    pub(crate) touches: Vec<crate::touch::Touch>,
     /// Mean coefficient of friction by mass.
     pub(crate) friction: f32,
     /// Largest component of a velocity, in m/s; NaN when one is not finite.
@@ -122,6 +124,7 @@ impl ParticleBlock {
             packets: Vec::new(),
             tile: Box::new([[0.0; 4]; TILE_NODES]),
             nodes: [ABSENT; 27],
+            touches: Vec::new(),
             friction: 0.0,
             speed_max: 0.0,
             sound_max: 0.0,
@@ -138,7 +141,7 @@ pub(crate) struct NodeBlock {
     pub(crate) sources: [u32; 27],
     /// Momentum and mass, then velocity and 0.
     pub(crate) values: [[f32; 4]; BLOCK_NODES],
-    /// Nodes that are inside of balls.
+    /// Nodes whose particles touch balls.
     pub(crate) contacts: Vec<crate::coupling::Contact>,
 }
 

@@ -126,6 +126,22 @@ fn fast_ball_goes_through_jelly_and_is_slowed() {
 }
 
 #[test]
+fn a_million_particles_are_simulated() {
+    let water = Material::Water(Water::default());
+    let mut simulation = filled(Settings::default(), Vec3::splat(0.5), water);
+    assert_eq!(simulation.len(), 1_000_000);
+    let before = simulation.totals();
+    let mut bodies = box_of(0.5);
+    let report = simulation.step(1e-3, &mut bodies).expect("stable");
+    let after = simulation.totals();
+    assert!(report.substeps >= 2, "{report:?}");
+    assert_eq!(after.mass_kg, before.mass_kg);
+    // Free fall, but for what the floor and its sound have reached.
+    let fallen = after.momentum.z / after.mass_kg;
+    assert!((-9.9e-3..-9e-3).contains(&fallen), "{fallen} m/s");
+}
+
+#[test]
 fn balls_a_thousand_times_lighter_and_heavier_than_sand_stay_stable() {
     for factor in [1e-3, 1e3] {
         let sand = Material::Sand(Sand::default());
@@ -201,6 +217,69 @@ fn sand_sleeps_an_hour_without_creep_and_wakes() {
         !simulation.is_asleep() && bodies.balls[0].velocity.z > -0.9,
         "{bodies:?}"
     );
+}
+
+/// An hour of sleep changes no bit.
+#[test]
+fn what_fills_a_box_creeps_awake_by_less_than_a_hundredth_of_a_cell_a_second() {
+    let sand = Material::Sand(Sand::default());
+    let jelly = Material::Jelly(Jelly {
+        viscosity_pa_s: 5.0,
+        ..Jelly::default()
+    });
+    for (material, size) in [
+        (sand, Vec3::new(0.08, 0.08, 0.04)),
+        (jelly, Vec3::splat(0.06)),
+    ] {
+        let settings = Settings {
+            rest_speed_m_s: 0.0,
+            ..Settings::default()
+        };
+        let mut simulation = filled(settings, size, material);
+        let mut bodies = box_of(size.x.into());
+        let mut wait = |simulation: &mut Simulation| {
+            for _ in 0..10 {
+                simulation.step(0.4, &mut bodies).expect("stable");
+            }
+        };
+        wait(&mut simulation);
+        let before = sorted(&simulation);
+        wait(&mut simulation);
+        let ways = before.iter().zip(sorted(&simulation));
+        let farthest = ways.map(|(a, b)| a.position.distance(b.position));
+        let farthest = farthest.fold(0.0, f32::max);
+        println!("{material:?}: {farthest:e} m in 4 s");
+        assert!(farthest < 4e-4, "{material:?}: {farthest:e} m");
+    }
+}
+
+#[test]
+fn inverted_elements_do_not_explode() {
+    // A ball at 15 m/s turns soft jelly inside out.
+    let jelly = Material::Jelly(Jelly {
+        young_pa: 2e3,
+        ..Jelly::default()
+    });
+    let settings = Settings {
+        courant: 1.0,
+        ..Settings::default()
+    };
+    let mut simulation = filled(settings, Vec3::splat(0.06), jelly);
+    let mut ball = Ball::new(DVec3::new(0.03, 0.03, 0.09), 0.0286, 0.17);
+    ball.velocity.z = -15.0;
+    let mut bodies = box_of(0.12);
+    bodies.obstacles.pop();
+    bodies.balls.push(ball);
+    let first = 0.085 * 225.0;
+    for _ in 0..30 {
+        simulation.step(0.01, &mut bodies).expect("stable");
+        let totals = simulation.totals();
+        let energy = totals.kinetic_energy_j + 0.085 * bodies.balls[0].velocity.length_squared();
+        assert!(
+            energy < 1.02 * first + totals.mass_kg,
+            "{energy} J of {first}"
+        );
+    }
 }
 
 #[test]

@@ -12,27 +12,32 @@ struct PrecisionCost {
     shot_secs: &'static str,
     /// Mean distance of the cue ball from where it is at the finest, over the first second, mm.
     differs_mm: &'static str,
+    /// Mean difference of how high sand lies behind it from the finest, mm.
+    surface_mm: &'static str,
 }
 
-// `carom-bench particles --part precision`, on 2026-11-24, two cores of an AMD EPYC with other work, a development build.
+// `carom-bench particles --part precision`: rows of `tests/bench/MEASUREMENTS.md`.
 const COSTS: [PrecisionCost; 3] = [
     PrecisionCost {
         precision: ParticlePrecision::Coarse,
         particles: 2560,
         shot_secs: "2.2",
         differs_mm: "50",
+        surface_mm: "0",
     },
     PrecisionCost {
         precision: ParticlePrecision::Standard,
         particles: 4000,
         shot_secs: "3.4",
         differs_mm: "6",
+        surface_mm: "0",
     },
     PrecisionCost {
         precision: ParticlePrecision::Fine,
         particles: 8640,
         shot_secs: "8.1",
         differs_mm: "0",
+        surface_mm: "0",
     },
 ];
 
@@ -44,7 +49,8 @@ pub fn particle_cost(precision: ParticlePrecision) -> String {
             "particle-cost",
             particles = cost.particles,
             time = cost.shot_secs,
-            differs = cost.differs_mm
+            differs = cost.differs_mm,
+            surface = cost.surface_mm
         )
     })
 }
@@ -54,6 +60,30 @@ mod tests {
     use clap::ValueEnum as _;
 
     use super::*;
+
+    /// The three figures of a row of the measurements.
+    fn measured(row: &str, column: usize) -> Vec<String> {
+        let text = include_str!("../../../tests/bench/MEASUREMENTS.md");
+        let line = text.lines().find(|line| line.starts_with(row));
+        let cell = line.expect("a row").split('|').nth(column).expect("a cell");
+        let is_apart = |c: char| !c.is_ascii_digit() && c != '.';
+        let figures = cell.replace(',', if column == 3 { "" } else { " " });
+        let figures = figures.split(is_apart).filter(|part| !part.is_empty());
+        figures.map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn figures_are_those_of_the_measurements() {
+        const TIME: &str = "| CPU time of a shot into the sand trap |";
+        let ours = |of: fn(&PrecisionCost) -> String| COSTS.iter().map(of).collect::<Vec<_>>();
+        let particles = ours(|cost| cost.particles.to_string());
+        assert_eq!(measured(TIME, 3), particles);
+        assert_eq!(measured(TIME, 4), ours(|cost| cost.shot_secs.to_owned()));
+        let path = measured("| the cue ball's mean distance from the finest", 4);
+        assert_eq!(path, ours(|cost| cost.differs_mm.to_owned()));
+        let surface = measured("| how high sand lies behind it", 4);
+        assert_eq!(surface, ours(|cost| cost.surface_mm.to_owned()));
+    }
 
     #[test]
     fn every_precision_has_its_figures() {

@@ -46,6 +46,7 @@ struct GridBuffers {
     velocities: wgpu::Buffer,
     friction_sums: wgpu::Buffer,
     frictions: wgpu::Buffer,
+    touches: wgpu::Buffer,
 }
 
 /// Bind groups of each kernel, for both turns of the particles.
@@ -179,6 +180,7 @@ impl Grid {
             velocities: buffer(gpu, nodes * 16, STORAGE)?,
             friction_sums: buffer(gpu, frictions * 4, STORAGE)?,
             frictions: buffer(gpu, frictions * 4, STORAGE)?,
+            touches: buffer(gpu, nodes * 16, STORAGE)?,
         };
         let bindings = gpu.guarded(|device| {
             let bind = |kernel: &ComputeKernel| {
@@ -221,6 +223,7 @@ fn find<'a>(
         Resource::Materials => &fixed.materials,
         Resource::FrictionSums => &grid.friction_sums,
         Resource::Frictions => &grid.frictions,
+        Resource::Touches => &grid.touches,
         Resource::Balls => &fixed.balls,
         Resource::Obstacles => &fixed.obstacles,
         Resource::Table => &grid.table,

@@ -6,7 +6,7 @@ use crate::gpu::shader::Features;
 use crate::gpu::shader::Resource::{
     self, Balls, Chunks, Control, Counters, DispatchSizes, FrictionSums, Frictions, Keys,
     Materials, NextChunks, NextParticles, Nodes, Obstacles, Params, Particles, Sums, Table,
-    Velocities,
+    Touches, Velocities,
 };
 
 /// A pipeline and what it binds.
@@ -74,6 +74,8 @@ const TRANSFER: &[Resource] = &[
     Sums,
     Velocities,
     Materials,
+    Balls,
+    Touches,
     FrictionSums,
 ];
 const UPDATE_GRID: &[Resource] = &[
@@ -82,14 +84,13 @@ const UPDATE_GRID: &[Resource] = &[
     Counters,
     Sums,
     Velocities,
-    Balls,
     Obstacles,
     Nodes,
     FrictionSums,
     Frictions,
 ];
 const COUPLE: &[Resource] = &[
-    Params, Control, Counters, Velocities, Balls, Obstacles, Frictions,
+    Params, Control, Counters, Velocities, Balls, Obstacles, Touches, Frictions,
 ];
 
 fn kernel(

@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
-use crate::grid::{BALL_SURFACE_CELLS, SURFACE_CELLS};
+use crate::grid::SURFACE_CELLS;
 use crate::material::{EXPANSION_MAX, EXPANSION_MIN, Material, PLASTIC_VOLUME, STRETCH_MIN};
 use crate::simulation::TRAVEL_CELLS_MAX;
+use crate::touch::{MARGIN_CELLS, PARTING, SHARE_MIN};
 
 /// Cells that a particle may move before it must be put in order again: less than a tile's margin,
 /// as speeds of nodes bound those of particles but for rounding.
@@ -35,6 +36,7 @@ pub(super) enum Resource {
     NextChunks = 15,
     NextParticles = 16,
     DispatchSizes = 17,
+    Touches = 18,
 }
 
 /// On what the text of the shaders depends.
@@ -79,8 +81,10 @@ impl Features {
     fn constants(&self) -> String {
         let mut text = String::new();
         for (name, value) in [
-            ("BALL_SURFACE_CELLS", BALL_SURFACE_CELLS as f32),
             ("SURFACE_CELLS", SURFACE_CELLS as f32),
+            ("MARGIN_CELLS", MARGIN_CELLS),
+            ("PARTING", PARTING),
+            ("SHARE_MIN", SHARE_MIN),
             ("EXPANSION_MAX", EXPANSION_MAX),
             ("EXPANSION_MIN", EXPANSION_MIN),
             ("STRETCH_MIN", STRETCH_MIN),
@@ -165,6 +169,7 @@ impl Features {
         } else {
             include_str!("shaders/friction.wgsl")
         });
+        parts.push(include_str!("shaders/touch.wgsl"));
         parts.push(include_str!("shaders/transfer.wgsl"));
         self.join(&parts)
     }

@@ -55,10 +55,9 @@ fn momentum_of_particles_and_balls_is_kept() {
     }
 }
 
-#[test]
-fn light_ball_floats_at_the_depth_of_archimedes() {
-    let cell = 0.006;
-    let [side, depth] = [16.0, 10.0].map(|cells| cells * f64::from(cell));
+/// Draughts in radii of a ball of half the density of water, over half a second after another, that is let go with its
+/// middle at a height over the level in radii.
+fn draughts(cell: f32, [side, depth]: [f64; 2], height: f64) -> [f64; 5] {
     let water = Water {
         viscosity_pa_s: 1.0,
         sound_speed_m_s: 10.0,
@@ -67,7 +66,7 @@ fn light_ball_floats_at_the_depth_of_archimedes() {
     let max = DVec3::new(side, side, depth).as_vec3();
     let mut simulation = cuboid(heavy(cell), Vec3::ZERO, max, Material::Water(water));
     let ball_m3 = 4.0 / 3.0 * PI * RADIUS.powi(3);
-    let center = DVec3::new(side / 2.0, side / 2.0, depth);
+    let center = DVec3::new(side / 2.0, side / 2.0, depth + height * RADIUS);
     let mut ball = Ball::new(center, RADIUS, 500.0 * ball_m3);
     ball.acceleration.z = -9.81;
     simulation.retain(|p| p.position.as_dvec3().distance(center) > RADIUS);
@@ -77,16 +76,81 @@ fn light_ball_floats_at_the_depth_of_archimedes() {
         balls: vec![ball],
         obstacles,
     };
-    step(&mut simulation, 0.5, &mut bodies);
-    // A ball of half the density is half under the level of water and ball together, by the mean
-    // over a bobbing.
+    step(&mut simulation, 0.8, &mut bodies);
     let level = (water_m3 + ball_m3 / 2.0) / (side * side);
-    let draughts = [(); 5].map(|()| {
+    [(); 5].map(|()| {
         step(&mut simulation, 0.1, &mut bodies);
         (level - bodies.balls[0].position.z + RADIUS) / RADIUS
+    })
+}
+
+/// It is half under the level of water and ball together, by the mean over a bobbing, from wherever it comes, in cells of
+/// a fifth and of a third of its radius.
+#[test]
+fn light_ball_floats_at_the_depth_of_archimedes() {
+    for (cell, size, height) in [
+        (0.006, [0.096, 0.06], 0.0),
+        (0.01, [0.15, 0.08], 0.3),
+        (0.01, [0.15, 0.08], -0.3),
+    ] {
+        let found = draughts(cell, size, height);
+        let draught = found.iter().sum::<f64>() / 5.0;
+        println!("{cell} m, from {height}: {draught} radii");
+        assert!((draught - 1.0).abs() < 0.05, "{cell} m: {found:?} radii");
+    }
+}
+
+/// Gaps between balls that lie on materials of a depth and the nearest eight particles of what is under them, in m.
+fn gaps_at_rest(material: Material, depth: f64, cell: f64) -> Vec<f64> {
+    let side = 0.12;
+    let max = DVec3::new(side, side, depth).as_vec3();
+    let mut simulation = cuboid(heavy(cell as f32), Vec3::ZERO, max, material);
+    let center = DVec3::new(side / 2.0, side / 2.0, depth + RADIUS + 0.01);
+    let mut ball = Ball::new(center, RADIUS, 0.17);
+    ball.acceleration.z = -9.81;
+    ball.floor_m = RADIUS;
+    let mut bodies = Bodies {
+        balls: vec![ball],
+        obstacles: Obstacle::walls(DVec3::ZERO, DVec3::new(side, side, 1.0)),
+    };
+    step(&mut simulation, 0.7, &mut bodies);
+    let ball = bodies.balls[0];
+    let arms = simulation.particles().map(|particle| {
+        let extent = 0.5 * f64::from(particle.volume_m3).cbrt();
+        (particle.position.as_dvec3() - ball.position, extent)
     });
-    let draught = draughts.iter().sum::<f64>() / 5.0;
-    assert!((draught - 1.0).abs() < 0.05, "{draughts:?} radii");
+    let under = arms.filter(|(arm, _)| arm.z < -0.8 * arm.length());
+    let mut gaps: Vec<f64> = under
+        .map(|(arm, extent)| arm.length() - RADIUS - extent)
+        .collect();
+    gaps.sort_by(f64::total_cmp);
+    gaps.truncate(8);
+    gaps
+}
+
+#[test]
+fn balls_at_rest_touch_what_carries_them_however_coarse() {
+    let jelly = Material::Jelly(Jelly {
+        young_pa: 8e4,
+        viscosity_pa_s: 20.0,
+        ..Jelly::default()
+    });
+    let sand = Material::Sand(Sand {
+        young_pa: 8e4,
+        ..Sand::default()
+    });
+    for (material, depth) in [(jelly, 0.045), (sand, 0.045), (sand, 0.015)] {
+        for cell in [0.015, 0.0125, 0.01] {
+            let gaps = gaps_at_rest(material, depth, cell);
+            let mean = gaps.iter().sum::<f64>() / gaps.len() as f64;
+            println!("{depth} m, {cell} m: {mean} m, {gaps:?}");
+            assert!(
+                mean.abs() < 0.001,
+                "{material:?}, {depth} m, {cell} m: {mean} m"
+            );
+            assert!(gaps[0] > -0.15 * cell, "{material:?}: {gaps:?} m");
+        }
+    }
 }
 
 /// Kinetic energy, in J.
@@ -98,7 +162,7 @@ fn energy(ball: &Ball) -> f64 {
 /// Energy that a ball of 3 m/s loses in a strip of sand of a depth, and the work of the sand's
 /// impulses on it, in J.
 fn lost_in_sand(depth: f32) -> (f64, f64) {
-    let max = Vec3::new(0.1, 0.12, depth);
+    let max = Vec3::new(0.05, 0.12, depth);
     let sand = Material::Sand(Sand::default());
     let mut simulation = cuboid(heavy(0.005), Vec3::ZERO, max, sand);
     let mut ball = Ball::new(DVec3::new(-0.03, 0.06, RADIUS), RADIUS, 0.17);
@@ -110,7 +174,7 @@ fn lost_in_sand(depth: f32) -> (f64, f64) {
         obstacles,
     };
     let mut work = 0.0;
-    for _ in 0..80 {
+    for _ in 0..50 {
         let before = bodies.balls[0];
         step(&mut simulation, 0.001, &mut bodies);
         let ball = &mut bodies.balls[0];

@@ -140,7 +140,7 @@ fn bits_do_not_depend_on_the_number_of_threads() {
                 radius_m: 0.03,
             };
             simulation.fill(&region, jelly, -Vec3::Y).expect("valid");
-            let ball = carom_mpm::Ball::new(DVec3::new(0.05, -0.03, 0.05), 0.03, 0.17);
+            let ball = carom_mpm::Ball::new(DVec3::new(0.1, 0.03, 0.0), 0.03, 0.17);
             let mut bodies = Bodies {
                 balls: vec![ball],
                 ..Bodies::default()

@@ -166,3 +166,14 @@ fn marbles_that_are_no_numbers_are_refused() {
     assert!(Marbles::new(marble, DVec3::ZERO, 0.0).is_err());
     assert!(heap.step(f64::NAN, &mut slate()).is_err());
 }
+
+#[test]
+fn marbles_that_diverge_say_so() {
+    let (mut heap, mut bodies) = poured(Marble::default());
+    let center = heap.spheres()[0].position;
+    let mut ball = Ball::new(center, 0.028_575, 1e9);
+    ball.velocity = DVec3::splat(1e300);
+    bodies.balls.push(ball);
+    let why = heap.step(1.0, &mut bodies).unwrap_err().to_string();
+    assert!(why.contains("marbles"), "{why}");
+}

@@ -1,7 +1,7 @@
-// Two-way coupling of balls: one workgroup resolves the contacts of each ball with the nodes inside of it, moves the
+// Two-way coupling of balls: one workgroup resolves the contacts of each ball with the nodes that touch it, moves the
 // balls, and plans the next substep.
 //
-// Node i inside a ball gets the impulse `J = m (s − u)` that makes it move as the surface, s, if that pushes and
+// Node i that touches a ball gets the impulse `J = m (s − u)` that makes it move as the surface, s, if that pushes and
 // Coulomb's cone allows it; else the impulse of the cone. The ball's velocity and spin y solve
 // `D (y − y₀) + Σ Gᵀ J(G y) = 0`, G the surface's velocity, D the ball's masses: what the sequential impulses of
 // `coupling.rs` converge to. Newton's method, as J is linear in pieces; sums in a fixed order.
@@ -12,6 +12,7 @@
 @group(0) @binding(6) var<storage, read_write> velocities: array<vec4<f32>>;
 @group(0) @binding(10) var<storage, read_write> balls: array<Ball>;
 @group(0) @binding(11) var<storage, read> obstacles: array<Obstacle>;
+@group(0) @binding(18) var<storage, read_write> touches: array<vec4<i32>>;
 
 const LANES: u32 = 128u;
 
@@ -39,6 +40,20 @@ struct Contact {
     is_pushed: bool,
 }
 
+struct Found {
+    node: u32,
+    at: vec3<f32>,
+    // From the ball's centre, over its radius.
+    arm: vec3<f32>,
+    // Velocity and mass.
+    velocity: vec4<f32>,
+    // Away from the ball.
+    normal: vec3<f32>,
+    // Speed at which they part if they overlap, in m/s.
+    parting: f32,
+    is_touching: bool,
+}
+
 fn outer(a: vec3<f32>, b: vec3<f32>) -> mat3x3<f32> {
     return mat3x3(a * b.x, a * b.y, a * b.z);
 }
@@ -48,22 +63,22 @@ fn cross_matrix(a: vec3<f32>) -> mat3x3<f32> {
     return mat3x3(vec3(0.0, a.z, -a.y), vec3(-a.z, 0.0, a.x), vec3(a.y, -a.x, 0.0));
 }
 
-// Of a node with an arm over the ball's radius, at a velocity of the ball.
-fn contact(arm: vec3<f32>, node: vec4<f32>, friction: f32, v: vec3<f32>, w: vec3<f32>) -> Contact {
-    let distance = length(arm);
-    let normal = select(arm / distance, vec3(0.0, 0.0, 1.0), distance < 1e-6);
-    let relative = node.xyz - v - cross(w, arm);
-    let approach = dot(relative, normal);
+// Of a found node at a velocity of the ball.
+fn contact(found: Found, friction: f32, v: vec3<f32>, w: vec3<f32>) -> Contact {
+    let normal = found.normal;
+    let relative = found.velocity.xyz - v - cross(w, found.arm);
+    let nearing = dot(relative, normal);
+    let approach = nearing - found.parting;
     if (approach >= 0.0) {
         return Contact(vec3(0.0), mat3x3<f32>(), false);
     }
     let identity = mat3x3(vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), vec3(0.0, 0.0, 1.0));
-    let mass = node.w;
+    let mass = found.velocity.w;
     let push = -mass * approach;
-    let slip = relative - normal * approach;
+    let slip = relative - normal * nearing;
     let slip_speed = length(slip);
     if (mass * slip_speed <= friction * push) {
-        return Contact(-mass * relative, identity * mass, true);
+        return Contact(-mass * (relative - normal * found.parting), identity * mass, true);
     }
     let along = slip / slip_speed;
     let drag = friction * push;
@@ -72,7 +87,7 @@ fn contact(arm: vec3<f32>, node: vec4<f32>, friction: f32, v: vec3<f32>, w: vec3
     return Contact(normal * push - along * drag, derivative, true);
 }
 
-// Whether a node inside of a ball is nearer to another touched one's centre, by their radii.
+// Whether a node is nearer to another touched ball's surface.
 fn is_others(ball: u32, at: vec3<f32>, depth: f32) -> bool {
     for (var other = 0u; other < params.balls; other++) {
         if (other == ball || (touched >> other & 1u) == 0u) {
@@ -86,15 +101,19 @@ fn is_others(ball: u32, at: vec3<f32>, depth: f32) -> bool {
     return false;
 }
 
+// From a ball's surface to the farthest node of a particle that touches it, in cells: its extent and a cell of nearing,
+// and the reach of its kernel.
+const TOUCH_REACH_CELLS: f32 = 3.0;
+
 // The nodes in the box around a ball: first corner, and how many along each axis.
 fn corner(ball: u32) -> vec3<i32> {
-    let reach = balls[ball].radius + BALL_SURFACE_CELLS;
+    let reach = balls[ball].radius + TOUCH_REACH_CELLS;
     let low = vec3<i32>(ceil(balls[ball].position + balls[ball].moved - reach));
     return clamp(low, vec3(0), vec3<i32>(params.blocks * 4u));
 }
 
 fn extent(ball: u32, first: vec3<i32>) -> vec3<u32> {
-    let reach = balls[ball].radius + BALL_SURFACE_CELLS;
+    let reach = balls[ball].radius + TOUCH_REACH_CELLS;
     let high = vec3<i32>(floor(balls[ball].position + balls[ball].moved + reach)) + 1;
     return vec3<u32>(max(clamp(high, vec3(0), vec3<i32>(params.blocks * 4u)) - first, vec3(0)));
 }
@@ -104,25 +123,26 @@ fn node_at(place: vec3<u32>) -> u32 {
     return block_index(place / 4u, params.blocks) * 64u + (in_block.x * 4u + in_block.y) * 4u + in_block.z;
 }
 
-struct Found {
-    node: u32,
-    at: vec3<f32>,
-    arm: vec3<f32>,
-    velocity: vec4<f32>,
-    is_inside: bool,
+fn place_at(first: vec3<i32>, size: vec3<u32>, index: u32) -> vec3<u32> {
+    return vec3<u32>(first) + vec3(index / (size.y * size.z), index / size.z % size.y, index % size.z);
 }
 
 fn find(ball: u32, first: vec3<i32>, size: vec3<u32>, index: u32) -> Found {
-    let place = vec3<u32>(first) + vec3(index / (size.y * size.z), index / size.z % size.y, index % size.z);
+    let place = place_at(first, size, index);
     let at = vec3<f32>(place);
     let arm = at - (balls[ball].position + balls[ball].moved);
-    let reach = balls[ball].radius + BALL_SURFACE_CELLS;
-    var found = Found(0u, at, arm / balls[ball].radius, vec4(0.0), false);
-    if (dot(arm, arm) < reach * reach) {
-        found.node = node_at(place);
-        found.velocity = velocities[found.node];
-        found.is_inside = found.velocity.w > 0.0 && !is_others(ball, at, length(arm) - balls[ball].radius);
+    let node = node_at(place);
+    var found = Found(node, at, arm / balls[ball].radius, vec4(0.0), vec3(0.0), 0.0, false);
+    let sums = vec4<f32>(touches[node]);
+    let touching = length(sums.xyz);
+    if (touching == 0.0) {
+        return found;
     }
+    found.velocity = velocities[node];
+    found.normal = sums.xyz / touching;
+    found.parting = PARTING * (sums.w / touching) * params.cell_size / control.dt;
+    let is_enough = touching > SHARE_MIN * found.velocity.w * params.mass_scale;
+    found.is_touching = is_enough && !is_others(ball, at, length(arm) - balls[ball].radius);
     return found;
 }
 
@@ -157,10 +177,10 @@ fn linearise(ball: u32, lane: u32) {
     var ww = mat3x3<f32>();
     for (var index = lane; index < count; index += LANES) {
         let found = find(ball, first, size, index);
-        if (!found.is_inside) {
+        if (!found.is_touching) {
             continue;
         }
-        let contact = contact(found.arm, found.velocity, friction_of(found.node), linear, spin);
+        let contact = contact(found, friction_of(found.node), linear, spin);
         if (!contact.is_pushed) {
             continue;
         }
@@ -256,11 +276,11 @@ fn apply(ball: u32, lane: u32) {
     var torque = vec3(0.0);
     for (var index = lane; index < count; index += LANES) {
         let found = find(ball, first, size, index);
-        if (!found.is_inside) {
+        if (!found.is_touching) {
             continue;
         }
         let friction = friction_of(found.node);
-        let contact = contact(found.arm, found.velocity, friction, linear, spin);
+        let contact = contact(found, friction, linear, spin);
         force += contact.impulse;
         torque += cross(found.arm, contact.impulse);
         let velocity = found.velocity.xyz + contact.impulse / found.velocity.w;
@@ -304,6 +324,15 @@ fn resolve(ball: u32, lane: u32) {
     }
 }
 
+// Makes the sums of touch around a ball ready for the next substep.
+fn clear_touches(ball: u32, lane: u32) {
+    let first = corner(ball);
+    let size = extent(ball, first);
+    for (var index = lane; index < size.x * size.y * size.z; index += LANES) {
+        touches[node_at(place_at(first, size, index))] = vec4(0);
+    }
+}
+
 @compute @workgroup_size(128)
 fn couple(@builtin(local_invocation_index) lane: u32) {
     if (lane == 0u) {
@@ -322,6 +351,13 @@ fn couple(@builtin(local_invocation_index) lane: u32) {
             workgroupBarrier();
         }
     }
+    for (var ball = 0u; ball < params.balls; ball++) {
+        if ((bits >> ball & 1u) != 0u) {
+            clear_touches(ball, lane);
+        }
+    }
+    storageBarrier();
+    workgroupBarrier();
     if (lane < params.balls && control.scatter != 0u) {
         balls[lane].moved += balls[lane].velocity * (control.dt / params.cell_size);
         let sunk = balls[lane].floor_height - balls[lane].position.z - balls[lane].moved.z;

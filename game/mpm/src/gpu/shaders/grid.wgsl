@@ -6,7 +6,6 @@
 @group(0) @binding(2) var<storage, read_write> counters: Counters;
 @group(0) @binding(5) var<storage, read_write> sums: array<vec4<i32>>;
 @group(0) @binding(6) var<storage, read_write> velocities: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read> balls: array<Ball>;
 @group(0) @binding(11) var<storage, read> obstacles: array<Obstacle>;
 @group(0) @binding(14) var<storage, read> nodes: array<u32>;
 
@@ -18,7 +17,6 @@ const SPEED_MASS_MIN: i32 = 2048;
 const SUM_MAX: i32 = 0x3fffffff;
 
 var<workgroup> speed_max: atomic<u32>;
-var<workgroup> touched: atomic<u32>;
 
 @compute @workgroup_size(64)
 fn update_grid(
@@ -31,7 +29,6 @@ fn update_grid(
     }
     if (lane == 0u) {
         atomicStore(&speed_max, 0u);
-        atomicStore(&touched, 0u);
     }
     workgroupBarrier();
     let block = nodes[group.x + group.y * groups.x];
@@ -56,13 +53,6 @@ fn update_grid(
         );
         let at = vec3<f32>(corner * 4u + vec3(lane / 16u, lane / 4u % 4u, lane % 4u));
         velocity = stop_all(at, velocity, friction);
-        for (var i = 0u; i < params.balls; i++) {
-            let arm = at - (balls[i].position + balls[i].moved);
-            let reach = balls[i].radius + BALL_SURFACE_CELLS;
-            if (dot(arm, arm) < reach * reach) {
-                atomicOr(&touched, 1u << i);
-            }
-        }
         if (quanta.w >= SPEED_MASS_MIN) {
             let size = abs(velocity);
             atomicMax(&speed_max, bitcast<u32>(max(max(size.x, size.y), size.z)));
@@ -72,9 +62,5 @@ fn update_grid(
     workgroupBarrier();
     if (lane == 0u) {
         atomicMax(&counters.speed, atomicLoad(&speed_max));
-        let bits = atomicLoad(&touched);
-        if (bits != 0u) {
-            atomicOr(&counters.touched, bits);
-        }
     }
 }

@@ -62,7 +62,7 @@ struct Counters {
     speed: atomic<u32>,
     // Bits of the fastest sound.
     sound: atomic<u32>,
-    // A bit for each ball that has nodes inside.
+    // A bit for each ball that particles touch.
     touched: atomic<u32>,
     // A bit for each fault.
     faults: atomic<u32>,

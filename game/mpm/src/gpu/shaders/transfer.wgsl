@@ -273,7 +273,12 @@ fn transfer(
     clear_tile(lane);
     workgroupBarrier();
     if (is_particle) {
-        scatter(advance_particle(index, motion));
+        let load = advance_particle(index, motion);
+        scatter(load);
+        if (params.balls > 0u) {
+            let volume = bitcast<f32>(particles[index + 3u * params.particles].y);
+            scatter_touch(load.local, motion.velocity, volume, load.mass);
+        }
     }
     workgroupBarrier();
     flush_tile(lane);
