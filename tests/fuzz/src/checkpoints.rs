@@ -33,14 +33,12 @@ fn resumed(bytes: &[u8]) {
 /// Checkpoints of the picture without their hash: at its start, in the middle and at its end.
 pub fn checkpoint_seeds() -> Vec<Vec<u8>> {
     let seed = |samples_done| {
-        let mut film = Film::new(header().size);
+        let mut header = header();
+        let mut film = Film::new(header.size);
         let radiance = [[0.1, 0.7, 1e9]; 6];
         film.add(WHOLE, &radiance, samples_done)
             .expect("all pixels");
-        let header = CheckpointHeader {
-            samples_done,
-            ..header()
-        };
+        header.samples_done = samples_done;
         let mut bytes = header.encode(&film).expect("a header");
         bytes.truncate(bytes.len() - 32);
         bytes

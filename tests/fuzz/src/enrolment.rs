@@ -1,4 +1,4 @@
-//! What a node that joins and the farm's authority send each other.
+//! Messages between a node that joins and the authority of a farm.
 
 use std::sync::LazyLock;
 
