@@ -1,7 +1,7 @@
 //! Checkpoints of a long render, from which it resumes after a crash: the film's sums so far.
 //!
-//! A file is one line of JSON that identifies the picture, the film's bytes, and a BLAKE3 hash of
-//! both. It is written to a temporary file and renamed, so that there is always a complete one.
+//! A file ([`CheckpointHeader::encode`]) is written under a temporary name and renamed, so that there is
+//! always a complete one.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read as _, Write as _};
@@ -9,31 +9,13 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use carom_protocol::SceneHash;
+use carom_tracer::SceneUpdate;
 use carom_tracer::film::Film;
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
-use serde::{Deserialize, Serialize};
 
+use crate::checkpoint_format::{CheckpointHeader, bytes_max};
 use crate::error::Error;
 use crate::frame::FrameSpec;
 use crate::whole_file::WholeFile;
-
-/// The identity of a checkpoint's picture, and its progress.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct CheckpointHeader {
-    /// The version of the file format.
-    version: u32,
-    /// The scene's hash, in hexadecimal.
-    scene: String,
-    size: ImageSize,
-    settings: RenderSettings,
-    /// Samples per pixel in the sums.
-    samples_done: u32,
-}
-
-const VERSION: u32 = 1;
-const HASH_BYTES: usize = 32;
-/// Bytes of the line of JSON: some 500.
-const HEADER_BYTES_MAX: usize = 16 << 10;
 
 /// The checkpoints of one render.
 #[derive(Debug)]
@@ -51,13 +33,11 @@ impl Checkpoint {
     pub(crate) fn new(path: PathBuf, scene: SceneHash, spec: &FrameSpec, period: Duration) -> Self {
         Self {
             path,
-            header: CheckpointHeader {
-                version: VERSION,
-                scene: picture_hash(scene, &spec.update),
-                size: spec.size,
-                settings: spec.settings,
-                samples_done: 0,
-            },
+            header: CheckpointHeader::new(
+                picture_hash(scene, &spec.update),
+                spec.size,
+                spec.settings,
+            ),
             period,
             written: Instant::now(),
             warned: false,
@@ -74,8 +54,8 @@ impl Checkpoint {
             Err(why) if why.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(why) => return Err(self.refused(&why.to_string())),
         };
-        let (film, samples_done) =
-            decode(&self.header, &bytes).map_err(|reason| self.refused(reason))?;
+        let decoded = self.header.decode(&bytes);
+        let (film, samples_done) = decoded.map_err(|reason| self.refused(reason))?;
         self.header.samples_done = samples_done;
         Ok(Some((film, samples_done)))
     }
@@ -86,7 +66,7 @@ impl Checkpoint {
         if !std::fs::metadata(&self.path)?.is_file() {
             return Err(io::Error::other("this is no plain file"));
         }
-        let max = HEADER_BYTES_MAX + Film::bytes_of(self.header.size) + HASH_BYTES;
+        let max = bytes_max(self.header.size);
         let mut bytes = Vec::new();
         let limited = File::open(&self.path)?.take(max as u64 + 1);
         BufReader::new(limited).read_to_end(&mut bytes)?;
@@ -149,11 +129,7 @@ impl Checkpoint {
             path: self.path.clone(),
             source,
         };
-        let header = serde_json::to_vec(&self.header);
-        let mut bytes = header.map_err(|why| failed(why.into()))?;
-        bytes.push(b'\n');
-        bytes.extend(film.to_bytes());
-        bytes.extend(blake3::hash(&bytes).as_bytes());
+        let bytes = self.header.encode(film).map_err(|why| failed(why.into()))?;
         let written = WholeFile::replace(&self.path, |file| {
             file.write_all(&bytes)?;
             file.sync()
@@ -189,36 +165,12 @@ fn picture_hash(SceneHash(scene): SceneHash, update: &SceneUpdate) -> String {
     hash.to_hex().to_string()
 }
 
-/// The film in the bytes of a checkpoint of the picture of `header`, and its samples per pixel; or what is
-/// wrong with them.
-fn decode(header: &CheckpointHeader, bytes: &[u8]) -> Result<(Film, u32), &'static str> {
-    const DAMAGED: &str = "this checkpoint is damaged";
-    let content = bytes.len().checked_sub(HASH_BYTES).ok_or(DAMAGED)?;
-    let (content, hash) = bytes.split_at(content);
-    if blake3::hash(content).as_bytes() != hash {
-        return Err(DAMAGED);
-    }
-    let line = content.iter().position(|&byte| byte == b'\n');
-    let (line, film) = content.split_at(line.ok_or(DAMAGED)?);
-    let found: CheckpointHeader = serde_json::from_slice(line).map_err(|_| DAMAGED)?;
-    let samples_done = found.samples_done;
-    let same = CheckpointHeader {
-        samples_done,
-        ..header.clone()
-    };
-    if found != same || samples_done > header.settings.samples {
-        return Err("this checkpoint is of another scene, size or number of samples");
-    }
-    let film = Film::from_bytes(header.size, &film[1..]).ok_or(DAMAGED)?;
-    Ok((film, samples_done))
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
     use carom_protocol::PixelFormat;
-    use carom_tracer::{Scene, Tile};
+    use carom_tracer::{ImageSize, RenderSettings, Scene, Tile};
 
     use super::*;
 
@@ -288,7 +240,10 @@ mod tests {
         let mut checkpoint = checkpoint(folder.path(), 1.0, 16);
         std::fs::create_dir_all(checkpoint.path.join("full")).unwrap();
         let kept = checkpoint.rescue(&film()).unwrap();
-        let (back, done) = decode(&checkpoint.header, &std::fs::read(&kept).unwrap()).unwrap();
+        let (back, done) = checkpoint
+            .header
+            .decode(&std::fs::read(&kept).unwrap())
+            .unwrap();
         std::fs::remove_file(kept).unwrap();
         assert_eq!((done, back.to_bytes()), (16, film().to_bytes()));
     }

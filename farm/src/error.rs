@@ -184,7 +184,7 @@ pub enum Error {
     #[error(
         "`{}` is not a valid name: use 1 to {length_max} letters, digits, `-`, `_` or `.`, \
          starting with a letter or digit",
-        name.escape_debug()
+        printable(&name.escape_debug().to_string(), SENTENCE_BYTES_MAX)
     )]
     MemberName {
         /// The name.

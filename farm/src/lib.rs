@@ -33,6 +33,8 @@ pub mod balancer;
 mod balancing;
 mod channel;
 mod checkpoint;
+#[doc(hidden)]
+pub mod checkpoint_format;
 mod config;
 mod config_fault;
 #[doc(hidden)]

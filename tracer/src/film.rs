@@ -159,7 +159,7 @@ impl Film {
                 if mean.iter().all(|channel| channel.is_finite()) {
                     pixel.add(mean, samples);
                 } else {
-                    self.dropped_samples += u64::from(samples);
+                    self.dropped_samples = self.dropped_samples.saturating_add(u64::from(samples));
                 }
             }
         }
@@ -168,7 +168,7 @@ impl Film {
 
     /// Counts samples that a tracer dropped: they are black in its means.
     pub fn count_dropped(&mut self, samples: u32) {
-        self.dropped_samples += u64::from(samples);
+        self.dropped_samples = self.dropped_samples.saturating_add(u64::from(samples));
     }
 
     /// The film as bytes, for [`Film::from_bytes`]: dropped samples, then each pixel's sums and
@@ -188,7 +188,8 @@ impl Film {
         8 + size.pixels() * PIXEL_BYTES
     }
 
-    /// A film of `size` from [`Film::to_bytes`]; none if there are not as many bytes as it has.
+    /// A film of `size` from [`Film::to_bytes`]; none if there are not as many bytes as it has, or if a pixel has
+    /// sums that samples cannot have.
     pub fn from_bytes(size: ImageSize, bytes: &[u8]) -> Option<Self> {
         let (words, rest) = bytes.as_chunks::<8>();
         let (&dropped_samples, words) = words.split_first()?;
@@ -196,13 +197,18 @@ impl Film {
             return None;
         }
         let (pixels, _) = words.as_chunks::<4>();
-        let pixels = pixels.iter().map(|&[r, g, b, samples]| Pixel {
-            sum: [r, g, b].map(f64::from_le_bytes),
-            samples: u64::from_le_bytes(samples),
+        let pixels = pixels.iter().map(|&[r, g, b, samples]| {
+            let pixel = Pixel {
+                sum: [r, g, b].map(f64::from_le_bytes),
+                samples: u64::from_le_bytes(samples),
+            };
+            let is_finite = pixel.mean().iter().all(|channel| channel.is_finite());
+            let has_samples = pixel.samples > 0 || pixel.sum == [0.0; 3];
+            (is_finite && has_samples).then_some(pixel)
         });
         Some(Self {
             size,
-            pixels: pixels.collect(),
+            pixels: pixels.collect::<Option<_>>()?,
             dropped_samples: u64::from_le_bytes(dropped_samples),
         })
     }
@@ -227,6 +233,12 @@ impl Film {
     pub fn samples_min(&self) -> u64 {
         let samples = self.pixels.iter().map(|pixel| pixel.samples);
         samples.min().unwrap_or(0)
+    }
+
+    /// The most samples of any pixel.
+    pub fn samples_max(&self) -> u64 {
+        let samples = self.pixels.iter().map(|pixel| pixel.samples);
+        samples.max().unwrap_or(0)
     }
 
     /// Mean radiance; black where there is no sample.

@@ -195,7 +195,8 @@ impl Authority {
     ///
     /// # Errors
     /// [`Error::CertificateCreation`] if the request is none.
-    pub(crate) fn sign_request(
+    #[doc(hidden)]
+    pub fn sign_request(
         &self,
         role: Role,
         name: &str,
@@ -292,7 +293,9 @@ fn decrypted(path: &Path, key_pem: &str, passphrase: &str) -> Result<WipedKey, E
         .map_err(|error| not_pem(path, "private key", &error))
 }
 
-pub(crate) fn lasting(life: Duration) -> std::ops::Range<SystemTime> {
+/// The days of a certificate that is issued now.
+#[doc(hidden)]
+pub fn lasting(life: Duration) -> std::ops::Range<SystemTime> {
     let now = SystemTime::now();
     now - EARLY..now + life
 }

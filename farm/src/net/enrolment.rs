@@ -1,7 +1,7 @@
 //! Enrolment of nodes: a node makes a key, and the farm's authority certifies it over a connection
 //! on which the node knows the authority by its fingerprint.
 //!
-//! One request and one answer, each JSON on a stream that ends. A new node shows the token's secret,
+//! One request and one answer ([`crate::net::enrolment_messages`]). A new node shows the token's secret,
 //! one that renews its certificate shows that certificate. The authority signs the handshake with
 //! its own key, so that nobody else can receive the secret.
 
@@ -17,7 +17,6 @@ use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, Server
 use rustls::crypto::CryptoProvider;
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{CertificateError, DigitallySignedStruct, SignatureScheme};
-use serde::{Deserialize, Serialize};
 use zeroize::Zeroizing;
 
 use crate::Error;
@@ -26,6 +25,7 @@ use crate::net::certificate::provider;
 use crate::net::credential_files::{create_private_dir, file_error, write_private, write_whole};
 use crate::net::credentials::{AUTHORITY_FILE, Credentials};
 use crate::net::deny_list::DENY_LIST_FILE;
+use crate::net::enrolment_messages::{EnrolmentAnswer, EnrolmentRequest, broken};
 use crate::net::join_url::{JoinUrl, fingerprint};
 use crate::net::peer::Role;
 use crate::net::{close_code, connection_error, endpoint, tls};
@@ -40,33 +40,6 @@ pub(crate) const REQUEST_BYTES_MAX: usize = 16 << 10;
 pub(crate) const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// What a node keeps of its join: where to renew its certificate.
 const URL_FILE: &str = "farm.url";
-
-/// What a node asks of the authority.
-#[derive(Serialize, Deserialize)]
-pub(crate) enum EnrolmentRequest {
-    /// To be admitted.
-    Join {
-        secret: String,
-        name: String,
-        /// A certificate signing request (RFC 2986) as PEM text.
-        request_pem: String,
-    },
-    /// The deny list, and a new certificate of the same key if there is a request for one.
-    Renew { request_pem: Option<String> },
-}
-
-/// The answer.
-#[derive(Serialize, Deserialize)]
-pub(crate) enum EnrolmentAnswer {
-    Certified {
-        authority_pem: String,
-        certificate_pem: Option<String>,
-        deny_list: String,
-    },
-    Refused {
-        sentence: String,
-    },
-}
 
 /// Makes a key in `folder`, has it certified as a node called `name`, and returns the last day of
 /// the certificate. The key never leaves the folder.
@@ -214,7 +187,7 @@ async fn ask_address(
     let bytes = answer.map_err(|why| connection.close_reason().map_or(why, lost))?;
     connection.close(close_code::DONE, b"");
     endpoint.wait_idle().await;
-    match serde_json::from_slice(&bytes).map_err(|why| broken(&why))? {
+    match EnrolmentAnswer::from_json(&bytes)? {
         EnrolmentAnswer::Certified {
             authority_pem,
             certificate_pem,
@@ -230,7 +203,7 @@ async fn ask_address(
 
 async fn exchange(connection: &Connection, request: &EnrolmentRequest) -> Result<Vec<u8>, Error> {
     let (mut send, mut receive) = connection.open_bi().await.map_err(|why| broken(&why))?;
-    let bytes = serde_json::to_vec(request).map_err(|why| broken(&why))?;
+    let bytes = request.to_json()?;
     send.write_all(&bytes).await.map_err(|why| broken(&why))?;
     send.finish().map_err(|why| broken(&why))?;
     let answer = receive.read_to_end(ANSWER_BYTES_MAX).await;
@@ -247,12 +220,6 @@ fn refusal(error: &ConnectionError) -> Error {
             sentence: format!("it {reason}"),
         },
         error => error,
-    }
-}
-
-fn broken(why: &dyn std::fmt::Display) -> Error {
-    Error::ConnectionBroken {
-        reason: why.to_string(),
     }
 }
 

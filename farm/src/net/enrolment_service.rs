@@ -13,9 +13,8 @@ use tokio::sync::Notify;
 use crate::Error;
 use crate::net::address::NodeAddress;
 use crate::net::certificate::{PeerVerifier, provider};
-use crate::net::enrolment::{
-    ALPN, ANSWER_TIMEOUT, EnrolmentAnswer, EnrolmentRequest, REQUEST_BYTES_MAX,
-};
+use crate::net::enrolment::{ALPN, ANSWER_TIMEOUT, REQUEST_BYTES_MAX};
+use crate::net::enrolment_messages::{EnrolmentAnswer, EnrolmentRequest, broken};
 use crate::net::farm_folder::AuthorityFolder;
 use crate::net::handshakes::Handshakes;
 use crate::net::join_url::JoinUrl;
@@ -228,29 +227,19 @@ impl EnrolmentState {
             .await
             .map_err(|_| Error::HandshakeTimeout)?
             .map_err(|error| connection_error::connection(&error, Role::Node))?;
-        let broken = |why: &dyn std::fmt::Display| Error::ConnectionBroken {
-            reason: why.to_string(),
-        };
         let stream = connection.accept_bi().await;
         let (mut send, mut receive) =
             stream.map_err(|error| connection_error::connection(&error, Role::Node))?;
         let bytes = receive.read_to_end(REQUEST_BYTES_MAX).await;
         let bytes = bytes.map_err(|why| broken(&why))?;
-        // The parser's reason would repeat a stranger's text.
-        let request = serde_json::from_slice(&bytes);
-        let request = request.map_err(|_| broken(&"what was sent is not a request"))?;
+        let request = EnrolmentRequest::from_json(&bytes)?;
         let decided = self.decide(request, &connection);
+        let refused = |sentence| EnrolmentAnswer::Refused { sentence };
         let answer = match &decided {
-            Ok((answer, _)) => serde_json::to_vec(answer),
-            Err(Error::EnrolmentRefused { sentence }) => {
-                let sentence = sentence.clone();
-                serde_json::to_vec(&EnrolmentAnswer::Refused { sentence })
-            }
-            Err(why) => serde_json::to_vec(&EnrolmentAnswer::Refused {
-                sentence: why.to_string(),
-            }),
+            Ok((answer, _)) => answer.to_json()?,
+            Err(Error::EnrolmentRefused { sentence }) => refused(sentence.clone()).to_json()?,
+            Err(why) => refused(why.to_string()).to_json()?,
         };
-        let answer = answer.map_err(|why| broken(&why))?;
         send.write_all(&answer).await.map_err(|why| broken(&why))?;
         send.finish().map_err(|why| broken(&why))?;
         let refusal = match decided {

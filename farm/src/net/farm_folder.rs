@@ -271,7 +271,12 @@ impl AuthorityFolder {
     }
 }
 
-fn check_name(name: &str) -> Result<(), Error> {
+/// Whether a node or player can be called so.
+///
+/// # Errors
+/// [`Error::MemberName`].
+#[doc(hidden)]
+pub fn check_name(name: &str) -> Result<(), Error> {
     let first_is_plain = name.starts_with(|c: char| c.is_ascii_alphanumeric());
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if first_is_plain && name.len() <= NAME_BYTES_MAX && name.chars().all(plain) {
@@ -358,6 +363,11 @@ mod tests {
                 "{refused}"
             );
         }
+        // A node that joins may ask for any: its operator is told a sentence, not a page.
+        let told = check_name(&"\u{1b}".repeat(16_000))
+            .unwrap_err()
+            .to_string();
+        assert!(told.len() < 2048 && !told.contains('\u{1b}'), "{told}");
     }
 
     #[test]

@@ -56,6 +56,8 @@ mod deny_list;
 mod encrypted_key;
 mod endpoint;
 mod enrolment;
+#[doc(hidden)]
+pub mod enrolment_messages;
 pub mod enrolment_service;
 pub mod farm_folder;
 mod fec;
