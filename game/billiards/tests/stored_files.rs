@@ -103,7 +103,7 @@ fn stored_match_among_particles_is_read_as_it_was() {
     assert_eq!(bytes[b"carom match\n".len()], 2);
     assert!(MatchSave::of(&game).to_bytes().expect("small enough") == bytes);
     let bed = game.world().particles().expect("sand and snow");
-    assert_eq!(bed.centers().len(), 64);
+    assert_eq!(bed.centers().len(), 128);
     assert_eq!(game.world().balls().len(), 2);
     let stroke = Stroke::straight(0.0, 1.5);
     let shot = game.world().strike(stroke).expect("it ends");
