@@ -138,11 +138,11 @@ setting-pockets-wide-about = 10 % wider: 5 inches in the corners of a 9-foot tab
 
 setting-particle-precision = Sand, snow, jelly, water
 setting-particle-precision-coarse = Coarse
-setting-particle-precision-coarse-about = Cells of 15 mm: coarse grains, two thirds of the time
+setting-particle-precision-coarse-about = Cells of 15 mm: coarse grains, two thirds of the time a second of the shot
 setting-particle-precision-standard = Standard
 setting-particle-precision-standard-about = Cells of 12.5 mm
 setting-particle-precision-fine = Fine
-setting-particle-precision-fine-about = Cells of 10 mm: fine grains, twice the time
+setting-particle-precision-fine-about = Cells of 10 mm: fine grains, two to three times the time
 particle-cost = A shot into the sand trap: { $particles } particles, { $time } s of a core, the cue ball is on average { $differs } mm from where it is at the finest over the first second, and the sand behind it { $surface } mm. The stroke waits for it
 
 setting-particles = Dust

@@ -93,6 +93,24 @@ fn stored_matches_play_to_the_same_bits() {
     }
 }
 
+/// Version 2 of the format: the table follows as it is. What particles then do has the bits of one kind of processor.
+#[test]
+fn stored_match_among_particles_is_read_as_it_was() {
+    let path = stored("match_particles.carom");
+    let record = MatchSave::load(&path).expect("sound").expect("it is there");
+    let game = record.play().expect("it goes on");
+    let bytes = std::fs::read(&path).expect("it is there");
+    assert_eq!(bytes[b"carom match\n".len()], 2);
+    assert!(MatchSave::of(&game).to_bytes().expect("small enough") == bytes);
+    let bed = game.world().particles().expect("sand and snow");
+    assert_eq!(bed.centers().len(), 128);
+    assert_eq!(game.world().balls().len(), 2);
+    let stroke = Stroke::straight(0.0, 1.5);
+    let shot = game.world().strike(stroke).expect("it ends");
+    let free = game.world().without_particles().strike(stroke);
+    assert!(shot.final_states() != free.expect("it ends").final_states());
+}
+
 /// Breaks, soft shots, jumps and curves on every table, and balls thrown over it.
 fn shots() -> Vec<Shot> {
     let mut shots = Vec::new();

@@ -4,7 +4,8 @@ use fearless_simd::{f32x4, prelude::*};
 
 use crate::lanes::Lanes;
 use crate::p2g::{Kernel, STRIDE_X, STRIDE_Y};
-use crate::storage::{ABSENT, NodeBlock, Packet, ParticleBlock, TILE_NODES};
+use crate::packet::Packet;
+use crate::storage::{ABSENT, NodeBlock, ParticleBlock, TILE_NODES};
 use crate::tile::for_each_row;
 
 /// Gives the particles of a block their velocities.

@@ -6,7 +6,7 @@ use crate::body::{Bodies, Grip, Obstacle};
 use crate::coupling::Contact;
 use crate::storage::{ABSENT, BLOCK_EDGE, BLOCK_NODES, NodeBlock, ParticleBlock};
 use crate::tile::for_each_row;
-use crate::touch::{PARTING, add_touches};
+use crate::touch::{PARTING, PARTING_MAX_M_S, add_touches};
 
 /// Mass of a node under which it counts as empty, in kg: its momentum is nothing but rounding.
 const NODE_MASS_MIN: f32 = 1e-30;
@@ -63,6 +63,7 @@ pub(crate) fn update(node: &mut NodeBlock, step: GridStep) {
                 if let Some((normal, depth)) = touch.at(index, mass) {
                     let arm = place - step.bodies.balls[touch.ball].position;
                     let parting = f64::from(PARTING * depth) * step.cell_size_m / step.dt;
+                    let parting = parting.min(PARTING_MAX_M_S.into());
                     let way = (arm, normal, parting);
                     node.contacts
                         .push(Contact::new(index, touch.ball, way, mass, friction));

@@ -50,6 +50,7 @@ mod marble_contact;
 mod marbles;
 mod material;
 mod p2g;
+mod packet;
 mod region;
 mod settings;
 mod simulation;

@@ -4,7 +4,8 @@ use fearless_simd::{f32x4, i32x4, prelude::*};
 
 use crate::lanes::{LANES, Lanes, Mat3x, each};
 use crate::material::{Material, Strain, Stress};
-use crate::storage::{Packet, ParticleBlock, TILE_EDGE, TILE_NODES};
+use crate::packet::Packet;
+use crate::storage::{ParticleBlock, TILE_EDGE, TILE_NODES};
 
 /// Constants of a substep.
 #[derive(Clone, Copy, Debug)]

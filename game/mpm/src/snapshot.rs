@@ -26,7 +26,7 @@ struct BlockSnapshot {
     particles: Vec<ParticleSnapshot>,
 }
 
-/// A particle, as [`crate::storage::Packet`] has it.
+/// A particle, as [`crate::packet::Packet`] has it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct ParticleSnapshot {
     id: u32,

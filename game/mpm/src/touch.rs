@@ -8,7 +8,8 @@ use glam::{DVec3, Vec3};
 
 use crate::body::Ball;
 use crate::p2g::{STRIDE_X, STRIDE_Y, Substep};
-use crate::storage::{BLOCK_EDGE, BLOCK_NODES, NodeBlock, Packet, ParticleBlock, TILE_NODES};
+use crate::packet::Packet;
+use crate::storage::{BLOCK_EDGE, BLOCK_NODES, NodeBlock, ParticleBlock, TILE_NODES};
 use crate::tile::for_each_row;
 
 /// What of a block touches a ball.
@@ -23,9 +24,11 @@ pub(crate) struct Touch {
 /// Share of a node's mass that must touch a ball.
 pub(crate) const SHARE_MIN: f32 = 0.05;
 
-/// Share of an overlap by which a ball and what touches it part in a substep: what was laid inside of a ball leaves it, too
-/// slowly to gain speed by it.
+/// Share of an overlap by which a ball and what touches it part in a substep: what was laid inside of a ball leaves it.
 pub(crate) const PARTING: f32 = 0.02;
+
+/// At most, in m/s: slower than what counts as calm, so that what cannot part comes to rest.
+pub(crate) const PARTING_MAX_M_S: f32 = 0.004;
 
 /// A gap of this many cells touches, too: what has just parted is still held, and neither chatters nor creeps.
 pub(crate) const MARGIN_CELLS: f32 = 0.01;

@@ -47,10 +47,10 @@ impl TrickTable {
         squares.map(patch).filter(is_in_bowl).collect()
     }
 
-    /// Of the cue. A ball that is faster hops over the sand.
+    /// Of the cue. A ball that is faster gets out of the sand.
     fn speed_m_s(self) -> f64 {
         match self {
-            Self::SandTrap => 1.3,
+            Self::SandTrap => 1.1,
             Self::SnowPatch | Self::JellyBumper | Self::SpilledDrink | Self::BowlOfMarbles => 3.0,
         }
     }

@@ -3,7 +3,7 @@
 use carom_billiards::physics::ParticlePrecision;
 use carom_text::text;
 
-/// A precision's row: a shot of 1.8 m/s into the sand trap.
+/// A precision's row: the shot into the sand trap.
 struct PrecisionCost {
     precision: ParticlePrecision,
     /// Particles of the trap.
@@ -21,21 +21,21 @@ const COSTS: [PrecisionCost; 3] = [
     PrecisionCost {
         precision: ParticlePrecision::Coarse,
         particles: 2560,
-        shot_secs: "2.2",
-        differs_mm: "50",
-        surface_mm: "0",
+        shot_secs: "1.1",
+        differs_mm: "40",
+        surface_mm: "1.9",
     },
     PrecisionCost {
         precision: ParticlePrecision::Standard,
         particles: 4000,
-        shot_secs: "3.4",
-        differs_mm: "6",
-        surface_mm: "0",
+        shot_secs: "1.1",
+        differs_mm: "11",
+        surface_mm: "2.0",
     },
     PrecisionCost {
         precision: ParticlePrecision::Fine,
         particles: 8640,
-        shot_secs: "8.1",
+        shot_secs: "5.3",
         differs_mm: "0",
         surface_mm: "0",
     },

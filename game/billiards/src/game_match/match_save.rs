@@ -318,7 +318,7 @@ mod tests {
     }
 
     /// A ball before a strip of sand on a free table.
-    fn before_sand() -> Match {
+    fn before(materials: [ParticleMaterial; 2]) -> Match {
         let players = Player::list("1").unwrap();
         let mut game = Match::new(MatchConfig::new(RuleSet::Free, players, 7).unwrap()).unwrap();
         let table = game.world().table().clone();
@@ -327,13 +327,8 @@ mod tests {
             BallState::at_rest(1, 0.04, 0.01, &table.ball()),
         ];
         let squares = (0..3).flat_map(|column| (-2..2).map(move |row| (column, row)));
-        let material = |row| match row {
-            0 => ParticleMaterial::Snow,
-            -2 => ParticleMaterial::Marbles,
-            _ => ParticleMaterial::Sand,
-        };
         let patch = |(column, row)| ParticlePatch {
-            material: material(row),
+            material: materials[usize::from(row == 0)],
             column,
             row,
         };
@@ -352,7 +347,11 @@ mod tests {
 
     #[test]
     fn a_match_among_particles_goes_on_with_the_same_bits() {
-        let mut game = before_sand();
+        goes_on_with_the_same_bits(before([ParticleMaterial::Sand, ParticleMaterial::Snow]));
+        goes_on_with_the_same_bits(before([ParticleMaterial::Marbles; 2]));
+    }
+
+    fn goes_on_with_the_same_bits(mut game: Match) {
         for speed in [1.2, 0.8, 1.5] {
             let save = MatchSave::of(&game);
             let bytes = save.to_bytes().unwrap();
@@ -380,7 +379,9 @@ mod tests {
 
     #[test]
     fn damaged_particles_are_refused_or_harmless() {
-        let bytes = MatchSave::of(&before_sand()).to_bytes().unwrap();
+        let bytes = MatchSave::of(&before([ParticleMaterial::Sand, ParticleMaterial::Snow]))
+            .to_bytes()
+            .unwrap();
         let mut refused = 0;
         for at in (13..bytes.len()).step_by(37) {
             assert!(MatchSave::from_bytes(&bytes[..at]).is_err());

@@ -37,7 +37,7 @@ fn end(shot: &Shot) -> DVec3 {
 #[test]
 fn balls_plough_through_sand_and_are_slower_behind_more_of_it() {
     let stroke = Stroke::straight(0.0, 1.5);
-    let speeds = [0, 1, 2, 6].map(|columns| {
+    let speeds = [0, 1, 3, 6].map(|columns| {
         let world = world(&strip(ParticleMaterial::Sand, 0..columns));
         let shot = world.strike(stroke).unwrap();
         let speed = |secs| shot.states_at(secs)[0].velocity.length();
@@ -55,10 +55,10 @@ fn balls_plough_through_sand_and_are_slower_behind_more_of_it() {
         speed(0.4)
     });
     assert!(
-        speeds.windows(2).all(|pair| pair[1] < 0.9 * pair[0]),
+        speeds.windows(2).all(|pair| pair[1] < 0.95 * pair[0]),
         "{speeds:?}"
     );
-    assert!(speeds[3] < 0.2, "{speeds:?}");
+    assert!(speeds[3] < 0.5 * speeds[0], "{speeds:?}");
 }
 
 #[test]

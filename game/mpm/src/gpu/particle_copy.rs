@@ -14,7 +14,8 @@ use glam::{IVec3, Vec3};
 use crate::gpu::layout::Chunk;
 use crate::lanes::LANES;
 use crate::material::Material;
-use crate::storage::{BLOCK_EDGE, Packet, ParticleBlock, Storage};
+use crate::packet::Packet;
+use crate::storage::{BLOCK_EDGE, ParticleBlock, Storage};
 
 /// Vectors of a particle.
 pub(super) const PARTS: usize = 7;

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::grid::SURFACE_CELLS;
 use crate::material::{EXPANSION_MAX, EXPANSION_MIN, Material, PLASTIC_VOLUME, STRETCH_MIN};
 use crate::simulation::TRAVEL_CELLS_MAX;
-use crate::touch::{MARGIN_CELLS, PARTING, SHARE_MIN};
+use crate::touch::{MARGIN_CELLS, PARTING, PARTING_MAX_M_S, SHARE_MIN};
 
 /// Cells that a particle may move before it must be put in order again: less than a tile's margin,
 /// as speeds of nodes bound those of particles but for rounding.
@@ -84,6 +84,7 @@ impl Features {
             ("SURFACE_CELLS", SURFACE_CELLS as f32),
             ("MARGIN_CELLS", MARGIN_CELLS),
             ("PARTING", PARTING),
+            ("PARTING_MAX", PARTING_MAX_M_S),
             ("SHARE_MIN", SHARE_MIN),
             ("EXPANSION_MAX", EXPANSION_MAX),
             ("EXPANSION_MIN", EXPANSION_MIN),

@@ -98,7 +98,7 @@ mod tests {
     use super::*;
     use crate::lanes::LANES;
     use crate::material::Material;
-    use crate::storage::Packet;
+    use crate::packet::Packet;
     use crate::{Bodies, Obstacle, Region, Settings, Simulation};
 
     #[inline(always)]

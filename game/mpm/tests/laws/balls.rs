@@ -76,7 +76,7 @@ fn draughts(cell: f32, [side, depth]: [f64; 2], height: f64) -> [f64; 5] {
         balls: vec![ball],
         obstacles,
     };
-    step(&mut simulation, 0.8, &mut bodies);
+    step(&mut simulation, 1.6, &mut bodies);
     let level = (water_m3 + ball_m3 / 2.0) / (side * side);
     [(); 5].map(|()| {
         step(&mut simulation, 0.1, &mut bodies);

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use carom::play::tricks::TrickTable;
-use carom_billiards::physics::{ParticlePatch, ParticlePrecision, Shot, Table};
+use carom_billiards::physics::{ParticleMaterial, ParticlePatch, ParticlePrecision, Shot, Table};
 use clap::ValueEnum as _;
 use cpu_time::ProcessTime;
 
@@ -78,12 +78,20 @@ fn surface(shot: &Shot, precision: ParticlePrecision) -> BTreeMap<(i32, i32), f6
         return heights;
     };
     let [min, max] = track.bounds();
+    let has_marbles = track
+        .groups()
+        .iter()
+        .any(|group| group.material == ParticleMaterial::Marbles);
+    let extent_m = match has_marbles {
+        true => ParticleMaterial::MARBLE_RADIUS_M,
+        false => 0.25 * precision.cell_size_m(),
+    };
     for place in track.places_at(shot.duration_secs()) {
         let center = (min + place.as_vec3() / 65_535.0 * (max - min)).as_dvec3();
         let square = (center.truncate() / ParticlePatch::EDGE_M)
             .floor()
             .as_ivec2();
-        let top = center.z + 0.25 * precision.cell_size_m();
+        let top = center.z + extent_m;
         let height = heights.entry((square.x, square.y)).or_insert(top);
         *height = top.max(*height);
     }

@@ -78,7 +78,7 @@ impl ParticleBed {
             let covered = patches.iter().filter(|patch| patch.material == material);
             let places: Vec<Vec3> = covered
                 .flat_map(|patch| places(patch, precision))
-                .filter(|place| balls.iter().all(|ball| is_clear(ball, *place)))
+                .filter(|place| balls.iter().all(|ball| is_clear(ball, *place, precision)))
                 .collect();
             check_count(simulation.len() + places.len(), Self::PARTICLES_MAX)?;
             if !places.is_empty() {
@@ -338,9 +338,10 @@ fn check_count(particles: usize, max: usize) -> Result<()> {
     }
 }
 
-fn is_clear(ball: &BallState, place: Vec3) -> bool {
+fn is_clear(ball: &BallState, place: Vec3, precision: ParticlePrecision) -> bool {
+    let reach_m = ball.body.radius_m + 0.5 * spacing_m(precision);
     let is_there = ball.phase.is_on_table();
-    !is_there || ball.position.distance(place.as_dvec3()) > ball.body.radius_m
+    !is_there || ball.position.distance(place.as_dvec3()) > reach_m
 }
 
 fn check_places(table: &Table, patches: &[ParticlePatch]) -> Result<()> {

@@ -36,12 +36,12 @@ pub struct ParticlePatch {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ParticlePrecision {
-    /// Cells of 15 mm: coarse grains, two thirds of the time
+    /// Cells of 15 mm: coarse grains, two thirds of the time a second of the shot
     Coarse,
     /// Cells of 12.5 mm
     #[default]
     Standard,
-    /// Cells of 10 mm: fine grains, twice the time
+    /// Cells of 10 mm: fine grains, two to three times the time
     Fine,
 }
 

@@ -140,7 +140,7 @@ fn find(ball: u32, first: vec3<i32>, size: vec3<u32>, index: u32) -> Found {
     }
     found.velocity = velocities[node];
     found.normal = sums.xyz / touching;
-    found.parting = PARTING * (sums.w / touching) * params.cell_size / control.dt;
+    found.parting = min(PARTING * (sums.w / touching) * params.cell_size / control.dt, PARTING_MAX);
     let is_enough = touching > SHARE_MIN * found.velocity.w * params.mass_scale;
     found.is_touching = is_enough && !is_others(ball, at, length(arm) - balls[ball].radius);
     return found;
