@@ -1,8 +1,10 @@
 //! The bench of particles: bytes on the wire, and what they cost in a picture.
 
+mod convergence;
 mod gpu_speed;
 mod picture;
 mod precision;
+mod soft_body;
 mod speed;
 mod surface;
 mod wire;
@@ -21,8 +23,9 @@ use crate::BenchError;
 /// particles, time and the cue ball's way through each trick table, at each precision, and how far it is from that at
 /// the finest over the first second. surface: CPU time of one core to make the surfaces of jelly and water of a frame and
 /// their tree, and of a frame with them and with their particles as beads. speed: CPU time of a particle over a substep,
-/// for each material, and of a Taichi program of the same method where Python has it; with `--backend gpu` wall-clock
-/// time on a GPU instead, of 100,000 and a million particles.
+/// for each material, of rapier's soft bodies, and of a Taichi program of the same method where Python has it; with `--backend gpu` wall-clock
+/// time on a GPU instead, of 100,000 and a million particles. convergence: the error of a standing wave in a bar of jelly by
+/// the grid's resolution, against theory and against a run of 8 times the cells, also as a chart.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Only this part.
@@ -35,6 +38,8 @@ pub(crate) struct Args {
     picture: picture::PictureArgs,
     #[command(flatten)]
     speed: speed::SpeedArgs,
+    #[command(flatten)]
+    convergence: convergence::ConvergenceArgs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -44,6 +49,7 @@ enum Part {
     Precision,
     Surface,
     Speed,
+    Convergence,
 }
 
 /// Most particles of the wire's part.
@@ -76,6 +82,9 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     }
     if is_wanted(Part::Precision) {
         precision::run()?;
+    }
+    if is_wanted(Part::Convergence) {
+        convergence::run(&args.convergence)?;
     }
     Ok(())
 }

@@ -11,6 +11,7 @@ use carom_tracer::glam::{DVec3, Vec3};
 use cpu_time::ProcessTime;
 use serde::Deserialize;
 
+use super::soft_body;
 use crate::BenchError;
 
 #[derive(clap::Args)]
@@ -33,13 +34,19 @@ struct TaichiSpeed {
 
 pub(super) fn run(args: &SpeedArgs) -> Result<(), BenchError> {
     println!("material  particles  substeps  orderings  ns CPU a particle and substep");
-    let mut jelly_ns = f64::NAN;
+    let mut jelly = Speed {
+        ns: f64::NAN,
+        ns_simulated_sec: f64::NAN,
+    };
     for (name, material) in materials() {
-        let ns = time(name, material, args.edge).context("a cube that spreads")?;
+        let speed = time(name, material, args.edge).context("a cube that spreads")?;
         if name == "jelly" {
-            jelly_ns = ns;
+            jelly = speed;
         }
     }
+    let rapier = soft_body::time(args.edge);
+    let ratio = rapier.ns_simulated_sec / jelly.ns_simulated_sec;
+    println!("a second of jelly takes rapier {ratio:.2} times as long, in steps of its own length");
     match taichi(args) {
         Ok(TaichiSpeed {
             particles,
@@ -47,7 +54,7 @@ pub(super) fn run(args: &SpeedArgs) -> Result<(), BenchError> {
             ns,
         }) => {
             println!("taichi    {particles:9}  {substeps:8}  {:>9}  {ns:.1}", "-");
-            println!("jelly takes taichi {:.1} times as long", ns / jelly_ns);
+            println!("jelly takes taichi {:.1} times as long", ns / jelly.ns);
         }
         Err(why) => println!("taichi: not compared: {why:#}"),
     }
@@ -64,8 +71,16 @@ pub(super) fn materials() -> [(&'static str, Material); 4] {
     ]
 }
 
-/// CPU time in ns of a particle over a substep: a cube that falls and spreads in a box.
-fn time(name: &str, material: Material, edge: u16) -> carom_mpm::Result<f64> {
+/// CPU time of a particle in ns.
+pub(super) struct Speed {
+    /// Over a substep.
+    pub(super) ns: f64,
+    /// Over a simulated second.
+    pub(super) ns_simulated_sec: f64,
+}
+
+/// A cube that falls and spreads in a box.
+fn time(name: &str, material: Material, edge: u16) -> carom_mpm::Result<Speed> {
     let settings = Settings {
         rest_speed_m_s: 0.0,
         ..Settings::default()
@@ -84,15 +99,20 @@ fn time(name: &str, material: Material, edge: u16) -> carom_mpm::Result<f64> {
     };
     simulation.step(0.02, &mut bodies)?;
     let start = ProcessTime::now();
-    let (mut substeps, mut orderings) = (0, 0);
+    let (mut substeps, mut orderings, mut simulated_secs) = (0, 0, 0.0);
     while u64::from(substeps) * (particles as u64) < PARTICLE_STEPS {
         let report = simulation.step(0.01, &mut bodies)?;
         substeps += report.substeps;
         orderings += report.orderings;
+        simulated_secs += 0.01;
     }
-    let each_ns = start.elapsed().as_secs_f64() * 1e9 / particles as f64 / f64::from(substeps);
-    println!("{name:8}  {particles:9}  {substeps:8}  {orderings:9}  {each_ns:.1}");
-    Ok(each_ns)
+    let particle_ns = start.elapsed().as_secs_f64() * 1e9 / particles as f64;
+    let ns = particle_ns / f64::from(substeps);
+    println!("{name:8}  {particles:9}  {substeps:8}  {orderings:9}  {ns:.1}");
+    Ok(Speed {
+        ns,
+        ns_simulated_sec: particle_ns / simulated_secs,
+    })
 }
 
 fn taichi(args: &SpeedArgs) -> anyhow::Result<TaichiSpeed> {
