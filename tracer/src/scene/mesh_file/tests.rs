@@ -379,7 +379,7 @@ fn faults_of_materials_are_sentences_with_file_line_and_value() {
             "paint.mtl, line 6: its Ke is [-3, 2, 1]",
         ),
         (
-            mtl("d 0.5", "d"),
+            mtl("\nd 0.5", "\nd"),
             "paint.mtl, line 7: a number must follow `d`",
         ),
         (
