@@ -337,6 +337,7 @@ fn materials_of_obj_files_are_read() {
 }
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "files as data")]
 fn faults_of_materials_are_sentences_with_file_line_and_value() {
     let obj = |from: &str, to: &str| painted(&PAINTED.replacen(from, to, 1), PAINT);
     let mtl = |from: &str, to: &str| {
