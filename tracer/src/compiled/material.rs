@@ -13,6 +13,7 @@ use crate::scene::validate::{ALPHA_SMOOTH_MAX, SHEEN_ROUGHNESS};
 use crate::scene::{ClothMarks, Layers, Material, Medium, Opacity, ProceduralTexture};
 use crate::sheen::{sheen_reflectance_max, sheen_reflectances};
 
+#[expect(clippy::too_many_lines, reason = "one arm for each material")]
 pub(super) fn material_data(material: &Material) -> MaterialData {
     match *material {
         Material::Diffuse { albedo } => MaterialData {

@@ -99,13 +99,7 @@ impl CompiledMeshes {
                 .map(|corners| triangle_uvs(mesh, corners));
             Arc::make_mut(&mut self.uvs).extend(added);
         }
-        if !mesh.colors.is_empty() {
-            let colors = Arc::make_mut(&mut self.colors);
-            colors.resize(triangles, TriangleColors::WHITE);
-            colors.extend(mesh.triangles.iter().map(|corners| {
-                TriangleColors::new(corners.map(|corner| mesh.colors[corner as usize]))
-            }));
-        }
+        self.push_colors(triangles, mesh);
         let base = ObjectPose {
             object,
             position: mesh.center,
@@ -121,6 +115,17 @@ impl CompiledMeshes {
         });
         self.reach = self.reach.max(reach(&self.triangles[triangles..]));
         triangles as u32
+    }
+
+    /// Adds the colours of a mesh whose first triangle has this index.
+    fn push_colors(&mut self, triangles: usize, mesh: &Mesh) {
+        if !mesh.colors.is_empty() {
+            let colors = Arc::make_mut(&mut self.colors);
+            colors.resize(triangles, TriangleColors::WHITE);
+            colors.extend(mesh.triangles.iter().map(|corners| {
+                TriangleColors::new(corners.map(|corner| mesh.colors[corner as usize]))
+            }));
+        }
     }
 
     /// Whether an object is a mesh.

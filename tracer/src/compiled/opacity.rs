@@ -1,4 +1,4 @@
-//! Which rays pass triangles whose material is not opaque.
+//! Tests of whether rays meet triangles whose material is not opaque.
 
 use glam::Vec3;
 

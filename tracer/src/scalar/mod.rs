@@ -361,6 +361,7 @@ impl<'a> PathTracer<'a> {
     }
 
     /// Radiance along one path.
+    #[expect(clippy::too_many_lines, reason = "one path's steps in order")]
     fn path(&self, x: u32, y: u32, sample: u32, rays: &mut u64) -> DVec3 {
         let (pixel, key) = (pixel_key(x, y), sample_key(sample));
         let random = |block| pair(pixel, key, block, self.settings.seed).map(f64::from);

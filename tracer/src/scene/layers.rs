@@ -1,4 +1,4 @@
-//! What glTF's material has beside colour and roughness: opacity, a clear coat, a sheen.
+//! Opacity, clear coat and sheen of glTF's material.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};

@@ -485,6 +485,7 @@ fn rectangle(center: Vec3, half_u: Vec3, half_v: Vec3) -> Check {
     Ok(())
 }
 
+#[expect(clippy::too_many_lines, reason = "one arm for each material")]
 fn check_material(material: &Material) -> Check {
     match *material {
         Material::Diffuse { albedo } => check_albedo("its albedo", albedo),

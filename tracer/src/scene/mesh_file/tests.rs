@@ -337,6 +337,7 @@ fn materials_of_obj_files_are_read() {
 }
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "files as data")]
 fn faults_of_materials_are_sentences_with_file_line_and_value() {
     let obj = |from: &str, to: &str| painted(&PAINTED.replacen(from, to, 1), PAINT);
     let mtl = |from: &str, to: &str| {
@@ -379,7 +380,7 @@ fn faults_of_materials_are_sentences_with_file_line_and_value() {
             "paint.mtl, line 6: its Ke is [-3, 2, 1]",
         ),
         (
-            mtl("d 0.5", "d"),
+            mtl("\nd 0.5", "\nd"),
             "paint.mtl, line 7: a number must follow `d`",
         ),
         (
