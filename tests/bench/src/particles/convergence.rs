@@ -18,14 +18,20 @@ pub(super) struct ConvergenceArgs {
 }
 
 pub(super) fn run(args: &ConvergenceArgs) -> Result<(), BenchError> {
-    println!("cells of the bar  error against the wave  against a run of {FINER} times the cells  order");
+    println!(
+        "cells of the bar  error against the wave  against a run of {FINER} times the cells  order"
+    );
     let mut against_wave = Vec::new();
     let mut against_finer = Vec::new();
     for cells in CELLS {
         let coarse = displacements(cells).context("a bar")?;
         let finer = displacements(FINER * cells).context("a bar")?;
         let wave_error = mean(coarse.iter().map(|&(x, moved)| (moved - exact(x)).abs()));
-        let finer_error = mean(coarse.iter().map(|&(x, moved)| (moved - at(&finer, x)).abs()));
+        let finer_error = mean(
+            coarse
+                .iter()
+                .map(|&(x, moved)| (moved - at(&finer, x)).abs()),
+        );
         let order = against_finer
             .last()
             .map(|&(_, before): &(f64, f64)| (before / finer_error).log2());
