@@ -112,7 +112,10 @@ const LAYERS: &[(&[&str], &[&str])] = &[
     (&["gilrs"], &["game/src/app/gamepads.rs"]),
     (&["cpal"], &["game/src/audio/device.rs"]),
     (&["fluent_bundle", "fluent_syntax"], &["game/text/"]),
-    (&["rapier3d"], &["game/billiards/"]),
+    (
+        &["rapier3d"],
+        &["game/billiards/", "tests/bench/src/particles/soft_body.rs"],
+    ),
     (&["ratatui"], &["farm/src/commands/top/"]),
     (
         &["wgpu"],

@@ -7,11 +7,17 @@ use rapier3d::prelude::{
     ColliderBuilder, PhysicsWorld, SoftBodyBuilder, SoftBodyCellModel, SoftBodyMaterial,
 };
 
-use super::speed::Speed;
+/// CPU time of a particle in ns.
+pub(super) struct CpuCost {
+    /// Over a substep.
+    pub(super) ns: f64,
+    /// Over a simulated second.
+    pub(super) ns_simulated_sec: f64,
+}
 
 /// CPU time of a cube that falls onto a floor, `edge` cells of the material point method wide, two particles a cell
 /// along each axis. rapier steps 240 times a second and solves elasticity as constraints (corotational cells).
-pub(super) fn time(edge: u16) -> Speed {
+pub(super) fn time(edge: u16) -> CpuCost {
     let cell = f64::from(Settings::default().cell_size_m);
     let jelly = Jelly::default();
     let width = f64::from(edge) * cell;
@@ -45,7 +51,7 @@ pub(super) fn time(edge: u16) -> Speed {
     let particle_ns = start.elapsed().as_secs_f64() * 1e9 / particles as f64;
     let ns = particle_ns / f64::from(steps);
     println!("rapier    {particles:9}  {steps:8}  {:>9}  {ns:.1}", "-");
-    Speed {
+    CpuCost {
         ns,
         ns_simulated_sec: ns / STEP_SECS,
     }

@@ -11,7 +11,7 @@ use carom_tracer::glam::{DVec3, Vec3};
 use cpu_time::ProcessTime;
 use serde::Deserialize;
 
-use super::soft_body;
+use super::soft_body::{self, CpuCost};
 use crate::BenchError;
 
 #[derive(clap::Args)]
@@ -34,7 +34,7 @@ struct TaichiSpeed {
 
 pub(super) fn run(args: &SpeedArgs) -> Result<(), BenchError> {
     println!("material  particles  substeps  orderings  ns CPU a particle and substep");
-    let mut jelly = Speed {
+    let mut jelly = CpuCost {
         ns: f64::NAN,
         ns_simulated_sec: f64::NAN,
     };
@@ -71,16 +71,8 @@ pub(super) fn materials() -> [(&'static str, Material); 4] {
     ]
 }
 
-/// CPU time of a particle in ns.
-pub(super) struct Speed {
-    /// Over a substep.
-    pub(super) ns: f64,
-    /// Over a simulated second.
-    pub(super) ns_simulated_sec: f64,
-}
-
 /// A cube that falls and spreads in a box.
-fn time(name: &str, material: Material, edge: u16) -> carom_mpm::Result<Speed> {
+fn time(name: &str, material: Material, edge: u16) -> carom_mpm::Result<CpuCost> {
     let settings = Settings {
         rest_speed_m_s: 0.0,
         ..Settings::default()
@@ -109,7 +101,7 @@ fn time(name: &str, material: Material, edge: u16) -> carom_mpm::Result<Speed> {
     let particle_ns = start.elapsed().as_secs_f64() * 1e9 / particles as f64;
     let ns = particle_ns / f64::from(substeps);
     println!("{name:8}  {particles:9}  {substeps:8}  {orderings:9}  {ns:.1}");
-    Ok(Speed {
+    Ok(CpuCost {
         ns,
         ns_simulated_sec: particle_ns / simulated_secs,
     })
