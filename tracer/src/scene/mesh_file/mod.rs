@@ -6,6 +6,8 @@
 //! sRGB. [`ObjScene`] reads an OBJ file with its materials, as MTL has them; groups are passed over.
 
 mod mtl;
+#[cfg(all(test, feature = "image-io"))]
+mod mtl_tests;
 mod obj;
 mod ply;
 #[cfg(test)]
