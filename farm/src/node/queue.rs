@@ -1,7 +1,8 @@
 //! The queue of requests that wait for the device: by turns of the players, the requests of one
 //! client by frame, since the oldest is the next to be shown. They are traced in slices of
 //! [`SLICE_SECS`], so that no player waits for another's whole request; one that takes longer than it
-//! was priced at is cut when somebody waits, and its other tiles are queued again.
+//! was priced at is cut when somebody waits, and its other tiles are queued again. A tile that takes longer
+//! than a slice is traced in [parts](super::partial_tile).
 //!
 //! A client's session admits at most `REQUESTS_QUEUED_MAX` of its requests. What a request costs is
 //! known before it is traced, from [probes](Turn::Probe) and slices of its scene; one that costs too

@@ -1,17 +1,16 @@
 //! Laws of triangles that emit.
 
 use carom_tracer::film::{trace_estimate, trace_image};
-use carom_tracer::metrics::{compare, region};
 use carom_tracer::{
     AreaLight, CompiledScene, ImageSize, Material, MaterialTextures, Mesh, Opacity, RenderSettings,
-    ScalarTracer, Scene, Tile, TileGrid, Tracer,
+    Scene, Tile, TileGrid, Tracer,
 };
 use glam::{Quat, Vec2, Vec3};
 
 use crate::environments::surrounded_still_life;
 use crate::scenes::{diffuse, empty, floor, light, lit_floor, still_life, with};
 use crate::textures::{lamp, texture};
-use crate::tracers::tracers;
+use crate::tracers::{assert_agreement_in_the_mean, tracers};
 
 const SIZE: ImageSize = ImageSize::new(24, 16);
 
@@ -206,24 +205,7 @@ pub(crate) fn glowing_still_life(has_others: bool) -> Scene {
 fn back_ends_agree_on_mesh_lights_in_the_mean() {
     for has_others in [false, true] {
         let scene = CompiledScene::new(&glowing_still_life(has_others)).unwrap();
-        let grid = TileGrid::new(SIZE, 8);
-        let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-        let estimate = |tracer: &dyn Tracer| {
-            trace_estimate(tracer, &scene, SIZE, settings(32), &tiles, 8).unwrap()
-        };
-        let scalar = estimate(&ScalarTracer);
-        for tracer in tracers().iter().skip(1) {
-            let picture = estimate(tracer.as_ref());
-            let whole = TileGrid::new(SIZE, u16::MAX).tile(0);
-            let whole = region(&picture, &scalar, whole).unwrap();
-            let (of_regions, _) = compare(&picture, &scalar, 8)
-                .unwrap()
-                .worst_region()
-                .unwrap();
-            let z = whole.z.into_iter().map(f64::abs).fold(of_regions, f64::max);
-            let name = tracer.info().name;
-            assert!(z < 4.0, "{name} {has_others}: {z} standard errors");
-        }
+        assert_agreement_in_the_mean(&scene, SIZE, settings(32), 8);
     }
 }
 

@@ -1,19 +1,17 @@
 //! Laws of surfaces through which rays pass.
 
 use carom_tracer::compiled::BvhUse;
-use carom_tracer::film::{trace_estimate, trace_image};
-use carom_tracer::metrics::{compare, region};
+use carom_tracer::film::trace_image;
 use carom_tracer::texture_file::{Texels, encode_png};
 use carom_tracer::{
     CompiledScene, ImageSize, ImageTexture, Material, MaterialTextures, Mesh, Opacity,
-    PunctualEmitter, PunctualLight, RenderSettings, ScalarTracer, Scene, Tile, TileGrid, Tracer,
-    Wrap,
+    PunctualEmitter, PunctualLight, RenderSettings, Scene, Tracer, Wrap,
 };
 use glam::{Vec2, Vec3};
 
 use crate::scenes::{diffuse, empty, floor, light, with};
 use crate::textures::{image_textured_still_life, lamp, on_screen, screen};
-use crate::tracers::tracers;
+use crate::tracers::{assert_agreement_in_the_mean, tracers};
 
 const SIZE: ImageSize = ImageSize::new(32, 32);
 
@@ -216,24 +214,7 @@ fn back_ends_agree_on_veils_in_the_mean() {
         max_depth: 8,
         ..RenderSettings::default()
     };
-    let grid = TileGrid::new(size, 8);
-    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-    let estimate = |tracer: &dyn Tracer| {
-        trace_estimate(tracer, &scene, size, settings, &tiles, BATCHES).unwrap()
-    };
-    let scalar = estimate(&ScalarTracer);
-    for tracer in tracers().iter().skip(1) {
-        let picture = estimate(tracer.as_ref());
-        let whole = TileGrid::new(size, u16::MAX).tile(0);
-        let whole = region(&picture, &scalar, whole).unwrap();
-        let (of_regions, _) = compare(&picture, &scalar, 8)
-            .unwrap()
-            .worst_region()
-            .unwrap();
-        let z = whole.z.into_iter().map(f64::abs).fold(of_regions, f64::max);
-        let name = tracer.info().name;
-        assert!(z < 4.0, "{name}: {z} standard errors");
-    }
+    assert_agreement_in_the_mean(&scene, size, settings, BATCHES);
 }
 
 #[test]

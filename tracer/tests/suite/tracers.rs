@@ -2,8 +2,12 @@
 
 use std::sync::LazyLock;
 
+use carom_tracer::film::trace_estimate;
 use carom_tracer::gpu::{AdapterChoice, GpuTracer, adapters};
-use carom_tracer::{CpuTracer, ScalarTracer, Tracer};
+use carom_tracer::metrics::{compare, region};
+use carom_tracer::{
+    CompiledScene, CpuTracer, ImageSize, RenderSettings, ScalarTracer, Tile, TileGrid, Tracer,
+};
 
 static TRACERS: LazyLock<Vec<Box<dyn Tracer>>> = LazyLock::new(|| {
     let mut tracers: Vec<Box<dyn Tracer>> =
@@ -24,4 +28,32 @@ fn gpu() -> Option<Box<dyn Tracer>> {
         return None;
     }
     Some(Box::new(GpuTracer::new(&AdapterChoice::Any).unwrap()))
+}
+
+/// Checks that all tracers agree with the scalar one in the means of the picture and of its regions of 8 × 8 pixels, within
+/// 4 standard errors over so many batches of samples.
+pub(crate) fn assert_agreement_in_the_mean(
+    scene: &CompiledScene,
+    size: ImageSize,
+    settings: RenderSettings,
+    batches: u32,
+) {
+    let grid = TileGrid::new(size, 8);
+    let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
+    let estimate = |tracer: &dyn Tracer| {
+        trace_estimate(tracer, scene, size, settings, &tiles, batches).unwrap()
+    };
+    let scalar = estimate(&ScalarTracer);
+    for tracer in tracers().iter().skip(1) {
+        let picture = estimate(tracer.as_ref());
+        let whole = TileGrid::new(size, u16::MAX).tile(0);
+        let whole = region(&picture, &scalar, whole).unwrap();
+        let (of_regions, _) = compare(&picture, &scalar, 8)
+            .unwrap()
+            .worst_region()
+            .unwrap();
+        let z = whole.z.into_iter().map(f64::abs).fold(of_regions, f64::max);
+        let name = tracer.info().name;
+        assert!(z < 4.0, "{name}: {z} standard errors");
+    }
 }
