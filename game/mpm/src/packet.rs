@@ -15,7 +15,7 @@ pub(crate) struct Packet {
     /// Columns of the affine velocity matrix of APIC: change of velocity over a cell along x, y and
     /// z, in m/s.
     pub(crate) affine: [[[f32; 4]; LANES]; 3],
-    /// Elastic deformation gradient by row and column.
+    /// Elastic deformation gradient, up to a rotation from the right, by row and column.
     pub(crate) deformation: [[f32; LANES]; 9],
     /// The material's variable of state.
     pub(crate) state: [f32; LANES],

@@ -7,11 +7,11 @@ use fearless_simd::prelude::*;
 
 use crate::lanes::{Lanes, Mat3x, dot, each};
 
-/// What isotropic materials need of `F = U · diag(sigma) · Vᵀ`: the principal directions of stress, and how far F
-/// stretches along them.
+/// Principal directions and stretches of a deformation `F = U · diag(sigma) · Vᵀ`, on which alone
+/// the stress of isotropic materials depends.
 ///
-/// V is left out: F·V has the stress of F. Stored in its place, its columns are nearly orthogonal after the next substep's
-/// strain, too, and one or two sweeps do.
+/// V is left out: F·V has the stress of F. Stored in its place, its columns are nearly orthogonal
+/// after the next substep's strain, too, and one or two sweeps do.
 pub(crate) struct Stretches<S: Simd> {
     /// `F · V`, which is `U · diag(sigma)`.
     pub(crate) deformation: Mat3x<S>,
@@ -69,8 +69,8 @@ impl<S: Simd> Stretches<S> {
         }
     }
 
-    /// The stretches with a sign: where F turns inside out the least is negative, and U is a rotation. Its entries stay
-    /// as they are: in stress the signs of its columns cancel.
+    /// The stretches, of which the least is negative where F turns inside out. The columns of U
+    /// stay as they are: their signs cancel in stress.
     #[inline(always)]
     pub(crate) fn signed_sigma(&self) -> [Lanes<S>; 3] {
         let [a, b, c] = self.sigma;
@@ -88,9 +88,9 @@ impl<S: Simd> Stretches<S> {
 /// One rotation that makes the columns p and q of `b` orthogonal, and whether they were nearly:
 /// Golub and Van Loan, "Matrix Computations", section 8.6.3.
 ///
-/// With the tangent of half the angle small rotations do not change lengths: as 1 − θ²/2 the cosine would be rounded to 1
-/// and columns would grow, substep by substep (Rutishauser, "The Jacobi Method for Real Symmetric Matrices", Numerische
-/// Mathematik 9, 1966).
+/// The tangent of half the angle keeps lengths under small rotations: a cosine of 1 − θ²/2 would be
+/// rounded to 1, and columns would grow substep by substep (Rutishauser, "The Jacobi Method for Real
+/// Symmetric Matrices", Numerische Mathematik 9, 1966).
 #[inline(always)]
 fn jacobi<S: Simd>(simd: S, b: &mut Mat3x<S>, p: usize, q: usize) -> bool {
     let (x, y) = (b.column(p), b.column(q));

@@ -36,7 +36,8 @@ pub enum Material {
 
 /// Changes of a packet of particles over a substep: in, its deformation; out, its stress.
 pub(crate) struct Strain<S: Simd> {
-    /// Elastic part of the deformation gradient, before the substep and then after it.
+    /// Elastic part of the deformation gradient up to a rotation from the right, which isotropic
+    /// stress does not know; before the substep and then after it.
     pub(crate) deformation: Mat3x<S>,
     /// The material's own variable of state: see each model.
     pub(crate) state: Lanes<S>,
