@@ -18,15 +18,14 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::session::{ClientEvent, ClientSession, Packet};
 use carom_protocol::{
-    FrameId, PrecisionRange, Refusal, RefusalReason, RequestId, SceneHash, TraceRequest,
+    EncodedScene, FrameId, PrecisionRange, Refusal, RefusalReason, RequestId, TraceRequest,
 };
-use carom_tracer::Scene;
 
 /// What the coordinator asks of a node; each is a call of [`ClientSession`].
 #[derive(Clone, Debug)]
 pub enum LinkCommand {
     /// [`ClientSession::set_scene`].
-    Scene(SceneHash, Arc<Scene>),
+    Scene(Arc<EncodedScene>),
     /// [`ClientSession::trace`].
     Trace(Box<TraceRequest>),
     /// [`ClientSession::cancel_before`].
@@ -90,7 +89,7 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
     pub fn command(&mut self, command: LinkCommand) {
         let session = &mut self.session;
         let done = match command {
-            LinkCommand::Scene(hash, scene) => session.set_scene(hash, &scene).map(drop),
+            LinkCommand::Scene(scene) => session.set_scene(&scene).map(drop),
             LinkCommand::CancelBefore(frame) => session.cancel_before(frame),
             LinkCommand::CancelRequest(run) => session.cancel_request(run),
             LinkCommand::Ping(number) => session.ping(number),

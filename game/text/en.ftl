@@ -448,7 +448,8 @@ stats-state-starting = starting
 stats-state-listening = listening
 stats-state-paired = paired
 # $percent: how much of the scene the node has been sent.
-stats-state-syncing = syncing { $percent } %
+stats-state-syncing = syncing
+stats-state-syncing-bytes = syncing, has { $bytes } of { $of } MB
 stats-state-ready = ready
 stats-state-rendering = rendering
 stats-state-draining = draining

@@ -40,6 +40,11 @@ pub struct ReceivedScene {
 }
 
 impl ReceivedScene {
+    /// Bytes of the scene as it was sent.
+    pub const fn bytes(&self) -> usize {
+        self.bytes
+    }
+
     fn new(hash: SceneHash, bytes: usize, scene: Scene) -> Self {
         let scene = match check_scene(&scene) {
             Ok(()) => Ok(Arc::new(scene)),
@@ -348,5 +353,5 @@ fn check_scene(scene: &Scene) -> Result<(), String> {
     ))
 }
 
-/// Reports of a scene's progress, about one for each hundredth.
-const REPORTS_MAX: usize = 100;
+/// Reports of a scene's progress, but for the first.
+const REPORTS_MAX: usize = 16;
