@@ -388,7 +388,7 @@ impl FramePair {
     fn new() -> Self {
         let mut client = ClientSession::new();
         let scene = any::balls(2);
-        client.set_scene(SceneHash::of(&scene), &scene).unwrap();
+        client.set_scene(&EncodedScene::new(&scene).unwrap()).unwrap();
         let mut pair = Self {
             client,
             node: NodeSession::new(any::node_info("node")),

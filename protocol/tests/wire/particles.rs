@@ -54,7 +54,7 @@ fn pair() -> (ClientSession, NodeSession) {
     let mut client = ClientSession::new();
     let mut node = NodeSession::new(any::node_info("near"));
     let scene = any::balls(2);
-    client.set_scene(SceneHash::of(&scene), &scene).unwrap();
+    client.set_scene(&EncodedScene::new(&scene).unwrap()).unwrap();
     while let Some(packet) = client.poll_transmit() {
         node.handle(packet).unwrap();
     }

@@ -48,7 +48,7 @@ impl Requester {
         let scene = Scene::from_json(scene).unwrap();
         requester
             .session
-            .set_scene(SceneHash::of(&scene), &scene)
+            .set_scene(&EncodedScene::new(&scene).unwrap())
             .unwrap();
         requester.exchange();
         requester

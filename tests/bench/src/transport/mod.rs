@@ -354,14 +354,12 @@ fn measure(
     sending: TransportOptions,
 ) -> Result<TransportRow, BenchError> {
     let setup = TransportSetup::new(args, case, sending)?;
-    let scene = Arc::new(scenes::scene(None)?.scene);
-    let hash = SceneHash::of(&scene);
+    let scene = EncodedScene::new(&scenes::scene(None)?.scene)?;
+    let hash = scene.hash();
     setup.wait(args, |event| {
         matches!(event, LinkEvent::Session(ClientEvent::Welcome(_)))
     })?;
-    setup
-        .link
-        .send(LinkCommand::Scene(hash, Arc::clone(&scene)));
+    setup.link.send(LinkCommand::Scene(scene));
     setup.wait(args, |event| {
         matches!(event, LinkEvent::Session(ClientEvent::SceneReady(_)))
     })?;
