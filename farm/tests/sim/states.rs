@@ -40,7 +40,13 @@ fn a_node_is_syncing_until_it_holds_the_scene_and_tells_how_much_it_has() {
             threads: 2,
         },
     });
-    let coming = |hash, bytes| Some(ClientEvent::SceneComing { hash, bytes, of: 300_000 });
+    let coming = |hash, bytes| {
+        Some(ClientEvent::SceneComing {
+            hash,
+            bytes,
+            of: 300_000,
+        })
+    };
     let is = |word: &str, state: NodeState| (word.to_owned(), state);
     assert_eq!(state_after(None, None), is("starting", Starting));
     assert_eq!(state_after(Some(welcome), None), is("paired", Paired));

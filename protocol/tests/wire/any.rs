@@ -6,8 +6,8 @@ use carom_protocol::limits::{
     CHUNK_BYTES_MAX, POSES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
 };
 use carom_protocol::{
-    ChunkKey, CodedParticles, FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal, RefusalReason,
-    RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    ChunkKey, CodedParticles, FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal,
+    RefusalReason, RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
     message::VERSION,
 };
 use carom_tracer::{

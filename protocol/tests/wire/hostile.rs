@@ -1,13 +1,15 @@
 //! Peers that break the rules are told which, and cost no more than the limits say.
 
+use std::sync::Arc;
+
 use carom_protocol::codec::{decode_to_client, encode_to_client, encode_to_node};
 use carom_protocol::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX, REQUESTS_REFUSED_KEPT};
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::Encoder;
 use carom_protocol::{
-    Channel, ClientEvent, ClientSession, CodedParticles, Error, FrameId, NodeEvent, NodeLoad,
-    NodeSession, Packet, PixelFormat, ReceivedScene, Refusal, RefusalReason, RequestId,
-    RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    Channel, ClientEvent, ClientSession, CodedParticles, EncodedScene, Error, FrameId, NodeEvent,
+    NodeLoad, NodeSession, Packet, PixelFormat, Refusal, RefusalReason, RequestId, RequestReport,
+    SceneAssembler, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
 use carom_tracer::{
     ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRange,

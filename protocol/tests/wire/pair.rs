@@ -6,11 +6,11 @@ use std::sync::Arc;
 use carom_protocol::limits::{REQUESTS_QUEUED_MAX, SCENES_KEPT_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::tile_codec::{Encoder, TilePixels};
 use carom_protocol::{
-    Channel, ClientEvent, ClientSession, CodedParticles, EncodedScene, FrameId, NodeEvent, NodeLoad, NodeSession,
-    Packet, PixelFormat, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone,
-    TraceRequest,
+    Channel, ClientEvent, ClientSession, CodedParticles, EncodedScene, FrameId, NodeEvent,
+    NodeLoad, NodeSession, Packet, PixelFormat, RefusalReason, RequestId, RequestReport, SceneHash,
+    SceneStatus, TilesDone, TraceRequest,
 };
-use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, TileGrid, TileRange};
 use proptest::prelude::*;
 
 use crate::any;

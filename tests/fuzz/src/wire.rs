@@ -9,9 +9,9 @@ use carom_protocol::message::VERSION;
 use carom_protocol::particle_codec::{ParticleDecoder, ParticleEncoder};
 use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, TileInput};
 use carom_protocol::{
-    Channel, ChunkKey, ClientSession, CodedParticles, EncodedScene, FrameId, NodeEvent, NodeInfo, NodeLoad, NodeSession,
-    NodeTimes, Packet, PixelFormat, PixelPrecision, PrecisionRange, RequestId, RequestReport,
-    SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    Channel, ChunkKey, ClientSession, CodedParticles, EncodedScene, FrameId, NodeEvent, NodeInfo,
+    NodeLoad, NodeSession, NodeTimes, Packet, PixelFormat, PixelPrecision, PrecisionRange,
+    RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
 use carom_tracer::glam::{U16Vec3, Vec3};
 use carom_tracer::{

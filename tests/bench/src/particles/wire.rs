@@ -3,8 +3,8 @@
 use anyhow::Context as _;
 use carom_mpm::{Ball, Bodies, Material, Obstacle, Region, Sand, Settings, Simulation, Water};
 use carom_protocol::{
-    ClientSession, CodedParticles, FrameId, NodeEvent, NodeInfo, NodeSession, PixelFormat,
-    EncodedScene, PrecisionRange, RequestId, TraceRequest,
+    ClientSession, CodedParticles, EncodedScene, FrameId, NodeEvent, NodeInfo, NodeSession,
+    PixelFormat, PrecisionRange, RequestId, TraceRequest,
 };
 use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, ParticleCloud, ParticleForm, RenderSettings, Scene,
