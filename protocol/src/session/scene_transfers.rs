@@ -1,11 +1,11 @@
 //! Scenes that a client sends in chunks, one after the other.
 
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
 use std::sync::Arc;
 
 use crate::encoded_scene::EncodedScene;
 use crate::error::{Error, Reason};
-use crate::message::{SceneHash, ToNode};
+use crate::message::{ChunkKey, SceneHash, ToNode};
 
 /// Scenes whose chunks are sent or will be; the first is under way.
 #[derive(Debug, Default)]
@@ -97,10 +97,10 @@ impl SceneTransfers {
                 ));
             }
         }
-        let bytes = wanted
-            .iter()
-            .map(|&index| u64::from(chunks[index as usize].bytes));
-        let (missing, all) = (bytes.sum::<u64>(), scene.bytes() as u64);
+        let lacking: HashSet<ChunkKey> = wanted.iter().map(|&at| chunks[at as usize]).collect();
+        let missing = chunks.iter().filter(|chunk| lacking.contains(chunk));
+        let missing: u64 = missing.map(|chunk| u64::from(chunk.bytes)).sum();
+        let all = scene.bytes() as u64;
         *state = TransferState::Sending(wanted.into());
         Ok((all - missing, all))
     }
