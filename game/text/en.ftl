@@ -742,6 +742,7 @@ node-slow = { $name } is { $times } times slower than the fastest node and gets 
 node-doubted = { $name }: { $doubt }, and one of them is wrong
 node-far = High latency to { $name } ({ $ms } ms round trip): frames are requested earlier and may be less precise
 farm-waiting = Waiting for the first frame
+farm-sending = Sending the scene: { $bytes } of { $of } MB
 farm-no-node = Rendering unavailable: no node is connected ({ $nodes }). Retrying every 5 s; you can keep playing
 node-local-device = this machine ({ $device })
 farm-nodes = { $ready } of { $all } nodes: { $names }

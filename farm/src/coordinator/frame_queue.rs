@@ -152,10 +152,8 @@ const PERIOD_GAIN: f64 = 0.1;
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use carom_protocol::tile_codec::TilePixels;
-    use carom_protocol::{NodeTimes, PixelFormat, SceneHash};
+    use carom_protocol::{EncodedScene, NodeTimes, PixelFormat};
     use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid};
 
     use super::super::frame_in_flight::TileArrival;

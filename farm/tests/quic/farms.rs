@@ -2,25 +2,23 @@
 
 use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 use std::time::Duration;
 
-use carom_farm::net::{
-    Authority, Client, Credentials, LinkCommand, LinkEvent, NodeLink, NodeServer, Role, StopHandle,
-    create_farm,
-};
+use carom_farm::net::{Authority, LinkEvent, NodeServer, Role, StopHandle, create_farm};
 use carom_farm::node::Node;
 use carom_farm::{
     Farm, FarmConfig, Film, Frame, FrameSpec, LocalNode, NodeState, PixelPrecision, PrecisionRange,
 };
-use carom_protocol::{ClientEvent, PixelFormat, SceneHash};
+use carom_protocol::{ClientEvent, PixelFormat};
 use carom_testkit::pattern_tracer::{DeviceFault, PatternTracer};
 use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{
-    CompiledScene, CpuTracer, DeviceInfo, Error, ImageSize, Object, RenderSettings, Scene,
-    SceneUpdate, TileRadiance, TraceJob, TraceStats, Tracer,
+    CompiledScene, CpuTracer, DeviceInfo, Error, ImageSize, RenderSettings, Scene, SceneUpdate,
+    TileRadiance, TraceJob, TraceStats, Tracer,
 };
 
+use crate::assets::link;
 use crate::greeter::{any_port, today};
 use crate::running_node::RunningNode;
 
@@ -369,18 +367,4 @@ fn a_silent_node_is_lost_with_advice() {
     };
     assert!(why.contains("does not answer"), "{why}");
     assert!(why.contains("firewall"), "{why}");
-}
-
-/// A player's link to a node, and its events.
-fn link(farm: &Path, node: SocketAddr) -> ((Client, NodeLink), mpsc::Receiver<LinkEvent>) {
-    let player = Credentials::load(farm, Role::Player).unwrap();
-    let client = Client::new(&player).unwrap();
-    let (events, heard) = mpsc::channel();
-    let address = node.to_string().parse().unwrap();
-    let link = client.link(address, PrecisionRange::EXACT, move |all| {
-        for event in all {
-            let _ = events.send(event);
-        }
-    });
-    ((client, link), heard)
 }

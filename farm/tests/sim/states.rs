@@ -7,7 +7,7 @@ use carom_farm::NodeState::{Paired, Ready, Starting, Syncing};
 use carom_farm::coordinator::Coordinator;
 use carom_farm::net::LinkEvent;
 use carom_farm::{Balancing, NodeInfo, NodeState};
-use carom_protocol::{ClientEvent, SceneHash};
+use carom_protocol::{ClientEvent, EncodedScene};
 use carom_tracer::{DeviceInfo, DeviceKind, Scene};
 
 #[test]

@@ -329,9 +329,9 @@ pub fn session_seeds() -> Vec<Vec<u8>> {
     let chunk = ToNode::Chunk {
         bytes: b"one".to_vec(),
     };
-    let parts = [manifest, chunk, ToNode::ChunksSent(hash)].iter();
-    let parts = parts.map(|part| encode_to_node(part).expect("a right message"));
-    let transfer: Vec<u8> = parts.flat_map(|part| step(TO_NODE, &part)).collect();
+    let parts = [manifest, chunk, ToNode::ChunksSent(hash)];
+    let parts = parts.map(|part| encode_to_node(&part).expect("a right message"));
+    let transfer: Vec<u8> = parts.iter().flat_map(|part| step(TO_NODE, part)).collect();
     let again = ToClient::ChunksWanted {
         hash: SceneHash::of(&long_scene()),
         chunks: vec![0],

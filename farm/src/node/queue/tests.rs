@@ -2,7 +2,8 @@
 
 use carom_protocol::session::ClientSession;
 use carom_protocol::{
-    CodedParticles, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId, TraceRequest,
+    CodedParticles, EncodedScene, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId,
+    TraceRequest,
 };
 use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,

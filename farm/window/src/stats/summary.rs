@@ -11,7 +11,7 @@ use super::frame_rate::{FrameRate, Rates};
 use super::frame_record::{FrameRecord, NodeRecord, mean_and_deviation};
 use super::glossary;
 use super::history::{History, name_of};
-use super::value_label::megabytes;
+use crate::notifications::megabytes;
 
 /// Figures over all pictures that are kept, and of the one that is looked at.
 #[derive(Debug, Default)]

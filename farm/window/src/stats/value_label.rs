@@ -60,11 +60,6 @@ pub(super) fn ms(secs: f64) -> String {
     }
 }
 
-/// Megabytes with one decimal.
-pub(super) fn megabytes(bytes: u64) -> String {
-    format!("{:.1}", bytes as f64 / 1e6)
-}
-
 /// Per cent without a digit behind the point.
 pub(super) fn percent(share: f64) -> String {
     format!("{:.0}", share * 1e2)

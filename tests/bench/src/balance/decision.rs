@@ -9,7 +9,9 @@ use carom_farm::link::{LinkCommand, LinkEvent};
 use carom_farm::{Balancing, FrameId, FrameSpec, NodeIndex, NodeInfo, PixelFormat};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{NodeLoad, PixelPrecision, RequestId, RequestReport, SceneHash, TraceRequest};
+use carom_protocol::{
+    EncodedScene, NodeLoad, PixelPrecision, RequestId, RequestReport, TraceRequest,
+};
 use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate};
 use cpu_time::ThreadTime;
 use serde::Serialize;

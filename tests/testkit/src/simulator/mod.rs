@@ -24,8 +24,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use carom_protocol::session::ClientEvent;
-use carom_protocol::{FrameId, NodeInfo, SceneHash};
-use carom_tracer::{DeviceInfo, DeviceKind, Scene, Tracer};
+use carom_protocol::{EncodedScene, FrameId, NodeInfo};
+use carom_tracer::{DeviceInfo, DeviceKind, Tracer};
 
 pub use self::faults::{FaultRun, fault_plan, run_faults};
 use self::node::{NodeOutput, SimNode};
