@@ -137,18 +137,15 @@ pub fn request_of_tiles(bytes: &[u8]) -> Option<RequestId> {
 /// Whether `bytes` are a scene or a part of one, from the first of them alone: what a
 /// [`crate::session::SceneAssembler`] handles.
 pub fn is_of_scene(bytes: &[u8]) -> bool {
-    bytes.first() == Some(&SCENE_VARIANT)
-        || bytes.first().is_some_and(|first| TRANSFER.contains(first))
+    matches!(
+        bytes.first(),
+        Some(&SCENE_VARIANT | MANIFEST_VARIANT..=CHUNKS_SENT_VARIANT)
+    )
 }
 
 /// Whether `bytes` begin a scene in chunks, from the first of them alone.
 pub fn is_manifest(bytes: &[u8]) -> bool {
     bytes.first() == Some(&MANIFEST_VARIANT)
-}
-
-/// Whether `bytes` are a chunk of a scene, from the first of them alone.
-pub fn is_chunk(bytes: &[u8]) -> bool {
-    bytes.first() == Some(&CHUNK_VARIANT)
 }
 
 /// Whether `bytes` are a trace request, from the first of them alone.
@@ -288,8 +285,8 @@ const TRACE_VARIANT: u8 = 2;
 const MANIFEST_VARIANT: u8 = 7;
 /// First byte of [`ToNode::Chunk`].
 const CHUNK_VARIANT: u8 = 8;
-/// First bytes of [`ToNode::Manifest`], [`ToNode::Chunk`] and [`ToNode::ChunksSent`].
-const TRANSFER: std::ops::RangeInclusive<u8> = MANIFEST_VARIANT..=9;
+/// First byte of [`ToNode::ChunksSent`].
+const CHUNKS_SENT_VARIANT: u8 = 9;
 /// First byte of [`ToClient::Tiles`].
 const TILES_VARIANT: u8 = 3;
 

@@ -6,7 +6,6 @@
 //! chunks and one at either side of them. Cuts at fixed places would shift with each byte that is added.
 
 use std::fmt;
-use std::ops::Range;
 use std::sync::Arc;
 
 use carom_tracer::Scene;
@@ -24,7 +23,6 @@ pub struct EncodedScene {
     bytes: Vec<u8>,
     /// None if it travels as one message.
     chunks: Vec<ChunkKey>,
-    ranges: Vec<Range<usize>>,
 }
 
 impl EncodedScene {
@@ -41,16 +39,14 @@ impl EncodedScene {
             let (bytes, max) = (bytes.len(), SCENE_BYTES_MAX);
             return Err(Error::unsendable("scene", Reason::TooLong { bytes, max }));
         }
-        let ranges = match bytes.len() {
+        let chunks = match bytes.len() {
             0..=SCENE_MESSAGE_BYTES_MAX => Vec::new(),
             _ => cut(&bytes),
         };
-        let chunks = ranges.iter().cloned();
         Ok(Arc::new(Self {
             hash: SceneHash::of_bytes(&bytes),
-            chunks: chunks.map(|range| ChunkKey::of(&bytes[range])).collect(),
             bytes,
-            ranges,
+            chunks,
         }))
     }
 
@@ -74,8 +70,10 @@ impl EncodedScene {
         codec::scene_message(self.hash, &self.bytes)
     }
 
-    pub(crate) fn chunk(&self, index: usize) -> &[u8] {
-        &self.bytes[self.ranges[index].clone()]
+    pub(crate) fn chunk(&self, place: usize) -> &[u8] {
+        let (before, rest) = self.chunks.split_at(place);
+        let start: usize = before.iter().map(|chunk| chunk.bytes as usize).sum();
+        &self.bytes[start..start + rest[0].bytes as usize]
     }
 }
 
@@ -86,9 +84,9 @@ impl fmt::Debug for EncodedScene {
     }
 }
 
-fn cut(bytes: &[u8]) -> Vec<Range<usize>> {
+fn cut(bytes: &[u8]) -> Vec<ChunkKey> {
     FastCDC::new(bytes, CHUNK_BYTES_MIN, CHUNK_BYTES_MEAN, CHUNK_BYTES_MAX)
-        .map(|chunk| chunk.offset..chunk.offset + chunk.length)
+        .map(|chunk| ChunkKey::of(&bytes[chunk.offset..chunk.offset + chunk.length]))
         .collect()
 }
 
@@ -117,17 +115,21 @@ mod tests {
     #[test]
     fn chunks_join_to_the_whole_and_keep_their_limits() {
         for bytes in [noise(1, 3 << 20), vec![0; (3 << 20) + 5]] {
-            let ranges = cut(&bytes);
-            let joined: Vec<u8> = ranges
-                .iter()
-                .flat_map(|range| &bytes[range.clone()])
-                .copied()
+            let scene = EncodedScene {
+                hash: SceneHash([0; 32]),
+                chunks: cut(&bytes),
+                bytes: bytes.clone(),
+            };
+            let chunks: Vec<&[u8]> = (0..scene.chunks.len())
+                .map(|place| scene.chunk(place))
                 .collect();
-            assert!(joined == bytes);
-            let (last, others) = ranges.split_last().unwrap();
+            assert!(chunks.concat() == bytes);
+            let keys = chunks.iter().map(|chunk| ChunkKey::of(chunk));
+            assert!(keys.eq(scene.chunks.iter().copied()));
+            let (last, others) = chunks.split_last().unwrap();
             assert!((1..=CHUNK_BYTES_MAX).contains(&last.len()));
             let allowed = CHUNK_BYTES_MIN..=CHUNK_BYTES_MAX;
-            assert!(others.iter().all(|range| allowed.contains(&range.len())));
+            assert!(others.iter().all(|chunk| allowed.contains(&chunk.len())));
         }
         assert!(SCENE_BYTES_MAX.div_ceil(CHUNK_BYTES_MIN) <= CHUNKS_MAX);
     }
@@ -137,11 +139,7 @@ mod tests {
         let before = noise(2, 8 << 20);
         let mut after = before.clone();
         after.splice(4 << 20..4 << 20, noise(3, 1000));
-        let keys = |bytes: &[u8]| -> Vec<ChunkKey> {
-            let ranges = cut(bytes).into_iter();
-            ranges.map(|range| ChunkKey::of(&bytes[range])).collect()
-        };
-        let (held, chunks) = (keys(&before), keys(&after));
+        let (held, chunks) = (cut(&before), cut(&after));
         let new: Vec<&ChunkKey> = chunks.iter().filter(|key| !held.contains(key)).collect();
         assert!((1..=3).contains(&new.len()), "{new:?} of {}", chunks.len());
     }

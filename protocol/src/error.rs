@@ -76,8 +76,6 @@ pub enum Reason {
     ChunkBytes { bytes: usize, max: usize },
     #[error("it hashes to another one than was wanted")]
     ChunkHash,
-    #[error("a chunk is in it with two lengths")]
-    ChunkLengths,
     #[error("its chunks are not in rising order")]
     ChunkOrder,
 
@@ -240,10 +238,8 @@ pub enum Reason {
     ChunkNotWanted,
     #[error("{count} chunks are still to come")]
     ChunksMissing { count: usize },
-    #[error("chunk {chunk} is wanted, of {chunks}, of which each is sent once")]
-    ChunkNotToSend { chunk: u32, chunks: usize },
-    #[error("no more chunks are wanted")]
-    NothingWanted,
+    #[error("chunk {chunk} of {chunks} is wanted")]
+    NoSuchChunk { chunk: u32, chunks: usize },
     #[error("no scene of {bytes} bytes was sent")]
     SceneProgress { bytes: usize },
     #[error("it answers no ping")]

@@ -67,7 +67,7 @@ pub enum ToNode {
     /// [`ToClient::Leaving`], which may close the connection.
     Leave,
     /// What a longer scene consists of; answered by [`ToClient::ChunksWanted`] or [`ToClient::SceneRefused`].
-    /// Nothing else of scenes that travel in chunks follows before the answer to [`ToNode::ChunksSent`].
+    /// No other one follows before the answer to [`ToNode::ChunksSent`].
     Manifest {
         /// BLAKE3 of all its bytes.
         hash: SceneHash,
@@ -80,8 +80,8 @@ pub enum ToNode {
         #[serde(with = "byte_string")]
         bytes: Vec<u8>,
     },
-    /// All chunks that were wanted have been sent; answered by [`ToClient::SceneReady`] or
-    /// [`ToClient::SceneRefused`], or by [`ToClient::ChunksWanted`] if some that the node had are spoiled.
+    /// All chunks that were wanted have been sent, and the scene counts as sent; answered by [`ToClient::SceneReady`] or
+    /// [`ToClient::SceneRefused`].
     ChunksSent(SceneHash),
 }
 

@@ -302,27 +302,15 @@ impl PacketHandler for LoggedConnection {
         &mut self,
         progress: Result<SceneProgress, carom_protocol::Error>,
     ) -> Result<(), carom_protocol::Error> {
-        let (come, is_whole) = match &progress {
-            Ok(SceneProgress::Received(scene)) => (Some((scene.bytes(), scene.bytes())), true),
-            Ok(
-                SceneProgress::Coming {
-                    bytes,
-                    of,
-                    is_news: true,
-                }
-                | SceneProgress::Wanted { bytes, of, .. },
-            ) => (Some((*bytes, *of)), false),
-            _ => (None, false),
-        };
-        if let Some((bytes, of)) = come {
-            let (bytes, of) = (bytes as u64, of as u64);
-            self.set_state(NodeState::Syncing { bytes, of });
+        match &progress {
+            Ok(SceneProgress::Received(_)) => self.set_state(NodeState::Ready),
+            Ok(SceneProgress::Wanted { bytes, of, .. }) => {
+                let (bytes, of) = (*bytes as u64, *of as u64);
+                self.set_state(NodeState::Syncing { bytes, of });
+            }
+            Ok(SceneProgress::Coming { .. }) | Err(_) => {}
         }
-        self.connection.handle_scene(progress)?;
-        if is_whole {
-            self.set_state(NodeState::Ready);
-        }
-        Ok(())
+        self.connection.handle_scene(progress)
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {

@@ -131,6 +131,7 @@ impl NodeEntry {
     }
 
     pub(super) fn scene_coming(&mut self, hash: SceneHash, bytes: u64, of: u64) {
+        self.scenes.remove(&hash);
         self.scene_progress = Some((hash, bytes, of));
     }
 

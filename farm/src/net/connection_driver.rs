@@ -392,7 +392,7 @@ impl ControlReader {
     }
 
     /// Handles a packet of a scene on a thread of its own: this one serves other players, too. Of all connections of a
-    /// player one decodes a scene at a time, and one awaits chunks, which are in memory until the scene is whole: the
+    /// player one does so at a time, and one awaits chunks, which are in memory until the scene is whole: the
     /// others wait before they read on.
     async fn assemble(&mut self, packet: Vec<u8>) -> Result<Arrival, ConnectionEnd> {
         // Never closed: an account's permits last as long as it does.
@@ -400,18 +400,13 @@ impl ControlReader {
             let transfers = Arc::clone(&self.account.transfers);
             self.transfer = transfers.acquire_owned().await.ok();
         }
-        let turn = match codec::is_chunk(&packet) {
-            true => None,
-            false => self.account.decoding.acquire().await.ok(),
-        };
+        let _turn = self.account.decoding.acquire().await;
         let mut assembler = std::mem::take(&mut self.assembler);
         let handled = tokio::task::spawn_blocking(move || {
             let progress = assembler.handle(&packet);
             (assembler, progress)
         });
-        let handled = handled.await;
-        drop(turn);
-        let (assembler, progress) = handled.map_err(|panic| {
+        let (assembler, progress) = handled.await.map_err(|panic| {
             ConnectionEnd::Violation(Error::Task {
                 reason: panic.to_string(),
             })
@@ -437,8 +432,8 @@ async fn write_control(
     mut packets: mpsc::Receiver<Vec<u8>>,
 ) {
     while let Some(packet) = packets.recv().await {
-        if codec::is_chunk(&packet) {
-            // Requests wait behind what quinn has buffered: 4 MB, if nothing else is said.
+        if packet.len() > limits::CONTROL_BYTES_MAX {
+            // Requests wait behind the chunks that quinn has buffered: 4 MB, if nothing else is said.
             let cwnd = connection.stats().path.cwnd;
             connection.set_send_window(cwnd + (cwnd / 8).max(limits::CHUNK_BYTES_MAX as u64));
         }

@@ -2,11 +2,12 @@
 //!
 //! A chunk is a file, named by the hash of its bytes and written whole, so nodes that share the folder need no
 //! agreement: whoever writes a chunk writes the same. When a file was last used stands in its time of modification;
-//! what was not used for longest goes first. A file that does not hash to its name is removed, and is missing.
+//! what was not used for longest goes first. A file that does not hash to its name is removed.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Read as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
@@ -22,6 +23,8 @@ pub struct AssetCache {
     bytes_max: u64,
     /// Bytes written since the folder was last looked through.
     written: Mutex<u64>,
+    /// A full disk is told of once, not for each chunk.
+    has_failed: AtomicBool,
 }
 
 impl AssetCache {
@@ -41,6 +44,7 @@ impl AssetCache {
             folder,
             bytes_max,
             written: Mutex::new(0),
+            has_failed: AtomicBool::new(false),
         };
         cache.evict(0)?;
         Ok(cache)
@@ -58,19 +62,6 @@ impl AssetCache {
     fn path(&self, chunk: &ChunkKey) -> PathBuf {
         let hash = blake3::Hash::from_bytes(chunk.hash).to_hex();
         self.folder.join(format!("{hash}.{EXTENSION}"))
-    }
-
-    /// The chunk's file, used now; a file of another length is removed.
-    fn open_chunk(&self, chunk: &ChunkKey) -> Option<File> {
-        let path = self.path(chunk);
-        // Windows changes times of files alone that may be written.
-        let file = OpenOptions::new().read(true).write(true).open(&path).ok()?;
-        if file.metadata().ok()?.len() != u64::from(chunk.bytes) {
-            remove_spoiled(&path);
-            return None;
-        }
-        let _ = file.set_modified(SystemTime::now()); // at worst it goes too early
-        Some(file)
     }
 
     fn make_room(&self, bytes: u64) -> io::Result<()> {
@@ -126,18 +117,21 @@ impl AssetCache {
 }
 
 impl ChunkStore for AssetCache {
-    fn contains(&self, chunk: &ChunkKey) -> bool {
-        self.open_chunk(chunk).is_some()
-    }
-
     fn read(&self, chunk: &ChunkKey) -> Option<Vec<u8>> {
-        let file = self.open_chunk(chunk)?;
-        let mut bytes = Vec::with_capacity(chunk.bytes as usize);
-        let read = file.take(u64::from(chunk.bytes)).read_to_end(&mut bytes);
-        if read.is_ok() && ChunkKey::of(&bytes) == *chunk {
+        let path = self.path(chunk);
+        // Windows changes times of files alone that may be written.
+        let mut file = OpenOptions::new().read(true).write(true).open(&path).ok()?;
+        // Of another length it is spoiled, or the key is wrong; if it comes, it is replaced.
+        if file.metadata().ok()?.len() != u64::from(chunk.bytes) {
+            return None;
+        }
+        let _ = file.set_modified(SystemTime::now()); // at worst it goes too early
+        let mut bytes = vec![0; chunk.bytes as usize];
+        if file.read_exact(&mut bytes).is_ok() && ChunkKey::of(&bytes) == *chunk {
             return Some(bytes);
         }
-        remove_spoiled(&self.path(chunk));
+        tracing::warn!("{} is spoiled, and is removed", path.display());
+        let _ = fs::remove_file(&path); // if it cannot be, it is read in vain once more
         None
     }
 
@@ -145,19 +139,12 @@ impl ChunkStore for AssetCache {
         match self.try_write(chunk, bytes) {
             // Another node is writing the same.
             Err(why) if why.kind() == ErrorKind::AlreadyExists => {}
-            Err(why) => tracing::warn!(
-                "a part of a scene is not kept in {}: {why}",
+            Err(why) if !self.has_failed.swap(true, Ordering::Relaxed) => tracing::warn!(
+                "parts of scenes are not kept in {}: {why}",
                 self.folder.display()
             ),
-            Ok(()) => {}
+            _ => {}
         }
-    }
-}
-
-fn remove_spoiled(path: &Path) {
-    tracing::warn!("{} is spoiled, and is removed", path.display());
-    if let Err(why) = fs::remove_file(path) {
-        tracing::debug!("{}: {why}", path.display());
     }
 }
 
@@ -177,11 +164,17 @@ const SCAN_PARTS: u64 = 32;
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     fn chunk(index: u8) -> (ChunkKey, Vec<u8>) {
         let bytes = vec![index; 1000];
         (ChunkKey::of(&bytes), bytes)
+    }
+
+    fn has(cache: &AssetCache, index: u8) -> bool {
+        cache.read(&chunk(index).0).is_some()
     }
 
     fn bytes_in(folder: &Path) -> u64 {
@@ -196,13 +189,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (key, bytes) = chunk(1);
         let first = AssetCache::open(folder.path(), 1 << 20).unwrap();
-        assert!(!first.contains(&key) && first.read(&key).is_none());
+        assert_eq!(first.read(&key), None);
         first.write(&key, &bytes);
         drop(first);
         let second = AssetCache::open(folder.path(), 1 << 20).unwrap();
-        assert!(second.contains(&key));
         assert_eq!(second.read(&key), Some(bytes));
-        assert!(!second.contains(&chunk(2).0));
+        assert!(!has(&second, 2));
     }
 
     #[test]
@@ -210,37 +202,43 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let open = || AssetCache::open(folder.path(), 32_000).unwrap();
         let (near, far) = (open(), open());
-        let (used, bytes) = chunk(0);
-        near.write(&used, &bytes);
+        let (key, bytes) = chunk(0);
+        near.write(&key, &bytes);
         for index in 1..200 {
             let (key, bytes) = chunk(index);
             let cache = [&near, &far][usize::from(index) % 2];
             cache.write(&key, &bytes);
             assert!(bytes_in(folder.path()) <= 32_000, "chunk {index}");
-            assert!(cache.contains(&key));
-            assert!(far.contains(&used), "chunk {index}");
+            assert!(has(cache, index));
+            assert!(has(&far, 0), "chunk {index}");
         }
-        assert!(!near.contains(&chunk(1).0));
-        assert!(near.contains(&chunk(190).0));
+        assert!(!has(&near, 1));
+        assert!(has(&near, 190));
         // A smaller bound holds from the start.
         let smaller = AssetCache::open(folder.path(), 8_000).unwrap();
         assert!(bytes_in(folder.path()) <= 6_000);
-        assert!(smaller.contains(&used));
+        assert!(has(&smaller, 0));
     }
 
     #[test]
-    fn spoiled_chunks_are_removed_and_other_files_stay() {
+    fn spoiled_chunks_are_missing_and_other_files_stay() {
         let folder = tempfile::tempdir().unwrap();
         let cache = AssetCache::open(folder.path(), 4_000).unwrap();
         fs::write(folder.path().join("letter.txt"), vec![0; 9_000]).unwrap();
-        for spoil in [&b"short"[..], &[9; 1000]] {
-            let (key, bytes) = chunk(3);
+        let (key, bytes) = chunk(3);
+        let path = cache.path(&key);
+        for (spoilt, stays) in [(&b"short"[..], true), (&[9; 1000], false)] {
             cache.write(&key, &bytes);
-            let path = cache.path(&key);
-            fs::write(&path, spoil).unwrap();
-            assert_eq!(cache.read(&key), None);
-            assert!(!path.exists() && !cache.contains(&key));
+            assert!(has(&cache, 3));
+            fs::write(&path, spoilt).unwrap();
+            assert!(!has(&cache, 3));
+            assert_eq!(path.exists(), stays);
         }
+        // Who names a right chunk with a wrong length harms nobody.
+        cache.write(&key, &bytes);
+        let lie = ChunkKey { bytes: 999, ..key };
+        assert_eq!(cache.read(&lie), None);
+        assert!(has(&cache, 3));
         for index in 0..20 {
             let (key, bytes) = chunk(index);
             cache.write(&key, &bytes);
@@ -261,7 +259,7 @@ mod tests {
         AssetCache::open(folder.path(), 4_000).unwrap();
         assert!(!partial.exists());
         cache.write(&key, &bytes);
-        assert!(cache.contains(&key));
+        assert!(has(&cache, 4));
     }
 
     #[test]

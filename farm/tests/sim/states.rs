@@ -62,4 +62,7 @@ fn a_node_is_syncing_until_it_holds_the_scene_and_tells_how_much_it_has() {
     assert_eq!(state_after(most, None), syncing(99, 299_999, 300_000));
     let ready = Some(ClientEvent::SceneReady(other));
     assert_eq!(state_after(ready, None), is("ready", Ready));
+    // Other scenes had its place at the node.
+    let again = coming(other, 3_000);
+    assert_eq!(state_after(again, None), syncing(1, 3_000, 300_000));
 }

@@ -126,8 +126,6 @@ enum SceneQuestion {
     Usable,
     /// Which chunks the node lacks.
     Missing,
-    /// Either: all that it lacked has been sent.
-    Whole,
 }
 
 /// The client's end of a connection: see [`crate::session`].
@@ -327,7 +325,7 @@ impl ClientSession {
             ToNode::ChunksSent(_) => {
                 self.scenes
                     .insert(hash, scene.bytes(), SceneStatus::Pending);
-                self.scenes_asked.push_back((hash, SceneQuestion::Whole));
+                self.scenes_asked.push_back((hash, SceneQuestion::Usable));
             }
             _ => {}
         }
@@ -385,7 +383,7 @@ impl ClientSession {
     }
 
     fn scene_ready(&mut self, hash: SceneHash) -> Result<Vec<ClientEvent>, Error> {
-        self.expect_answer(hash, |question| question != SceneQuestion::Missing)?;
+        self.expect_answer(hash, Some(SceneQuestion::Usable))?;
         self.transfers.end(hash);
         if let Some(status) = self.scenes.peek_mut(hash) {
             *status = SceneStatus::Ready;
@@ -412,28 +410,26 @@ impl ClientSession {
         hash: SceneHash,
         chunks: Vec<u32>,
     ) -> Result<Vec<ClientEvent>, Error> {
-        self.expect_answer(hash, |question| question != SceneQuestion::Usable)?;
-        // If it had counted as sent, the node has not kept it yet.
-        self.scenes.remove(hash);
-        let (bytes, of) = self.transfers.want(hash, chunks)?;
-        Ok(vec![ClientEvent::SceneComing { hash, bytes, of }])
+        self.expect_answer(hash, Some(SceneQuestion::Missing))?;
+        self.transfers.want(hash, chunks)?;
+        Ok(Vec::new())
     }
 
     fn scene_refused(&mut self, hash: SceneHash, why: String) -> Result<Vec<ClientEvent>, Error> {
-        self.expect_answer(hash, |_| true)?;
+        self.expect_answer(hash, None)?;
         self.transfers.end(hash);
         self.scenes.remove(hash);
         Ok(vec![ClientEvent::SceneRefused { hash, why }])
     }
 
-    /// A node answers scenes in the order in which it gets them.
+    /// A node answers in the order in which it is asked; a refusal answers either question.
     fn expect_answer(
         &mut self,
         hash: SceneHash,
-        answers: impl Fn(SceneQuestion) -> bool,
+        question: Option<SceneQuestion>,
     ) -> Result<(), Error> {
         match self.scenes_asked.front() {
-            Some((asked, question)) if *asked == hash && answers(*question) => {
+            Some(&asked) if asked == (hash, question.unwrap_or(asked.1)) => {
                 self.scenes_asked.pop_front();
                 Ok(())
             }

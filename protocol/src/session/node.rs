@@ -396,16 +396,23 @@ impl NodeSession {
     }
 
     fn answer_scene(&mut self, progress: SceneProgress) -> Option<NodeEvent> {
-        let answer = match progress {
+        let bytes = match progress {
             SceneProgress::Received(scene) => return self.keep(scene),
-            SceneProgress::TooLong { hash, why } => ToClient::SceneRefused { hash, why },
-            SceneProgress::Wanted { hash, chunks, .. } => ToClient::ChunksWanted { hash, chunks },
-            SceneProgress::Coming { bytes, is_news, .. } if is_news => ToClient::SceneComing {
-                bytes: bytes as u32,
-            },
-            SceneProgress::Coming { .. } => return None,
+            SceneProgress::Wanted {
+                hash,
+                chunks,
+                bytes,
+                ..
+            } => {
+                self.send(&ToClient::ChunksWanted { hash, chunks });
+                bytes
+            }
+            // Only the newest is of interest.
+            SceneProgress::Coming { .. } if !self.control_queue.is_empty() => return None,
+            SceneProgress::Coming { bytes } => bytes,
         };
-        self.send(&answer);
+        let bytes = bytes as u32;
+        self.send(&ToClient::SceneComing { bytes });
         None
     }
 

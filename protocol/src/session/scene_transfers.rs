@@ -1,11 +1,11 @@
 //! Scenes that a client sends in chunks, one after the other.
 
-use std::collections::{HashSet, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use crate::encoded_scene::EncodedScene;
 use crate::error::{Error, Reason};
-use crate::message::{ChunkKey, SceneHash, ToNode};
+use crate::message::{SceneHash, ToNode};
 
 /// Scenes whose chunks are sent or will be; the first is under way.
 #[derive(Debug, Default)]
@@ -17,8 +17,6 @@ pub(super) struct SceneTransfers {
 struct SceneTransfer {
     scene: Arc<EncodedScene>,
     state: TransferState,
-    /// By the chunks' places: no node gets one twice.
-    sent: Vec<bool>,
 }
 
 #[derive(Debug)]
@@ -26,7 +24,7 @@ enum TransferState {
     Waiting,
     /// The node has been told its chunks.
     Announced,
-    /// The node wants these; they are sent in order.
+    /// The node wants these, each once; they are sent in order.
     Sending(VecDeque<u32>),
     /// All that the node wanted has been sent.
     Sent,
@@ -34,11 +32,8 @@ enum TransferState {
 
 impl SceneTransfers {
     pub(super) fn push(&mut self, scene: Arc<EncodedScene>) {
-        self.queue.push_back(SceneTransfer {
-            sent: vec![false; scene.chunks().len()],
-            scene,
-            state: TransferState::Waiting,
-        });
+        let state = TransferState::Waiting;
+        self.queue.push_back(SceneTransfer { scene, state });
     }
 
     pub(super) fn len(&self) -> usize {
@@ -54,7 +49,7 @@ impl SceneTransfers {
 
     /// The next message of the first scene, if it has one now; with the scene if it is the last one.
     pub(super) fn next(&mut self) -> Option<(ToNode, &Arc<EncodedScene>)> {
-        let SceneTransfer { scene, state, sent } = self.queue.front_mut()?;
+        let SceneTransfer { scene, state } = self.queue.front_mut()?;
         let hash = scene.hash();
         let message = match state {
             TransferState::Waiting => {
@@ -63,11 +58,9 @@ impl SceneTransfers {
                 ToNode::Manifest { hash, chunks }
             }
             TransferState::Sending(wanted) => match wanted.pop_front() {
-                Some(index) => {
-                    sent[index as usize] = true;
-                    let bytes = scene.chunk(index as usize).to_vec();
-                    ToNode::Chunk { bytes }
-                }
+                Some(place) => ToNode::Chunk {
+                    bytes: scene.chunk(place as usize).to_vec(),
+                },
                 None => {
                     *state = TransferState::Sent;
                     ToNode::ChunksSent(hash)
@@ -78,31 +71,21 @@ impl SceneTransfers {
         Some((message, scene))
     }
 
-    /// Sends what the node lacks of the first scene. Returns how many bytes of it the node has, of how many.
-    pub(super) fn want(&mut self, hash: SceneHash, wanted: Vec<u32>) -> Result<(u64, u64), Error> {
+    /// Sends what the node lacks of the first scene, places in rising order.
+    pub(super) fn want(&mut self, hash: SceneHash, wanted: Vec<u32>) -> Result<(), Error> {
         const WHAT: &str = "list of wanted chunks";
-        let Some(SceneTransfer { scene, state, sent }) = self.first(hash) else {
+        let Some(SceneTransfer { scene, state }) = self.first(hash) else {
             return Err(Error::out_of_order(WHAT, Reason::TransferNotOpen));
         };
-        if matches!(state, TransferState::Sent) && wanted.is_empty() {
-            return Err(Error::out_of_order(WHAT, Reason::NothingWanted));
+        let chunks = scene.chunks().len();
+        if let Some(&chunk) = wanted.last()
+            && chunk as usize >= chunks
+        {
+            let reason = Reason::NoSuchChunk { chunk, chunks };
+            return Err(Error::out_of_order(WHAT, reason));
         }
-        let chunks = scene.chunks();
-        for &chunk in &wanted {
-            if sent.get(chunk as usize) != Some(&false) {
-                let chunks = chunks.len();
-                return Err(Error::out_of_order(
-                    WHAT,
-                    Reason::ChunkNotToSend { chunk, chunks },
-                ));
-            }
-        }
-        let lacking: HashSet<ChunkKey> = wanted.iter().map(|&at| chunks[at as usize]).collect();
-        let missing = chunks.iter().filter(|chunk| lacking.contains(chunk));
-        let missing: u64 = missing.map(|chunk| u64::from(chunk.bytes)).sum();
-        let all = scene.bytes() as u64;
         *state = TransferState::Sending(wanted.into());
-        Ok((all - missing, all))
+        Ok(())
     }
 
     /// The first scene, if chunks of it are on their way and it has so many bytes.

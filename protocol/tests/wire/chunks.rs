@@ -1,7 +1,6 @@
 //! Scenes in chunks: a node gets what it lacks, once, and believes no manifest.
 
-use std::collections::{HashMap, HashSet};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
 use carom_protocol::codec::{decode_to_client, decode_to_node, encode_to_client, encode_to_node};
@@ -23,10 +22,6 @@ use crate::any;
 struct Memory(Mutex<HashMap<ChunkKey, Vec<u8>>>);
 
 impl ChunkStore for Memory {
-    fn contains(&self, chunk: &ChunkKey) -> bool {
-        self.0.lock().unwrap().contains_key(chunk)
-    }
-
     fn read(&self, chunk: &ChunkKey) -> Option<Vec<u8>> {
         self.0.lock().unwrap().get(chunk).cloned()
     }
@@ -35,25 +30,6 @@ impl ChunkStore for Memory {
         let before = self.0.lock().unwrap().insert(*chunk, bytes.to_vec());
         assert!(before.is_none(), "a chunk came twice");
     }
-}
-
-/// A store that forgets each chunk between the question whether it has it and that for its bytes.
-#[derive(Default)]
-struct Forgetful {
-    reads: AtomicUsize,
-}
-
-impl ChunkStore for Forgetful {
-    fn contains(&self, _: &ChunkKey) -> bool {
-        true
-    }
-
-    fn read(&self, _: &ChunkKey) -> Option<Vec<u8>> {
-        self.reads.fetch_add(1, Ordering::Relaxed);
-        None
-    }
-
-    fn write(&self, _: &ChunkKey, _: &[u8]) {}
 }
 
 /// A client and a node whose scenes are put together as a transport does it.
@@ -186,10 +162,11 @@ fn progress_is_told_in_bytes_and_rises_to_all() {
         _ => None,
     });
     let progress: Vec<(u64, u64)> = progress.collect();
-    assert!((4..=18).contains(&progress.len()), "{progress:?}");
+    assert!(progress.len() > 4, "{progress:?}");
     assert_eq!(progress[0], (0, long.bytes() as u64));
     assert!(progress.is_sorted_by(|before, after| before.0 < after.0 && before.1 == after.1));
-    assert!(progress[progress.len() - 1].0 * 10 > long.bytes() as u64 * 8);
+    let (bytes, of) = progress[progress.len() - 1];
+    assert_eq!(bytes, of);
     assert!(connection.is_ready(&long));
 }
 
@@ -245,25 +222,13 @@ fn another_node_with_the_same_store_gets_no_chunk() {
 }
 
 #[test]
-fn chunks_that_were_lost_meanwhile_are_asked_for_again() {
-    let long = encoded(&scene(2));
-    let store: Arc<Forgetful> = Arc::default();
-    let mut connection = Connection::new(Some(Arc::<Forgetful>::clone(&store)));
-    connection.send(&long);
-    assert!(connection.is_ready(&long));
-    let chunks: HashSet<&ChunkKey> = long.chunks().iter().collect();
-    assert_eq!(store.reads.load(Ordering::Relaxed), chunks.len());
-    assert!(connection.sent < long.bytes() + OVERHEAD);
-}
-
-#[test]
 fn a_chunk_that_is_there_several_times_is_sent_once() {
     // A texture's bytes are not looked at here: zeros, which are all one chunk.
     let zeros = vec![0; CHUNK_BYTES_MAX];
     let other = vec![1; 1000];
     let chunks = [&zeros, &other, &zeros, &zeros].map(|bytes| ChunkKey::of(bytes));
     let whole = [&zeros[..], &other, &zeros, &zeros].concat();
-    let hash = SceneHash(*blake3_of(&whole));
+    let hash = SceneHash(ChunkKey::of(&whole).hash);
     let mut assembler = SceneAssembler::default();
     let mut handle = |message: ToNode| assembler.handle(&encode_to_node(&message).unwrap());
     let chunks = chunks.to_vec();
@@ -284,10 +249,6 @@ fn a_chunk_that_is_there_several_times_is_sent_once() {
     // It hashes to its hash, and is no scene.
     let end = handle(ToNode::ChunksSent(hash)).unwrap_err().to_string();
     assert!(end.contains("malformed scene"), "{end}");
-}
-
-fn blake3_of(bytes: &[u8]) -> Box<[u8; 32]> {
-    Box::new(ChunkKey::of(bytes).hash)
 }
 
 /// What a node says to packets of which the last breaks a rule.
@@ -359,12 +320,16 @@ fn hostile_manifests_end_the_connection_with_a_sentence() {
             vec![manifest(&vec![of_length(CHUNK_BYTES_MAX as u32); 257])],
             "at most 134217728",
         ),
-        (vec![manifest(&[key, of_length(999)])], "with two lengths"),
         (vec![right(), right()], "chunks are being sent"),
         (vec![chunk(&one)], "no chunk is wanted"),
         (vec![right(), chunk(&two)], "hashes to another one"),
+        // A length that lies, alone and beside the right one.
         (
             vec![manifest(&[of_length(999)]), chunk(&one)],
+            "hashes to another one",
+        ),
+        (
+            vec![manifest(&[key, of_length(999)]), chunk(&one), chunk(&one)],
             "hashes to another one",
         ),
         (
@@ -412,69 +377,44 @@ fn a_scene_beyond_a_nodes_memory_is_refused_before_any_chunk() {
 fn a_node_gets_no_chunk_twice_whatever_it_asks_for() {
     let long = encoded(&scene(2));
     let hash = long.hash();
-    let wanting = |lists: &[Vec<u32>]| {
+    let wanted = |chunks: &[u32]| ToClient::ChunksWanted {
+        hash,
+        chunks: chunks.to_vec(),
+    };
+    let after = |answers: &[ToClient]| {
         let mut client = ClientSession::new();
         client.set_scene(&long).unwrap();
         let welcome = ToClient::Welcome {
             version: VERSION,
             node: any::node_info("evil"),
         };
-        let mut heard = client.handle(control(&welcome)).map(drop);
-        for chunks in lists {
+        let answers = [&[welcome], answers].concat();
+        let mut heard = Ok(Vec::new());
+        for answer in &answers {
             while client.poll_transmit().is_some() {}
-            let chunks = chunks.clone();
-            heard = client
-                .handle(control(&ToClient::ChunksWanted { hash, chunks }))
-                .map(drop);
+            heard = client.handle(control(answer));
         }
-        heard.map(|()| client).map_err(|why| why.to_string())
+        heard.map_err(|why| why.to_string())
     };
+    assert_eq!(after(&[wanted(&[0, 2])]), Ok(Vec::new()));
     let count = long.chunks().len() as u32;
-    assert!(
-        wanting(&[vec![0, count]])
-            .err()
-            .unwrap()
-            .contains("each is sent once")
-    );
-    assert!(
-        wanting(&[vec![0, 1], vec![1]])
-            .err()
-            .unwrap()
-            .contains("each is sent once")
-    );
-    assert!(
-        wanting(&[vec![0], vec![]])
-            .err()
-            .unwrap()
-            .contains("no more chunks")
-    );
-    assert!(wanting(&[vec![0], vec![1], vec![2]]).is_ok());
-    let falling = ToClient::ChunksWanted {
-        hash,
-        chunks: vec![1, 0],
-    };
+    let why = after(&[wanted(&[0, count])]).unwrap_err();
+    assert!(why.contains(&format!("chunk {count} of {count}")), "{why}");
+    let why = after(&[wanted(&[0]), wanted(&[0])]).unwrap_err();
+    assert!(why.contains("was not sent"), "{why}");
+    let why = after(&[ToClient::SceneReady(hash)]).unwrap_err();
+    assert!(why.contains("was not sent"), "{why}");
+    let falling = wanted(&[1, 0]);
     assert!(encode_to_client(&falling).is_err());
     assert!(decode_to_client(&[&[9], &hash.0[..], &[2, 1, 0]].concat()).is_err());
-    // An answer that was not asked for.
-    let mut client = wanting(&[vec![0]]).unwrap();
-    let again = ToClient::ChunksWanted {
-        hash,
-        chunks: vec![1],
-    };
-    assert!(client.handle(control(&again)).is_err());
     // More has come than there is.
-    let mut client = wanting(&[vec![0]]).unwrap();
+    let coming = |bytes| ToClient::SceneComing { bytes };
     let most = long.bytes() as u32;
-    assert!(
-        client
-            .handle(control(&ToClient::SceneComing { bytes: most }))
-            .is_ok()
-    );
-    assert!(
-        client
-            .handle(control(&ToClient::SceneComing { bytes: most + 1 }))
-            .is_err()
-    );
+    let (bytes, of) = (most.into(), most.into());
+    let all = ClientEvent::SceneComing { hash, bytes, of };
+    assert_eq!(after(&[wanted(&[0]), coming(most)]), Ok(vec![all]));
+    assert!(after(&[wanted(&[0]), coming(most + 1)]).is_err());
+    assert!(after(&[coming(0)]).is_err());
 }
 
 fn control(message: &ToClient) -> Packet {
