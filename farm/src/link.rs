@@ -191,7 +191,7 @@ mod tests {
         })
     }
 
-    /// A scene of so many objects: of 5,000 travels in chunks.
+    /// A scene of so many objects: of 12,000 travels in chunks.
     fn scene(objects: usize) -> Arc<EncodedScene> {
         let mut scene = Scene::new();
         for _ in 0..objects {
@@ -215,7 +215,7 @@ mod tests {
                 to_client.map(|packet| link.handle(packet).unwrap());
             }
         };
-        let long = scene(5000);
+        let long = scene(12_000);
         assert!(!long.chunks().is_empty());
         talk(&mut link);
         for scene in [Arc::clone(&long)]

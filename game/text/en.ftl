@@ -447,8 +447,8 @@ stats-absent =
 stats-state-starting = starting
 stats-state-listening = listening
 stats-state-paired = paired
-# $percent: how much of the scene the node has been sent.
 stats-state-syncing = syncing
+# $bytes, $of: megabytes of the scene that the node has, and of all.
 stats-state-syncing-bytes = syncing, has { $bytes } of { $of } MB
 stats-state-ready = ready
 stats-state-rendering = rendering

@@ -106,6 +106,8 @@ impl TestFarm {
             }
         }
         drop(link);
+        // The first is the link's: it is about to ask.
+        assert_eq!(progress.remove(0), 0);
         (proxy.counts().passed_bytes, progress)
     }
 }
