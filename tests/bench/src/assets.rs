@@ -102,7 +102,7 @@ fn scene(args: &Args, seed: u32) -> Result<Arc<EncodedScene>, BenchError> {
     for mesh in 0..MESHES {
         let salt = (mesh + if mesh == 4 { seed * MESHES } else { 0 }) << 24;
         let noise = |index: u32| (index ^ salt).wrapping_mul(2_654_435_761);
-        let corner = |index| Vec3::new(index as f32, (noise(index) >> 8) as f32, mesh as f32);
+        let corner = |index| Vec3::new(index as f32, (noise(index) >> 9) as f32, mesh as f32);
         let normal =
             |index: u32| Vec3::new(1.0, noise(!index) as f32 * 1e-9, noise(index) as f32 * 1e-9);
         let corners = (0..vertices).map(corner).collect();
