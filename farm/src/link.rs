@@ -207,12 +207,13 @@ mod tests {
         let mut link = LinkSession::new(PrecisionRange::EXACT, |new| events.extend(new));
         let mut talk = |link: &mut LinkSession<_>| {
             loop {
-                let (to_node, to_client) = (link.poll_transmit(), node.poll_transmit());
-                if to_node.is_none() && to_client.is_none() {
+                if let Some(packet) = link.poll_transmit() {
+                    node.handle(packet).unwrap();
+                } else if let Some(packet) = node.poll_transmit() {
+                    link.handle(packet).unwrap();
+                } else {
                     return link.flush();
                 }
-                to_node.map(|packet| node.handle(packet).unwrap());
-                to_client.map(|packet| link.handle(packet).unwrap());
             }
         };
         let long = scene(12_000);

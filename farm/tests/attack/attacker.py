@@ -267,11 +267,9 @@ class PlayerAttacks(Attack):
                 client.run(0.004)
                 if client.closed:  # it has come before
                     break
-            if whole or client.closed:
-                whole = b""
-                continue
-            client.send(again)
-            self.count("bytes", len(again))
+            if not whole:
+                client.send(again)
+            whole = b""
             self.count("scenes")
             client.run(0.05)
 

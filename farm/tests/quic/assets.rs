@@ -46,7 +46,7 @@ fn scene(seeds: &[u32]) -> Arc<EncodedScene> {
             Vec3::new(index as f32, (noise >> 16) as f32, (noise & 0xffff) as f32)
         };
         let corners = (0..200_002).map(corner).collect();
-        let triangle = |index: u32| [index ^ seed % 2, index + 1, index + 2];
+        let triangle = |index: u32| [index ^ (seed % 2), index + 1, index + 2];
         let mesh = Mesh::new(corners, (0..200_000).map(triangle).collect());
         scene.add(mesh, Material::grey(0.5));
     }
