@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::NODES_MAX;
-use carom_protocol::{FrameId, PrecisionRange, SceneHash};
-use carom_tracer::{Scene, Tracer};
+use carom_protocol::{EncodedScene, FrameId, PrecisionRange};
+use carom_tracer::Tracer;
 
 use crate::balancer::Balancer;
 use crate::coordinator::{Coordinator, CoordinatorAction, FrameRefusal, SPOT_CHECK_TILES};
@@ -27,11 +27,11 @@ use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeState, No
 /// rest are calls of the application, each of which the thread handles in microseconds.
 pub(crate) enum DriverInput {
     Link(NodeIndex, LinkId, Vec<LinkEvent>),
-    Scene(SceneHash, Arc<Scene>),
+    Scene(Arc<EncodedScene>),
     Submit {
         id: FrameId,
         spec: Box<FrameSpec>,
-        scene: (SceneHash, Arc<Scene>),
+        scene: Arc<EncodedScene>,
         deadline: Option<Duration>,
         exact: bool,
         replies: Sender<FrameReply>,
@@ -255,7 +255,7 @@ impl Driver {
                     }
                 }
             }
-            DriverInput::Scene(hash, scene) => self.coordinator.set_scene(hash, scene),
+            DriverInput::Scene(scene) => self.coordinator.set_scene(scene),
             DriverInput::Submit {
                 id,
                 spec,

@@ -160,11 +160,11 @@ impl Farm {
     /// Draws `scene` from the next frame on.
     ///
     /// # Errors
-    /// [`Error::Tracer`] with the first rule that the scene breaks; the scene before stays.
+    /// [`Error::Tracer`] with the first rule that the scene breaks, [`Error::Protocol`] if it has more than 128 MiB; the
+    /// scene before stays.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<(), Error> {
         let scene = SceneHandle::new(scene)?;
-        let copy = Arc::clone(&scene.scene);
-        self.send(DriverInput::Scene(scene.hash, copy));
+        self.send(DriverInput::Scene(Arc::clone(&scene.encoded)));
         self.scene = Some(scene);
         Ok(())
     }
@@ -321,13 +321,12 @@ impl Farm {
     pub(crate) fn announce(&self, scene: &Scene) -> Result<SceneHandle, Error> {
         scene.validate_visible()?;
         if let Some(known) = &self.scene
-            && known.hash == SceneHash::of(scene)
+            && known.hash() == SceneHash::of(scene)
         {
             return Ok(known.clone());
         }
         let scene = SceneHandle::new(scene)?;
-        let copy = Arc::clone(&scene.scene);
-        self.send(DriverInput::Scene(scene.hash, copy));
+        self.send(DriverInput::Scene(Arc::clone(&scene.encoded)));
         Ok(scene)
     }
 

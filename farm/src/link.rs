@@ -16,17 +16,16 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use carom_protocol::session::{ClientEvent, ClientSession, Packet};
+use carom_protocol::session::{ClientEvent, ClientSession, Packet, SceneStatus};
 use carom_protocol::{
-    FrameId, PrecisionRange, Refusal, RefusalReason, RequestId, SceneHash, TraceRequest,
+    EncodedScene, FrameId, PrecisionRange, Reason, Refusal, RefusalReason, RequestId, TraceRequest,
 };
-use carom_tracer::Scene;
 
 /// What the coordinator asks of a node; each is a call of [`ClientSession`].
 #[derive(Clone, Debug)]
 pub enum LinkCommand {
     /// [`ClientSession::set_scene`].
-    Scene(SceneHash, Arc<Scene>),
+    Scene(Arc<EncodedScene>),
     /// [`ClientSession::trace`].
     Trace(Box<TraceRequest>),
     /// [`ClientSession::cancel_before`].
@@ -90,7 +89,13 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
     pub fn command(&mut self, command: LinkCommand) {
         let session = &mut self.session;
         let done = match command {
-            LinkCommand::Scene(hash, scene) => session.set_scene(hash, &scene).map(drop),
+            LinkCommand::Scene(scene) => session.set_scene(&scene).map(|status| {
+                if status == SceneStatus::Transferring {
+                    let (hash, bytes, of) = (scene.hash(), 0, scene.bytes() as u64);
+                    let coming = ClientEvent::SceneComing { hash, bytes, of };
+                    self.events.push(LinkEvent::Session(coming));
+                }
+            }),
             LinkCommand::CancelBefore(frame) => session.cancel_before(frame),
             LinkCommand::CancelRequest(run) => session.cancel_request(run),
             LinkCommand::Ping(number) => session.ping(number),
@@ -142,7 +147,14 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
         }
         let (frame, id) = (request.frame, request.id);
         if let Err(why) = self.session.trace(request) {
-            let why = RefusalReason::Invalid(why.to_string());
+            let why = match why {
+                // Others had its place at the node: its chunks are sent, which has been told.
+                carom_protocol::Error::Unsendable {
+                    reason: Reason::SceneNotHeld,
+                    ..
+                } => RefusalReason::Busy,
+                why => RefusalReason::Invalid(why.to_string()),
+            };
             let refusal = Refusal { request: id, why };
             let event = ClientEvent::RequestRefused { frame, refusal };
             self.events.push(LinkEvent::Session(event));
@@ -155,25 +167,110 @@ const DECODING_MAX: Duration = Duration::from_micros(200);
 
 #[cfg(test)]
 mod tests {
+    use carom_protocol::limits::SCENES_KEPT_MAX;
     use carom_protocol::session::{NodeEvent, NodeSession};
-    use carom_protocol::{NodeInfo, NodeLoad};
-    use carom_tracer::{DeviceInfo, DeviceKind};
+    use carom_protocol::{CodedParticles, NodeInfo, NodeLoad, PixelFormat};
+    use carom_tracer::{
+        DeviceInfo, DeviceKind, ImageSize, Material, RenderSettings, Scene, SceneUpdate, Sphere,
+        TileGrid, TileRange,
+    };
 
     use super::*;
 
-    #[test]
-    fn events_are_handed_on_together() {
+    fn node() -> NodeSession {
         let device = DeviceInfo {
             kind: DeviceKind::Cpu,
             name: String::new(),
             width: 1,
             threads: 1,
         };
-        let mut node = NodeSession::new(NodeInfo {
+        NodeSession::new(NodeInfo {
             name: "oak".into(),
             instance: 0,
             device,
+        })
+    }
+
+    /// A scene of so many objects: of 12,000 travels in chunks.
+    fn scene(objects: usize) -> Arc<EncodedScene> {
+        let mut scene = Scene::new();
+        for _ in 0..objects {
+            scene.add(Sphere::new(1.0), Material::grey(0.5));
+        }
+        EncodedScene::new(&scene).unwrap()
+    }
+
+    #[test]
+    fn requests_of_a_scene_whose_place_others_had_wait_until_it_is_there_again() {
+        let mut node = node();
+        let mut events = Vec::new();
+        let mut link = LinkSession::new(PrecisionRange::EXACT, |new| events.extend(new));
+        let mut talk = |link: &mut LinkSession<_>| {
+            loop {
+                if let Some(packet) = link.poll_transmit() {
+                    node.handle(packet).unwrap();
+                } else if let Some(packet) = node.poll_transmit() {
+                    link.handle(packet).unwrap();
+                } else {
+                    return link.flush();
+                }
+            }
+        };
+        let long = scene(12_000);
+        assert!(!long.chunks().is_empty());
+        talk(&mut link);
+        for scene in [Arc::clone(&long)]
+            .into_iter()
+            .chain((1..=SCENES_KEPT_MAX).map(scene))
+        {
+            link.command(LinkCommand::Scene(scene));
+            talk(&mut link);
+        }
+        let request = |id| {
+            LinkCommand::Trace(Box::new(TraceRequest {
+                frame: FrameId(1),
+                id: RequestId(id),
+                scene: long.hash(),
+                update: SceneUpdate::default(),
+                grid: TileGrid::new(ImageSize::new(8, 8), 8),
+                tiles: TileRange { first: 0, count: 1 },
+                settings: RenderSettings::default(),
+                format: PixelFormat::LinearF16,
+                precision: PrecisionRange::EXACT,
+                references: Vec::new(),
+                particles: CodedParticles::default(),
+            }))
+        };
+        link.command(LinkCommand::Scene(Arc::clone(&long)));
+        link.command(request(1));
+        link.flush();
+        talk(&mut link);
+        link.command(request(2));
+        assert!(link.poll_transmit().is_some());
+        drop(link);
+        let of_long = events.into_iter().filter_map(|event| match event {
+            LinkEvent::Session(ClientEvent::SceneComing { hash, bytes, .. }) => {
+                (hash == long.hash()).then(|| bytes.to_string())
+            }
+            LinkEvent::Session(ClientEvent::SceneReady(hash)) => {
+                (hash == long.hash()).then(|| "ready".to_owned())
+            }
+            LinkEvent::Session(ClientEvent::RequestRefused { refusal, .. }) => {
+                Some(format!("{:?}", refusal.why))
+            }
+            _ => None,
         });
+        let of_long: Vec<String> = of_long.collect();
+        let middle = of_long.iter().position(|event| event == "ready").unwrap() + 1;
+        let again = &of_long[middle..];
+        assert_eq!(again[..2], ["0", "Busy"], "{of_long:?}");
+        assert_eq!(again.last().unwrap(), "ready", "{of_long:?}");
+        assert_eq!(again.iter().filter(|event| *event == "Busy").count(), 1);
+    }
+
+    #[test]
+    fn events_are_handed_on_together() {
+        let mut node = node();
         let mut handed = Vec::new();
         let mut link = LinkSession::new(PrecisionRange::EXACT, |events| handed.push(events));
         for ping in 0..3 {

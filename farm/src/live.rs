@@ -386,7 +386,7 @@ impl LiveRun {
         while !cancelled.is_cancelled() {
             let (version, spec) = {
                 let state = self.shared.lock();
-                if self.scene.hash != state.scene.hash {
+                if self.scene.hash() != state.scene.hash() {
                     self.scene = state.scene.clone();
                 }
                 let spec = spec(&state.update, state.size, self.live.settings);

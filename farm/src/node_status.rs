@@ -99,8 +99,10 @@ pub enum NodeState {
     Paired,
     /// Connected, without this farm's scene yet.
     Syncing {
-        /// How much of the scene has come to it.
-        percent: u8,
+        /// Bytes of the scene that it has.
+        bytes: u64,
+        /// Bytes of the scene; 0 until it is asked which it lacks.
+        of: u64,
     },
     /// Holds the scene.
     Ready,
@@ -138,9 +140,12 @@ impl NodeState {
             Self::Starting => "is being called, or opens its device".into(),
             Self::Listening => "waits for a player".into(),
             Self::Paired => "is connected and waits for a scene".into(),
-            Self::Syncing { percent } => {
-                format!("is being sent the scene and has {percent} % of it")
-            }
+            Self::Syncing { of: 0, .. } => "is being sent the scene".into(),
+            Self::Syncing { bytes, of } => format!(
+                "is being sent the scene and has {:.1} of {:.1} MB of it",
+                *bytes as f64 / 1e6,
+                *of as f64 / 1e6
+            ),
             Self::Ready => "holds the scene and waits for work".into(),
             Self::Rendering => "traces".into(),
             Self::Draining => "is shutting down".into(),
@@ -157,13 +162,18 @@ impl NodeState {
     }
 }
 
+/// A part in percent, rounded down; 0 of nothing.
+fn percent(bytes: u64, of: u64) -> u64 {
+    100 * bytes / of.max(1)
+}
+
 /// Its word, with how much of the scene it has, and for a lost node why it is and when it is tried
 /// again.
 impl fmt::Display for NodeState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())?;
         match self {
-            Self::Syncing { percent } => write!(f, " {percent} %"),
+            Self::Syncing { bytes, of } => write!(f, " {} %", percent(*bytes, *of)),
             Self::Lost { why, retry_secs } => match retry_secs {
                 Some(secs) => write!(f, " ({why}, tried again within {secs} s)"),
                 None => write!(f, " ({why})"),

@@ -218,8 +218,8 @@ impl Farm {
         let scene = self.announce(scene)?;
         scene.check(&still.spec)?;
         let checkpoint = still.checkpoint.clone();
-        let mut checkpoint =
-            checkpoint.map(|(path, period)| Checkpoint::new(path, scene.hash, &still.spec, period));
+        let mut checkpoint = checkpoint
+            .map(|(path, period)| Checkpoint::new(path, scene.hash(), &still.spec, period));
         let resumed = match &mut checkpoint {
             Some(checkpoint) => checkpoint.resume()?,
             None => None,

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use carom_protocol::limits::POSES_MAX;
-use carom_protocol::{PixelFormat, SceneHash};
+use carom_protocol::{EncodedScene, PixelFormat, SceneHash};
 use carom_tracer::{CompiledScene, Scene, SceneError, SettingsError};
 
 use crate::error::Error;
@@ -41,19 +41,25 @@ pub struct Submission {
 /// [`crate::Farm::set_scene`] has been called with another.
 #[derive(Clone, Debug)]
 pub struct SceneHandle {
-    pub(crate) hash: SceneHash,
     pub(crate) scene: Arc<Scene>,
+    /// What nodes are sent of it.
+    pub(crate) encoded: Arc<EncodedScene>,
     /// Only to check updates with.
     compiled: Arc<Mutex<CompiledScene>>,
 }
 
 impl SceneHandle {
     pub(crate) fn new(scene: &Scene) -> Result<Self, Error> {
+        let compiled = CompiledScene::new(scene)?;
         Ok(Self {
-            hash: SceneHash::of(scene),
             scene: Arc::new(scene.clone()),
-            compiled: Arc::new(Mutex::new(CompiledScene::new(scene)?)),
+            encoded: EncodedScene::new(scene)?,
+            compiled: Arc::new(Mutex::new(compiled)),
         })
+    }
+
+    pub(crate) fn hash(&self) -> SceneHash {
+        self.encoded.hash()
     }
 
     /// The first rule that a frame of the scene breaks.

@@ -109,7 +109,7 @@ impl Submitter {
         let sent = self.inputs.send(DriverInput::Submit {
             id,
             spec: Box::new(spec),
-            scene: (scene.hash, scene.scene),
+            scene: scene.encoded,
             deadline,
             exact: submission.exact,
             replies: self.replies.clone(),

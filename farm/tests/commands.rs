@@ -15,6 +15,7 @@ fn carom_farm(dir: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_carom-farm"))
         .args(args)
         .current_dir(dir)
+        .env("XDG_CACHE_HOME", dir)
         .env_remove("RUST_LOG")
         .output()
         .unwrap()
@@ -267,6 +268,7 @@ impl NodeProcess {
             .args(["node", "--listen", "localhost:0", "--backend", "cpu"])
             .args(["--credentials", &folder])
             .current_dir(dir)
+            .env("XDG_CACHE_HOME", dir)
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
@@ -718,6 +720,7 @@ fn a_node_needs_no_arguments() {
     let mut node = Command::new(env!("CARGO_BIN_EXE_carom-farm"))
         .arg("node")
         .current_dir(dir.path())
+        .env("XDG_CACHE_HOME", dir.path())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()

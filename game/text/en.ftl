@@ -447,8 +447,9 @@ stats-absent =
 stats-state-starting = starting
 stats-state-listening = listening
 stats-state-paired = paired
-# $percent: how much of the scene the node has been sent.
-stats-state-syncing = syncing { $percent } %
+stats-state-syncing = syncing
+# $bytes, $of: megabytes of the scene that the node has, and of all.
+stats-state-syncing-bytes = syncing, has { $bytes } of { $of } MB
 stats-state-ready = ready
 stats-state-rendering = rendering
 stats-state-draining = draining
@@ -741,6 +742,7 @@ node-slow = { $name } is { $times } times slower than the fastest node and gets 
 node-doubted = { $name }: { $doubt }, and one of them is wrong
 node-far = High latency to { $name } ({ $ms } ms round trip): frames are requested earlier and may be less precise
 farm-waiting = Waiting for the first frame
+farm-sending = Sending the scene: { $bytes } of { $of } MB
 farm-no-node = Rendering unavailable: no node is connected ({ $nodes }). Retrying every 5 s; you can keep playing
 node-local-device = this machine ({ $device })
 farm-nodes = { $ready } of { $all } nodes: { $names }

@@ -6,11 +6,13 @@
 
 use carom_tracer::Scene;
 use postcard::de_flavors::{Flavor, Slice};
-use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Reason};
-use crate::limits::{CONTROL_BYTES_MAX, SCENE_BYTES_MAX, TILES_BYTES_MAX, TRACE_BYTES_MAX};
+use crate::limits::{
+    CONTROL_BYTES_MAX, MANIFEST_BYTES_MAX, SCENE_MESSAGE_BYTES_MAX, TILES_BYTES_MAX,
+    TO_NODE_BYTES_MAX, TRACE_BYTES_MAX,
+};
 use crate::message::{RequestId, SceneHash, ToClient, ToNode, VERSION};
 
 impl SceneHash {
@@ -20,9 +22,27 @@ impl SceneHash {
     /// # Panics
     /// Never: a scene is plain data, which postcard always can write.
     pub fn of(scene: &Scene) -> Self {
-        let bytes = postcard::to_stdvec(scene).expect("plain data");
-        Self(*blake3::hash(&bytes).as_bytes())
+        Self::of_bytes(&encode_scene(scene))
     }
+
+    pub(crate) fn of_bytes(scene: &[u8]) -> Self {
+        Self(*blake3::hash(scene).as_bytes())
+    }
+}
+
+/// The bytes of a scene.
+pub(crate) fn encode_scene(scene: &Scene) -> Vec<u8> {
+    postcard::to_stdvec(scene).expect("plain data")
+}
+
+/// The scene that `bytes` are; whether it can be drawn has not been looked at.
+pub(crate) fn decode_scene(bytes: &[u8]) -> Result<Scene, Error> {
+    decode("scene", bytes)
+}
+
+/// The message with a scene of those bytes.
+pub(crate) fn scene_message(hash: SceneHash, scene: &[u8]) -> Vec<u8> {
+    [&[SCENE_VARIANT], &hash.0[..], scene].concat()
 }
 
 /// The bytes of `message`.
@@ -35,12 +55,10 @@ pub fn encode_to_node(message: &ToNode) -> Result<Vec<u8>, Error> {
     message
         .validate()
         .map_err(|reason| Error::unsendable(what, reason))?;
-    let max = match message {
-        ToNode::Scene { .. } => SCENE_BYTES_MAX,
-        ToNode::Trace(_) => TRACE_BYTES_MAX,
-        _ => CONTROL_BYTES_MAX,
-    };
-    encode(message, what, max)
+    let bytes =
+        postcard::to_stdvec(message).map_err(|error| Error::unsendable(what, error.into()))?;
+    let max = to_node_bytes_max(&bytes);
+    check_length(bytes, what, max)
 }
 
 /// The bytes of `message`.
@@ -57,7 +75,9 @@ pub fn encode_to_client(message: &ToClient) -> Result<Vec<u8>, Error> {
         ToClient::Tiles(_) => TILES_BYTES_MAX,
         _ => CONTROL_BYTES_MAX,
     };
-    encode(message, what, max)
+    let bytes =
+        postcard::to_stdvec(message).map_err(|error| Error::unsendable(what, error.into()))?;
+    check_length(bytes, what, max)
 }
 
 /// The message that `bytes` are. A scene's hash has been verified; whether the scene can be drawn
@@ -68,12 +88,7 @@ pub fn encode_to_client(message: &ToClient) -> Result<Vec<u8>, Error> {
 /// version, whatever follows the version in it.
 pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
     const WHAT: &str = "message to a node";
-    let max = match bytes.first() {
-        Some(&SCENE_VARIANT) => SCENE_BYTES_MAX,
-        Some(&TRACE_VARIANT) => TRACE_BYTES_MAX,
-        _ => CONTROL_BYTES_MAX,
-    };
-    check_size(WHAT, bytes, max)?;
+    check_size(WHAT, bytes, to_node_bytes_max(bytes))?;
     check_version(WHAT, bytes)?;
     let message: ToNode = decode(WHAT, bytes)?;
     let what = to_node_kind(&message);
@@ -82,7 +97,7 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
         .map_err(|reason| Error::malformed(what, reason))?;
     match &message {
         // What came is hashed, not what was read from it: a scene need not be encoded again.
-        ToNode::Scene { hash, .. } if blake3::hash(&bytes[SCENE_OFFSET..]) != hash.0 => {
+        ToNode::Scene { hash, .. } if SceneHash::of_bytes(&bytes[SCENE_OFFSET..]) != *hash => {
             Err(Error::malformed(what, Reason::SceneHash))
         }
         _ => Ok(message),
@@ -119,9 +134,18 @@ pub fn request_of_tiles(bytes: &[u8]) -> Option<RequestId> {
     Some(request)
 }
 
-/// Whether `bytes` are a scene, from the first of them alone.
-pub fn is_scene(bytes: &[u8]) -> bool {
-    bytes.first() == Some(&SCENE_VARIANT)
+/// Whether `bytes` are a scene or a part of one, from the first of them alone: what a
+/// [`crate::session::SceneAssembler`] handles.
+pub fn is_of_scene(bytes: &[u8]) -> bool {
+    matches!(
+        bytes.first(),
+        Some(&SCENE_VARIANT | MANIFEST_VARIANT..=CHUNKS_SENT_VARIANT)
+    )
+}
+
+/// Whether `bytes` begin a scene in chunks, from the first of them alone.
+pub fn is_manifest(bytes: &[u8]) -> bool {
+    bytes.first() == Some(&MANIFEST_VARIANT)
 }
 
 /// Whether `bytes` are a trace request, from the first of them alone.
@@ -143,6 +167,9 @@ pub(crate) fn to_node_kind(message: &ToNode) -> &'static str {
         ToNode::CancelBefore(_) | ToNode::CancelRequest(_) => "cancellation",
         ToNode::Ping(_) => "ping",
         ToNode::Leave => "farewell",
+        ToNode::Manifest { .. } => "manifest of a scene",
+        ToNode::Chunk { .. } => "chunk",
+        ToNode::ChunksSent(_) => "end of a scene",
     }
 }
 
@@ -157,12 +184,22 @@ pub(crate) fn to_client_kind(message: &ToClient) -> &'static str {
         ToClient::Pong { .. } => "pong",
         ToClient::SceneComing { .. } => "progress of a scene",
         ToClient::Leaving => "farewell",
+        ToClient::ChunksWanted { .. } => "list of wanted chunks",
     }
 }
 
-fn encode(message: &impl Serialize, what: &'static str, max: usize) -> Result<Vec<u8>, Error> {
-    let bytes =
-        postcard::to_stdvec(message).map_err(|error| Error::unsendable(what, error.into()))?;
+/// The most bytes of a message to a node that begins so.
+fn to_node_bytes_max(bytes: &[u8]) -> usize {
+    match bytes.first() {
+        Some(&SCENE_VARIANT) => SCENE_OFFSET + SCENE_MESSAGE_BYTES_MAX,
+        Some(&TRACE_VARIANT) => TRACE_BYTES_MAX,
+        Some(&MANIFEST_VARIANT) => MANIFEST_BYTES_MAX,
+        Some(&CHUNK_VARIANT) => TO_NODE_BYTES_MAX,
+        _ => CONTROL_BYTES_MAX,
+    }
+}
+
+fn check_length(bytes: Vec<u8>, what: &'static str, max: usize) -> Result<Vec<u8>, Error> {
     if bytes.len() > max {
         let bytes = bytes.len();
         return Err(Error::unsendable(what, Reason::TooLong { bytes, max }));
@@ -241,9 +278,15 @@ const HELLO_VARIANT: u8 = 0;
 /// First byte of [`ToNode::Scene`].
 const SCENE_VARIANT: u8 = 1;
 /// Bytes of [`ToNode::Scene`] before the scene: the variant and the hash.
-const SCENE_OFFSET: usize = 1 + size_of::<SceneHash>();
+pub(crate) const SCENE_OFFSET: usize = 1 + size_of::<SceneHash>();
 /// First byte of [`ToNode::Trace`].
 const TRACE_VARIANT: u8 = 2;
+/// First byte of [`ToNode::Manifest`].
+const MANIFEST_VARIANT: u8 = 7;
+/// First byte of [`ToNode::Chunk`].
+const CHUNK_VARIANT: u8 = 8;
+/// First byte of [`ToNode::ChunksSent`].
+const CHUNKS_SENT_VARIANT: u8 = 9;
 /// First byte of [`ToClient::Tiles`].
 const TILES_VARIANT: u8 = 3;
 
@@ -322,14 +365,20 @@ mod tests {
     }
 
     #[test]
-    fn only_scenes_requests_and_tiles_may_be_large() {
+    fn only_scenes_their_parts_requests_and_tiles_may_be_large() {
         let mut bytes = vec![0; CONTROL_BYTES_MAX + 1];
-        for variant in 0..8 {
+        for variant in 0..12 {
             bytes[0] = variant;
             let too_large = |error| matches!(error, Err(Error::TooLarge { .. }));
             let to_node = too_large(decode_to_node(&bytes).map(drop));
             let to_client = too_large(decode_to_client(&bytes).map(drop));
-            let is_small = ![SCENE_VARIANT, TRACE_VARIANT].contains(&variant);
+            let large = [
+                SCENE_VARIANT,
+                TRACE_VARIANT,
+                MANIFEST_VARIANT,
+                CHUNK_VARIANT,
+            ];
+            let is_small = !large.contains(&variant);
             assert_eq!(to_node, is_small, "{variant}");
             assert_eq!(to_client, variant != TILES_VARIANT, "{variant}");
         }

@@ -72,6 +72,13 @@ pub enum Reason {
     #[error("it does not hash to its hash")]
     SceneHash,
 
+    #[error("a chunk has {bytes} bytes: it must be from 1 to {max}")]
+    ChunkBytes { bytes: usize, max: usize },
+    #[error("it hashes to another one than was wanted")]
+    ChunkHash,
+    #[error("its chunks are not in rising order")]
+    ChunkOrder,
+
     // The values of a message.
     #[error("there are {count} {what}: at most {max} are allowed")]
     TooMany {
@@ -223,6 +230,16 @@ pub enum Reason {
     SceneNotHeld,
     #[error("the scene was not sent")]
     SceneNotSent,
+    #[error("a scene's chunks are being sent")]
+    TransferOpen,
+    #[error("no scene's chunks are being sent")]
+    TransferNotOpen,
+    #[error("no chunk is wanted")]
+    ChunkNotWanted,
+    #[error("{count} chunks are still to come")]
+    ChunksMissing { count: usize },
+    #[error("chunk {chunk} of {chunks} is wanted")]
+    NoSuchChunk { chunk: u32, chunks: usize },
     #[error("no scene of {bytes} bytes was sent")]
     SceneProgress { bytes: usize },
     #[error("it answers no ping")]

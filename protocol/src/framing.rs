@@ -1,14 +1,14 @@
 //! Framing of packets in a stream of bytes: each behind its length, four bytes, the lowest first.
 
 use crate::error::{Error, Reason};
-use crate::limits::SCENE_BYTES_MAX;
+use crate::limits::TO_NODE_BYTES_MAX;
 
 /// The packet behind its length, ready for a stream.
 ///
 /// # Panics
 /// If it is longer than any message, which no session hands out.
 pub fn frame(packet: &[u8]) -> Vec<u8> {
-    assert!(packet.len() <= SCENE_BYTES_MAX, "{} bytes", packet.len());
+    assert!(packet.len() <= TO_NODE_BYTES_MAX, "{} bytes", packet.len());
     let mut framed = Vec::with_capacity(LENGTH_BYTES + packet.len());
     framed.extend_from_slice(&(packet.len() as u32).to_le_bytes());
     framed.extend_from_slice(packet);
@@ -34,7 +34,7 @@ pub struct Deframer {
 }
 
 impl Deframer {
-    /// For packets of up to `packet_bytes_max` bytes: [`SCENE_BYTES_MAX`] at a node,
+    /// For packets of up to `packet_bytes_max` bytes: [`TO_NODE_BYTES_MAX`] at a node,
     /// [`crate::limits::CONTROL_BYTES_MAX`] at a client.
     pub const fn new(packet_bytes_max: usize) -> Self {
         Self {
@@ -50,13 +50,6 @@ impl Deframer {
         self.bytes.drain(..self.start);
         self.start = 0;
         self.bytes.extend_from_slice(bytes);
-    }
-
-    /// Of a packet that is not whole how many bytes are there, and how many it has; absent between
-    /// packets. To be asked when [`Deframer::next_packet`] had none.
-    pub fn under_way(&self) -> Option<(usize, usize)> {
-        let (&length, rest) = self.bytes[self.start..].split_first_chunk::<LENGTH_BYTES>()?;
-        Some((rest.len(), u32::from_le_bytes(length) as usize))
     }
 
     /// The next whole packet.
@@ -124,10 +117,6 @@ mod tests {
                 deframer.push(bytes);
                 while let Some(packet) = deframer.next_packet().unwrap() {
                     out.push(packet);
-                }
-                if let Some((there, of)) = deframer.under_way() {
-                    assert!(there < of);
-                    assert_eq!(of, packets[out.len()].len());
                 }
             }
             assert_eq!(out, packets);

@@ -6,8 +6,8 @@
 //! client                                      node
 //!   Hello ──────────────────────────────────▶
 //!         ◀────────────────────────── Welcome      both check the version
-//!   Scene ──────────────────────────────────▶      once per content hash
-//!         ◀─────────────────────── SceneReady
+//!   Scene ──────────────────────────────────▶      once per content hash; a long one in chunks,
+//!         ◀─────────────────────── SceneReady      of which the node gets those that it lacks
 //!   Trace ──────────────────────────────────▶      camera, poses, a range of tiles
 //!         ◀──────────────── Tiles … Tiles, RequestDone
 //! ```
@@ -26,7 +26,7 @@
 //!
 //! let mut client = ClientSession::new();
 //! let mut node = NodeSession::new(NodeInfo { name: "near".into(), instance: 0, device });
-//! client.set_scene(SceneHash::of(&scene), &scene)?;
+//! client.set_scene(&EncodedScene::new(&scene)?)?;
 //! let mut pictures = 0;
 //! while pictures == 0 {
 //!     while let Some(packet) = client.poll_transmit() {
@@ -58,6 +58,7 @@
 //! ```
 
 pub mod codec;
+mod encoded_scene;
 pub mod error;
 pub mod framing;
 pub mod limits;
@@ -68,14 +69,16 @@ pub mod session;
 pub mod tile_codec;
 mod validate;
 
+pub use encoded_scene::EncodedScene;
 pub use error::{Error, Reason};
 pub use message::{
-    CodedCloud, CodedParticles, FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat,
+    ChunkKey, CodedCloud, CodedParticles, FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat,
     ReferenceRange, Refusal, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone,
     ToClient, ToNode, TraceRequest,
 };
 pub use precision::{PixelPrecision, PrecisionRange};
 pub use session::{
-    Channel, ClientEvent, ClientSession, NodeEvent, NodeSession, Packet, ReceivedScene, SceneStatus,
+    Channel, ChunkStore, ClientEvent, ClientSession, NodeEvent, NodeSession, Packet, ReceivedScene,
+    SceneAssembler, SceneProgress, SceneStatus,
 };
 pub use tile_codec::TilePixels;

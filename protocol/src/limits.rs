@@ -6,9 +6,20 @@ pub const CONTROL_BYTES_MAX: usize = 64 * 1024;
 /// [`carom_tracer::scene::validate::PARTICLES_MAX`] particles.
 pub const TRACE_BYTES_MAX: usize =
     CONTROL_BYTES_MAX + 6 * carom_tracer::scene::validate::PARTICLES_MAX;
-/// Bytes of a scene message: 131,072 objects with the longest names have 22 MB, a million triangles with half as many
-/// vertices and their normals 21 MB, a dozen photographs as JPEG files of 2048 pixels a side 20 MB.
-pub const SCENE_BYTES_MAX: usize = 24 * 1024 * 1024;
+/// Bytes of a scene: 131,072 objects with the longest names have 22 MB, five million triangles with half as many
+/// vertices and their normals 105 MB, a dozen photographs as JPEG files of 2048 pixels a side 20 MB.
+pub const SCENE_BYTES_MAX: usize = 128 << 20;
+/// Bytes of a scene that travels as one message, without a round trip before it: 20 ms of 100 Mbit/s. The pool room has
+/// 5 kB. Longer ones travel as chunks.
+pub const SCENE_MESSAGE_BYTES_MAX: usize = 256 << 10;
+/// Bytes of a chunk. A longer one would delay requests behind it by more than 40 ms at 100 Mbit/s.
+pub const CHUNK_BYTES_MAX: usize = 512 << 10;
+/// Chunks of a scene: as many as [`SCENE_BYTES_MAX`] bytes make where each is a quarter as long as they are on average.
+pub const CHUNKS_MAX: usize = SCENE_BYTES_MAX >> 15;
+/// Bytes of a list of [`CHUNKS_MAX`] chunks.
+pub const MANIFEST_BYTES_MAX: usize = 64 + 36 * CHUNKS_MAX;
+/// Bytes of any message to a node.
+pub const TO_NODE_BYTES_MAX: usize = CHUNK_BYTES_MAX + 64;
 /// Bytes that the textures of a peer's scene take once they are decoded: forty of 2048 texels a side with all their levels
 /// of detail. A megabyte of PNG may hold a gigabyte, and a node keeps [`SCENES_KEPT_MAX`] scenes of a player.
 pub const SCENE_TEXTURE_BYTES_MAX: u64 = 1 << 30;
@@ -26,8 +37,10 @@ pub const TILES_BYTES_MAX: usize = PIXELS_PER_MESSAGE_MAX * 12 + 4096;
 /// Requests that a node holds for a client; more are refused as busy. Eight frames in flight, each
 /// with as many re-issued requests again, twice over. Who needs more asks others, or when one ends.
 pub const REQUESTS_QUEUED_MAX: usize = 32;
-/// Scenes that a node keeps; the least recently used goes first.
+/// Scenes that a node keeps for a connection; the least recently used goes first.
 pub const SCENES_KEPT_MAX: usize = 4;
+/// Bytes of those scenes together, as they were sent.
+pub const SCENES_KEPT_BYTES_MAX: usize = SCENE_BYTES_MAX;
 /// Samples of one request: a minute of one slow core.
 pub const REQUEST_SAMPLES_MAX: u64 = 1 << 32;
 /// Bytes of a sentence from a peer.

@@ -12,7 +12,7 @@ use crate::precision::PrecisionRange;
 /// Raised by every change of a message; both ends must speak the same. [`ToNode::Hello`] and
 /// [`ToClient::Welcome`] begin with their variant, 0, and this number in every version, so that
 /// ends of different versions can say so.
-pub const VERSION: u16 = 13;
+pub const VERSION: u16 = 14;
 
 /// BLAKE3 of a scene's postcard bytes: nodes keep scenes by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -48,7 +48,7 @@ pub enum ToNode {
         /// [`VERSION`] of the client.
         version: u16,
     },
-    /// A scene to keep; answered by [`ToClient::SceneReady`] or [`ToClient::SceneRefused`].
+    /// A scene of at most [`crate::limits::SCENE_MESSAGE_BYTES_MAX`] bytes to keep; answered by [`ToClient::SceneReady`] or [`ToClient::SceneRefused`].
     Scene {
         /// What the node must find when it hashes `scene`.
         hash: SceneHash,
@@ -66,6 +66,23 @@ pub enum ToNode {
     /// The client has all that it asked for and asks for nothing more, as the node is
     /// [`ToClient::Leaving`], which may close the connection.
     Leave,
+    /// What a longer scene consists of; answered by [`ToClient::ChunksWanted`] or [`ToClient::SceneRefused`].
+    /// No other one follows before the answer to [`ToNode::ChunksSent`].
+    Manifest {
+        /// BLAKE3 of all its bytes.
+        hash: SceneHash,
+        /// Its chunks in order; the same may be there several times.
+        chunks: Vec<ChunkKey>,
+    },
+    /// The next chunk of those that are wanted.
+    Chunk {
+        /// Its bytes.
+        #[serde(with = "byte_string")]
+        bytes: Vec<u8>,
+    },
+    /// All chunks that were wanted have been sent, and the scene counts as sent; answered by [`ToClient::SceneReady`] or
+    /// [`ToClient::SceneRefused`].
+    ChunksSent(SceneHash),
 }
 
 /// From a node to the client.
@@ -100,14 +117,39 @@ pub enum ToClient {
         /// What others have of the node.
         load: NodeLoad,
     },
-    /// So many bytes of the message with the oldest scene that has no answer are there: said now
-    /// and then while a long one comes.
+    /// So many bytes of the scene whose chunks are sent are there: said now and then.
     SceneComing {
-        /// At most the message's length.
+        /// At most the scene's length.
         bytes: u32,
     },
     /// The node is about to end: it answers what it has been asked, and should be asked for nothing more.
     Leaving,
+    /// The chunks of a scene that the node lacks.
+    ChunksWanted {
+        /// The scene's hash.
+        hash: SceneHash,
+        /// Rising places in its [`ToNode::Manifest`]; the first one of each chunk that is there several times.
+        chunks: Vec<u32>,
+    },
+}
+
+/// A chunk of a scene's bytes by its content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct ChunkKey {
+    /// BLAKE3 of its bytes.
+    pub hash: [u8; 32],
+    /// How many they are: 1 to [`crate::limits::CHUNK_BYTES_MAX`].
+    pub bytes: u32,
+}
+
+impl ChunkKey {
+    /// The key of those bytes.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self {
+            hash: *blake3::hash(bytes).as_bytes(),
+            bytes: bytes.len() as u32,
+        }
+    }
 }
 
 /// What a node's other players have of its device.

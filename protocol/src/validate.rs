@@ -7,12 +7,13 @@ use carom_tracer::{SceneUpdate, TileGrid, TileRange};
 
 use crate::error::Reason;
 use crate::limits::{
-    NODE_NAME_BYTES_MAX, POSES_MAX, REFERENCE_RANGES_MAX, REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX,
-    SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
+    CHUNK_BYTES_MAX, CHUNKS_MAX, NODE_NAME_BYTES_MAX, POSES_MAX, REFERENCE_RANGES_MAX,
+    REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX, SCENE_BYTES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX,
+    TILES_PER_MESSAGE_MAX,
 };
 use crate::message::{
-    CodedParticles, NodeInfo, NodeLoad, PixelFormat, ReferenceRange, RefusalReason, TilesDone,
-    ToClient, ToNode, TraceRequest,
+    ChunkKey, CodedParticles, NodeInfo, NodeLoad, PixelFormat, ReferenceRange, RefusalReason,
+    TilesDone, ToClient, ToNode, TraceRequest,
 };
 
 type Check = Result<(), Reason>;
@@ -26,12 +27,15 @@ impl ToNode {
     pub fn validate(&self) -> Check {
         match self {
             Self::Trace(request) => request.validate(),
+            Self::Manifest { chunks, .. } => check_manifest(chunks),
+            Self::Chunk { bytes } => check_chunk_bytes(bytes.len()),
             Self::Hello { .. }
             | Self::Scene { .. }
             | Self::CancelBefore(_)
             | Self::CancelRequest(_)
             | Self::Ping(_)
-            | Self::Leave => Ok(()),
+            | Self::Leave
+            | Self::ChunksSent(_) => Ok(()),
         }
     }
 }
@@ -54,6 +58,7 @@ impl ToClient {
                 }
             },
             Self::Pong { load, .. } => load.validate(),
+            Self::ChunksWanted { chunks, .. } => check_wanted(chunks),
             Self::SceneReady(_)
             | Self::RequestDone(_)
             | Self::SceneComing { .. }
@@ -162,6 +167,34 @@ impl TilesDone {
             Some(_) => Ok(()),
             None => Err(Reason::TileOverflow { tiles: self.tiles }),
         }
+    }
+}
+
+fn check_manifest(chunks: &[ChunkKey]) -> Check {
+    at_most("chunks", chunks.len(), CHUNKS_MAX)?;
+    let mut bytes = 0;
+    for chunk in chunks {
+        check_chunk_bytes(chunk.bytes as usize)?;
+        bytes += chunk.bytes as usize;
+    }
+    at_most("bytes in its chunks", bytes, SCENE_BYTES_MAX)
+}
+
+fn check_chunk_bytes(bytes: usize) -> Check {
+    match bytes {
+        1..=CHUNK_BYTES_MAX => Ok(()),
+        _ => Err(Reason::ChunkBytes {
+            bytes,
+            max: CHUNK_BYTES_MAX,
+        }),
+    }
+}
+
+fn check_wanted(chunks: &[u32]) -> Check {
+    at_most("chunks", chunks.len(), CHUNKS_MAX)?;
+    match chunks.is_sorted_by(|before, after| before < after) {
+        true => Ok(()),
+        false => Err(Reason::ChunkOrder),
     }
 }
 

@@ -5,7 +5,7 @@ use std::cell::Cell;
 
 use carom_protocol::codec::{decode_to_client, decode_to_node};
 use carom_protocol::framing::Deframer;
-use carom_protocol::limits::SCENE_BYTES_MAX;
+use carom_protocol::limits::TO_NODE_BYTES_MAX;
 use carom_protocol::tile_codec::Decoder;
 use carom_protocol::{
     CodedParticles, PixelFormat, PixelPrecision, PrecisionRange, ToNode, TraceRequest,
@@ -73,7 +73,7 @@ fn assert_in_proportion(bytes: &[u8]) {
 
 #[test]
 fn announced_lengths_are_not_believed() {
-    for variant in 0..8u8 {
+    for variant in 0..11u8 {
         for prefix in [0, 1, 8, 32, 33, 34, 40, 80, 90, 120] {
             // Zeros are right numbers, so that each list and text of each message is reached.
             for fill in [0, 1, 3] {
@@ -114,13 +114,13 @@ fn announced_pose_count_reserves_no_memory() {
 
 #[test]
 fn a_scene_is_counted_while_it_is_read() {
-    // Variant, hash, camera and environment; then a million materials with names of three bytes.
+    // Variant, hash, camera and environment; then 8,192 of a million materials with names of three bytes.
     let start = [&[1][..], &[0; 32], &[0; 48], &[0; 12]].concat();
     let material = |index: u32| {
         let [a, b, c, _] = index.to_le_bytes().map(|byte| byte & 0x7f);
         [&[3, a, b, c, 0][..], &[0; 12]].concat()
     };
-    let materials: Vec<u8> = (0..1 << 20)
+    let materials: Vec<u8> = (0..1 << 13)
         .map(|index| (index & 0x7f) | (index & 0x3f80) << 1 | (index & 0x1f_c000) << 2)
         .flat_map(material)
         .collect();
@@ -192,9 +192,9 @@ fn jpeg_memory_is_bounded_by_request() {
 
 #[test]
 fn stream_memory_is_bounded_by_received_bytes() {
-    let mut deframer = Deframer::new(SCENE_BYTES_MAX);
+    let mut deframer = Deframer::new(TO_NODE_BYTES_MAX);
     let spent = allocated(|| {
-        deframer.push(&(SCENE_BYTES_MAX as u32).to_le_bytes());
+        deframer.push(&(TO_NODE_BYTES_MAX as u32).to_le_bytes());
         assert_eq!(deframer.next_packet(), Ok(None));
     });
     assert!(spent <= 64, "{spent}");

@@ -13,9 +13,9 @@ use carom_farm::logging::LogFormat;
 use carom_farm::net::{
     Credentials, NodeAddress, NodeServer, PacketHandler, Role, ServerEvent, StopHandle,
 };
-use carom_farm::node::{ConnectionDrain, Node, NodeConnection, PlayerId};
+use carom_farm::node::{AssetCache, ConnectionDrain, Node, NodeConnection, PlayerId};
 use carom_protocol::message::ToClient;
-use carom_protocol::session::{Channel, Packet, ReceivedScene};
+use carom_protocol::session::{Channel, Packet, SceneAssembler, SceneProgress};
 use carom_protocol::{RequestId, codec};
 
 use crate::commands::node_monitor::{NodeMonitor, RunningMonitor};
@@ -52,6 +52,13 @@ pub(crate) struct NodeArgs {
     /// Keep at most this many MiB of compiled scenes for each device; a player may have half of it
     #[arg(long, default_value_t = 1024, value_name = "MIB", value_parser = clap::value_parser!(u64).range(16..=1 << 20))]
     scene_memory: u64,
+    /// Keep chunks of players' scenes in this folder, which nodes of one machine may share [default: carom/assets in the
+    /// user's folder for caches]
+    #[arg(long, value_name = "DIR")]
+    asset_cache: Option<PathBuf>,
+    /// Keep at most this many MiB there; 0 keeps none
+    #[arg(long, default_value_t = 4096, value_name = "MIB", value_parser = clap::value_parser!(u64).range(0..=1 << 24))]
+    asset_cache_size: u64,
     /// Answer GET /healthz, /readyz and /metrics and POST /drain by HTTP at this address, e.g.
     /// 127.0.0.1:8433; without a key, so keep it from strangers
     #[arg(long, value_name = "HOST:PORT", value_parser = inputs::listen_address)]
@@ -144,10 +151,29 @@ impl NodeArgs {
     fn node(&self, name: &str, tracer: MeteredTracer) -> Arc<Node> {
         let node = Node::new(name, Arc::new(tracer));
         node.set_scene_memory(self.scene_memory << 20);
+        if let Some(cache) = self.asset_cache() {
+            node.set_chunk_store(Arc::new(cache));
+        }
         if let Some(secs_per_hour) = self.player_seconds {
             node.set_player_quota(f64::from(secs_per_hour));
         }
         node
+    }
+
+    /// The cache of scenes' chunks; a node that cannot have one works without.
+    fn asset_cache(&self) -> Option<AssetCache> {
+        let bytes = self.asset_cache_size << 20;
+        let folder = self.asset_cache.clone();
+        let folder = folder.or_else(AssetCache::user_folder);
+        let folder = folder.filter(|_| bytes > 0)?;
+        let opened = AssetCache::open(&folder, bytes);
+        let unused = |why: &std::io::Error| {
+            tracing::warn!(
+                "no scenes are kept on disk, as {} cannot be used ({why}): name another folder with --asset-cache",
+                folder.display()
+            );
+        };
+        opened.inspect_err(unused).ok()
     }
 
     fn registry(&self) -> Result<Option<Box<dyn Registry>>, Failure> {
@@ -268,20 +294,23 @@ impl PacketHandler for LoggedConnection {
         Ok(())
     }
 
-    fn handle_scene(
-        &mut self,
-        scene: Result<ReceivedScene, carom_protocol::Error>,
-    ) -> Result<(), carom_protocol::Error> {
-        self.set_state(NodeState::Syncing { percent: 100 });
-        self.connection.handle_scene(scene)?;
-        self.set_state(NodeState::Ready);
-        Ok(())
+    fn assembler(&self) -> SceneAssembler {
+        self.connection.assembler()
     }
 
-    fn on_scene_progress(&mut self, bytes: usize, of: usize) {
-        let percent = (100 * bytes / of.max(1)) as u8;
-        self.set_state(NodeState::Syncing { percent });
-        self.connection.on_scene_progress(bytes);
+    fn handle_scene(
+        &mut self,
+        progress: Result<SceneProgress, carom_protocol::Error>,
+    ) -> Result<(), carom_protocol::Error> {
+        match &progress {
+            Ok(SceneProgress::Received(_)) => self.set_state(NodeState::Ready),
+            Ok(SceneProgress::Wanted { bytes, of, .. }) => {
+                let (bytes, of) = (*bytes as u64, *of as u64);
+                self.set_state(NodeState::Syncing { bytes, of });
+            }
+            Ok(SceneProgress::Coming { .. }) | Err(_) => {}
+        }
+        self.connection.handle_scene(progress)
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {

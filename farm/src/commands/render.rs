@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use carom_farm::net;
 use carom_farm::{
-    Balancing, Distribution, Farm, FarmConfig, FileFormat, LocalNode, Picture, Still, StillJob,
+    Balancing, Distribution, Farm, FarmConfig, FileFormat, LocalNode, NodeState, NodeStatus,
+    Picture, Still, StillJob,
 };
 use carom_tracer::{ImageSize, Preset, Scene, SceneUpdate};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -193,7 +194,7 @@ fn trace(
             args.spp
         );
     }
-    let traced = wait(job, args.spp, interrupted);
+    let traced = wait(farm, job, args.spp, interrupted);
     let summary = totals.summary(begun.elapsed(), &farm.nodes());
     if traced.is_err() && checkpoint.exists() {
         let path = checkpoint.display();
@@ -208,6 +209,7 @@ fn trace(
 
 /// Waits for the picture, with a progress bar.
 fn wait(
+    farm: &Farm,
     job: StillJob,
     samples: u32,
     interrupted: &AtomicBool,
@@ -217,6 +219,7 @@ fn wait(
     bar.reset_eta();
     while !job.is_finished() {
         bar.set_position(job.progress().samples_done.into());
+        bar.set_message(sending(&farm.nodes()));
         if interrupted.load(Ordering::Relaxed) {
             job.cancel();
         }
@@ -225,6 +228,17 @@ fn wait(
     let picture = job.wait()?;
     bar.finish_and_clear();
     Ok(picture)
+}
+
+/// How much of a long scene the nodes have that are sent it, as the end of a line.
+fn sending(nodes: &[NodeStatus]) -> String {
+    let sentences = nodes.iter().filter_map(|node| match &node.state {
+        NodeState::Syncing { of: 1.., .. } => {
+            Some(format!("; {} {}", node.address, node.state.sentence()))
+        }
+        _ => None,
+    });
+    sentences.collect()
 }
 
 /// Where a render that is interrupted is kept: beside its first file.
@@ -294,7 +308,7 @@ fn config(args: &RenderArgs) -> Result<FarmConfig, Failure> {
 /// On standard error, and only if that is a terminal.
 fn progress_bar(spp: u32) -> ProgressBar {
     let style = ProgressStyle::with_template(
-        "{elapsed_precise} [{bar:40}] {pos}/{len} samples per pixel, {eta} left",
+        "{elapsed_precise} [{bar:40}] {pos}/{len} samples per pixel, {eta} left{msg}",
     );
     ProgressBar::new(u64::from(spp))
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))

@@ -197,7 +197,7 @@ impl Assigner {
 
     /// The nodes that may get tiles of a frame.
     fn eligible(&self, nodes: &NodeTable, frame: &FrameInFlight) -> Vec<NodeIndex> {
-        let mut eligible = nodes.usable(frame.scene.0);
+        let mut eligible = nodes.usable(frame.scene.hash());
         if self.balancing.algorithm == Algorithm::WaterFilling
             && eligible.iter().any(|node| nodes[*node].is_trusted())
         {
@@ -206,7 +206,8 @@ impl Assigner {
         }
         if eligible.is_empty() && !frame.is_assigned {
             // Better than nobody: what is merely slow to answer.
-            let answers = |node: &NodeIndex| nodes[*node].is_usable_if_it_answers(frame.scene.0);
+            let answers =
+                |node: &NodeIndex| nodes[*node].is_usable_if_it_answers(frame.scene.hash());
             eligible = nodes.indices().filter(answers).collect();
         }
         eligible
@@ -278,7 +279,7 @@ impl Assigner {
             dispatcher.request(now, nodes, *node, frame, &parts, false);
         }
         if self.balancing.algorithm == Algorithm::WaterFilling {
-            let left_out = left_out(nodes, frame.scene.0, &shares);
+            let left_out = left_out(nodes, frame.scene.hash(), &shares);
             shares.extend(left_out.into_iter().map(|node| (node, Vec::new())));
             probe(now, nodes, frame, &shares, dispatcher);
         }
@@ -436,7 +437,7 @@ fn probe(
 fn portion(nodes: &NodeTable, index: NodeIndex, frame: &mut FrameInFlight) -> Option<TileRange> {
     let node = &nodes[index];
     let range = *frame.pool.last()?;
-    if !node.is_usable(frame.scene.0) {
+    if !node.is_usable(frame.scene.hash()) {
         return None;
     }
     let pool = frame.work.of_all(&frame.pool);

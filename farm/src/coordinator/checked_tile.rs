@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use carom_protocol::{FrameId, SceneHash};
-use carom_tracer::{Scene, Tile, TileRange};
+use carom_protocol::{EncodedScene, FrameId};
+use carom_tracer::{Tile, TileRange};
 
 use super::sample_passes::SamplePasses;
 use crate::frame::FrameSpec;
@@ -13,7 +13,7 @@ use crate::frame::FrameSpec;
 pub(super) struct CheckedTile {
     pub(super) frame: FrameId,
     pub(super) spec: FrameSpec,
-    pub(super) scene: (SceneHash, Arc<Scene>),
+    pub(super) scene: Arc<EncodedScene>,
     pub(super) passes: SamplePasses,
     /// One unit.
     pub(super) unit: TileRange,

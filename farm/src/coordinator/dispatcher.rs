@@ -4,8 +4,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use carom_protocol::limits::{REQUEST_SAMPLES_MAX, REQUEST_TILES_MAX};
-use carom_protocol::{CodedParticles, FrameId, PrecisionRange, RequestId, SceneHash, TraceRequest};
-use carom_tracer::{RenderSettings, Scene, TileRange};
+use carom_protocol::{
+    CodedParticles, EncodedScene, FrameId, PrecisionRange, RequestId, SceneHash, TraceRequest,
+};
+use carom_tracer::{RenderSettings, TileRange};
 
 use super::CoordinatorAction;
 use super::checked_tile::CheckedTile;
@@ -42,8 +44,8 @@ impl Dispatcher {
         self.actions.push_back(action);
     }
 
-    pub(super) fn send_scene(&mut self, node: NodeIndex, hash: SceneHash, scene: &Arc<Scene>) {
-        self.send(node, LinkCommand::Scene(hash, Arc::clone(scene)));
+    pub(super) fn send_scene(&mut self, node: NodeIndex, scene: &Arc<EncodedScene>) {
+        self.send(node, LinkCommand::Scene(Arc::clone(scene)));
     }
 
     pub(super) fn deliver(&mut self, frame: Frame) {
@@ -88,11 +90,11 @@ impl Dispatcher {
         let most = (REQUEST_SAMPLES_MAX / tile_samples.max(1))
             .clamp(1, u64::from(REQUEST_TILES_MAX)) as u32;
         // Nothing is sent if the node has it; a node keeps only the scenes used last.
-        self.send_scene(node, frame.scene.0, &frame.scene.1);
+        self.send_scene(node, &frame.scene);
         let mut wait_secs = nodes[node].workload.wait_secs(now, frame.id);
         let of = RequestedFrame {
             frame: frame.id,
-            scene: frame.scene.0,
+            scene: frame.scene.hash(),
             spec: &frame.spec,
             passes,
             is_exact: frame.is_exact,
@@ -121,12 +123,12 @@ impl Dispatcher {
         if !nodes[node].has_room() {
             return None;
         }
-        self.send_scene(node, tile.scene.0, &tile.scene.1);
+        self.send_scene(node, &tile.scene);
         let mut request = OpenRequest::new(now, tile.frame, tile.passes, tile.unit, tile.work);
         (request.is_probe, request.is_check) = (true, true);
         let of = RequestedFrame {
             frame: tile.frame,
-            scene: tile.scene.0,
+            scene: tile.scene.hash(),
             spec: &tile.spec,
             passes: tile.passes,
             is_exact: true,

@@ -45,7 +45,7 @@ impl FrameForecast {
         let newcomer = nodes.newcomer();
         let buffer = frame.buffer.as_ref()?;
         // What has failed helps only where nothing else is left.
-        let can_help = |node: &NodeEntry| node.is_usable(frame.scene.0);
+        let can_help = |node: &NodeEntry| node.is_usable(frame.scene.hash());
         let has_trusted = nodes
             .iter()
             .any(|(_, node)| can_help(node) && node.is_trusted());

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{FrameId, NodeTimes, SceneHash};
-use carom_tracer::{Scene, TileRange};
+use carom_protocol::{EncodedScene, FrameId, NodeTimes};
+use carom_tracer::TileRange;
 
 use super::frame_buffer::FrameBuffer;
 use super::frame_refusals::FrameRefusals;
@@ -21,7 +21,7 @@ use crate::stats::{Delivery, FrameStats, LatencySplit};
 pub(super) struct FrameInFlight {
     pub(super) id: FrameId,
     pub(super) spec: FrameSpec,
-    pub(super) scene: (SceneHash, Arc<Scene>),
+    pub(super) scene: Arc<EncodedScene>,
     pub(super) passes: SamplePasses,
     pub(super) work: WorkMap,
     pub(super) submitted: f64,
@@ -71,7 +71,7 @@ impl FrameInFlight {
         now: f64,
         id: FrameId,
         spec: FrameSpec,
-        scene: (SceneHash, Arc<Scene>),
+        scene: Arc<EncodedScene>,
         passes: SamplePasses,
         work: WorkMap,
     ) -> Self {

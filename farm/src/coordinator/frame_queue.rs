@@ -95,7 +95,7 @@ impl FrameQueue {
     /// The oldest frame that no node will trace.
     pub(super) fn hopeless(&mut self, now: f64, nodes: &NodeTable) -> Option<FrameRefusal> {
         self.unfinished_mut().find_map(|frame| {
-            let (id, scene) = (frame.id, frame.scene.0);
+            let (id, scene) = (frame.id, frame.scene.hash());
             frame.refusals.give_up(now, id, scene, nodes)
         })
     }
@@ -152,10 +152,8 @@ const PERIOD_GAIN: f64 = 0.1;
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use carom_protocol::tile_codec::TilePixels;
-    use carom_protocol::{NodeTimes, PixelFormat, SceneHash};
+    use carom_protocol::{EncodedScene, NodeTimes, PixelFormat};
     use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid};
 
     use super::super::frame_in_flight::TileArrival;
@@ -170,7 +168,7 @@ mod tests {
 
     fn frame(id: u64, submitted: f64) -> FrameInFlight {
         let scene = include_str!("../../../assets/scenes/pool.json");
-        let scene = Arc::new(Scene::from_json(scene).unwrap());
+        let scene = EncodedScene::new(&Scene::from_json(scene).unwrap()).unwrap();
         let spec = FrameSpec {
             update: SceneUpdate::default(),
             size: GRID.size,
@@ -179,7 +177,6 @@ mod tests {
         };
         let passes = SamplePasses::one(GRID, 1);
         let work = WorkMap::new(passes, &[1.0; 2]);
-        let scene = (SceneHash([0; 32]), scene);
         FrameInFlight::new(submitted, FrameId(id), spec, scene, passes, work)
     }
 

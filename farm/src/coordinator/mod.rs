@@ -38,8 +38,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use carom_protocol::session::ClientEvent;
-use carom_protocol::{FrameId, RefusalReason, RequestId, SceneHash};
-use carom_tracer::{Scene, TileGrid, TileRange};
+use carom_protocol::{EncodedScene, FrameId, RefusalReason, RequestId};
+use carom_tracer::{TileGrid, TileRange};
 
 use self::assignment::Assigner;
 use self::dispatcher::Dispatcher;
@@ -87,7 +87,7 @@ pub struct Coordinator {
     recovery: Recovery,
     dispatcher: Dispatcher,
     spot_checks: SpotChecks,
-    scene: Option<(SceneHash, Arc<Scene>)>,
+    scene: Option<Arc<EncodedScene>>,
     /// Whether there may be tiles that nobody holds.
     has_unassigned: bool,
 }
@@ -153,14 +153,14 @@ impl Coordinator {
         self.assigner.distribution = distribution;
     }
 
-    /// Frames submitted from now on are of `scene`, whose hash is `hash`.
-    pub fn set_scene(&mut self, hash: SceneHash, scene: Arc<Scene>) {
+    /// Frames submitted from now on are of `scene`.
+    pub fn set_scene(&mut self, scene: Arc<EncodedScene>) {
         for (node, entry) in self.nodes.iter() {
             if entry.is_open() {
-                self.dispatcher.send_scene(node, hash, &scene);
+                self.dispatcher.send_scene(node, &scene);
             }
         }
-        self.scene = Some((hash, scene));
+        self.scene = Some(scene);
     }
 
     /// Accepts a frame of `scene`, of a tile grid with `tile_edge`, `exact` as [`crate::Submission::exact`].
@@ -170,7 +170,7 @@ impl Coordinator {
         now: Duration,
         id: FrameId,
         spec: FrameSpec,
-        scene: (SceneHash, Arc<Scene>),
+        scene: Arc<EncodedScene>,
         tile_edge: u16,
         exact: bool,
     ) {
@@ -239,12 +239,12 @@ impl Coordinator {
             ClientEvent::Welcome(info) => {
                 node.open(now, info);
                 let unfinished = self.frames.unfinished().map(|frame| &frame.scene);
-                for (hash, scene) in unfinished.chain(&self.scene) {
-                    self.dispatcher.send_scene(index, *hash, scene);
+                for scene in unfinished.chain(&self.scene) {
+                    self.dispatcher.send_scene(index, scene);
                 }
                 self.ping(now, index);
             }
-            ClientEvent::SceneComing { hash, percent } => node.scene_coming(hash, percent),
+            ClientEvent::SceneComing { hash, bytes, of } => node.scene_coming(hash, bytes, of),
             ClientEvent::SceneReady(hash) => {
                 if node.scene_ready(hash) {
                     self.has_unassigned = true;
@@ -332,7 +332,7 @@ impl Coordinator {
 
     /// State of the nodes, by [`NodeIndex`].
     pub fn nodes(&self, now: Duration) -> Vec<NodeStatus> {
-        let scene = self.scene.as_ref().map(|(hash, _)| *hash);
+        let scene = self.scene.as_ref().map(|scene| scene.hash());
         self.nodes.statuses(now.as_secs_f64(), scene)
     }
 

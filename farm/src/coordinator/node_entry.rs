@@ -20,8 +20,8 @@ pub(super) struct NodeEntry {
     connection: ConnectionState,
     /// Scenes that it has said it is ready for.
     scenes: BTreeSet<SceneHash>,
-    /// The scene that is on its way to it, and how much of it has come, in per cent.
-    scene_progress: Option<(SceneHash, u8)>,
+    /// The scene that is on its way to it, how many bytes it has of it, and of how many.
+    scene_progress: Option<(SceneHash, u64, u64)>,
     /// Scenes that it cannot use, each with its reason.
     scenes_refused: BTreeMap<SceneHash, String>,
     pub(super) workload: Workload,
@@ -130,8 +130,9 @@ impl NodeEntry {
         self.scenes.insert(hash)
     }
 
-    pub(super) fn scene_coming(&mut self, hash: SceneHash, percent: u8) {
-        self.scene_progress = Some((hash, percent));
+    pub(super) fn scene_coming(&mut self, hash: SceneHash, bytes: u64, of: u64) {
+        self.scenes.remove(&hash);
+        self.scene_progress = Some((hash, bytes, of));
     }
 
     pub(super) fn scene_refused(&mut self, hash: SceneHash, why: String) {
@@ -368,9 +369,9 @@ impl NodeEntry {
             return NodeState::Paired;
         };
         if !self.scenes.contains(&scene) {
-            let of_it = self.scene_progress.filter(|(hash, _)| *hash == scene);
-            let percent = of_it.map_or(0, |(_, percent)| percent);
-            return NodeState::Syncing { percent };
+            let of_it = self.scene_progress.filter(|(hash, ..)| *hash == scene);
+            let (bytes, of) = of_it.map_or((0, 0), |(_, bytes, of)| (bytes, of));
+            return NodeState::Syncing { bytes, of };
         }
         let worked_lately = self.tiles > 0 && now - workload.last_heard < WORK_SECS;
         if !workload.requests.is_empty() || worked_lately {

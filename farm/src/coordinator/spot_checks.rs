@@ -111,13 +111,13 @@ impl SpotChecks {
             count: 1,
         };
         self.left = self.distance();
-        let Some(other) = self.choose(nodes, frame.scene.0, &[node]) else {
+        let Some(other) = self.choose(nodes, frame.scene.hash(), &[node]) else {
             return;
         };
         let tile = CheckedTile {
             frame: frame.id,
             spec: frame.spec.clone(),
-            scene: (frame.scene.0, Arc::clone(&frame.scene.1)),
+            scene: Arc::clone(&frame.scene),
             passes: frame.passes,
             unit,
             work: frame.work.of(unit),
@@ -159,7 +159,7 @@ impl SpotChecks {
         let asked: Vec<NodeIndex> = check.copies.iter().map(|copy| copy.node).collect();
         let third = match asked.len() {
             VOTES.. => None,
-            _ => self.choose(nodes, check.tile.scene.0, &asked),
+            _ => self.choose(nodes, check.tile.scene.hash(), &asked),
         };
         let request = third.and_then(|third| {
             let request = dispatcher.request_check(now, nodes, third, &check.tile)?;

@@ -209,7 +209,7 @@ impl Farm {
             scene.check(&film.spec(index))?;
         }
         let Film { size, settings, .. } = film;
-        let identity = FilmIdentity::of(scene.hash, size, settings, film.exposure, &film.updates);
+        let identity = FilmIdentity::of(scene.hash(), size, settings, film.exposure, &film.updates);
         let kept = FilmFrames::open(&folder.into(), identity, size, film.range)?;
         let resumed_frames = kept.kept();
         let waiting: VecDeque<u32> = kept.missing().collect();

@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::framing::{self, Deframer};
 use carom_protocol::limits;
-use carom_protocol::session::{Channel, Packet, ReceivedScene};
+use carom_protocol::session::{Channel, Packet, SceneAssembler, SceneProgress};
 use carom_protocol::{RequestId, codec};
 use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendStream};
 use rustls::pki_types::CertificateDer;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{OwnedSemaphorePermit, mpsc, watch};
 use tokio::task::JoinSet;
 
 use crate::Error;
@@ -36,22 +36,24 @@ pub trait PacketHandler {
     /// The rule that the other side broke.
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
 
-    /// Handles a scene, which comes instead of its packet.
+    /// What puts the other side's scenes together, on other threads.
+    fn assembler(&self) -> SceneAssembler {
+        SceneAssembler::default()
+    }
+
+    /// Handles what has become of a scene, which comes instead of its packets.
     ///
     /// # Errors
     /// The rule that the other side broke.
     fn handle_scene(
         &mut self,
-        scene: Result<ReceivedScene, carom_protocol::Error>,
+        progress: Result<SceneProgress, carom_protocol::Error>,
     ) -> Result<(), carom_protocol::Error> {
-        scene.map(drop)
+        progress.map(drop)
     }
 
     /// Passes on the events of the packets that have been handled.
     fn flush(&mut self) {}
-
-    /// Handles the arrival of a part of a scene.
-    fn on_scene_progress(&mut self, _received_bytes: usize, _total_bytes: usize) {}
 
     /// The next packet to send, if there is one now.
     fn poll_transmit(&mut self) -> Option<Packet>;
@@ -105,8 +107,6 @@ const NACKS_MAX: usize = 64;
 const REQUEST_COPY_DELAY: Duration = Duration::from_millis(3);
 /// Bytes that are read from the control stream at once.
 const CHUNK_BYTES_MAX: usize = 64 << 10;
-/// Reports of a scene's progress.
-const SCENE_REPORTS_MAX: usize = 16;
 /// Control packets leave before tiles.
 const CONTROL_PRIORITY: i32 = 1;
 /// Bounds the final flush of a session that met an error.
@@ -115,7 +115,10 @@ const FINAL_FLUSH_TIMEOUT: Duration = Duration::from_secs(1);
 /// Carries packets until the connection ends, closes it, and returns the reason.
 pub(crate) async fn drive(streams: ConnectionStreams, handler: &mut impl PacketHandler) -> Error {
     let (connection, role) = (streams.connection.clone(), streams.role);
-    match ConnectionDriver::new(streams).run(handler).await {
+    match ConnectionDriver::new(streams, handler.assembler())
+        .run(handler)
+        .await
+    {
         ConnectionEnd::Lost(error) => connection_error::connection(&error, role),
         ConnectionEnd::Violation(error) => {
             connection.close(close_code::PROTOCOL, error.to_string().as_bytes());
@@ -144,7 +147,7 @@ struct ConnectionDriver {
 }
 
 impl ConnectionDriver {
-    fn new(streams: ConnectionStreams) -> Self {
+    fn new(streams: ConnectionStreams, assembler: SceneAssembler) -> Self {
         let ConnectionStreams {
             connection,
             send,
@@ -159,7 +162,7 @@ impl ConnectionDriver {
         let cancelled = watch::Sender::default();
         let (transport_sender, transport) = watch::channel(TileTransport::default());
         let mut tasks = JoinSet::new();
-        let reader = ControlReader::new(role, to_session.clone(), Arc::clone(&account));
+        let reader = ControlReader::new(role, to_session.clone(), Arc::clone(&account), assembler);
         tasks.spawn(reader.run(receive));
         if role == Role::Player {
             let receiver = TileReceiver::new(connection.clone(), to_session, transport_sender);
@@ -178,7 +181,7 @@ impl ConnectionDriver {
             control,
             tiles,
             tasks,
-            control_writer: tokio::spawn(write_control(send, control_packets)),
+            control_writer: tokio::spawn(write_control(connection.clone(), send, control_packets)),
             connection,
             cancelled,
             transport,
@@ -245,11 +248,7 @@ impl ConnectionDriver {
     ) -> Result<(), carom_protocol::Error> {
         match arrival {
             Arrival::Packet(packet) => handler.handle(packet)?,
-            Arrival::Scene(scene) => handler.handle_scene(scene)?,
-            Arrival::SceneProgress {
-                received_bytes,
-                total_bytes,
-            } => handler.on_scene_progress(received_bytes, total_bytes),
+            Arrival::Scene(progress) => handler.handle_scene(progress)?,
         }
         let requests = handler.take_cancelled();
         if !requests.is_empty() {
@@ -308,22 +307,30 @@ struct ControlReader {
     to_session: mpsc::Sender<Arrival>,
     /// Whether the first packet has come.
     greeted: bool,
-    reported_bytes: usize,
+    assembler: SceneAssembler,
+    /// While chunks of a scene are awaited.
+    transfer: Option<OwnedSemaphorePermit>,
     account: Arc<PlayerAccount>,
 }
 
 impl ControlReader {
-    fn new(role: Role, to_session: mpsc::Sender<Arrival>, account: Arc<PlayerAccount>) -> Self {
+    fn new(
+        role: Role,
+        to_session: mpsc::Sender<Arrival>,
+        account: Arc<PlayerAccount>,
+        assembler: SceneAssembler,
+    ) -> Self {
         let packet_bytes_max = match role {
             Role::Player => limits::CONTROL_BYTES_MAX,
-            Role::Node => limits::SCENE_BYTES_MAX,
+            Role::Node => limits::TO_NODE_BYTES_MAX,
         };
         Self {
             role,
             deframer: Deframer::new(packet_bytes_max),
             to_session,
             greeted: false,
-            reported_bytes: 0,
+            assembler,
+            transfer: None,
             account,
         }
     }
@@ -363,18 +370,17 @@ impl ControlReader {
         }
     }
 
-    /// Delivers the packets that are whole, and the progress of a scene.
+    /// Delivers the packets that are whole.
     async fn deliver(&mut self) -> Result<(), ConnectionEnd> {
         let violation = |error: carom_protocol::Error| ConnectionEnd::Violation(error.into());
         while let Some(bytes) = self.deframer.next_packet().map_err(violation)? {
             let arrival = match self.role {
-                Role::Node if self.greeted && codec::is_scene(&bytes) => {
-                    decode_scene(bytes, &self.account).await?
+                Role::Node if self.greeted && codec::is_of_scene(&bytes) => {
+                    self.assemble(bytes).await?
                 }
                 _ => Arrival::Packet(Packet::new(Channel::Control, bytes)),
             };
             self.greeted = true;
-            self.reported_bytes = 0;
             if self.to_session.send(arrival).await.is_err() {
                 return Err(ConnectionEnd::Lost(ConnectionError::LocallyClosed));
             }
@@ -382,34 +388,35 @@ impl ControlReader {
                 pause(self.account.spend_packet(Instant::now())).await;
             }
         }
-        // Only scenes are longer than this.
-        let is_scene = |(_, total): &(usize, usize)| *total > limits::TRACE_BYTES_MAX;
-        if let Some((received_bytes, total_bytes)) = self.deframer.under_way().filter(is_scene)
-            && received_bytes >= self.reported_bytes + total_bytes.div_ceil(SCENE_REPORTS_MAX)
-        {
-            self.reported_bytes = received_bytes;
-            // Should the session have ended, the next packet shows it.
-            let progress = Arrival::SceneProgress {
-                received_bytes,
-                total_bytes,
-            };
-            let _ = self.to_session.send(progress).await;
-        }
         Ok(())
     }
-}
 
-/// Decodes a scene on a thread of its own: this one serves other players, too. One at a time for a
-/// player.
-async fn decode_scene(packet: Vec<u8>, account: &PlayerAccount) -> Result<Arrival, ConnectionEnd> {
-    // Never closed: an account's permits last as long as it does.
-    let _turn = account.decoding.acquire().await;
-    let decoded = tokio::task::spawn_blocking(move || ReceivedScene::decode(&packet)).await;
-    decoded.map(Arrival::Scene).map_err(|panic| {
-        ConnectionEnd::Violation(Error::Task {
-            reason: panic.to_string(),
-        })
-    })
+    /// Handles a packet of a scene on a thread of its own: this one serves other players, too. Of all connections of a
+    /// player one does so at a time, and one awaits chunks, which are in memory until the scene is whole: the
+    /// others wait before they read on.
+    async fn assemble(&mut self, packet: Vec<u8>) -> Result<Arrival, ConnectionEnd> {
+        // Never closed: an account's permits last as long as it does.
+        if codec::is_manifest(&packet) && self.transfer.is_none() {
+            let transfers = Arc::clone(&self.account.transfers);
+            self.transfer = transfers.acquire_owned().await.ok();
+        }
+        let _turn = self.account.decoding.acquire().await;
+        let mut assembler = std::mem::take(&mut self.assembler);
+        let handled = tokio::task::spawn_blocking(move || {
+            let progress = assembler.handle(&packet);
+            (assembler, progress)
+        });
+        let (assembler, progress) = handled.await.map_err(|panic| {
+            ConnectionEnd::Violation(Error::Task {
+                reason: panic.to_string(),
+            })
+        })?;
+        if !assembler.is_under_way() {
+            self.transfer = None;
+        }
+        self.assembler = assembler;
+        Ok(Arrival::Scene(progress))
+    }
 }
 
 async fn pause(duration: Duration) {
@@ -419,8 +426,17 @@ async fn pause(duration: Duration) {
 }
 
 /// Writes packets until there are no more, ends the stream and waits until all has arrived.
-async fn write_control(mut stream: SendStream, mut packets: mpsc::Receiver<Vec<u8>>) {
+async fn write_control(
+    connection: Connection,
+    mut stream: SendStream,
+    mut packets: mpsc::Receiver<Vec<u8>>,
+) {
     while let Some(packet) = packets.recv().await {
+        if packet.len() > limits::CONTROL_BYTES_MAX {
+            // Requests wait behind the chunks that quinn has buffered: 4 MB, if nothing else is said.
+            let cwnd = connection.stats().path.cwnd;
+            connection.set_send_window(cwnd + (cwnd / 8).max(limits::CHUNK_BYTES_MAX as u64));
+        }
         if stream.write_all(&framing::frame(&packet)).await.is_err() {
             return;
         }

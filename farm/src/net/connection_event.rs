@@ -1,6 +1,6 @@
 //! The events that the tasks of a connection report to its driver.
 
-use carom_protocol::session::{Packet, ReceivedScene};
+use carom_protocol::session::{Packet, SceneProgress};
 use quinn::ConnectionError;
 
 use crate::Error;
@@ -9,13 +9,8 @@ use crate::Error;
 pub(crate) enum Arrival {
     /// A whole packet.
     Packet(Packet),
-    /// A scene, decoded.
-    Scene(Result<ReceivedScene, carom_protocol::Error>),
-    /// A part of a scene, the next control packet.
-    SceneProgress {
-        received_bytes: usize,
-        total_bytes: usize,
-    },
+    /// A scene or a part of one, handled.
+    Scene(Result<SceneProgress, carom_protocol::Error>),
 }
 
 /// The end of a connection.

@@ -59,8 +59,8 @@ const TILE_DATAGRAMS_SENT_BYTES: usize = 32 << 10;
 const TILE_DATAGRAMS_RECEIVED_BYTES: usize = 1 << 20;
 /// The same for a player's datagrams: 32 requests of 2 kB.
 const REQUEST_DATAGRAMS_RECEIVED_BYTES: usize = 64 << 10;
-/// A player sends one scene and requests, all on the control stream.
-const CONTROL_WINDOW_BYTES: u32 = (limits::SCENE_BYTES_MAX + 4 * limits::CONTROL_BYTES_MAX) as u32;
+/// A player sends scenes and requests, all on the control stream.
+const CONTROL_WINDOW_BYTES: u32 = RECEIVE_WINDOW_BYTES;
 /// A certificate signing request has a thousand bytes.
 const REQUEST_WINDOW_BYTES: u32 = 16 << 10;
 /// First flights that wait to be accepted, of one or two datagrams each.

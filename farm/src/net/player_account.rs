@@ -1,6 +1,6 @@
 //! Account of a player at a node: what all its connections together may send, and when it last worked.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits;
@@ -8,9 +8,9 @@ use tokio::sync::Semaphore;
 
 use crate::token_bucket::TokenBucket;
 
-/// Bytes of a player's control streams that a node reads at once, and each second: a full cache of
-/// large scenes, then one in three seconds.
-const CONTROL_BYTES_BURST: f64 = (limits::SCENES_KEPT_MAX * limits::SCENE_BYTES_MAX) as f64;
+/// Bytes of a player's control streams that a node reads at once, and each second: the longest scene, then
+/// 64 Mbit/s.
+const CONTROL_BYTES_BURST: f64 = limits::SCENE_BYTES_MAX as f64;
 const CONTROL_BYTES_PER_SEC: f64 = 8e6;
 /// Packets likewise. A player at 60 frames a second that asks for each frame in 16 parts, and again
 /// for half of them, sends 1,500; a packet costs the network thread some 10 µs.
@@ -18,6 +18,8 @@ const PACKETS_BURST: f64 = 8192.0;
 const PACKETS_PER_SEC: f64 = 2048.0;
 /// Scenes of a player that are decoded at once: each takes a core for up to a second.
 const SCENES_DECODED_MAX: usize = 1;
+/// Scenes of a player whose chunks are awaited at once: each takes up to 128 MiB of memory.
+const TRANSFERS_MAX: usize = 1;
 
 /// See the [module](self).
 #[derive(Debug)]
@@ -26,6 +28,8 @@ pub(crate) struct PlayerAccount {
     packets: Mutex<TokenBucket>,
     /// For scenes that are decoded.
     pub(crate) decoding: Semaphore,
+    /// For scenes whose chunks are awaited.
+    pub(crate) transfers: Arc<Semaphore>,
     worked: Mutex<Instant>,
 }
 
@@ -37,6 +41,7 @@ impl PlayerAccount {
             bytes: Mutex::new(bytes),
             packets: Mutex::new(TokenBucket::new(now, PACKETS_BURST, PACKETS_PER_SEC)),
             decoding: Semaphore::new(SCENES_DECODED_MAX),
+            transfers: Arc::new(Semaphore::new(TRANSFERS_MAX)),
             worked: Mutex::new(now),
         }
     }

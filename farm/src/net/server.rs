@@ -7,7 +7,7 @@ use std::task::{Context, Poll};
 use std::time::Duration;
 
 use carom_protocol::RequestId;
-use carom_protocol::session::{Packet, ReceivedScene};
+use carom_protocol::session::{Packet, SceneAssembler, SceneProgress};
 use tokio::runtime::Runtime;
 use tokio::sync::watch;
 use tokio::time::timeout;
@@ -305,15 +305,15 @@ impl PacketHandler for NodeConnection {
         Self::handle(self, packet)
     }
 
-    fn handle_scene(
-        &mut self,
-        scene: Result<ReceivedScene, carom_protocol::Error>,
-    ) -> Result<(), carom_protocol::Error> {
-        Self::handle_scene(self, scene)
+    fn assembler(&self) -> SceneAssembler {
+        Self::assembler(self)
     }
 
-    fn on_scene_progress(&mut self, received_bytes: usize, _total_bytes: usize) {
-        Self::on_scene_progress(self, received_bytes);
+    fn handle_scene(
+        &mut self,
+        progress: Result<SceneProgress, carom_protocol::Error>,
+    ) -> Result<(), carom_protocol::Error> {
+        Self::handle_scene(self, progress)
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {

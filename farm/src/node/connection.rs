@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 use std::time::Instant;
 
-use carom_protocol::session::{NodeEvent, Packet, ReceivedScene};
+use carom_protocol::limits::SCENE_BYTES_MAX;
+use carom_protocol::session::{ChunkStore, NodeEvent, Packet, SceneAssembler, SceneProgress};
 use carom_protocol::{NodeInfo, RequestId};
 
 use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing, wake};
@@ -43,6 +44,8 @@ impl ConnectionDrain {
 pub struct NodeConnection {
     client: Arc<ClientConnection>,
     queue: Arc<JobQueue>,
+    /// Of the node, for chunks of scenes.
+    store: Option<Arc<dyn ChunkStore>>,
 }
 
 impl NodeConnection {
@@ -53,7 +56,24 @@ impl NodeConnection {
         sharing: TileSharing,
     ) -> Self {
         let client = Arc::new(ClientConnection::new(info, player, sharing));
-        Self { client, queue }
+        Self {
+            client,
+            queue,
+            store: None,
+        }
+    }
+
+    /// The same with a store for chunks of scenes.
+    pub(super) fn with_store(mut self, store: Option<Arc<dyn ChunkStore>>) -> Self {
+        self.store = store;
+        self
+    }
+
+    /// What puts the client's scenes together on another thread, for [`NodeConnection::handle_scene`].
+    pub fn assembler(&self) -> SceneAssembler {
+        let memory = usize::try_from(self.queue.scenes.player_bytes_max());
+        let bytes_max = memory.unwrap_or(usize::MAX).min(SCENE_BYTES_MAX);
+        SceneAssembler::new(self.store.clone(), bytes_max)
     }
 
     /// What finishes this connection's work before the node ends.
@@ -73,15 +93,15 @@ impl NodeConnection {
         Ok(())
     }
 
-    /// Handles a scene from the client that has been decoded already.
+    /// Handles what [`NodeConnection::assembler`] has made of a packet.
     ///
     /// # Errors
     /// As [`NodeConnection::handle`].
     pub fn handle_scene(
         &mut self,
-        scene: Result<ReceivedScene, carom_protocol::Error>,
+        progress: Result<SceneProgress, carom_protocol::Error>,
     ) -> Result<(), carom_protocol::Error> {
-        let event = self.client.lock().session.handle_scene(scene)?;
+        let event = self.client.lock().session.handle_scene(progress)?;
         self.on_event(event);
         Ok(())
     }
@@ -119,11 +139,6 @@ impl NodeConnection {
                 self.queue.drop_cancelled();
             }
         }
-    }
-
-    /// Handles the arrival of a part of a scene: of so many bytes until now.
-    pub fn on_scene_progress(&mut self, received_bytes: usize) {
-        self.client.lock().session.scene_progress(received_bytes);
     }
 
     /// Requests that have been cancelled since the last call.
@@ -185,7 +200,7 @@ mod tests {
     use carom_protocol::limits::{TILES_PER_MESSAGE_MAX, TILES_QUEUED_BYTES_MAX};
     use carom_protocol::session::ClientSession;
     use carom_protocol::{
-        CodedParticles, FrameId, NodeTimes, PixelFormat, PrecisionRange, SceneHash, TilesDone,
+        CodedParticles, EncodedScene, FrameId, NodeTimes, PixelFormat, PrecisionRange, TilesDone,
         TraceRequest,
     };
     use carom_tracer::{
@@ -221,13 +236,13 @@ mod tests {
         };
         exchange(&mut session);
         let scene = Scene::from_json(include_str!("../../../assets/scenes/pool.json")).unwrap();
-        let hash = SceneHash::of(&scene);
-        session.set_scene(hash, &scene).unwrap();
+        let scene = EncodedScene::new(&scene).unwrap();
+        session.set_scene(&scene).unwrap();
         let count = TILES_PER_MESSAGE_MAX * messages;
         let request = TraceRequest {
             frame: FrameId(0),
             id: RequestId(0),
-            scene: hash,
+            scene: scene.hash(),
             update: SceneUpdate::default(),
             grid: TileGrid::new(ImageSize::new(8 * count, 8), 8),
             tiles: TileRange { first: 0, count },

@@ -9,6 +9,7 @@
 //! A tracer that fails or panics costs a refused request, never the node. Stale and cancelled
 //! requests leave the queue before they are traced. Durations are measured on the node's own clock.
 
+mod asset_cache;
 mod bitrate_control;
 mod client_connection;
 mod connection;
@@ -23,12 +24,14 @@ mod scene_compiler;
 mod worker;
 
 use std::hash::{BuildHasher, RandomState};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use carom_protocol::NodeInfo;
+use carom_protocol::session::ChunkStore;
 use carom_tracer::{DeviceKind, Tracer};
 
+pub use asset_cache::AssetCache;
 pub use bitrate_control::LinkEstimate;
 #[cfg(feature = "net")]
 pub(crate) use client_connection::STALL_TIMEOUT;
@@ -43,6 +46,7 @@ pub struct Node {
     instance: u64,
     tracer: Arc<dyn Tracer>,
     queue: Arc<JobQueue>,
+    store: OnceLock<Arc<dyn ChunkStore>>,
 }
 
 impl Node {
@@ -66,6 +70,7 @@ impl Node {
             instance: RandomState::new().hash_one("instance").max(1),
             tracer,
             queue,
+            store: OnceLock::new(),
         })
     }
 
@@ -78,6 +83,12 @@ impl Node {
     /// Bounds the memory of all scenes that are compiled, in bytes; a player may have half of it. 1 GiB without this.
     pub fn set_scene_memory(&self, bytes: u64) {
         self.queue.scenes.set_bytes_max(bytes);
+    }
+
+    /// Keeps chunks of players' scenes in `store` from the next connection on, such as an [`AssetCache`]; those that it
+    /// has are not sent again. Without one a node keeps none. Only the first store counts.
+    pub fn set_chunk_store(&self, store: Arc<dyn ChunkStore>) {
+        let _ = self.store.set(store);
     }
 
     /// The node's name and device; the device's name includes the reason of a failure.
@@ -93,7 +104,8 @@ impl Node {
     /// of the device. Dropping it cancels all its requests.
     pub fn connect(&self, player: PlayerId) -> NodeConnection {
         let queue = Arc::clone(&self.queue);
-        NodeConnection::new(self.info(), player, queue, TileSharing::Encoded)
+        let connection = NodeConnection::new(self.info(), player, queue, TileSharing::Encoded);
+        connection.with_store(self.store.get().cloned())
     }
 
     /// The same for a client in this process: over its connection pixels pass as they are.

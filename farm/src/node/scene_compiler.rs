@@ -62,6 +62,11 @@ impl SceneCompiler {
         self.lock().bytes_max = bytes;
     }
 
+    /// How much of that a player may have.
+    pub(super) fn player_bytes_max(&self) -> u64 {
+        self.lock().bytes_max / PLAYER_PARTS
+    }
+
     /// A scene that is compiled already.
     pub(super) fn kept(&self, hash: SceneHash) -> Option<Arc<CompiledScene>> {
         self.lock().take_kept(hash)

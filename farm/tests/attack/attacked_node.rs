@@ -81,6 +81,7 @@ impl AttackedNode {
             .arg(env!("CARGO_BIN_EXE_carom-farm"))
             .args(["node", "--listen", "127.0.0.1:0", "--backend", "cpu"])
             .args(["--threads", "1", "--credentials", ".carom/nodes/oak"])
+            .args(["--asset-cache", "assets"])
             .args(options)
             .current_dir(folder.path())
             .stdout(Stdio::piped())

@@ -253,24 +253,25 @@ class PlayerAttacks(Attack):
             time.sleep(0.01)
 
     def scenes(self):
-        """Scenes of 24 MB that are none."""
-        junk = struct.pack("<I", 24 << 20) + b"\x01" + os.urandom(32)
-        block = os.urandom(1 << 16)
+        """A scene of 20 MB in chunks, and then the few bytes that it takes when its chunks are there, again and again."""
+        whole, again = self.message("long-scene"), self.message("long-scene-again")
+        client, block = None, 1 << 16
         while not self.ends():
-            client = self.insider()
-            if not client:
-                time.sleep(0.2)
-                continue
-            client.send(junk)
-            for _ in range((24 << 20) // len(block)):
-                client.send(block)
+            if client is None or client.closed:
+                client = self.insider()
+                if client is None:
+                    time.sleep(0.2)
+                    continue
+            for start in range(0, len(whole), block):
+                client.send(whole[start : start + block])
                 client.run(0.004)
-                self.count("bytes", len(block))
-                if client.closed:
+                if client.closed:  # it has come before
                     break
-            client.run(3)
-            self.count("closed" if client.closed else "borne")
-            client.drop()
+            if not whole:
+                client.send(again)
+            whole = b""
+            self.count("scenes")
+            client.run(0.05)
 
     # 7: few bytes that become many
 

@@ -7,13 +7,15 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::LazyLock;
 
 use carom_protocol::{
-    CodedParticles, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId, SceneHash, ToClient,
-    ToNode, TraceRequest, codec, framing, message,
+    ClientSession, CodedParticles, EncodedScene, FrameId, NodeInfo, NodeSession, PixelFormat,
+    PrecisionRange, RequestId, SceneHash, ToClient, ToNode, TraceRequest, codec, framing, message,
 };
 use carom_tracer::texture_file::{self, Texels};
 use carom_tracer::{
-    DeviceInfo, DeviceKind, ImageSize, ImageTexture, RenderSettings, Scene, SceneUpdate, TileGrid,
+    DeviceInfo, DeviceKind, ImageSize, ImageTexture, Material, Mesh, RenderSettings, Scene,
+    SceneUpdate, TileGrid,
 };
+use glam::Vec3;
 use serde_json::{Map, Value};
 
 use crate::attacked_node::AttackedNode;
@@ -107,19 +109,66 @@ fn write_messages(folder: &Path) {
         let few_pixels = ImageSize::new(32, 32);
         write(folder, &format!("trace-{name}"), &trace(hash, few_pixels));
     }
+    write_long_scene(folder);
+    let node = node_info();
+    let welcome = codec::encode_to_client(&ToClient::Welcome { version, node }).unwrap();
+    std::fs::write(folder.join("welcome"), framing::frame(&welcome)).unwrap();
+}
+
+fn node_info() -> NodeInfo {
     let device = DeviceInfo {
         kind: DeviceKind::Cpu,
         name: "a device".to_owned(),
         width: 16,
         threads: 1,
     };
-    let node = NodeInfo {
+    NodeInfo {
         name: "birch".to_owned(),
         instance: 0,
         device,
-    };
-    let welcome = codec::encode_to_client(&ToClient::Welcome { version, node }).unwrap();
-    std::fs::write(folder.join("welcome"), framing::frame(&welcome)).unwrap();
+    }
+}
+
+/// What a player sends of a scene of 20 MB, and what of one whose chunks the node has.
+fn write_long_scene(folder: &Path) {
+    let number = |index: u32| index.wrapping_mul(2_654_435_761);
+    let corner = |index: u32| Vec3::new(index as f32, (number(index) >> 9) as f32, 0.0);
+    let mut scene = Scene::new();
+    scene.add(
+        Mesh::new(
+            (0..1_000_002).map(corner).collect(),
+            (0..1_000_000)
+                .map(|first| [first, first + 1, first + 2])
+                .collect(),
+        ),
+        Material::grey(0.5),
+    );
+    let mut client = ClientSession::new();
+    let mut node = NodeSession::new(node_info());
+    client
+        .set_scene(&EncodedScene::new(&scene).unwrap())
+        .unwrap();
+    let (mut whole, mut again) = (Vec::new(), Vec::new());
+    loop {
+        while let Some(packet) = node.poll_transmit() {
+            client.handle(packet).unwrap();
+        }
+        let Some(packet) = client.poll_transmit() else {
+            break;
+        };
+        let framed = framing::frame(&packet.bytes);
+        match codec::decode_to_node(&packet.bytes).unwrap() {
+            ToNode::Manifest { .. } | ToNode::ChunksSent(_) => {
+                again.extend_from_slice(&framed);
+                whole.extend(framed);
+            }
+            ToNode::Chunk { .. } => whole.extend(framed),
+            _ => {}
+        }
+        node.handle(packet).unwrap();
+    }
+    std::fs::write(folder.join("long-scene"), whole).unwrap();
+    std::fs::write(folder.join("long-scene-again"), again).unwrap();
 }
 
 /// Scenes with textures that are small as files.

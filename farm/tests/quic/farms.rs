@@ -2,25 +2,23 @@
 
 use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 use std::time::Duration;
 
-use carom_farm::net::{
-    Authority, Client, Credentials, LinkCommand, LinkEvent, NodeLink, NodeServer, Role, StopHandle,
-    create_farm,
-};
+use carom_farm::net::{Authority, LinkEvent, NodeServer, Role, StopHandle, create_farm};
 use carom_farm::node::Node;
 use carom_farm::{
     Farm, FarmConfig, Film, Frame, FrameSpec, LocalNode, NodeState, PixelPrecision, PrecisionRange,
 };
-use carom_protocol::{ClientEvent, PixelFormat, SceneHash};
+use carom_protocol::{ClientEvent, PixelFormat};
 use carom_testkit::pattern_tracer::{DeviceFault, PatternTracer};
 use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{
-    CompiledScene, CpuTracer, DeviceInfo, Error, ImageSize, Object, RenderSettings, Scene,
-    SceneUpdate, TileRadiance, TraceJob, TraceStats, Tracer,
+    CompiledScene, CpuTracer, DeviceInfo, Error, ImageSize, RenderSettings, Scene, SceneUpdate,
+    TileRadiance, TraceJob, TraceStats, Tracer,
 };
 
+use crate::assets::link;
 use crate::greeter::{any_port, today};
 use crate::running_node::RunningNode;
 
@@ -370,65 +368,3 @@ fn a_silent_node_is_lost_with_advice() {
     assert!(why.contains("does not answer"), "{why}");
     assert!(why.contains("firewall"), "{why}");
 }
-
-/// A player's link to a node, and its events.
-fn link(farm: &Path, node: SocketAddr) -> ((Client, NodeLink), mpsc::Receiver<LinkEvent>) {
-    let player = Credentials::load(farm, Role::Player).unwrap();
-    let client = Client::new(&player).unwrap();
-    let (events, heard) = mpsc::channel();
-    let address = node.to_string().parse().unwrap();
-    let link = client.link(address, PrecisionRange::EXACT, move |all| {
-        for event in all {
-            let _ = events.send(event);
-        }
-    });
-    ((client, link), heard)
-}
-
-/// A scene of half a megabyte: its node says how much of it has come, and at last that all has.
-#[test]
-fn a_node_reports_the_progress_of_a_long_scene() {
-    let dir = tempfile::tempdir().unwrap();
-    create_farm(dir.path()).unwrap();
-    let authority = Authority::load(dir.path()).unwrap();
-    let node = RunningNode::start(&authority, any_port());
-    let mut scene = pool();
-    let ball = scene.objects[0].clone();
-    let copies = 0..OBJECTS - scene.objects.len();
-    scene.objects.extend(copies.map(|copy| Object {
-        name: format!("{copy:0>60}"),
-        ..ball.clone()
-    }));
-    let hash = SceneHash::of(&scene);
-    let ((_client, link), heard) = link(dir.path(), node.address);
-    let mut percents = Vec::new();
-    loop {
-        match heard.recv_timeout(TIMEOUT).expect("the scene comes") {
-            LinkEvent::Session(ClientEvent::Welcome(_)) => {
-                assert!(link.send(LinkCommand::Scene(hash, Arc::new(scene.clone()))));
-            }
-            LinkEvent::Session(ClientEvent::SceneComing { hash: of, percent }) => {
-                assert_eq!(of, hash);
-                percents.push(percent);
-            }
-            LinkEvent::Session(ClientEvent::SceneReady(of)) => {
-                assert_eq!(of, hash);
-                break;
-            }
-            LinkEvent::Connecting => {}
-            other => panic!("{other:?}"),
-        }
-    }
-    // It comes in pieces of 64 KiB at most.
-    assert!((4..=16).contains(&percents.len()), "{percents:?}");
-    assert!(
-        percents.windows(2).all(|pair| pair[0] < pair[1]),
-        "{percents:?}"
-    );
-    assert!(
-        percents[0] > 0 && percents[percents.len() - 1] < 100,
-        "{percents:?}"
-    );
-}
-
-const OBJECTS: usize = 12_000;

@@ -1,6 +1,7 @@
 //! Farms over QUIC on the loopback interface: who is let in, and what holds when peers misbehave.
 
 mod admission;
+mod assets;
 mod congestion;
 mod directories;
 mod drain;

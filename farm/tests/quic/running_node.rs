@@ -29,10 +29,13 @@ impl RunningNode {
         address: SocketAddr,
         tracer: Arc<dyn Tracer>,
     ) -> Self {
+        Self::serve(authority, address, Node::new("any name", tracer))
+    }
+
+    pub(crate) fn serve(authority: &Authority, address: SocketAddr, node: Arc<Node>) -> Self {
         let credentials = authority.credentials(Role::Node, "oak", today()).unwrap();
         let server = NodeServer::bind(address, &credentials).unwrap();
         let address = server.local_addr().unwrap();
-        let node = Node::new("any name", tracer);
         let stop = StopHandle::default();
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {

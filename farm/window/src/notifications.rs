@@ -180,9 +180,20 @@ pub fn standing(nodes: &[NodeStatus]) -> Option<String> {
     });
     let lost: Vec<String> = lost.collect();
     if lost.is_empty() || lost.len() < nodes.len() {
-        return Some(text!("farm-waiting").to_owned());
+        return Some(sending(nodes).unwrap_or_else(|| text!("farm-waiting").to_owned()));
     }
     Some(text!("farm-no-node", nodes = lost.join("; ")))
+}
+
+/// How much of the scene the node has that has most of it, while nodes are sent a long one.
+fn sending(nodes: &[NodeStatus]) -> Option<String> {
+    let progress = nodes.iter().filter_map(|node| match node.state {
+        NodeState::Syncing { bytes, of } if of > 0 => Some((bytes, of)),
+        _ => None,
+    });
+    let (bytes, of) = progress.max()?;
+    let (bytes, of) = (megabytes(bytes), megabytes(of));
+    Some(text!("farm-sending", bytes = bytes, of = of))
 }
 
 /// The farm in a line: which nodes make the pictures, with their devices.
@@ -209,6 +220,11 @@ pub fn line(nodes: &[NodeStatus]) -> String {
         all = all,
         names = names.join(", ")
     )
+}
+
+/// Megabytes with one decimal.
+pub(crate) fn megabytes(bytes: u64) -> String {
+    format!("{:.1}", bytes as f64 / 1e6)
 }
 
 fn name(node: &NodeStatus) -> &str {

@@ -1,14 +1,17 @@
 //! Session of the client: its end of a connection.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
-use carom_tracer::{Scene, Tile, TileRange};
+use carom_tracer::{Tile, TileRange};
 
 use super::reference_tiles::ReferenceList;
 use super::requests::{OpenRequest, RefusedRequests};
+use super::scene_transfers::SceneTransfers;
 use super::scenes::SceneCache;
 use super::{Channel, Packet, SessionState};
 use crate::codec;
+use crate::encoded_scene::EncodedScene;
 use crate::error::{Error, Reason};
 use crate::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX};
 use crate::message::{
@@ -24,12 +27,14 @@ use crate::tile_codec::{Decoder, TilePixels};
 pub enum ClientEvent {
     /// The node answers. Always the first event.
     Welcome(NodeInfo),
-    /// So much of a scene has come to the node.
+    /// So much of a scene is at the node.
     SceneComing {
         /// The scene's hash.
         hash: SceneHash,
-        /// From 0 to 100.
-        percent: u8,
+        /// Its bytes that the node has, of this connection or an earlier one.
+        bytes: u64,
+        /// All its bytes.
+        of: u64,
     },
     /// The node holds the scene.
     SceneReady(SceneHash),
@@ -109,6 +114,18 @@ pub enum SceneStatus {
     /// The scene is on its way; [`ClientEvent::SceneReady`] or [`ClientEvent::SceneRefused`]
     /// will follow. Requests may be sent after it at once.
     Pending,
+    /// The node is told which chunks the scene has, and sent those that it lacks; the same will follow. Requests have
+    /// to wait for it.
+    Transferring,
+}
+
+/// What the node has been asked about a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SceneQuestion {
+    /// Whether it can be drawn.
+    Usable,
+    /// Which chunks the node lacks.
+    Missing,
 }
 
 /// The client's end of a connection: see [`crate::session`].
@@ -131,8 +148,9 @@ pub struct ClientSession {
     references: ReferenceList,
     last_request: Option<RequestId>,
     particles: ParticleEncoder,
-    /// Scenes without an answer, in order, with the bytes of their messages.
-    scenes_asked: VecDeque<(SceneHash, usize)>,
+    transfers: SceneTransfers,
+    /// Questions about scenes without an answer, in order.
+    scenes_asked: VecDeque<(SceneHash, SceneQuestion)>,
     /// Pings without an answer, in order.
     pings: VecDeque<u64>,
     decoder: Decoder,
@@ -151,6 +169,7 @@ impl ClientSession {
             references: ReferenceList::default(),
             last_request: None,
             particles: ParticleEncoder::default(),
+            transfers: SceneTransfers::default(),
             scenes_asked: VecDeque::new(),
             pings: VecDeque::new(),
             decoder: Decoder::new(),
@@ -163,26 +182,32 @@ impl ClientSession {
     }
 
     /// Makes sure that the node will hold `scene` when the next request comes: sends it unless
-    /// it is there or on its way. `hash` must be [`SceneHash::of`] it.
+    /// it is there or on its way. A short scene is sent at once; of others those chunks that the node lacks, when
+    /// nothing else is to be sent.
     ///
     /// # Errors
-    /// [`Error::Unsendable`] if the scene cannot be drawn or is too large,
-    /// [`CONTROL_QUEUED_MAX`] scenes wait for an answer, or as many packets for the network.
-    pub fn set_scene(&mut self, hash: SceneHash, scene: &Scene) -> Result<SceneStatus, Error> {
+    /// [`Error::Unsendable`] if [`CONTROL_QUEUED_MAX`] scenes wait for an answer, or as many packets for the
+    /// network.
+    pub fn set_scene(&mut self, scene: &Arc<EncodedScene>) -> Result<SceneStatus, Error> {
+        let hash = scene.hash();
         if let Some(status) = self.scenes.peek_mut(hash) {
             return Ok(*status);
         }
-        if self.scenes_asked.len() >= CONTROL_QUEUED_MAX {
+        if self.transfers.is_sending(hash) {
+            return Ok(SceneStatus::Transferring);
+        }
+        if self.scenes_asked.len() + self.transfers.len() >= CONTROL_QUEUED_MAX {
             return Err(Error::unsendable("scene", Reason::NoAnswers));
         }
-        let invalid =
-            |error: carom_tracer::Error| Error::unsendable("scene", Reason::tracer(error));
-        scene.validate().map_err(invalid)?;
-        let scene = Box::new(scene.clone());
-        self.send(&ToNode::Scene { hash, scene })?;
-        let bytes = self.packets.back().map_or(0, Vec::len);
-        self.scenes.insert(hash, SceneStatus::Pending);
-        self.scenes_asked.push_back((hash, bytes));
+        if !scene.chunks().is_empty() {
+            self.transfers.push(Arc::clone(scene));
+            return Ok(SceneStatus::Transferring);
+        }
+        self.check_room("scene")?;
+        self.packets.push_back(scene.message());
+        self.scenes
+            .insert(hash, scene.bytes(), SceneStatus::Pending);
+        self.scenes_asked.push_back((hash, SceneQuestion::Usable));
         Ok(SceneStatus::Pending)
     }
 
@@ -282,9 +307,29 @@ impl ClientSession {
 
     /// The next packet to send.
     pub fn poll_transmit(&mut self) -> Option<Packet> {
-        let bytes = self.packets.pop_front()?;
+        let bytes = self.packets.pop_front();
+        let bytes = bytes.or_else(|| self.next_of_transfer())?;
         let channel = Channel::Control;
         Some(Packet::new(channel, bytes))
+    }
+
+    /// The next packet of a scene that travels in chunks.
+    fn next_of_transfer(&mut self) -> Option<Vec<u8>> {
+        if self.state != SessionState::Open {
+            return None;
+        }
+        let (message, scene) = self.transfers.next()?;
+        let hash = scene.hash();
+        match message {
+            ToNode::Manifest { .. } => self.scenes_asked.push_back((hash, SceneQuestion::Missing)),
+            ToNode::ChunksSent(_) => {
+                self.scenes
+                    .insert(hash, scene.bytes(), SceneStatus::Pending);
+                self.scenes_asked.push_back((hash, SceneQuestion::Usable));
+            }
+            _ => {}
+        }
+        Some(codec::encode_to_node(&message).expect("chunks are within their limits"))
     }
 
     /// Requests asked for and neither done nor refused.
@@ -333,11 +378,13 @@ impl ClientSession {
             ToClient::Pong { number, load } => self.pong(number, load),
             ToClient::SceneComing { bytes } => self.scene_coming(bytes as usize),
             ToClient::Leaving => Ok(vec![ClientEvent::Leaving]),
+            ToClient::ChunksWanted { hash, chunks } => self.chunks_wanted(hash, chunks),
         }
     }
 
     fn scene_ready(&mut self, hash: SceneHash) -> Result<Vec<ClientEvent>, Error> {
-        self.expect_answer(hash)?;
+        self.expect_answer(hash, Some(SceneQuestion::Usable))?;
+        self.transfers.end(hash);
         if let Some(status) = self.scenes.peek_mut(hash) {
             *status = SceneStatus::Ready;
         }
@@ -345,28 +392,44 @@ impl ClientSession {
     }
 
     fn scene_coming(&mut self, bytes: usize) -> Result<Vec<ClientEvent>, Error> {
-        match self.scenes_asked.front() {
-            Some((hash, all)) if bytes <= *all => {
-                let (hash, percent) = (*hash, (100 * bytes / all) as u8);
-                Ok(vec![ClientEvent::SceneComing { hash, percent }])
-            }
-            _ => Err(Error::out_of_order(
+        match self.transfers.coming(bytes) {
+            Some(scene) => Ok(vec![ClientEvent::SceneComing {
+                hash: scene.hash(),
+                bytes: bytes as u64,
+                of: scene.bytes() as u64,
+            }]),
+            None => Err(Error::out_of_order(
                 "progress of a scene",
                 Reason::SceneProgress { bytes },
             )),
         }
     }
 
+    fn chunks_wanted(
+        &mut self,
+        hash: SceneHash,
+        chunks: Vec<u32>,
+    ) -> Result<Vec<ClientEvent>, Error> {
+        self.expect_answer(hash, Some(SceneQuestion::Missing))?;
+        self.transfers.want(hash, chunks)?;
+        Ok(Vec::new())
+    }
+
     fn scene_refused(&mut self, hash: SceneHash, why: String) -> Result<Vec<ClientEvent>, Error> {
-        self.expect_answer(hash)?;
+        self.expect_answer(hash, None)?;
+        self.transfers.end(hash);
         self.scenes.remove(hash);
         Ok(vec![ClientEvent::SceneRefused { hash, why }])
     }
 
-    /// A node answers scenes in the order in which it gets them.
-    fn expect_answer(&mut self, hash: SceneHash) -> Result<(), Error> {
+    /// A node answers in the order in which it is asked; a refusal answers either question.
+    fn expect_answer(
+        &mut self,
+        hash: SceneHash,
+        question: Option<SceneQuestion>,
+    ) -> Result<(), Error> {
         match self.scenes_asked.front() {
-            Some((asked, _)) if *asked == hash => {
+            Some(&asked) if asked == (hash, question.unwrap_or(asked.1)) => {
                 self.scenes_asked.pop_front();
                 Ok(())
             }
@@ -545,12 +608,16 @@ impl ClientSession {
     }
 
     fn send(&mut self, message: &ToNode) -> Result<(), Error> {
-        if self.packets.len() >= CONTROL_QUEUED_MAX {
-            let what = codec::to_node_kind(message);
-            return Err(Error::unsendable(what, Reason::NetworkFull));
-        }
+        self.check_room(codec::to_node_kind(message))?;
         self.packets.push_back(codec::encode_to_node(message)?);
         Ok(())
+    }
+
+    fn check_room(&self, what: &'static str) -> Result<(), Error> {
+        match self.packets.len() {
+            0..CONTROL_QUEUED_MAX => Ok(()),
+            _ => Err(Error::unsendable(what, Reason::NetworkFull)),
+        }
     }
 }
 

@@ -20,11 +20,14 @@ mod client;
 mod node;
 mod reference_tiles;
 mod requests;
+mod scene_assembler;
+mod scene_transfers;
 mod scenes;
 
 pub use client::{ClientEvent, ClientSession, SceneStatus};
-pub use node::{NodeEvent, NodeSession, ReceivedScene};
+pub use node::{NodeEvent, NodeSession};
 pub use reference_tiles::{References, SentReferences};
+pub use scene_assembler::{ChunkStore, ReceivedScene, SceneAssembler, SceneProgress};
 
 use crate::tile_codec::TilePixels;
 

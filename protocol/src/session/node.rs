@@ -6,13 +6,14 @@ use std::sync::Arc;
 use carom_tracer::text::printable;
 use carom_tracer::{Scene, SceneUpdate, Shape, TileRange};
 
+use super::scene_assembler::{ReceivedScene, SceneAssembler, SceneProgress};
 use super::scenes::SceneCache;
 use super::{Channel, Packet, SessionState};
 use crate::codec;
 use crate::error::{Error, Reason};
 use crate::limits::{
     CONTROL_QUEUED_MAX, NODE_NAME_BYTES_MAX, REQUESTS_QUEUED_MAX, REQUESTS_REFUSED_KEPT,
-    SCENE_TEXTURE_BYTES_MAX, SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
+    SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
 };
 use crate::message::{
     CodedParticles, FrameId, NodeInfo, NodeLoad, Refusal, RefusalReason, RequestId, RequestReport,
@@ -48,51 +49,6 @@ pub enum NodeEvent {
     Left,
 }
 
-/// A scene message, decoded and checked. For a large scene that takes a good part of a second, so a
-/// transport may do it on another thread, once there has been a greeting.
-#[derive(Debug)]
-pub struct ReceivedScene {
-    hash: SceneHash,
-    /// The scene, or a sentence for its sender.
-    scene: Result<Arc<Scene>, String>,
-}
-
-impl ReceivedScene {
-    /// The scene of a control packet that [`codec::is_scene`].
-    ///
-    /// # Errors
-    /// As [`codec::decode_to_node`].
-    pub fn decode(packet: &[u8]) -> Result<Self, Error> {
-        match codec::decode_to_node(packet)? {
-            ToNode::Scene { hash, scene } => Ok(Self::new(hash, *scene)),
-            message => {
-                let what = codec::to_node_kind(&message);
-                Err(Error::malformed(what, Reason::UnknownMessage))
-            }
-        }
-    }
-
-    fn new(hash: SceneHash, scene: Scene) -> Self {
-        let scene = match check_scene(&scene) {
-            Ok(()) => Ok(Arc::new(scene)),
-            Err(sentence) => Err(printable(&sentence, SENTENCE_BYTES_MAX)),
-        };
-        Self { hash, scene }
-    }
-}
-
-/// Whether a node draws a scene, or a sentence.
-fn check_scene(scene: &Scene) -> Result<(), String> {
-    scene.validate().map_err(|error| error.to_string())?;
-    let bytes = scene.texture_bytes().map_err(|fault| fault.to_string())?;
-    if bytes <= SCENE_TEXTURE_BYTES_MAX {
-        return Ok(());
-    }
-    Err(format!(
-        "its textures take {bytes} bytes once decoded: a node keeps at most {SCENE_TEXTURE_BYTES_MAX}"
-    ))
-}
-
 /// A request that a copy has begun and whose control packet has not come.
 #[derive(Debug)]
 struct CopiedRequest {
@@ -108,6 +64,8 @@ pub struct NodeSession {
     info: NodeInfo,
     state: SessionState,
     scenes: SceneCache<Arc<Scene>>,
+    /// Of a transport that has none of its own.
+    assembler: SceneAssembler,
     /// Requests asked for and not yet answered on the wire, at most [`REQUESTS_QUEUED_MAX`].
     requests: BTreeMap<RequestId, AcceptedRequest>,
     /// Of the requests that have come in order.
@@ -171,6 +129,7 @@ impl NodeSession {
             info,
             state: SessionState::New,
             scenes: SceneCache::new(),
+            assembler: SceneAssembler::default(),
             requests: BTreeMap::new(),
             last_request: None,
             particles: ParticleDecoder::default(),
@@ -199,18 +158,18 @@ impl NodeSession {
         event
     }
 
-    /// Takes a scene packet that has been decoded elsewhere.
+    /// Takes what a [`SceneAssembler`] has made of a packet with a scene, or a part of one.
     ///
     /// # Errors
     /// As [`NodeSession::handle`].
     pub fn handle_scene(
         &mut self,
-        scene: Result<ReceivedScene, Error>,
+        progress: Result<SceneProgress, Error>,
     ) -> Result<Option<NodeEvent>, Error> {
         let event = match self.state {
-            SessionState::Open => scene.and_then(|scene| {
+            SessionState::Open => progress.and_then(|progress| {
                 self.check_answers_are_read("scene")?;
-                Ok(self.keep(scene))
+                Ok(self.answer_scene(progress))
             }),
             SessionState::New => Err(Error::out_of_order("scene", HELLO_FIRST)),
             SessionState::Closed => Err(Error::out_of_order("scene", Reason::SessionClosed)),
@@ -219,16 +178,6 @@ impl NodeSession {
             self.state = SessionState::Closed;
         }
         event
-    }
-
-    /// Tells the client how much of a packet has come that is too long to be anything but a scene; to
-    /// be called now and then while it comes, before it is handled.
-    pub fn scene_progress(&mut self, bytes: usize) {
-        let has_room = self.control_queue.len() < CONTROL_QUEUED_MAX;
-        if self.state == SessionState::Open && has_room {
-            let bytes = u32::try_from(bytes).unwrap_or(u32::MAX);
-            self.send(&ToClient::SceneComing { bytes });
-        }
     }
 
     /// Asks the client for no more requests, as the node is about to end; [`NodeEvent::Left`] follows
@@ -410,7 +359,14 @@ impl NodeSession {
         self.check_answers_are_read(codec::to_node_kind(&message))?;
         match message {
             ToNode::Hello { .. } => Ok(None),
-            ToNode::Scene { hash, scene } => Ok(self.keep(ReceivedScene::new(hash, *scene))),
+            ToNode::Scene { .. }
+            | ToNode::Manifest { .. }
+            | ToNode::Chunk { .. }
+            | ToNode::ChunksSent(_) => {
+                let bytes = packet.bytes.len();
+                let progress = self.assembler.handle_message(message, bytes)?;
+                Ok(self.answer_scene(progress))
+            }
             ToNode::Trace(request) => self.queue(request, &packet.bytes),
             ToNode::CancelBefore(frame) => Ok(self.cancel(|_, request| request.frame < frame)),
             ToNode::CancelRequest(cancelled) => Ok(self.cancel(|request, _| request == cancelled)),
@@ -439,6 +395,27 @@ impl NodeSession {
         }
     }
 
+    fn answer_scene(&mut self, progress: SceneProgress) -> Option<NodeEvent> {
+        let bytes = match progress {
+            SceneProgress::Received(scene) => return self.keep(scene),
+            SceneProgress::Wanted {
+                hash,
+                chunks,
+                bytes,
+                ..
+            } => {
+                self.send(&ToClient::ChunksWanted { hash, chunks });
+                bytes
+            }
+            // Only the newest is of interest.
+            SceneProgress::Coming { .. } if !self.control_queue.is_empty() => return None,
+            SceneProgress::Coming { bytes } => bytes,
+        };
+        let bytes = bytes as u32;
+        self.send(&ToClient::SceneComing { bytes });
+        None
+    }
+
     fn keep(&mut self, received: ReceivedScene) -> Option<NodeEvent> {
         let hash = received.hash;
         let scene = match received.scene {
@@ -448,7 +425,8 @@ impl NodeSession {
                 return None;
             }
         };
-        self.scenes.insert(hash, Arc::clone(&scene));
+        let scene_kept = Arc::clone(&scene);
+        self.scenes.insert(hash, received.bytes, scene_kept);
         self.send(&ToClient::SceneReady(hash));
         Some(NodeEvent::Scene { hash, scene })
     }

@@ -1,17 +1,24 @@
 //! Cache of the scenes that a node keeps, the same at both ends.
 //!
 //! A node uses its scenes in the order of the scene and trace messages it gets, which is the order
-//! in which the client sends them. So a client that uses a cache of its own at each message knows
+//! in which the client sends them; one that travels in chunks counts as sent, and taken, with its last message. So a client that uses a cache of its own at each message knows
 //! what the node has thrown away. A scene that the node refuses is in the client's cache until the
 //! answer comes; all that it pushed out there and not at the node is a scene sent once more.
 
-use crate::limits::SCENES_KEPT_MAX;
+use crate::limits::{SCENES_KEPT_BYTES_MAX, SCENES_KEPT_MAX};
 use crate::message::SceneHash;
 
-/// At most [`SCENES_KEPT_MAX`] scenes, the most recently used last.
+/// At most [`SCENES_KEPT_MAX`] scenes of [`SCENES_KEPT_BYTES_MAX`] bytes together, the most recently used last.
 #[derive(Debug)]
 pub(super) struct SceneCache<T> {
-    scenes: Vec<(SceneHash, T)>,
+    scenes: Vec<CachedScene<T>>,
+}
+
+#[derive(Debug)]
+struct CachedScene<T> {
+    hash: SceneHash,
+    bytes: usize,
+    scene: T,
 }
 
 impl<T> SceneCache<T> {
@@ -22,39 +29,45 @@ impl<T> SceneCache<T> {
 
     /// The scene of that hash, from now on the most recently used.
     pub(super) fn touch(&mut self, hash: SceneHash) -> Option<&mut T> {
-        let index = self.scenes.iter().position(|(kept, _)| *kept == hash)?;
+        let index = self.scenes.iter().position(|kept| kept.hash == hash)?;
         self.scenes[index..].rotate_left(1);
-        self.scenes.last_mut().map(|(_, scene)| scene)
+        self.scenes.last_mut().map(|kept| &mut kept.scene)
     }
 
-    /// Puts a scene in as the most recently used, in place of the least recently used if all
-    /// places are taken.
-    pub(super) fn insert(&mut self, hash: SceneHash, scene: T) {
+    /// Puts a scene of so many bytes in as the most recently used, in place of the least recently used if
+    /// there is no room.
+    pub(super) fn insert(&mut self, hash: SceneHash, bytes: usize, scene: T) {
         self.remove(hash);
-        if self.scenes.len() == SCENES_KEPT_MAX {
+        while self.scenes.len() == SCENES_KEPT_MAX
+            || (!self.scenes.is_empty() && self.bytes() + bytes > SCENES_KEPT_BYTES_MAX)
+        {
             self.scenes.remove(0);
         }
-        self.scenes.push((hash, scene));
+        self.scenes.push(CachedScene { hash, bytes, scene });
+    }
+
+    fn bytes(&self) -> usize {
+        self.scenes.iter().map(|kept| kept.bytes).sum()
     }
 
     pub(super) fn remove(&mut self, hash: SceneHash) {
-        self.scenes.retain(|(kept, _)| *kept != hash);
+        self.scenes.retain(|kept| kept.hash != hash);
     }
 
     /// The scene of that hash, without using it.
     pub(super) fn peek(&self, hash: SceneHash) -> Option<&T> {
         let mut scenes = self.scenes.iter();
         scenes
-            .find(|(kept, _)| *kept == hash)
-            .map(|(_, scene)| scene)
+            .find(|kept| kept.hash == hash)
+            .map(|kept| &kept.scene)
     }
 
     /// The same, to be changed.
     pub(super) fn peek_mut(&mut self, hash: SceneHash) -> Option<&mut T> {
         let mut scenes = self.scenes.iter_mut();
         scenes
-            .find(|(kept, _)| *kept == hash)
-            .map(|(_, scene)| scene)
+            .find(|kept| kept.hash == hash)
+            .map(|kept| &mut kept.scene)
     }
 }
 
@@ -73,6 +86,7 @@ mod tests {
             random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let number = (random >> 16) as u8 % 9;
             let hash = SceneHash([number; 32]);
+            let bytes = usize::from(number) * SCENES_KEPT_BYTES_MAX / 12;
             if step % 3 == 0 {
                 for hash in refused_late.drain(..) {
                     client.remove(hash);
@@ -82,13 +96,14 @@ mod tests {
                 let refused = number == 0;
                 assert!(refused || node.touch(hash).is_some(), "step {step}");
             } else {
-                client.insert(hash, ());
+                client.insert(hash, bytes, ());
                 match number {
                     0 => refused_late.push(hash),
-                    _ => node.insert(hash, ()),
+                    _ => node.insert(hash, bytes, ()),
                 }
             }
             assert!(node.scenes.len() <= SCENES_KEPT_MAX);
+            assert!(node.bytes() <= SCENES_KEPT_BYTES_MAX);
         }
     }
 }

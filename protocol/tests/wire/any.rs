@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use carom_protocol::limits::{POSES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX};
+use carom_protocol::limits::{
+    CHUNK_BYTES_MAX, POSES_MAX, SENTENCE_BYTES_MAX, TILE_EDGE_MAX, TILES_PER_MESSAGE_MAX,
+};
 use carom_protocol::{
-    CodedParticles, FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal, RefusalReason,
-    RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    ChunkKey, CodedParticles, FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal,
+    RefusalReason, RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
     message::VERSION,
 };
 use carom_tracer::{
@@ -38,6 +40,10 @@ pub(crate) fn to_node() -> impl Strategy<Value = ToNode> {
         any::<u64>().prop_map(|request| ToNode::CancelRequest(RequestId(request))),
         any::<u64>().prop_map(ToNode::Ping),
         Just(ToNode::Leave),
+        (hash(), prop::collection::vec(chunk(), 0..20))
+            .prop_map(|(hash, chunks)| ToNode::Manifest { hash, chunks }),
+        prop::collection::vec(any::<u8>(), 1..300).prop_map(|bytes| ToNode::Chunk { bytes }),
+        hash().prop_map(ToNode::ChunksSent),
     ]
 }
 
@@ -61,6 +67,10 @@ pub(crate) fn to_client() -> impl Strategy<Value = ToClient> {
         }),
         any::<u32>().prop_map(|bytes| ToClient::SceneComing { bytes }),
         Just(ToClient::Leaving),
+        (hash(), prop::collection::btree_set(0..5000u32, 0..20)).prop_map(|(hash, chunks)| {
+            let chunks = chunks.into_iter().collect();
+            ToClient::ChunksWanted { hash, chunks }
+        }),
     ]
 }
 
@@ -75,6 +85,15 @@ pub(crate) fn node_info(name: &str) -> NodeInfo {
             threads: 2,
         },
     }
+}
+
+/// A scene of `balls` balls in a row, with names so long that 4,000 of them travel in chunks.
+pub(crate) fn long_row(balls: usize) -> Scene {
+    let mut scene = self::balls(balls);
+    for (index, object) in scene.objects.iter_mut().enumerate() {
+        object.name = format!("{index:0>60}");
+    }
+    scene
 }
 
 /// A scene of `balls` balls in a row.
@@ -264,6 +283,11 @@ fn refusal() -> impl Strategy<Value = Refusal> {
         request: RequestId(request),
         why,
     })
+}
+
+fn chunk() -> impl Strategy<Value = ChunkKey> {
+    let length = 1..=CHUNK_BYTES_MAX as u32;
+    (any::<[u8; 32]>(), length).prop_map(|(hash, bytes)| ChunkKey { hash, bytes })
 }
 
 fn hash() -> impl Strategy<Value = SceneHash> {

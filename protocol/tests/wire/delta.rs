@@ -7,8 +7,9 @@ use carom_protocol::tile_codec::{
     Decoder, DeltaStats, Encoder, ReferenceTile, TileInput, TilePixels,
 };
 use carom_protocol::{
-    ClientEvent, ClientSession, CodedParticles, FrameId, NodeEvent, NodeSession, PixelFormat,
-    PixelPrecision, PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone, TraceRequest,
+    ClientEvent, ClientSession, CodedParticles, EncodedScene, FrameId, NodeEvent, NodeSession,
+    PixelFormat, PixelPrecision, PrecisionRange, RequestId, RequestReport, SceneHash, TilesDone,
+    TraceRequest,
 };
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile, TileGrid, TileRange};
@@ -388,7 +389,9 @@ impl FramePair {
     fn new() -> Self {
         let mut client = ClientSession::new();
         let scene = any::balls(2);
-        client.set_scene(SceneHash::of(&scene), &scene).unwrap();
+        client
+            .set_scene(&EncodedScene::new(&scene).unwrap())
+            .unwrap();
         let mut pair = Self {
             client,
             node: NodeSession::new(any::node_info("node")),

@@ -1,13 +1,15 @@
 //! Peers that break the rules are told which, and cost no more than the limits say.
 
+use std::sync::Arc;
+
 use carom_protocol::codec::{decode_to_client, encode_to_client, encode_to_node};
 use carom_protocol::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX, REQUESTS_REFUSED_KEPT};
 use carom_protocol::message::VERSION;
 use carom_protocol::tile_codec::Encoder;
 use carom_protocol::{
-    Channel, ClientEvent, ClientSession, CodedParticles, Error, FrameId, NodeEvent, NodeLoad,
-    NodeSession, Packet, PixelFormat, ReceivedScene, Refusal, RefusalReason, RequestId,
-    RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    Channel, ClientEvent, ClientSession, CodedParticles, EncodedScene, Error, FrameId, NodeEvent,
+    NodeLoad, NodeSession, Packet, PixelFormat, Refusal, RefusalReason, RequestId, RequestReport,
+    SceneAssembler, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
 use carom_tracer::{
     ImageSize, ObjectPose, RenderSettings, Scene, SceneUpdate, Tile, TileGrid, TileRange,
@@ -49,6 +51,10 @@ fn request(scene: &Scene, id: u64) -> TraceRequest {
     }
 }
 
+fn encoded(scene: &Scene) -> Arc<EncodedScene> {
+    EncodedScene::new(scene).unwrap()
+}
+
 fn welcome() -> ToClient {
     ToClient::Welcome {
         version: VERSION,
@@ -61,7 +67,7 @@ fn waiting_client() -> ClientSession {
     let mut client = ClientSession::new();
     client.handle(control(&welcome())).unwrap();
     let scene = any::balls(2);
-    client.set_scene(SceneHash::of(&scene), &scene).unwrap();
+    client.set_scene(&encoded(&scene)).unwrap();
     client.trace(request(&scene, 5)).unwrap();
     client.trace(request(&scene, 7)).unwrap();
     client
@@ -223,41 +229,6 @@ fn answers_without_requests_are_faults() {
 }
 
 #[test]
-fn no_more_of_a_scene_comes_than_was_sent() {
-    let coming = |bytes: u32| control(&ToClient::SceneComing { bytes });
-    let scene = any::balls(100);
-    let hash = SceneHash::of(&scene);
-    let client = || {
-        let mut client = ClientSession::new();
-        client.handle(control(&welcome())).unwrap();
-        while client.poll_transmit().is_some() {}
-        client.set_scene(hash, &scene).unwrap();
-        let length = client.poll_transmit().unwrap().bytes.len() as u32;
-        (client, length)
-    };
-    let (mut whole, length) = client();
-    for (bytes, percent) in [(0, 0), (length / 2, 49), (length, 100)] {
-        let heard = whole.handle(coming(bytes)).unwrap();
-        let [
-            ClientEvent::SceneComing {
-                hash: of,
-                percent: said,
-            },
-        ] = heard[..]
-        else {
-            panic!("{heard:?}");
-        };
-        assert!(
-            of == hash && (percent..=percent + 1).contains(&said),
-            "{said}"
-        );
-    }
-    assert_closes(whole, [coming(length + 1)]);
-    let ready = control(&ToClient::SceneReady(hash));
-    assert_closes(client().0, [ready, coming(0)]);
-}
-
-#[test]
 fn messages_keep_to_their_channel() {
     let channel = Channel::Control;
     assert_closes(
@@ -328,7 +299,7 @@ fn unsendable_calls_change_nothing() {
     }
     let mut broken = any::balls(1);
     broken.camera.fov_x_deg = 0.0;
-    assert!(client.set_scene(SceneHash::of(&broken), &broken).is_err());
+    assert!(EncodedScene::new(&broken).is_err());
     assert_eq!((client.poll_transmit(), client.open_requests()), (None, 2));
     assert!(client.trace(request(&held, 8)).is_ok());
 }
@@ -511,15 +482,16 @@ fn a_scene_decoded_elsewhere_counts_like_its_packet() {
         scene: Box::new(scene),
     })
     .bytes;
+    let mut elsewhere = SceneAssembler::default();
     let mut stranger = NodeSession::new(any::node_info("near"));
-    let greeted_late = stranger.handle_scene(ReceivedScene::decode(&bytes));
+    let greeted_late = stranger.handle_scene(elsewhere.handle(&bytes));
     assert!(greeted_late.is_err());
-    let kept = node.handle_scene(ReceivedScene::decode(&bytes)).unwrap();
+    let kept = node.handle_scene(elsewhere.handle(&bytes)).unwrap();
     assert!(matches!(kept, Some(NodeEvent::Scene { hash: kept, .. }) if kept == hash));
     assert_eq!(answer(&mut node), Some(ToClient::SceneReady(hash)));
     let mut altered = bytes;
     *altered.last_mut().unwrap() ^= 1;
-    assert!(node.handle_scene(ReceivedScene::decode(&altered)).is_err());
+    assert!(node.handle_scene(elsewhere.handle(&altered)).is_err());
     assert!(node.handle(to_node(&ToNode::Ping(1))).is_err());
 }
 

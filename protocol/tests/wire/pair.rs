@@ -6,11 +6,11 @@ use std::sync::Arc;
 use carom_protocol::limits::{REQUESTS_QUEUED_MAX, SCENES_KEPT_MAX, TILES_PER_MESSAGE_MAX};
 use carom_protocol::tile_codec::{Encoder, TilePixels};
 use carom_protocol::{
-    Channel, ClientEvent, ClientSession, CodedParticles, FrameId, NodeEvent, NodeLoad, NodeSession,
-    Packet, PixelFormat, RefusalReason, RequestId, RequestReport, SceneHash, TilesDone,
-    TraceRequest,
+    Channel, ClientEvent, ClientSession, CodedParticles, EncodedScene, FrameId, NodeEvent,
+    NodeLoad, NodeSession, Packet, PixelFormat, RefusalReason, RequestId, RequestReport, SceneHash,
+    SceneStatus, TilesDone, TraceRequest,
 };
-use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, TileGrid, TileRange};
 use proptest::prelude::*;
 
 use crate::any;
@@ -23,7 +23,7 @@ struct Pair {
     client: ClientSession,
     node: NodeSession,
     encoder: Encoder,
-    scenes: Vec<(SceneHash, Arc<Scene>)>,
+    scenes: Vec<Arc<EncodedScene>>,
     to_node: VecDeque<Packet>,
     copies: Vec<Packet>,
     /// Requests that the node has been told to trace.
@@ -45,9 +45,13 @@ struct SentRequest {
 
 impl Pair {
     fn new() -> Self {
+        // Every third travels in chunks.
         let scenes = (0..SCENES).map(|index| {
-            let scene = any::balls(index);
-            (SceneHash::of(&scene), Arc::new(scene))
+            let scene = match index % 3 {
+                2 => any::long_row(4000 + index),
+                _ => any::balls(index),
+            };
+            EncodedScene::new(&scene).unwrap()
         });
         let mut pair = Self {
             client: ClientSession::new(),
@@ -104,8 +108,11 @@ impl Pair {
         if self.client.open_requests() == REQUESTS_QUEUED_MAX {
             return;
         }
-        let (hash, scene) = &self.scenes[detail % SCENES];
-        self.client.set_scene(*hash, scene).unwrap();
+        let scene = &self.scenes[detail % SCENES];
+        let status = self.client.set_scene(scene).unwrap();
+        if status == SceneStatus::Transferring {
+            return;
+        }
         let id = RequestId(self.requests.len() as u64 * 3);
         let first = detail as u32 % GRID.len();
         let count = 1 + detail as u32 / 7 % (GRID.len() - first);
@@ -113,7 +120,7 @@ impl Pair {
         let request = TraceRequest {
             frame: frame_of(id),
             id,
-            scene: *hash,
+            scene: scene.hash(),
             update: SceneUpdate::default(),
             grid: GRID,
             tiles,
@@ -296,7 +303,7 @@ impl Pair {
                 | ClientEvent::SceneReady(_)
                 | ClientEvent::Pong { .. }
                 | ClientEvent::Leaving => {}
-                ClientEvent::SceneComing { percent, .. } => assert!(percent <= 100),
+                ClientEvent::SceneComing { bytes, of, .. } => assert!(bytes <= of),
                 ClientEvent::SceneRefused { why, .. } => panic!("{why}"),
             }
         }
@@ -403,8 +410,8 @@ proptest! {
 fn a_scene_is_sent_once_while_the_node_keeps_it() {
     let mut pair = Pair::new();
     let scene_packets = |pair: &mut Pair, index: usize| {
-        let (hash, scene) = pair.scenes[index].clone();
-        pair.client.set_scene(hash, &scene).unwrap();
+        let scene = EncodedScene::new(&any::balls(index)).unwrap();
+        pair.client.set_scene(&scene).unwrap();
         let sent = std::iter::from_fn(|| pair.client.poll_transmit());
         sent.filter(|packet| packet.bytes[0] == 1).count()
     };

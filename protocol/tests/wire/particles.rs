@@ -3,8 +3,8 @@
 use carom_protocol::codec::{decode_to_node, encode_to_node};
 use carom_protocol::limits::TRACE_BYTES_MAX;
 use carom_protocol::{
-    Channel, ClientSession, CodedParticles, Error, FrameId, NodeEvent, NodeSession, Packet,
-    PixelFormat, PrecisionRange, RequestId, SceneHash, ToNode, TraceRequest,
+    Channel, ClientSession, CodedParticles, EncodedScene, Error, FrameId, NodeEvent, NodeSession,
+    Packet, PixelFormat, PrecisionRange, RequestId, SceneHash, ToNode, TraceRequest,
 };
 use carom_tracer::glam::{U16Vec3, Vec3};
 use carom_tracer::scene::validate::PARTICLES_MAX;
@@ -54,7 +54,9 @@ fn pair() -> (ClientSession, NodeSession) {
     let mut client = ClientSession::new();
     let mut node = NodeSession::new(any::node_info("near"));
     let scene = any::balls(2);
-    client.set_scene(SceneHash::of(&scene), &scene).unwrap();
+    client
+        .set_scene(&EncodedScene::new(&scene).unwrap())
+        .unwrap();
     while let Some(packet) = client.poll_transmit() {
         node.handle(packet).unwrap();
     }

@@ -5,9 +5,9 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use crate::{
-    BenchError, balance, bvh, cluster, codec, faults, first_frames, kernel_specialization, latency,
-    latency_hiding, mitsuba_scene, node, overlay, particles, physics, play, proxy, quality,
-    tradeoff_chart, transport,
+    BenchError, assets, balance, bvh, cluster, codec, faults, first_frames, kernel_specialization,
+    latency, latency_hiding, mitsuba_scene, node, overlay, particles, physics, play, proxy,
+    quality, tradeoff_chart, transport,
 };
 
 /// Measure what Carom's parts cost, and how right they are.
@@ -20,6 +20,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Assets(assets::Args),
     Balance(balance::Args),
     Cluster(cluster::Args),
     FirstFrames(first_frames::Args),
@@ -58,6 +59,7 @@ pub fn run() -> ExitCode {
 impl Command {
     fn run(self) -> Result<(), BenchError> {
         match self {
+            Self::Assets(args) => assets::run(&args),
             Self::Balance(args) => balance::run(&args),
             Self::Cluster(args) => cluster::run(&args),
             Self::FirstFrames(args) => first_frames::run(&args),

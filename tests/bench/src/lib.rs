@@ -3,6 +3,7 @@
 //! One module per bench, of which `--help` tells what it measures; [`physics`] is public for the
 //! tests that hold the simulation against its references.
 
+mod assets;
 mod balance;
 mod bvh;
 mod case_filter;

@@ -9,9 +9,9 @@ use carom_protocol::message::VERSION;
 use carom_protocol::particle_codec::{ParticleDecoder, ParticleEncoder};
 use carom_protocol::tile_codec::{Decoder, Encoder, ReferenceTile, TileInput};
 use carom_protocol::{
-    Channel, ClientSession, CodedParticles, FrameId, NodeEvent, NodeInfo, NodeLoad, NodeSession,
-    NodeTimes, Packet, PixelFormat, PixelPrecision, PrecisionRange, RequestId, RequestReport,
-    SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
+    Channel, ChunkKey, ClientSession, CodedParticles, EncodedScene, FrameId, NodeEvent, NodeInfo,
+    NodeLoad, NodeSession, NodeTimes, Packet, PixelFormat, PixelPrecision, PrecisionRange,
+    RequestId, RequestReport, SceneHash, TilesDone, ToClient, ToNode, TraceRequest,
 };
 use carom_tracer::glam::{U16Vec3, Vec3};
 use carom_tracer::{
@@ -161,6 +161,14 @@ pub fn to_node_seeds() -> Vec<Vec<u8>> {
         ToNode::Trace(Box::new(request(1))),
         ToNode::CancelBefore(FrameId(3)),
         ToNode::Ping(7),
+        ToNode::Manifest {
+            hash,
+            chunks: vec![ChunkKey::of(b"one"), ChunkKey::of(b"another")],
+        },
+        ToNode::Chunk {
+            bytes: b"one".to_vec(),
+        },
+        ToNode::ChunksSent(hash),
     ];
     let bytes = messages.iter().map(encode_to_node);
     bytes.map(|bytes| bytes.expect("a right message")).collect()
@@ -183,6 +191,10 @@ pub fn to_client_seeds() -> Vec<Vec<u8>> {
             load: NodeLoad::default(),
         },
         ToClient::SceneComing { bytes: 70_000 },
+        ToClient::ChunksWanted {
+            hash,
+            chunks: vec![0, 1, 9],
+        },
     ];
     let bytes = messages.iter().map(encode_to_client);
     bytes.map(|bytes| bytes.expect("a right message")).collect()
@@ -309,7 +321,24 @@ pub fn session_seeds() -> Vec<Vec<u8>> {
         .map(|number| encode_to_node(&ToNode::Ping(number)).expect("a right message"))
         .flat_map(|ping| step(TO_NODE, &ping))
         .collect();
-    vec![talk, stray, pings]
+    let hash = SceneHash::of(&scene());
+    let manifest = ToNode::Manifest {
+        hash,
+        chunks: vec![ChunkKey::of(b"one"); 3],
+    };
+    let chunk = ToNode::Chunk {
+        bytes: b"one".to_vec(),
+    };
+    let parts = [manifest, chunk, ToNode::ChunksSent(hash)];
+    let parts = parts.map(|part| encode_to_node(&part).expect("a right message"));
+    let transfer: Vec<u8> = parts.iter().flat_map(|part| step(TO_NODE, part)).collect();
+    let again = ToClient::ChunksWanted {
+        hash: SceneHash::of(&long_scene()),
+        chunks: vec![0],
+    };
+    let again = encode_to_client(&again).expect("a right message");
+    let twice = [&talk[..], &step(TO_CLIENT, &again)].concat();
+    vec![talk, stray, pings, transfer, twice]
 }
 
 struct Pair {
@@ -325,8 +354,10 @@ impl Pair {
     fn new() -> Self {
         let mut client = ClientSession::new();
         let scene = scene();
-        let set = client.set_scene(SceneHash::of(&scene), &scene);
-        set.expect("a right scene");
+        for scene in [scene, long_scene()] {
+            let scene = EncodedScene::new(&scene).expect("a right scene");
+            client.set_scene(&scene).expect("there is room");
+        }
         let mut pair = Self {
             client,
             node: NodeSession::new(node_info()),
@@ -429,6 +460,17 @@ fn format_of(byte: u8) -> PixelFormat {
 
 fn scene() -> Scene {
     Scene::from_json(SCENE).expect("a right scene")
+}
+
+/// A scene of three chunks or so: its names are long.
+fn long_scene() -> Scene {
+    let mut scene = scene();
+    let object = scene.objects[0].clone();
+    scene.objects = vec![object; 3000];
+    for (index, object) in scene.objects.iter_mut().enumerate() {
+        object.name = format!("{index:0>60}");
+    }
+    scene
 }
 
 fn node_info() -> NodeInfo {

@@ -23,6 +23,8 @@ pub struct UdpProxy {
 pub struct PacketCounts {
     /// Passed on.
     pub passed: u64,
+    /// Their bytes, without those of UDP and IP.
+    pub passed_bytes: u64,
     /// Lost on purpose, or for want of room in a queue.
     pub lost: u64,
 }
@@ -34,6 +36,7 @@ struct Shared {
     due: Mutex<PacketQueue>,
     changed: Condvar,
     passed: AtomicU64,
+    passed_bytes: AtomicU64,
     lost: AtomicU64,
     /// Of the server's packets.
     queue_delays: Mutex<VecDeque<Duration>>,
@@ -80,6 +83,7 @@ impl UdpProxy {
             due: Mutex::default(),
             changed: Condvar::new(),
             passed: AtomicU64::new(0),
+            passed_bytes: AtomicU64::new(0),
             lost: AtomicU64::new(0),
             queue_delays: Mutex::default(),
             began: Instant::now(),
@@ -104,6 +108,7 @@ impl UdpProxy {
     pub fn counts(&self) -> PacketCounts {
         PacketCounts {
             passed: self.shared.passed.load(Ordering::Relaxed),
+            passed_bytes: self.shared.passed_bytes.load(Ordering::Relaxed),
             lost: self.shared.lost.load(Ordering::Relaxed),
         }
     }
@@ -248,6 +253,8 @@ impl Shared {
                         // A peer that has gone away is no fault of the path.
                         let _ = packet.socket.send_to(&packet.bytes, packet.to);
                         self.passed.fetch_add(1, Ordering::Relaxed);
+                        let bytes = packet.bytes.len() as u64;
+                        self.passed_bytes.fetch_add(bytes, Ordering::Relaxed);
                         due = lock(&self.due);
                     }
                 }

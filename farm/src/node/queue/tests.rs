@@ -2,7 +2,8 @@
 
 use carom_protocol::session::ClientSession;
 use carom_protocol::{
-    CodedParticles, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId, TraceRequest,
+    CodedParticles, EncodedScene, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId,
+    TraceRequest,
 };
 use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
@@ -48,7 +49,7 @@ impl Requester {
         let scene = Scene::from_json(scene).unwrap();
         requester
             .session
-            .set_scene(SceneHash::of(&scene), &scene)
+            .set_scene(&EncodedScene::new(&scene).unwrap())
             .unwrap();
         requester.exchange();
         requester

@@ -11,6 +11,7 @@ use super::frame_rate::{FrameRate, Rates};
 use super::frame_record::{FrameRecord, NodeRecord, mean_and_deviation};
 use super::glossary;
 use super::history::{History, name_of};
+use crate::notifications::megabytes;
 
 /// Figures over all pictures that are kept, and of the one that is looked at.
 #[derive(Debug, Default)]
@@ -161,7 +162,11 @@ impl NodeSummary {
 
     fn of_status(status: &NodeStatus) -> Self {
         let state = match &status.state {
-            NodeState::Syncing { percent } => text!("stats-state-syncing", percent = percent),
+            NodeState::Syncing { bytes, of } if *of > 0 => text!(
+                "stats-state-syncing-bytes",
+                bytes = megabytes(*bytes),
+                of = megabytes(*of)
+            ),
             NodeState::Lost {
                 why,
                 retry_secs: Some(secs),

@@ -9,7 +9,9 @@ use carom_farm::link::{LinkCommand, LinkEvent};
 use carom_farm::{Balancing, FrameId, FrameSpec, NodeIndex, NodeInfo, PixelFormat};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::tile_codec::TilePixels;
-use carom_protocol::{NodeLoad, PixelPrecision, RequestId, RequestReport, SceneHash, TraceRequest};
+use carom_protocol::{
+    EncodedScene, NodeLoad, PixelPrecision, RequestId, RequestReport, TraceRequest,
+};
 use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate};
 use cpu_time::ThreadTime;
 use serde::Serialize;
@@ -27,13 +29,14 @@ pub(super) struct DivisionCost {
 /// Lets a coordinator divide frames among nodes of known, unequal speeds.
 pub(super) fn measure(balancing: Balancing) -> DivisionCost {
     let mut coordinator = Coordinator::new(balancing);
-    let scene = Arc::new(Scene::from_json(SCENE).expect("the built-in scene is right"));
-    coordinator.set_scene(HASH, Arc::clone(&scene));
+    let scene = Scene::from_json(SCENE).expect("the built-in scene is right");
+    let scene = EncodedScene::new(&scene).expect("the built-in scene is right");
+    coordinator.set_scene(Arc::clone(&scene));
     for index in 0..NODES {
         let node = coordinator.add_node(format!("node {index}"));
         for event in [
             ClientEvent::Welcome(info()),
-            ClientEvent::SceneReady(HASH),
+            ClientEvent::SceneReady(scene.hash()),
             ClientEvent::Pong {
                 number: 1,
                 load: NodeLoad::default(),
@@ -55,7 +58,7 @@ pub(super) fn measure(balancing: Balancing) -> DivisionCost {
 }
 
 /// Submits a frame and answers it; the microseconds that the submission took.
-fn divide(coordinator: &mut Coordinator, scene: &Arc<Scene>, frame: u64) -> f64 {
+fn divide(coordinator: &mut Coordinator, scene: &Arc<EncodedScene>, frame: u64) -> f64 {
     let now = Duration::from_secs(frame + 1);
     let spec = FrameSpec {
         update: SceneUpdate::default(),
@@ -63,7 +66,7 @@ fn divide(coordinator: &mut Coordinator, scene: &Arc<Scene>, frame: u64) -> f64 
         settings: RenderSettings::default(),
         format: PixelFormat::LinearF32,
     };
-    let scene = (HASH, Arc::clone(scene));
+    let scene = Arc::clone(scene);
     let begun = ThreadTime::now();
     coordinator.submit(now, FrameId(frame), spec, scene, 1, false);
     let micros = begun.elapsed().as_secs_f64() * 1e6;
@@ -139,7 +142,6 @@ fn info() -> NodeInfo {
 }
 
 const SCENE: &str = include_str!("../../../../assets/scenes/pool.json");
-const HASH: SceneHash = SceneHash([1; 32]);
 const NODES: usize = 64;
 const SIZE: ImageSize = ImageSize::new(60, 60);
 const FRAMES: u64 = 100;

@@ -3,8 +3,8 @@
 use anyhow::Context as _;
 use carom_mpm::{Ball, Bodies, Material, Obstacle, Region, Sand, Settings, Simulation, Water};
 use carom_protocol::{
-    ClientSession, CodedParticles, FrameId, NodeEvent, NodeInfo, NodeSession, PixelFormat,
-    PrecisionRange, RequestId, SceneHash, TraceRequest,
+    ClientSession, CodedParticles, EncodedScene, FrameId, NodeEvent, NodeInfo, NodeSession,
+    PixelFormat, PrecisionRange, RequestId, TraceRequest,
 };
 use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, ParticleCloud, ParticleForm, RenderSettings, Scene,
@@ -127,8 +127,9 @@ fn send(frames: &[ParticleCloud]) -> Result<Vec<RequestCost>, BenchError> {
         instance: 0,
         device,
     });
-    let hash = SceneHash::of(&scene);
-    client.set_scene(hash, &scene).context("the scene")?;
+    let scene = EncodedScene::new(&scene).context("the scene")?;
+    let hash = scene.hash();
+    client.set_scene(&scene).context("the scene")?;
     while let Some(packet) = client.poll_transmit() {
         node.handle(packet).context("the scene")?;
     }

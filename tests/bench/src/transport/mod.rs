@@ -16,8 +16,8 @@ use carom_farm::net::{
 use carom_farm::node::Node;
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{
-    CodedParticles, FrameId, PixelFormat, PixelPrecision, PrecisionRange, RequestId, SceneHash,
-    TraceRequest,
+    CodedParticles, EncodedScene, FrameId, PixelFormat, PixelPrecision, PrecisionRange, RequestId,
+    SceneHash, TraceRequest,
 };
 use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{RenderSettings, SceneUpdate, Tracer};
@@ -354,14 +354,12 @@ fn measure(
     sending: TransportOptions,
 ) -> Result<TransportRow, BenchError> {
     let setup = TransportSetup::new(args, case, sending)?;
-    let scene = Arc::new(scenes::scene(None)?.scene);
-    let hash = SceneHash::of(&scene);
+    let scene = EncodedScene::new(&scenes::scene(None)?.scene).context("the scene")?;
+    let hash = scene.hash();
     setup.wait(args, |event| {
         matches!(event, LinkEvent::Session(ClientEvent::Welcome(_)))
     })?;
-    setup
-        .link
-        .send(LinkCommand::Scene(hash, Arc::clone(&scene)));
+    setup.link.send(LinkCommand::Scene(scene));
     setup.wait(args, |event| {
         matches!(event, LinkEvent::Session(ClientEvent::SceneReady(_)))
     })?;

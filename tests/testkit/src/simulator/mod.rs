@@ -24,8 +24,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use carom_protocol::session::ClientEvent;
-use carom_protocol::{FrameId, NodeInfo, SceneHash};
-use carom_tracer::{DeviceInfo, DeviceKind, Scene, Tracer};
+use carom_protocol::{EncodedScene, FrameId, NodeInfo};
+use carom_tracer::{DeviceInfo, DeviceKind, Tracer};
 
 pub use self::faults::{FaultRun, fault_plan, run_faults};
 use self::node::{NodeOutput, SimNode};
@@ -126,7 +126,7 @@ enum SimulationEvent {
 struct FarmSimulation<'a> {
     plan: &'a FarmPlan,
     coordinator: Coordinator,
-    scene: (SceneHash, Arc<Scene>),
+    scene: Arc<EncodedScene>,
     nodes: Vec<SimNode>,
     events: BinaryHeap<ScheduledEvent>,
     /// Entries there have been.
@@ -160,8 +160,8 @@ impl<'a> FarmSimulation<'a> {
             None => empty_scene(),
         };
         let tile_source = Arc::new(TileSource::new(plan, &scene, extensions.tracer));
-        let scene = (SceneHash([7; 32]), Arc::new(scene));
-        coordinator.set_scene(scene.0, Arc::clone(&scene.1));
+        let scene = EncodedScene::new(&scene).expect("a right scene");
+        coordinator.set_scene(Arc::clone(&scene));
         let directory = extensions.directory.map(|directory| {
             let mut roster = Roster::default();
             roster.add_directory();

@@ -126,8 +126,9 @@ impl SimNode {
             return Vec::new();
         }
         match command {
-            LinkCommand::Scene(hash, _) if self.scene == Some(hash) => Vec::new(),
-            LinkCommand::Scene(hash, _) => {
+            LinkCommand::Scene(scene) if self.scene == Some(scene.hash()) => Vec::new(),
+            LinkCommand::Scene(scene) => {
+                let hash = scene.hash();
                 self.scene = Some(hash);
                 vec![NodeOutput::Event(ClientEvent::SceneReady(hash))]
             }

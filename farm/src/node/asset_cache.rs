@@ -1,0 +1,272 @@
+//! Cache of scenes' chunks in a folder: bounded, checked when it is read, shared by the nodes of a machine.
+//!
+//! A chunk is a file, named by the hash of its bytes and written whole, so nodes that share the folder need no
+//! agreement: whoever writes a chunk writes the same. When a file was last used stands in its time of modification;
+//! what was not used for longest goes first. A file that does not hash to its name is removed.
+
+use std::fs::{self, OpenOptions};
+use std::io::{self, ErrorKind, Read as _, Write as _};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::SystemTime;
+
+use carom_protocol::ChunkKey;
+use carom_protocol::session::ChunkStore;
+
+use crate::whole_file::WholeFile;
+
+/// Chunks of scenes in a folder. Other files in there are left alone.
+#[derive(Debug)]
+pub struct AssetCache {
+    folder: PathBuf,
+    bytes_max: u64,
+    /// Bytes written since the folder was last looked through.
+    written: Mutex<u64>,
+    /// A full disk is told of once, not for each chunk.
+    has_failed: AtomicBool,
+}
+
+impl AssetCache {
+    /// A cache of at most `bytes_max` bytes in `folder`, which is made if it is not there. The bound holds for up to
+    /// eight nodes that share a folder; each one beyond may exceed it by a thirty-second.
+    ///
+    /// # Errors
+    /// The system's, if the folder cannot be made, read or written.
+    pub fn open(folder: impl Into<PathBuf>, bytes_max: u64) -> io::Result<Self> {
+        let folder = folder.into();
+        fs::create_dir_all(&folder)?;
+        match WholeFile::claim(&folder.join("writable")) {
+            Err(why) if why.kind() != ErrorKind::AlreadyExists => return Err(why),
+            _ => {} // written by another node at this moment, or by this one
+        }
+        let cache = Self {
+            folder,
+            bytes_max,
+            written: Mutex::new(0),
+            has_failed: AtomicBool::new(false),
+        };
+        cache.evict(0)?;
+        Ok(cache)
+    }
+
+    /// `carom/assets` in the user's folder for caches: `$XDG_CACHE_HOME` or `~/.cache` and the like, if the platform
+    /// has one.
+    #[cfg(feature = "cli")]
+    pub fn user_folder() -> Option<PathBuf> {
+        use etcetera::BaseStrategy as _;
+        let folders = etcetera::choose_base_strategy().ok()?;
+        Some(folders.cache_dir().join("carom").join("assets"))
+    }
+
+    fn path(&self, chunk: &ChunkKey) -> PathBuf {
+        let hash = blake3::Hash::from_bytes(chunk.hash).to_hex();
+        self.folder.join(format!("{hash}.{EXTENSION}"))
+    }
+
+    fn make_room(&self, bytes: u64) -> io::Result<()> {
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        *written += bytes;
+        if *written > self.bytes_max / SCAN_PARTS {
+            self.evict(bytes)?;
+            *written = bytes;
+        }
+        Ok(())
+    }
+
+    /// Removes the chunks that were not used for longest until with so many bytes more three quarters are taken.
+    fn evict(&self, bytes: u64) -> io::Result<()> {
+        let mut files = Vec::new();
+        for entry in fs::read_dir(&self.folder)? {
+            let entry = entry?;
+            if !is_of_cache(&entry.file_name().to_string_lossy()) {
+                continue;
+            }
+            // Another node may have removed it.
+            let Ok(found) = entry.metadata() else {
+                continue;
+            };
+            if found.is_file() {
+                let used = found.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+                files.push((used, entry.path(), found.len()));
+            }
+        }
+        files.sort();
+        let all: u64 = files.iter().map(|(_, _, bytes)| bytes).sum();
+        let most = self.bytes_max / 4 * 3;
+        let mut excess = (all + bytes).saturating_sub(most);
+        for (_, path, bytes) in files {
+            if excess == 0 {
+                break;
+            }
+            match fs::remove_file(&path) {
+                Err(why) if why.kind() != ErrorKind::NotFound => return Err(why),
+                _ => excess = excess.saturating_sub(bytes),
+            }
+        }
+        Ok(())
+    }
+
+    fn try_write(&self, chunk: &ChunkKey, bytes: &[u8]) -> io::Result<()> {
+        if bytes.len() as u64 > self.bytes_max / 4 {
+            return Ok(());
+        }
+        self.make_room(bytes.len() as u64)?;
+        WholeFile::replace(&self.path(chunk), |file| file.write_all(bytes))
+    }
+}
+
+impl ChunkStore for AssetCache {
+    fn read(&self, chunk: &ChunkKey) -> Option<Vec<u8>> {
+        let path = self.path(chunk);
+        // Windows changes times of files alone that may be written.
+        let mut file = OpenOptions::new().read(true).write(true).open(&path).ok()?;
+        // Of another length it is spoiled, or the key is wrong; if it comes, it is replaced.
+        if file.metadata().ok()?.len() != u64::from(chunk.bytes) {
+            return None;
+        }
+        let _ = file.set_modified(SystemTime::now()); // at worst it goes too early
+        let mut bytes = vec![0; chunk.bytes as usize];
+        if file.read_exact(&mut bytes).is_ok() && ChunkKey::of(&bytes) == *chunk {
+            return Some(bytes);
+        }
+        tracing::warn!("{} is spoiled, and is removed", path.display());
+        let _ = fs::remove_file(&path); // if it cannot be, it is read in vain once more
+        None
+    }
+
+    fn write(&self, chunk: &ChunkKey, bytes: &[u8]) {
+        match self.try_write(chunk, bytes) {
+            // Another node is writing the same.
+            Err(why) if why.kind() == ErrorKind::AlreadyExists => {}
+            Err(why) if !self.has_failed.swap(true, Ordering::Relaxed) => tracing::warn!(
+                "parts of scenes are not kept in {}: {why}",
+                self.folder.display()
+            ),
+            _ => {}
+        }
+    }
+}
+
+/// Whether a file of that name is a chunk, or what a killed node has left of one.
+fn is_of_cache(name: &str) -> bool {
+    let name = name.strip_suffix(".partial").unwrap_or(name);
+    let name = name.strip_prefix('.').unwrap_or(name);
+    let hash = name
+        .strip_suffix(EXTENSION)
+        .and_then(|name| name.strip_suffix('.'));
+    hash.is_some_and(|hash| hash.len() == 64 && hash.bytes().all(|byte| byte.is_ascii_hexdigit()))
+}
+
+const EXTENSION: &str = "chunk";
+/// The folder is looked through when one of so many parts of it has been written.
+const SCAN_PARTS: u64 = 32;
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn chunk(index: u8) -> (ChunkKey, Vec<u8>) {
+        let bytes = vec![index; 1000];
+        (ChunkKey::of(&bytes), bytes)
+    }
+
+    fn has(cache: &AssetCache, index: u8) -> bool {
+        cache.read(&chunk(index).0).is_some()
+    }
+
+    fn bytes_in(folder: &Path) -> u64 {
+        let files = fs::read_dir(folder).unwrap();
+        files
+            .map(|file| file.unwrap().metadata().unwrap().len())
+            .sum()
+    }
+
+    #[test]
+    fn chunks_outlast_the_cache_that_wrote_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let (key, bytes) = chunk(1);
+        let first = AssetCache::open(folder.path(), 1 << 20).unwrap();
+        assert_eq!(first.read(&key), None);
+        first.write(&key, &bytes);
+        drop(first);
+        let second = AssetCache::open(folder.path(), 1 << 20).unwrap();
+        assert_eq!(second.read(&key), Some(bytes));
+        assert!(!has(&second, 2));
+    }
+
+    #[test]
+    fn the_bound_holds_for_nodes_that_share_a_folder_and_old_chunks_go_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let open = || AssetCache::open(folder.path(), 32_000).unwrap();
+        let (near, far) = (open(), open());
+        let (key, bytes) = chunk(0);
+        near.write(&key, &bytes);
+        for index in 1..200 {
+            let (key, bytes) = chunk(index);
+            let cache = [&near, &far][usize::from(index) % 2];
+            cache.write(&key, &bytes);
+            assert!(bytes_in(folder.path()) <= 32_000, "chunk {index}");
+            assert!(has(cache, index));
+            assert!(has(&far, 0), "chunk {index}");
+        }
+        assert!(!has(&near, 1));
+        assert!(has(&near, 190));
+        // A smaller bound holds from the start.
+        let smaller = AssetCache::open(folder.path(), 8_000).unwrap();
+        assert!(bytes_in(folder.path()) <= 6_000);
+        assert!(has(&smaller, 0));
+    }
+
+    #[test]
+    fn spoiled_chunks_are_missing_and_other_files_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = AssetCache::open(folder.path(), 4_000).unwrap();
+        fs::write(folder.path().join("letter.txt"), vec![0; 9_000]).unwrap();
+        let (key, bytes) = chunk(3);
+        let path = cache.path(&key);
+        for (spoilt, stays) in [(&b"short"[..], true), (&[9; 1000], false)] {
+            cache.write(&key, &bytes);
+            assert!(has(&cache, 3));
+            fs::write(&path, spoilt).unwrap();
+            assert!(!has(&cache, 3));
+            assert_eq!(path.exists(), stays);
+        }
+        // Who names a right chunk with a wrong length harms nobody.
+        cache.write(&key, &bytes);
+        let lie = ChunkKey { bytes: 999, ..key };
+        assert_eq!(cache.read(&lie), None);
+        assert!(has(&cache, 3));
+        for index in 0..20 {
+            let (key, bytes) = chunk(index);
+            cache.write(&key, &bytes);
+        }
+        assert!(folder.path().join("letter.txt").exists());
+        assert!(bytes_in(folder.path()) <= 13_000);
+    }
+
+    #[test]
+    fn what_a_killed_node_left_is_removed_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let (key, bytes) = chunk(4);
+        let cache = AssetCache::open(folder.path(), 4_000).unwrap();
+        let name = cache.path(&key);
+        let name = name.file_name().unwrap().to_string_lossy();
+        let partial = folder.path().join(format!(".{name}.partial"));
+        fs::write(&partial, vec![0; 5_000]).unwrap();
+        AssetCache::open(folder.path(), 4_000).unwrap();
+        assert!(!partial.exists());
+        cache.write(&key, &bytes);
+        assert!(has(&cache, 4));
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        fs::write(&file, b"").unwrap();
+        assert!(AssetCache::open(file, 4_000).is_err());
+    }
+}

@@ -1,0 +1,114 @@
+//! Scenes that a client sends in chunks, one after the other.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use crate::encoded_scene::EncodedScene;
+use crate::error::{Error, Reason};
+use crate::message::{SceneHash, ToNode};
+
+/// Scenes whose chunks are sent or will be; the first is under way.
+#[derive(Debug, Default)]
+pub(super) struct SceneTransfers {
+    queue: VecDeque<SceneTransfer>,
+}
+
+#[derive(Debug)]
+struct SceneTransfer {
+    scene: Arc<EncodedScene>,
+    state: TransferState,
+}
+
+#[derive(Debug)]
+enum TransferState {
+    Waiting,
+    /// The node has been told its chunks.
+    Announced,
+    /// The node wants these, each once; they are sent in order.
+    Sending(VecDeque<u32>),
+    /// All that the node wanted has been sent.
+    Sent,
+}
+
+impl SceneTransfers {
+    pub(super) fn push(&mut self, scene: Arc<EncodedScene>) {
+        let state = TransferState::Waiting;
+        self.queue.push_back(SceneTransfer { scene, state });
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.queue.len()
+    }
+
+    /// Whether the scene is in here and has not all been sent.
+    pub(super) fn is_sending(&self, hash: SceneHash) -> bool {
+        self.queue.iter().any(|transfer| {
+            transfer.scene.hash() == hash && !matches!(transfer.state, TransferState::Sent)
+        })
+    }
+
+    /// The next message of the first scene, if it has one now; with the scene if it is the last one.
+    pub(super) fn next(&mut self) -> Option<(ToNode, &Arc<EncodedScene>)> {
+        let SceneTransfer { scene, state } = self.queue.front_mut()?;
+        let hash = scene.hash();
+        let message = match state {
+            TransferState::Waiting => {
+                *state = TransferState::Announced;
+                let chunks = scene.chunks().to_vec();
+                ToNode::Manifest { hash, chunks }
+            }
+            TransferState::Sending(wanted) => match wanted.pop_front() {
+                Some(place) => ToNode::Chunk {
+                    bytes: scene.chunk(place as usize).to_vec(),
+                },
+                None => {
+                    *state = TransferState::Sent;
+                    ToNode::ChunksSent(hash)
+                }
+            },
+            TransferState::Announced | TransferState::Sent => return None,
+        };
+        Some((message, scene))
+    }
+
+    /// Sends what the node lacks of the first scene, places in rising order.
+    pub(super) fn want(&mut self, hash: SceneHash, wanted: Vec<u32>) -> Result<(), Error> {
+        const WHAT: &str = "list of wanted chunks";
+        let Some(SceneTransfer { scene, state }) = self.first(hash) else {
+            return Err(Error::out_of_order(WHAT, Reason::TransferNotOpen));
+        };
+        let chunks = scene.chunks().len();
+        if let Some(&chunk) = wanted.last()
+            && chunk as usize >= chunks
+        {
+            let reason = Reason::NoSuchChunk { chunk, chunks };
+            return Err(Error::out_of_order(WHAT, reason));
+        }
+        *state = TransferState::Sending(wanted.into());
+        Ok(())
+    }
+
+    /// The first scene, if chunks of it are on their way and it has so many bytes.
+    pub(super) fn coming(&self, bytes: usize) -> Option<&EncodedScene> {
+        let first = self.queue.front().filter(|transfer| {
+            let is_coming = matches!(
+                transfer.state,
+                TransferState::Sending(_) | TransferState::Sent
+            );
+            is_coming && bytes <= transfer.scene.bytes()
+        });
+        first.map(|transfer| transfer.scene.as_ref())
+    }
+
+    /// Ends the first scene if it is this one.
+    pub(super) fn end(&mut self, hash: SceneHash) {
+        if self.first(hash).is_some() {
+            self.queue.pop_front();
+        }
+    }
+
+    fn first(&mut self, hash: SceneHash) -> Option<&mut SceneTransfer> {
+        let first = self.queue.front_mut();
+        first.filter(|transfer| transfer.scene.hash() == hash)
+    }
+}
