@@ -180,8 +180,8 @@ def render_mitsuba(mitsuba, scene, args, seed):
 
 
 def run_carom(args, *words):
-    command = [args.carom, *words, "--backend" if words[0] == "bench" else "--devices"]
-    command += ["gpu" if on_gpu(args) else "cpu", "--scene", args.scene, "--size", size(args), "--spp", args.spp]
+    command = [args.carom, *words, "--backend", "gpu" if on_gpu(args) else "cpu"]
+    command += ["--scene", args.scene, "--size", size(args), "--spp", args.spp]
     run = subprocess.run([str(word) for word in command], capture_output=True, text=True)
     if run.returncode != 0:
         sys.exit(f"{' '.join(map(str, command))}: {run.stderr}")
@@ -313,7 +313,7 @@ def environment(mitsuba, scene, folder):
 
 
 def bitmap(given, file):
-    """A texture; Mitsuba's has its origin at the lower left, which `write_ply` counters."""
+    """A texture, whose origin is the upper left in both."""
     if given.get("wrap", ["repeat"] * 2) != ["repeat"] * 2:
         sys.exit(f"the texture {given['name']} is not repeated, which has no counterpart in this script")
     file.write_bytes(base64.b64decode(given["image"]["encoded"]))
@@ -428,7 +428,7 @@ def write_ply(given, path):
     triangles = numpy.array(given["triangles"], dtype="<u4")
     names = ["x", "y", "z"]
     if given.get("uvs"):
-        vertices = numpy.hstack([vertices, [[u, 1 - v] for u, v in given["uvs"]]])
+        vertices = numpy.hstack([vertices, numpy.array(given["uvs"], dtype="<f4")])
         names += ["u", "v"]
     if given.get("normals"):
         vertices = numpy.hstack([vertices, numpy.array(given["normals"], dtype="<f4")])

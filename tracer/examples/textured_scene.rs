@@ -41,7 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 fn scene() -> Result<Scene, String> {
     let camera = Camera::looking_at([0.0, -5.2, 1.5], [0.0, 0.0, 0.5]).fov_deg(38.0);
-    let mut scene = Scene::new().camera(camera).surroundings(sky()?);
+    let mut scene = Scene::new().camera(camera).surroundings(sky(256)?);
     let tiles = scene.add_texture(texture("tiles", 512, tile_color)?);
     let joints = scene.add_texture(texture("joints", 512, tile_normal)?.linear());
     let planet = scene.add_texture(texture("planet", 512, planet_color)?);
@@ -79,10 +79,11 @@ fn scene() -> Result<Scene, String> {
     Ok(scene)
 }
 
-/// A tiled floor and a globe that are matte, a globe of stained metal and one of gold, under the same sky.
+/// A tiled floor and a globe that are matte, a globe of stained metal and one of gold, under the same sky in
+/// finer pixels: renderers place those of environment maps half a pixel apart.
 fn matte_and_metal() -> Result<Scene, String> {
     let camera = Camera::looking_at([0.0, -5.2, 1.5], [0.0, 0.0, 0.5]).fov_deg(38.0);
-    let mut scene = Scene::new().camera(camera).surroundings(sky()?);
+    let mut scene = Scene::new().camera(camera).surroundings(sky(1024)?);
     let tiles = scene.add_texture(texture("tiles", 512, tile_color)?);
     let planet = scene.add_texture(texture("planet", 512, planet_color)?);
     let textured = |texture, metallic, roughness, specular| Material::MetallicRoughness {
@@ -201,13 +202,15 @@ fn wear(uv: Vec2) -> Vec3 {
 }
 
 /// A blue sky with a sun, and dull ground.
-fn sky() -> Result<EnvironmentMap, String> {
-    let size = ImageSize::new(512, 256);
+/// A blue sky with a sun, of twice as many columns as rows.
+fn sky(rows: u32) -> Result<EnvironmentMap, String> {
+    let size = ImageSize::new(2 * rows, rows);
     let mut picture = RadianceImage::black(size);
     let sun = Vec3::new(-0.55, -0.5, 0.62).normalize();
     for (i, pixel) in (0..).zip(&mut picture.pixels) {
-        let (x, y) = ((i % 512) as f32 + 0.5, (i / 512) as f32 + 0.5);
-        let (azimuth, colatitude) = (TAU * (x / 512.0 - 0.5), PI * y / 256.0);
+        let place = Vec2::new((i % size.width) as f32, (i / size.width) as f32) + 0.5;
+        let Vec2 { x, y } = place / rows as f32;
+        let (azimuth, colatitude) = (PI * (x - 1.0), PI * y);
         let sine = colatitude.sin();
         let direction = Vec3::new(sine * azimuth.sin(), sine * azimuth.cos(), colatitude.cos());
         let horizon = (1.0 - direction.z.abs()).powi(4);
