@@ -6,8 +6,8 @@ use egui::{ComboBox, Id, Slider, Ui};
 
 use crate::playback::{Playback, SPEEDS};
 
-/// Draws them.
-pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) {
+/// Draws them; whether another animation was chosen.
+pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) -> bool {
     let (chosen, secs) = playback.time().unwrap_or_default();
     let animations = playback.animations().clone();
     let name = |(number, animation): (usize, &SceneAnimation)| match animation.name.as_str() {
@@ -55,4 +55,5 @@ pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) {
         .suffix(" ×")
         .max_decimals(2);
     ui.add(slider);
+    playback.time().is_some_and(|(now, _)| now != chosen)
 }
