@@ -18,7 +18,7 @@ use crate::camera::OrbitCamera;
 use crate::controls::{self, Walk};
 use crate::lights::LightSwitches;
 use crate::playback::Playback;
-use crate::render::{FrameCamera, FrameView, News, OpenedScene, Renderer, SceneLook, ShownPicture};
+use crate::render::{News, OpenedScene, Renderer, SceneLook, ShownPicture};
 use crate::save_form::{SaveForm, SaveKind};
 
 /// See the [module](self).

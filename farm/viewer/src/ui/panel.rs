@@ -11,9 +11,9 @@ use egui::{
 use glam::Vec3;
 
 use crate::camera::OrbitCamera;
-use crate::save_form::SaveForm;
+use crate::save_form::{SaveForm, SaveKind};
 use crate::ui::animation;
-use crate::viewer::{STOPS_MAX, SaveKind, Viewer};
+use crate::viewer::{STOPS_MAX, Viewer};
 
 /// Draws it at the left of a part of the window; what it leaves of that.
 pub(crate) fn show(ctx: &Context, room: Rect, viewer: &mut Viewer) -> Rect {
