@@ -180,6 +180,12 @@ impl Coordinator {
         if !id.is_background() {
             self.recovery.budget.add_frame(work.of(passes.all()));
         }
+        // One that nobody has announced.
+        for (node, entry) in self.nodes.iter() {
+            if entry.is_open() && !entry.has_scene(scene.0) {
+                self.dispatcher.send_scene(node, scene.0, &scene.1);
+            }
+        }
         let mut frame = FrameInFlight::new(now, id, spec, scene, passes, work);
         frame.is_exact = exact;
         self.frames.push(frame);

@@ -6,7 +6,7 @@ mod frames;
 mod states;
 mod y4m;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -370,7 +370,11 @@ impl FilmRun {
         }
         loop {
             let has_to_wait = |frame: &FilmFrame| frame.render.next_frame().is_some();
-            if self.tracing.iter().any(has_to_wait) || self.tracing.len() >= FRAMES_IN_FLIGHT_MAX {
+            let scenes: BTreeSet<_> = self.tracing.iter().map(|of| of.scene.hash).collect();
+            if self.tracing.iter().any(has_to_wait)
+                || self.tracing.len() >= FRAMES_IN_FLIGHT_MAX
+                || scenes.len() >= SCENES_IN_FLIGHT_MAX
+            {
                 return Ok(());
             }
             let Some(index) = self.waiting.pop_front() else {
@@ -462,5 +466,8 @@ impl Film {
 /// Samples of a pixel that are asked for at a time: more are long to repeat when a node is lost. It
 /// does not depend on the farm, so that all machines make the same bits.
 const BATCH_SAMPLES: u32 = 1024;
+/// Scenes of frames that are traced at a time: one is traced while another travels, and a node, which keeps
+/// [`SCENES_KEPT_MAX`](carom_protocol::limits::SCENES_KEPT_MAX) of them, has room for that of a view.
+const SCENES_IN_FLIGHT_MAX: usize = 2;
 /// How long to wait for a frame before looking at what else there is.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);

@@ -182,6 +182,9 @@ fn a_film_of_scenes_has_them_made_once_and_keeps_what_was_traced() {
     let folder = tempfile::tempdir().unwrap();
     let made = Arc::new(AtomicU32::new(0));
     let mut farm = local();
+    // Nodes that are at work are told of each scene.
+    let still = Still::new(SIZE.width, SIZE.height).samples(1);
+    farm.render(&ball(), still).unwrap();
     let film = |key| growth(key, 5, &made);
     let job = farm.film(&ball(), film("growth"), folder.path()).unwrap();
     let why = job.wait().unwrap_err().to_string();

@@ -2,7 +2,7 @@
 
 use carom_farm::SceneAnimation;
 use carom_text::text;
-use egui::{ComboBox, Id, Slider, Ui};
+use egui::{ComboBox, Id, Slider, SliderClamping, Ui};
 
 use crate::playback::{Playback, SPEEDS};
 
@@ -44,7 +44,9 @@ pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) -> bool {
     let slider = Slider::new(&mut at_secs, 0.0..=playback.duration_secs())
         .text(text!("view-time"))
         .suffix(" s")
-        .fixed_decimals(2);
+        .fixed_decimals(2)
+        // Shown, it is not rounded: a slow animation would stand still.
+        .clamping(SliderClamping::Edits);
     if ui.add(slider).changed() {
         playback.seek(at_secs);
     }

@@ -6,7 +6,7 @@ use carom_window::theme;
 use egui::emath::Numeric;
 use egui::{
     Area, Button, Checkbox, CollapsingHeader, ComboBox, Context, DragValue, Grid, Id, Order,
-    ProgressBar, Rect, RichText, ScrollArea, Slider, TextEdit, Ui, Vec2,
+    ProgressBar, Rect, RichText, ScrollArea, Slider, SliderClamping, TextEdit, Ui, Vec2,
 };
 use glam::Vec3;
 
@@ -56,7 +56,9 @@ fn contents(ui: &mut Ui, viewer: &mut Viewer) {
     let slider = Slider::new(&mut fov_x_deg, narrow..=wide)
         .text(text!("view-fov"))
         .suffix("°")
-        .fixed_decimals(0);
+        .fixed_decimals(0)
+        // Shown, the scene's own is not rounded.
+        .clamping(SliderClamping::Edits);
     if ui.add(slider).changed() {
         viewer.camera.set_fov_x_deg(fov_x_deg);
     }

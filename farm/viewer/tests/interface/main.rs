@@ -10,7 +10,7 @@ mod stage;
 
 use std::path::PathBuf;
 
-use carom_farm::FrameStats;
+use carom_farm::{FrameStats, SceneFile};
 use carom_view::controls::CONTROLS;
 use carom_view::render::{FrameCamera, SaveOrder};
 use egui::accesskit::Role;
@@ -409,8 +409,8 @@ fn an_animation_plays_stops_and_is_wound_by_keys_and_panel() {
 
 /// Whether the camera is where `dolly` is at the time that is shown.
 fn is_on_dolly(stage: &Stage) -> bool {
-    let eye = stage.camera().eye;
-    (f64::from(eye.x) - time(stage).1).abs() < 1e-5 && (eye.y + 9.0).abs() < 1e-5
+    let file = SceneFile::open(stage.folder.path().join("dolly.gltf")).unwrap();
+    stage.camera() == file.camera(0, Some(time(stage))).unwrap()
 }
 
 #[test]
@@ -485,6 +485,8 @@ fn a_camera_is_chosen_in_the_panel_and_the_free_one_stays_where_the_files_was() 
 }
 
 fn order(stage: &mut Stage, button: &str) -> SaveOrder {
+    stage.harness.get_by_label(button).scroll_to_me();
+    stage.harness.run_steps(10);
     stage.harness.get_by_label(button).click();
     stage.harness.run_steps(2);
     stage.wanted().save.expect("an order")
