@@ -1,13 +1,29 @@
 #!/usr/bin/env python3
-"""The CPU tracer against Mitsuba 3 on the same scene, in the same run.
+"""Carom against Mitsuba 3 on the same scene, in the same run: speed, and whether both trace the same light.
 
     python3 tests/compare_mitsuba.py [--carom PATH] [--scene FILE] [--spp N] [--repetitions N]
 
-Needs the Python packages `mitsuba` (its LLVM back end a libLLVM.so of version 16 or newer) and `numpy` and
-a release build of `carom-farm`. Prints Msample per core-second of both, from the CPU time of both
-processes' threads, and their ratio, where the whole picture is traced with the maximum depth of 5 that ours is
-measured with; and the ratio of the pictures' means, with the standard error that Mitsuba's has, which says
-whether both have traced the same light.
+Needs the Python packages `mitsuba` (its LLVM back end a libLLVM.so of version 16 or newer, which DRJIT_LIBLLVM_PATH may
+name) and `numpy` and a release build of `carom-farm`. Prints
+
+- Msample per core-second of both, from the CPU time of both processes' threads (on a GPU, with `--variant cuda_ad_rgb`,
+  Msample per second), and their ratio, the best of the repetitions of each, which take turns;
+- the means of rectangular regions of the picture over Mitsuba's: how many of the values of all regions and channels
+  lie more than 3 standard errors apart, of how many, the largest distance, and the mean of the whole picture. Standard
+  errors are of the repetitions, each with a seed of its own. With N repetitions a distance is a t value of about
+  2N - 2 degrees of freedom: of 16 and more few may be beyond 3 by chance (0.6 % at N = 8, 0.3 % at many). Differences
+  below `--resolution` times the picture's mean, 1e-4, are none: that is what float32 pixels leave.
+
+Mitsuba's Cornell box, a million triangles, and an environment map with textures:
+
+    cargo run --release -p carom-tracer --example mesh_scenes -- FOLDER
+    python3 tests/compare_mitsuba.py --scene FOLDER/cornell_box.json --cornell-box --size 512x512
+    python3 tests/compare_mitsuba.py --scene FOLDER/bumpy_ball.json
+    python3 tests/compare_mitsuba.py --scene FOLDER/matte_and_metal.json
+
+With `--cornell-box` Mitsuba traces its own box, not a translation of the file: its lamp is as white as its walls, which that
+of `cornell_box_white_lamp.json` is and an area light is not. Speed is measured where the whole picture
+is traced with the maximum depth of 5 that `carom-farm bench trace` has.
 
 Mitsuba moves the origins of rays off surfaces, by 9e-5 times one plus the largest coordinate. That takes
 from a medium: `--about` and `--scale` give Mitsuba the scene moved to another origin and enlarged, which
@@ -18,12 +34,14 @@ changes what is moved and nothing else. For the wax ball of the materials scene:
 """
 
 import argparse
+import base64
 import json
 import pathlib
 import resource
 import subprocess
 import sys
 import tempfile
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 MAX_DEPTH = 5
@@ -33,10 +51,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--carom", default=ROOT / "target/release/carom-farm", type=pathlib.Path)
     parser.add_argument("--scene", default=ROOT / "assets/scenes/pool.json", type=pathlib.Path)
-    parser.add_argument("--spp", default=4, type=int, help="samples per pixel")
-    parser.add_argument("--repetitions", default=3, type=int)
+    parser.add_argument("--cornell-box", action="store_true", help="Mitsuba traces its own Cornell box")
+    parser.add_argument("--spp", default=16, type=int, help="samples per pixel of a repetition")
+    parser.add_argument("--repetitions", default=8, type=int)
     parser.add_argument("--variant", default="llvm_ad_rgb", help="Mitsuba's back end")
-    parser.add_argument("--size", default=[1280, 720], type=numbers(int, 2, "x"), help="pixels")
+    parser.add_argument("--size", default=[640, 360], type=numbers(int, 2, "x"), help="pixels")
+    parser.add_argument("--regions", default=[8, 6], type=numbers(int, 2, "x"), help="regions compared")
+    parser.add_argument("--resolution", default=1e-4, type=float, help="least difference, of the picture's mean")
     parser.add_argument("--max-depth", default=MAX_DEPTH, type=int, help="maximum path depth")
     parser.add_argument("--crop", type=numbers(int, 4), help="x,y,width,height that are compared")
     parser.add_argument("--about", default=[0, 0, 0], type=numbers(float, 3), help="Mitsuba's origin")
@@ -44,6 +65,8 @@ def main():
     args = parser.parse_args()
     is_timed = args.max_depth == MAX_DEPTH and not args.crop
     args.crop = args.crop or [0, 0, *args.size]
+    if args.repetitions < 2:
+        sys.exit(f"--repetitions {args.repetitions}: a standard error takes at least 2")
     try:
         import mitsuba
     except ImportError:
@@ -53,26 +76,38 @@ def main():
     if args.variant not in mitsuba.variants():
         sys.exit(f"Mitsuba has no {args.variant}: one of {', '.join(mitsuba.variants())}")
     mitsuba.set_variant(args.variant)
+    with tempfile.TemporaryDirectory() as folder:
+        scene = mitsuba.load_dict(described(mitsuba, args, pathlib.Path(folder)))
+
+    theirs, ours, their_rates, our_rates = [], [], [], []
+    render_mitsuba(mitsuba, scene, args, 0)  # compiles
+    for seed in range(1, args.repetitions + 1):
+        rate, picture = render_mitsuba(mitsuba, scene, args, seed)
+        their_rates.append(rate)
+        theirs.append(region_means(picture, args.regions))
+        ours.append(region_means(render_carom(mitsuba, args, seed), args.regions))
+        if is_timed:
+            our_rates.append(bench_carom(args))
+    unit = "Msample/s" if on_gpu(args) else "Msample/core-s"
+    print(f"mitsuba {max(their_rates):8.3f} {unit} ({args.variant} {mitsuba.__version__})")
+    if is_timed:
+        print(f"carom   {max(our_rates):8.3f} {unit}")
+        print(f"ratio   {max(our_rates) / max(their_rates):8.2f}")
+    print_agreement(args, ours, theirs)
+
+
+def described(mitsuba, args, folder):
+    """The scene as Mitsuba takes it."""
+    if args.cornell_box:
+        scene = mitsuba.cornell_box()
+        scene["sensor"] |= film(args)
+        return scene | {"integrator": integrator(args, "path")}
     given = json.loads(args.scene.read_text())
     for thing in given["objects"]:
         if "mesh" in thing["shape"]:
             thing["shape"]["mesh"].setdefault("center", [0, 0, 0])
     given = moved(given, args.about, args.scale)
-    with tempfile.TemporaryDirectory() as folder:
-        scene = mitsuba.load_dict(scene_dict(mitsuba, given, args, pathlib.Path(folder)))
-
-    theirs, ours = [], []
-    render_mitsuba(mitsuba, scene, args, 0)  # compiles
-    for seed in range(1, args.repetitions + 1):
-        theirs.append(render_mitsuba(mitsuba, scene, args, seed))
-        if is_timed:
-            ours.append(bench_carom(args))
-    other = max(rate for rate, _ in theirs)
-    print(f"mitsuba {other:8.3f} Msample/core-s ({args.variant} {mitsuba.__version__})")
-    if is_timed:
-        print(f"carom   {max(ours):8.3f} Msample/core-s")
-        print(f"ratio   {max(ours) / other:8.2f}")
-    print_means(mean_carom(mitsuba, args), [mean for _, mean in theirs])
+    return scene_dict(mitsuba, given, args, folder)
 
 
 def numbers(kind, count, separator=","):
@@ -85,14 +120,46 @@ def numbers(kind, count, separator=","):
     return parse
 
 
-def print_means(ours, theirs):
+def on_gpu(args):
+    return args.variant.startswith("cuda")
+
+
+def region_means(picture, regions):
+    """Means of `regions` columns and rows, and of all: an array of one row of channels each."""
     import numpy
 
-    mean = numpy.mean(theirs, axis=0)
-    print("mean radiance over Mitsuba's:", " ".join(f"{ratio:.4f}" for ratio in ours / mean))
-    if len(theirs) > 1:
-        error = numpy.std(theirs, axis=0, ddof=1) / len(theirs) ** 0.5 / mean
-        print("standard error of Mitsuba's: ", " ".join(f"{one:.4f}" for one in error))
+    columns, rows = regions
+    blocks = [
+        block.mean(axis=(0, 1), dtype=float)
+        for row in numpy.array_split(picture, rows, axis=0)
+        for block in numpy.array_split(row, columns, axis=1)
+    ]
+    return numpy.array([*blocks, picture.mean(axis=(0, 1), dtype=float)])
+
+
+def print_agreement(args, ours, theirs):
+    import numpy
+
+    def mean_and_error(values):
+        return numpy.mean(values, axis=0), numpy.std(values, axis=0, ddof=1) / len(values) ** 0.5
+
+    (our_mean, our_error), (their_mean, their_error) = mean_and_error(ours), mean_and_error(theirs)
+    error = numpy.hypot(our_error, their_error)
+    difference = our_mean - their_mean
+    counted = numpy.abs(difference) > args.resolution * their_mean[-1].max()
+    apart = numpy.where(counted, numpy.abs(difference) / numpy.maximum(error, 1e-30), 0.0)[:-1]
+    worst = numpy.unravel_index(apart.argmax(), apart.shape)
+    row, column = divmod(worst[0], args.regions[0])
+    print(
+        f"regions more than 3 standard errors apart: {(apart > 3).sum()} of {apart.size};",
+        f"at most {apart.max():.1f}, channel {worst[1]} of column {column}, row {row}:",
+        f"{our_mean[worst] / their_mean[worst]:.4f} of Mitsuba's",
+    )
+    typical = numpy.median(error[:-1] / numpy.maximum(their_mean[:-1], 1e-30))
+    print(f"standard error of a region's difference: {100 * typical:.2f} % of its mean (median)")
+    ratios, errors = our_mean[-1] / their_mean[-1], error[-1] / their_mean[-1]
+    parts = (f"{ratio:.4f} ± {one:.4f}" for ratio, one in zip(ratios, errors))
+    print("mean of the picture over Mitsuba's:", ", ".join(parts))
 
 
 def cpu_secs():
@@ -101,37 +168,43 @@ def cpu_secs():
 
 
 def render_mitsuba(mitsuba, scene, args, seed):
-    """Msample per core-second, and the picture's mean."""
+    """Msample per core-second, or per second of a GPU, and the picture."""
     import numpy
 
-    begun = cpu_secs()
+    clock = time.monotonic if on_gpu(args) else cpu_secs
+    begun = clock()
     picture = numpy.array(mitsuba.render(scene, spp=args.spp, seed=seed))
-    secs = cpu_secs() - begun
+    secs = clock() - begun
     width, height = args.crop[2:]
-    return width * height * args.spp * 1e-6 / secs, picture.mean(axis=(0, 1), dtype=float)
+    return width * height * args.spp * 1e-6 / secs, picture[..., :3]
+
+
+def run_carom(args, *words):
+    command = [args.carom, *words, "--backend" if words[0] == "bench" else "--devices"]
+    command += ["gpu" if on_gpu(args) else "cpu", "--scene", args.scene, "--size", size(args), "--spp", args.spp]
+    run = subprocess.run([str(word) for word in command], capture_output=True, text=True)
+    if run.returncode != 0:
+        sys.exit(f"{' '.join(map(str, command))}: {run.stderr}")
+    return run.stdout
 
 
 def bench_carom(args):
-    command = [args.carom, "bench", "trace", "--json", "--backend", "cpu", "--repetitions", "1"]
-    command += ["--size", size(args), "--spp", args.spp, "--scene", args.scene]
-    output = subprocess.run([str(word) for word in command], check=True, capture_output=True)
-    return json.loads(output.stdout)["backends"][0]["msamples_per_core_second"]
+    output = run_carom(args, "bench", "trace", "--json", "--repetitions", "1")
+    key = "msamples_per_second" if on_gpu(args) else "msamples_per_core_second"
+    return json.loads(output)["backends"][0][key]
 
 
-def mean_carom(mitsuba, args):
+def render_carom(mitsuba, args, seed):
     import numpy
 
     with tempfile.TemporaryDirectory() as folder:
-        picture = pathlib.Path(folder) / "picture.exr"
-        command = [args.carom, "render", "--out", picture, "--backend", "cpu", "--scene", args.scene]
-        command += ["--size", size(args), "--spp", args.spp, "--max-depth", args.max_depth]
-        subprocess.run([str(word) for word in command], check=True, capture_output=True)
-        x, y, width, height = args.crop
-        bitmap = mitsuba.Bitmap(str(picture))
-        channels = [field.name for field in bitmap.struct_()]
-        colour = [channels.index(name) for name in "RGB"]
-        pixels = numpy.array(bitmap)[y : y + height, x : x + width, colour]
-        return pixels.mean(axis=(0, 1), dtype=float)
+        file = pathlib.Path(folder) / "picture.exr"
+        run_carom(args, "render", "--out", file, "--seed", seed, "--max-depth", args.max_depth)
+        bitmap = mitsuba.Bitmap(str(file))
+    channels = [field.name for field in bitmap.struct_()]
+    colour = [channels.index(name) for name in "RGB"]
+    x, y, width, height = args.crop
+    return numpy.array(bitmap)[y : y + height, x : x + width, colour]
 
 
 def size(args):
@@ -162,18 +235,36 @@ def moved(given, about, scale):
     return result
 
 
+def integrator(args, kind):
+    return {"type": kind, "max_depth": args.max_depth + 1, "rr_depth": 10_000}
+
+
+def film(args):
+    x, y, width, height = args.crop
+    return {
+        "film": {
+            "type": "hdrfilm",
+            "width": args.size[0],
+            "height": args.size[1],
+            "crop_offset_x": x,
+            "crop_offset_y": y,
+            "crop_width": width,
+            "crop_height": height,
+            "pixel_format": "rgb",
+            "component_format": "float32",
+            "rfilter": {"type": "box"},
+        },
+        "sampler": {"type": "independent"},
+    }
+
+
 def scene_dict(mitsuba, scene, args, folder):
     camera = scene["camera"]
     lens = camera.get("lens", {"aperture_radius_m": 0.0, "focus_distance_m": 1.0})
     is_pinhole = lens["aperture_radius_m"] == 0.0
-    x, y, width, height = args.crop
     result = {
         "type": "scene",
-        "integrator": {
-            "type": "volpath" if '"medium"' in json.dumps(scene) else "path",
-            "max_depth": args.max_depth + 1,
-            "rr_depth": 10_000,
-        },
+        "integrator": integrator(args, "volpath" if '"medium"' in json.dumps(scene["materials"]) else "path"),
         "sensor": {
             "type": "perspective" if is_pinhole else "thinlens",
             **({} if is_pinhole else {
@@ -187,22 +278,13 @@ def scene_dict(mitsuba, scene, args, folder):
             "to_world": mitsuba.ScalarTransform4f().look_at(
                 origin=camera["eye"], target=camera["target"], up=camera["up"]
             ),
-            "film": {
-                "type": "hdrfilm",
-                "width": args.size[0],
-                "height": args.size[1],
-                "crop_offset_x": x,
-                "crop_offset_y": y,
-                "crop_width": width,
-                "crop_height": height,
-                "rfilter": {"type": "box"},
-            },
-            "sampler": {"type": "independent"},
+            **film(args),
         },
-        "sky": {"type": "constant", "radiance": rgb(scene["environment"]["radiance"])},
+        "sky": environment(mitsuba, scene, folder),
     }
+    textures = [bitmap(given, folder / f"texture{index}") for index, given in enumerate(scene.get("textures", []))]
     for name, material in scene["materials"].items():
-        result[name] = {"id": name, **bsdf(mitsuba, material)}
+        result[name] = {"id": name, **bsdf(mitsuba, material, textures)}
     for index, thing in enumerate(scene["objects"]):
         material = {"type": "ref", "id": thing["material"]}
         ply = folder / f"object{index}.ply"
@@ -217,11 +299,32 @@ def scene_dict(mitsuba, scene, args, folder):
     return result
 
 
+def environment(mitsuba, scene, folder):
+    radiance, map_of_all = scene["environment"]["radiance"], scene.get("environment_map")
+    if not map_of_all:
+        return {"type": "constant", "radiance": rgb(radiance)}
+    if len(set(radiance)) > 1 or map_of_all.get("turn_deg"):
+        sys.exit("an environment map that is tinted or turned has no counterpart in this script")
+    file = folder / "environment.exr"
+    file.write_bytes(base64.b64decode(map_of_all["image"]["encoded"]))
+    # Mitsuba's picture shows +z in its middle, -x in its right half and +y at its upper edge.
+    turned = mitsuba.ScalarTransform4f([[-1, 0, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    return {"type": "envmap", "filename": str(file), "scale": radiance[0], "to_world": turned}
+
+
+def bitmap(given, file):
+    """A texture; Mitsuba's has its origin at the lower left, which `write_ply` counters."""
+    if given.get("wrap", ["repeat"] * 2) != ["repeat"] * 2:
+        sys.exit(f"the texture {given['name']} is not repeated, which has no counterpart in this script")
+    file.write_bytes(base64.b64decode(given["image"]["encoded"]))
+    return {"type": "bitmap", "filename": str(file), "raw": given.get("color_space") == "linear"}
+
+
 def rgb(value):
     return {"type": "rgb", "value": value}
 
 
-def bsdf(mitsuba, material):
+def bsdf(mitsuba, material, textures):
     kind, given = next(iter(material.items()))
     if kind == "diffuse":
         # Plates and boxes here are seen from both sides.
@@ -235,7 +338,27 @@ def bsdf(mitsuba, material):
     if kind == "conductor":
         numbers = {"eta": rgb(given["eta"]), "k": rgb(given["k"]), "alpha": given["alpha"]}
         return {"type": "roughconductor", "distribution": "ggx", **numbers}
+    if kind == "metallic_roughness":
+        return metallic_roughness(given, textures)
     sys.exit(f"the material {kind} has no counterpart in this script")
+
+
+def metallic_roughness(given, textures):
+    """Lambert or a metal of Mitsuba's principled material: what lies between differs by intention."""
+    used = {name: index for name, index in given.get("textures", {}).items() if index is not None}
+    used.pop("normal_scale", None)
+    base = used.pop("base_color", None)
+    color = rgb(given["base_color"]) if base is None else textures[base]
+    layers = given.get("layers", {})
+    plain = not used and not any(given.get("emission", [0])) and given.get("opacity", "opaque") == "opaque"
+    if base is not None and given["base_color"] != [1.0] * 3:
+        plain = False
+    if plain and given["metallic"] == 0.0 and layers.get("specular", 1.0) == 0.0:
+        return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": color}}
+    if plain and given["metallic"] == 1.0:
+        numbers = {"metallic": 1.0, "roughness": given["roughness"], "specular": 0.5}
+        return {"type": "principled", "base_color": color, **numbers}
+    sys.exit(f"the metallic_roughness {given} has no counterpart in this script")
 
 
 def medium(given):
@@ -304,6 +427,9 @@ def write_ply(given, path):
     vertices = numpy.array(given["positions"], dtype="<f4")
     triangles = numpy.array(given["triangles"], dtype="<u4")
     names = ["x", "y", "z"]
+    if given.get("uvs"):
+        vertices = numpy.hstack([vertices, [[u, 1 - v] for u, v in given["uvs"]]])
+        names += ["u", "v"]
     if given.get("normals"):
         vertices = numpy.hstack([vertices, numpy.array(given["normals"], dtype="<f4")])
         names += ["nx", "ny", "nz"]

@@ -10,7 +10,10 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use carom_tracer::compiled::ShapeKind;
-use carom_tracer::{AreaLight, Camera, CompiledScene, Material, Mesh, Plane, Scene};
+use carom_tracer::{
+    AreaLight, Camera, CompiledScene, Layers, Material, MaterialTextures, Mesh, Opacity, Plane,
+    Scene,
+};
 use glam::{Mat4, Quat, Vec3};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -19,7 +22,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let triangles = arguments
         .next()
         .map_or(Ok(1_000_000), |text| text.parse())?;
-    cornell_box().save(folder.join("cornell_box.json"))?;
+    let mut box_lit_by_a_light = cornell_box();
+    box_lit_by_a_light.add_light(lamp());
+    box_lit_by_a_light.save(folder.join("cornell_box.json"))?;
+    cornell_box_with_white_lamp().save(folder.join("cornell_box_white_lamp.json"))?;
     let scene = bumpy_ball_on_floor(triangles);
     let begun = Instant::now();
     let compiled = CompiledScene::new(&scene)?;
@@ -40,11 +46,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// As `mitsuba.cornell_box()` has it (Mitsuba 3.9), each surface a mesh; y is up, and its lamp is black.
+/// As `mitsuba.cornell_box()` has it (Mitsuba 3.9), each surface a mesh, but for its lamp; y is up.
 fn cornell_box() -> Scene {
     let camera = Camera::looking_at([0.0, 0.0, 3.9], [0.0; 3]).upright([0.0, 1.0, 0.0]);
     let mut scene = Scene::new().camera(camera.fov_deg(39.3077)).sky([0.0; 3]);
-    let white = Material::diffuse([0.885_809, 0.698_859, 0.666_422]);
+    let white = Material::diffuse(WHITE);
     let green = Material::diffuse([0.105_421, 0.377_98, 0.076_425]);
     let red = Material::diffuse([0.570_068, 0.043_013_5, 0.044_370_6]);
     let wall = |normal: Vec3| {
@@ -78,9 +84,54 @@ fn cornell_box() -> Scene {
         let turn = Quat::from_rotation_y(degrees.to_radians());
         scene.add_named(name, block(half).at(center).rotated(turn), white);
     }
+    scene
+}
+
+/// The albedo of the box's white walls.
+const WHITE: [f32; 3] = [0.885_809, 0.698_859, 0.666_422];
+
+/// The box's lamp, which reflects nothing.
+fn lamp() -> AreaLight {
     let mut lamp = AreaLight::new(0.46, 0.38).at([0.0, 0.99, 0.01]);
     (lamp.half_u, lamp.half_v) = (0.23 * Vec3::X, 0.19 * Vec3::Z);
-    scene.add_light(lamp.radiance([18.387, 13.987_3, 6.753_57]));
+    lamp.radiance([18.387, 13.987_3, 6.753_57])
+}
+
+/// The box with a lamp as white as its walls: a mesh that emits to both sides, under a black lid.
+fn cornell_box_with_white_lamp() -> Scene {
+    let mut scene = cornell_box();
+    let AreaLight {
+        center,
+        half_u,
+        half_v,
+        radiance,
+        ..
+    } = lamp();
+    let sheet = |height: f32| {
+        let corners = [
+            half_u + half_v,
+            half_u - half_v,
+            -half_u - half_v,
+            half_v - half_u,
+        ];
+        let corners = corners.map(|corner| center + corner + height * Vec3::Y);
+        Mesh::new(corners.into(), vec![[0, 1, 2], [0, 2, 3]])
+    };
+    let glowing = Material::MetallicRoughness {
+        base_color: WHITE.into(),
+        metallic: 0.0,
+        roughness: 1.0,
+        ior: 1.5,
+        emission: radiance,
+        textures: MaterialTextures::NONE,
+        opacity: Opacity::Opaque,
+        layers: Layers {
+            specular: 0.0,
+            ..Layers::NONE
+        },
+    };
+    scene.add_named("lamp", sheet(0.0), glowing);
+    scene.add_named("lid", sheet(1e-4), Material::diffuse([0.0; 3]));
     scene
 }
 

@@ -1,4 +1,5 @@
-//! A scene of image textures, normal maps and an environment map, all made here: as a scene file and as a picture.
+//! A scene of image textures, normal maps and an environment map, all made here: as a scene file and as a picture; and one
+//! of matte and of metal textures alone, which other renderers have, too.
 //!
 //! `cargo run --release -p carom-tracer --example textured_scene -- FOLDER [SAMPLES]`
 
@@ -20,6 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let samples = arguments.next().map_or(Ok(64), |text| text.parse())?;
     let scene = scene()?;
     scene.save(folder.join("textured_scene.json"))?;
+    matte_and_metal()?.save(folder.join("matte_and_metal.json"))?;
     let settings = RenderSettings {
         samples,
         denoise: true,
@@ -70,6 +72,45 @@ fn scene() -> Result<Scene, String> {
             Material::rough([1.0; 3], 0.35).textured(maps(Some(planet), None, None)),
         ),
         (1.15, metal(1.0, maps(None, Some(wear), None))),
+    ] {
+        let tilt = Quat::from_rotation_y(0.4) * Quat::from_rotation_z(x);
+        scene.add(globe().at([x, 0.0, 0.5]).rotated(tilt), material);
+    }
+    Ok(scene)
+}
+
+/// A tiled floor and a globe that are matte, a globe of stained metal and one of gold, under the same sky.
+fn matte_and_metal() -> Result<Scene, String> {
+    let camera = Camera::looking_at([0.0, -5.2, 1.5], [0.0, 0.0, 0.5]).fov_deg(38.0);
+    let mut scene = Scene::new().camera(camera).surroundings(sky()?);
+    let tiles = scene.add_texture(texture("tiles", 512, tile_color)?);
+    let planet = scene.add_texture(texture("planet", 512, planet_color)?);
+    let textured = |texture, metallic, roughness, specular| Material::MetallicRoughness {
+        base_color: Vec3::ONE,
+        metallic,
+        roughness,
+        ior: 1.5,
+        emission: Vec3::ZERO,
+        textures: MaterialTextures {
+            base_color: Some(texture),
+            ..MaterialTextures::NONE
+        },
+        opacity: Opacity::Opaque,
+        layers: Layers {
+            specular,
+            ..Layers::NONE
+        },
+    };
+    let gold = Material::Conductor {
+        eta: Vec3::new(0.143, 0.375, 1.442),
+        k: Vec3::new(3.983, 2.386, 1.603),
+        alpha: 0.2,
+    };
+    scene.add(floor_mesh(), textured(tiles, 0.0, 1.0, 0.0));
+    for (x, material) in [
+        (-1.15, textured(planet, 1.0, 0.5, 1.0)),
+        (0.0, textured(planet, 0.0, 1.0, 0.0)),
+        (1.15, gold),
     ] {
         let tilt = Quat::from_rotation_y(0.4) * Quat::from_rotation_z(x);
         scene.add(globe().at([x, 0.0, 0.5]).rotated(tilt), material);

@@ -196,6 +196,7 @@ fn one_player_takes_few_connections_and_no_descriptors() {
     if let Some(counts) = withstood_by("connections", || AttackedNode::start_limited("64")) {
         assert!(count(&counts, "most at once") <= 4, "{counts:?}");
         assert!(count(&counts, "turned away") > 0, "{counts:?}");
+        assert_eq!(count(&counts, "unanswered"), 0, "{counts:?}");
     }
 }
 

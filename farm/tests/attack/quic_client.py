@@ -183,15 +183,19 @@ class Attack:
         client = Client(self.node, self.mallory(), **config).open()
         if greets and client.is_open:
             client.send(self.message("hello"))
-        # A node that has no place says so after the handshake, and one that has answers the greeting: however
-        # slow the machine is, what a greeted node has said decides.
+        # A node that has no place says so after the handshake, and one that has a place answers the greeting.
         client.run(3 if greets else 0.2, lambda client: client.closed or client.stream_bytes > 0)
-        if client.closed or not client.is_open or (greets and not client.stream_bytes):
-            self.count("turned away")
-            client.drop()
-            return None
-        self.count("taken")
-        return client
+        if client.closed or not client.is_open:
+            outcome = "turned away"
+        elif greets and not client.stream_bytes:
+            outcome = "unanswered"
+        else:
+            outcome = "taken"
+        self.count(outcome)
+        if outcome == "taken":
+            return client
+        client.drop()
+        return None
 
     def issuer(self):
         """Issues certificates as the farm's authority would, or would not."""

@@ -61,15 +61,6 @@ impl<S: Simd> Mat3x<S> {
         )
     }
 
-    /// `self · rhsᵀ`.
-    #[inline(always)]
-    pub(crate) fn mul_transposed(&self, rhs: &Self) -> Self {
-        Self::from_fn(
-            #[inline(always)]
-            |i, j| dot(self.0[i], rhs.0[j]),
-        )
-    }
-
     /// `self · diag(values)`.
     #[inline(always)]
     pub(crate) fn scale_columns(&self, values: [Lanes<S>; 3]) -> Self {
@@ -82,6 +73,17 @@ impl<S: Simd> Mat3x<S> {
     #[inline(always)]
     pub(crate) fn column(&self, j: usize) -> [Lanes<S>; 3] {
         [self.0[0][j], self.0[1][j], self.0[2][j]]
+    }
+
+    #[inline(always)]
+    pub(crate) fn determinant(&self) -> Lanes<S> {
+        let [a, b, c] = self.0;
+        let cross = [
+            b[1] * c[2] - b[2] * c[1],
+            b[2] * c[0] - b[0] * c[2],
+            b[0] * c[1] - b[1] * c[0],
+        ];
+        dot(a, cross)
     }
 
     #[inline(always)]

@@ -1,20 +1,24 @@
-//! Singular value decomposition of 3x3 matrices, a matrix a lane.
+//! Singular values and left singular vectors of 3x3 matrices, a matrix a lane.
 //!
 //! One-sided Jacobi (Hestenes 1958; Demmel and Veselić 1992 on its accuracy for small singular
-//! values) makes the columns of F·V orthogonal; Givens rotations then give F·V = U·Σ, with the
-//! order and signs of McAdams et al. 2011, "Computing the Singular Value Decomposition of 3x3
-//! matrices with minimal branching and elementary floating point operations".
+//! values) makes the columns of F·V orthogonal.
 
 use fearless_simd::prelude::*;
 
 use crate::lanes::{Lanes, Mat3x, dot, each};
 
-/// `F = U · diag(sigma) · Vᵀ`. U and V are rotations, so that the sign of det F is that of the
-/// last singular value, the smallest in magnitude; the first two are not negative.
-pub(crate) struct Svd<S: Simd> {
+/// What isotropic materials need of `F = U · diag(sigma) · Vᵀ`: the principal directions of stress, and how far F
+/// stretches along them.
+///
+/// V is left out: F·V has the stress of F. Stored in its place, its columns are nearly orthogonal after the next substep's
+/// strain, too, and one or two sweeps do.
+pub(crate) struct Stretches<S: Simd> {
+    /// `F · V`, which is `U · diag(sigma)`.
+    pub(crate) deformation: Mat3x<S>,
+    /// Orthonormal columns, in no order; a reflection if F is one.
     pub(crate) u: Mat3x<S>,
+    /// At least 0.
     pub(crate) sigma: [Lanes<S>; 3],
-    pub(crate) v: Mat3x<S>,
 }
 
 /// Cyclic sweeps of Jacobi's method: it converges quadratically, and the sixth is below the
@@ -25,33 +29,70 @@ const SWEEPS_MAX: usize = 6;
 /// leaves is of the order of the square.
 const COSINE_LAST: f32 = 1e-4;
 
-/// Decomposes a matrix.
-#[inline(always)]
-pub(crate) fn svd<S: Simd>(simd: S, f: &Mat3x<S>) -> Svd<S> {
-    let mut b = *f;
-    let mut v = Mat3x::identity(simd);
-    for _ in 0..SWEEPS_MAX {
-        let mut is_last = true;
-        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            is_last &= jacobi(simd, &mut b, &mut v, p, q);
+/// Stretches that are smaller have no direction.
+const SIGMA_MIN: f32 = 1e-18;
+
+impl<S: Simd> Stretches<S> {
+    /// Of a deformation. Directions are the axes where F is flat.
+    #[inline(always)]
+    pub(crate) fn new(simd: S, f: &Mat3x<S>) -> Self {
+        let mut b = *f;
+        for _ in 0..SWEEPS_MAX {
+            let mut is_last = true;
+            for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+                is_last &= jacobi(simd, &mut b, p, q);
+            }
+            if is_last {
+                break;
+            }
         }
-        if is_last {
-            break;
+        let sigma = each(
+            #[inline(always)]
+            |j| dot(b.column(j), b.column(j)).sqrt(),
+        );
+        let least = sigma[0].min(sigma[1]).min(sigma[2]);
+        let is_flat = least.simd_lt(SIGMA_MIN);
+        let one = Lanes::splat(simd, 1.0);
+        let inverse = each(
+            #[inline(always)]
+            |j| one / sigma[j].max(SIGMA_MIN),
+        );
+        let (directions, axes) = (b.scale_columns(inverse), Mat3x::identity(simd));
+        let u = Mat3x::from_fn(
+            #[inline(always)]
+            |i, j| is_flat.select(axes.0[i][j], directions.0[i][j]),
+        );
+        Self {
+            deformation: b,
+            u,
+            sigma,
         }
     }
-    sort_columns(&mut b, &mut v);
-    let mut u = Mat3x::identity(simd);
-    for (p, q, column) in [(0, 1, 0), (0, 2, 0), (1, 2, 1)] {
-        rotate_rows(simd, &mut b, &mut u, (p, q, column));
+
+    /// The stretches with a sign: where F turns inside out the least is negative, and U is a rotation. Its entries stay
+    /// as they are: in stress the signs of its columns cancel.
+    #[inline(always)]
+    pub(crate) fn signed_sigma(&self) -> [Lanes<S>; 3] {
+        let [a, b, c] = self.sigma;
+        let is_inverted = self.u.determinant().simd_lt(0.0);
+        let is_first = a.simd_le(b) & a.simd_le(c);
+        let is_second = !is_first & b.simd_le(c);
+        let is_third = !(is_first | is_second);
+        [(a, is_first), (b, is_second), (c, is_third)].map(
+            #[inline(always)]
+            |(sigma, is_least)| (is_inverted & is_least).select(-sigma, sigma),
+        )
     }
-    let sigma = [b.0[0][0], b.0[1][1], b.0[2][2]];
-    Svd { u, sigma, v }
 }
 
 /// One rotation that makes the columns p and q of `b` orthogonal, and whether they were nearly:
 /// Golub and Van Loan, "Matrix Computations", section 8.6.3.
+///
+/// With the tangent of half the angle small rotations do not change lengths: as 1 − θ²/2 the cosine would be rounded to 1
+/// and columns would grow, substep by substep (Rutishauser, "The Jacobi Method for Real Symmetric Matrices", Numerische
+/// Mathematik 9, 1966).
 #[inline(always)]
-fn jacobi<S: Simd>(simd: S, b: &mut Mat3x<S>, v: &mut Mat3x<S>, p: usize, q: usize) -> bool {
+fn jacobi<S: Simd>(simd: S, b: &mut Mat3x<S>, p: usize, q: usize) -> bool {
     let (x, y) = (b.column(p), b.column(q));
     let (xx, yy, xy) = (dot(x, x), dot(y, y), dot(x, y));
     let bound = (xx * yy) * (COSINE_LAST * COSINE_LAST);
@@ -62,70 +103,21 @@ fn jacobi<S: Simd>(simd: S, b: &mut Mat3x<S>, v: &mut Mat3x<S>, p: usize, q: usi
     let tangent = twice / (difference.abs() + root + f32::MIN_POSITIVE);
     let tangent = difference.simd_lt(0.0).select(-tangent, tangent);
     let one = Lanes::splat(simd, 1.0);
-    let cosine = one / tangent.mul_add(tangent, one).sqrt();
-    let sine = tangent * cosine;
-    for matrix in [b, v] {
-        for row in &mut matrix.0 {
-            let (x, y) = (row[p], row[q]);
-            row[p] = cosine * x - sine * y;
-            row[q] = sine * x + cosine * y;
-        }
+    let secant = tangent.mul_add(tangent, one).sqrt();
+    let sine = tangent / secant;
+    let half = tangent / (secant + 1.0);
+    for row in &mut b.0 {
+        let (x, y) = (row[p], row[q]);
+        row[p] = x - sine * half.mul_add(x, y);
+        row[q] = y + sine * (x - half * y);
     }
     is_small
-}
-
-/// Orders the columns of `b` by falling length, and those of `v` alike; a swap negates one of the
-/// two columns, which keeps `v` a rotation.
-#[inline(always)]
-fn sort_columns<S: Simd>(b: &mut Mat3x<S>, v: &mut Mat3x<S>) {
-    let mut squares = each(
-        #[inline(always)]
-        |j| dot(b.column(j), b.column(j)),
-    );
-    for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-        let swap = squares[p].simd_lt(squares[q]);
-        let (a, c) = (squares[p], squares[q]);
-        squares[p] = swap.select(c, a);
-        squares[q] = swap.select(a, c);
-        for matrix in [&mut *b, &mut *v] {
-            for row in &mut matrix.0 {
-                let (a, c) = (row[p], row[q]);
-                row[p] = swap.select(c, a);
-                row[q] = swap.select(-a, c);
-            }
-        }
-    }
-}
-
-/// One Givens rotation of the rows p and q that makes the entry (q, column) of `b` zero.
-#[inline(always)]
-fn rotate_rows<S: Simd>(
-    simd: S,
-    b: &mut Mat3x<S>,
-    u: &mut Mat3x<S>,
-    (p, q, column): (usize, usize, usize),
-) {
-    let (x, y) = (b.0[p][column], b.0[q][column]);
-    let length = x.mul_add(x, y * y).sqrt();
-    let is_tiny = length.simd_lt(1e-18);
-    let one = Lanes::splat(simd, 1.0);
-    let inverse = one / is_tiny.select(one, length);
-    let cosine = is_tiny.select(one, x * inverse);
-    let sine = is_tiny.select(Lanes::splat(simd, 0.0), y * inverse);
-    for j in 0..3 {
-        let (x, y) = (b.0[p][j], b.0[q][j]);
-        b.0[p][j] = cosine * x + sine * y;
-        b.0[q][j] = cosine * y - sine * x;
-        let (x, y) = (u.0[j][p], u.0[j][q]);
-        u.0[j][p] = cosine * x + sine * y;
-        u.0[j][q] = cosine * y - sine * x;
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use fearless_simd::{Level, dispatch};
-    use glam::Mat3;
+    use glam::{Mat3, Vec3};
 
     use super::*;
     use crate::lanes::LANES;
@@ -133,15 +125,12 @@ mod tests {
     type Entries = [[f32; LANES]; 9];
 
     #[inline(always)]
-    fn decompose<S: Simd>(simd: S, f: &Entries) -> [Entries; 3] {
-        let parts = svd(simd, &Mat3x::load(simd, f));
-        let mut out = [[[0.0; LANES]; 9]; 3];
-        parts.u.store(&mut out[0]);
-        Mat3x::identity(simd)
-            .scale_columns(parts.sigma)
-            .store(&mut out[1]);
-        parts.v.store(&mut out[2]);
-        out
+    fn decompose<S: Simd>(simd: S, f: &Entries) -> ([Entries; 2], [[f32; LANES]; 3]) {
+        let parts = Stretches::new(simd, &Mat3x::load(simd, f));
+        let mut out = [[[0.0; LANES]; 9]; 2];
+        parts.deformation.store(&mut out[0]);
+        parts.u.store(&mut out[1]);
+        (out, parts.signed_sigma().map(Into::into))
     }
 
     fn lane(entries: &Entries, lane: usize) -> Mat3 {
@@ -159,25 +148,22 @@ mod tests {
         let entries: Entries = std::array::from_fn(|i| {
             std::array::from_fn(|lane| matrices[lane].transpose().to_cols_array()[i])
         });
-        let [u, sigma, v] = dispatch!(Level::new(), simd => decompose(simd, &entries));
+        let ([b, u], sigma) = dispatch!(Level::new(), simd => decompose(simd, &entries));
         for (i, f) in matrices.iter().enumerate() {
-            let (u, sigma, v) = (lane(&u, i), lane(&sigma, i), lane(&v, i));
+            let (b, u) = (lane(&b, i), lane(&u, i));
+            let sigma = Vec3::from(sigma.map(|lanes| lanes[i]));
             let scale = largest(*f).max(1e-6);
-            let error = largest(u * sigma * v.transpose() - *f) / scale;
-            assert!(error < 4e-6, "{f} is wrong by {error:e}");
-            for rotation in [u, v] {
-                assert!(
-                    (rotation.determinant() - 1.0).abs() < 1e-5,
-                    "{f}: {rotation}"
-                );
-                let error = largest(rotation * rotation.transpose() - Mat3::IDENTITY);
-                assert!(error < 4e-6, "{f}: not a rotation by {error:e}");
+            let of_strain = |m: Mat3| m * m.transpose();
+            for stretched in [b, u * Mat3::from_diagonal(sigma)] {
+                let error = largest(of_strain(stretched) - of_strain(*f)) / (scale * scale);
+                let is_flat = sigma.abs().min_element() < SIGMA_MIN;
+                assert!(is_flat || error < 8e-6, "{f} is wrong by {error:e}");
             }
-            let [a, b, c] = [sigma.x_axis.x, sigma.y_axis.y, sigma.z_axis.z];
-            assert!(
-                a >= b - 1e-5 * scale && b >= c.abs() - 1e-5 * scale,
-                "{f}: {a} {b} {c}"
-            );
+            let error = largest(of_strain(u) - Mat3::IDENTITY);
+            assert!(error < 1e-5, "{f}: not orthonormal by {error:e}");
+            let (volume, expected) = (sigma.element_product(), f.determinant());
+            let error = (volume - expected).abs() / scale.powi(3);
+            assert!(error < 1e-5, "{f}: volume {volume}, not {expected}");
         }
     }
 
@@ -200,6 +186,33 @@ mod tests {
                 }));
             }
         }
+    }
+
+    #[test]
+    fn small_rotations_do_not_stretch() {
+        // A shear to and fro of angles whose cosines f32 rounds to 1.
+        #[inline(always)]
+        fn sheared<S: Simd>(simd: S, times: usize) -> [[f32; LANES]; 3] {
+            let mut f = Mat3x::identity(simd).scale_columns([1.0, 1.1, 0.9].map(
+                #[inline(always)]
+                |stretch| Lanes::splat(simd, stretch),
+            ));
+            for time in 0..times {
+                let slope = if time % 2 == 0 { 1e-4 } else { -1e-4 };
+                let moved = f.0[1].map(
+                    #[inline(always)]
+                    |x| x * slope,
+                );
+                for (x, moved) in f.0[0].iter_mut().zip(moved) {
+                    *x += moved;
+                }
+                f = Stretches::new(simd, &f).deformation;
+            }
+            Stretches::new(simd, &f).sigma.map(Into::into)
+        }
+        let sigma = dispatch!(Level::new(), simd => sheared(simd, 100_000));
+        let volume: f32 = sigma.iter().map(|lanes| lanes[0]).product();
+        assert!((volume / 0.99 - 1.0).abs() < 1e-4, "{sigma:?}");
     }
 
     #[test]

@@ -120,7 +120,7 @@ impl MaterialRow {
             }
             Material::Snow(snow) => {
                 lame(snow.lame());
-                [row.stretch_low, row.stretch_high] = snow.stretches();
+                [row.stretch_low, row.stretch_high] = snow.critical_stretches();
                 row.hardening = snow.hardening;
             }
         }

@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 use super::{Lame, Strain, Stress, check_elasticity, fixed_corotated};
 use crate::error::{Result, check_range};
 use crate::lanes::{Lanes, Mat3x};
-use crate::svd::svd;
+use crate::svd::Stretches;
 
 /// An elastic solid that returns to its shape: fixed corotated elasticity (Stomakhin et al. 2012),
 /// whose stress is finite for elements that are flat or inverted, with Kelvin–Voigt viscosity.
@@ -51,18 +51,19 @@ impl Jelly {
         simd: S,
         strain: &mut Strain<S>,
     ) -> (Stress<S>, Lanes<S>) {
-        strain.deformation = strain.trial();
-        let parts = svd(simd, &strain.deformation);
+        let parts = Stretches::new(simd, &strain.trial());
+        strain.deformation = parts.deformation;
+        let sigma = parts.signed_sigma();
         let lame = self.lame();
         let lame = (Lanes::splat(simd, lame.lambda), Lanes::splat(simd, lame.mu));
-        let mut stress = fixed_corotated(&parts.u, parts.sigma, lame);
+        let mut stress = fixed_corotated(&parts.u, sigma, lame);
         add_viscosity(
             &mut stress,
             &strain.increment,
             self.viscosity_pa_s / strain.dt,
         );
-        let j = parts.sigma[0] * parts.sigma[1] * parts.sigma[2];
-        (stress, parts.sigma[0].max(j.abs()).max(1.0))
+        let [a, b, c] = parts.sigma;
+        (stress, a.max(b).max(c).max(a * b * c).max(1.0))
     }
 }
 

@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 use super::{Lame, Strain, Stress, check_elasticity, principal_stress};
 use crate::error::{Result, check_range};
 use crate::lanes::{Lanes, dot, each, exp, ln};
-use crate::svd::svd;
+use crate::svd::Stretches;
 
 /// Grains without cohesion: St. Venant–Kirchhoff elasticity of logarithmic strains with the
 /// Drucker–Prager yield of Klár et al. 2016, "Drucker-Prager elastoplasticity for sand
@@ -72,19 +72,18 @@ impl Sand {
         strain: &mut Strain<S>,
     ) -> (Stress<S>, Lanes<S>) {
         let lame = self.lame();
-        let parts = svd(simd, &strain.trial());
+        let parts = Stretches::new(simd, &strain.trial());
         let logarithms = each(
             #[inline(always)]
-            |i| ln(parts.sigma[i].abs().max(STRETCH_MIN)),
+            |i| ln(parts.sigma[i].max(STRETCH_MIN)),
         );
         let returned = self.return_map(simd, logarithms, strain.state);
         let volume = |e: [Lanes<S>; 3]| e[0] + e[1] + e[2];
         strain.state = strain.state + volume(logarithms) - volume(returned);
-        let stretched = parts.u.scale_columns(each(
+        strain.deformation = parts.u.scale_columns(each(
             #[inline(always)]
             |i| exp(returned[i]),
         ));
-        strain.deformation = stretched.mul_transposed(&parts.v);
         let pressure = volume(returned) * lame.lambda;
         let values = each(
             #[inline(always)]

@@ -5,7 +5,7 @@ use fearless_simd::prelude::*;
 use super::{Lame, Strain, Stress, check_elasticity, fixed_corotated};
 use crate::error::{Result, check_range};
 use crate::lanes::{Lanes, each, exp};
-use crate::svd::svd;
+use crate::svd::Stretches;
 
 /// Snow of Stomakhin et al. 2013, "A material point method for snow simulation": stretches past
 /// critical ones become plastic, and stiffness grows with `exp(ξ (1 − Jp))`.
@@ -62,7 +62,7 @@ impl Snow {
     }
 
     /// Least and greatest elastic stretch.
-    pub(crate) fn stretches(&self) -> [f32; 2] {
+    pub(crate) fn critical_stretches(&self) -> [f32; 2] {
         [1.0 - self.compression_critical, 1.0 + self.stretch_critical]
     }
 
@@ -73,8 +73,8 @@ impl Snow {
         simd: S,
         strain: &mut Strain<S>,
     ) -> (Stress<S>, Lanes<S>) {
-        let parts = svd(simd, &strain.trial());
-        let [low, high] = self.stretches();
+        let parts = Stretches::new(simd, &strain.trial());
+        let [low, high] = self.critical_stretches();
         let sigma = each(
             #[inline(always)]
             |i| parts.sigma[i].max(low).min(high),
@@ -82,7 +82,7 @@ impl Snow {
         let product = |s: [Lanes<S>; 3]| s[0] * s[1] * s[2];
         let plastic = strain.state * product(parts.sigma) / product(sigma);
         strain.state = plastic.max(PLASTIC_VOLUME[0]).min(PLASTIC_VOLUME[1]);
-        strain.deformation = parts.u.scale_columns(sigma).mul_transposed(&parts.v);
+        strain.deformation = parts.u.scale_columns(sigma);
         let hardness = exp((Lanes::splat(simd, 1.0) - strain.state) * self.hardening);
         let Lame { lambda, mu } = self.lame();
         let stress = fixed_corotated(&parts.u, sigma, (hardness * lambda, hardness * mu));
