@@ -424,7 +424,8 @@ fn the_view_rides_on_the_files_camera_until_it_is_moved_and_again_by_a_key() {
     assert!(time(&stage).1 > 0.5);
     press(&mut stage, Key::Space);
     // Wound, it is where it is then.
-    stage.harness.get_by_label("Time").focus();
+    let slider = stage.harness.get_by_role_and_label(Role::Slider, "Time");
+    slider.focus();
     let before = time(&stage);
     for _ in 0..3 {
         press(&mut stage, Key::ArrowRight);

@@ -86,19 +86,21 @@ pub(crate) fn with_scene() -> Stage {
     stage
 }
 
-/// With the file that [`dolly::write`] writes.
+/// The file that [`dolly::write`] writes, read.
+pub(crate) fn opened_dolly(folder: &Path) -> OpenedScene {
+    let path = dolly::write(folder);
+    OpenedScene {
+        number: 1,
+        file: SceneFile::open(&path).unwrap(),
+        path,
+        is_reread: false,
+    }
+}
+
 pub(crate) fn with_dolly() -> Stage {
     let mut stage = stage();
-    let path = dolly::write(stage.folder.path());
-    let file = SceneFile::open(&path).unwrap();
-    stage.post(|news| {
-        news.opened = Some(OpenedScene {
-            number: 1,
-            path,
-            file,
-            is_reread: false,
-        });
-    });
+    let dolly = opened_dolly(stage.folder.path());
+    stage.post(|news| news.opened = Some(dolly));
     stage
 }
 
