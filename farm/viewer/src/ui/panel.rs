@@ -119,25 +119,23 @@ fn camera(ui: &mut Ui, viewer: &mut Viewer) {
     let attached = viewer.attached_camera();
     let free = text!("view-camera-free");
     let shown = attached.map_or(free, |number| &names[number]);
-    let label = ui.label(text!("view-camera"));
-    let choice = ComboBox::from_id_salt(Id::unique("view-cameras")).selected_text(shown);
-    let choice = choice.show_ui(ui, |ui| {
-        for (number, name) in names.iter().enumerate() {
-            if ui
-                .selectable_label(attached == Some(number), name)
-                .clicked()
-            {
-                viewer.attach(number);
+    ui.horizontal(|ui| {
+        let choice = ComboBox::from_id_salt(Id::unique("view-cameras")).selected_text(shown);
+        let choice = choice.show_ui(ui, |ui| {
+            for (number, name) in names.iter().enumerate() {
+                let is_chosen = attached == Some(number);
+                if ui.selectable_label(is_chosen, name).clicked() {
+                    viewer.attach(number);
+                }
             }
-        }
-        if ui.selectable_label(attached.is_none(), free).clicked() {
-            viewer.camera.detach();
-        }
+            if ui.selectable_label(attached.is_none(), free).clicked() {
+                viewer.camera.detach();
+            }
+        });
+        let label = ui.label(text!("view-camera"));
+        let choice = choice.response.labelled_by(label.id);
+        choice.on_hover_text(text!("view-camera-about"));
     });
-    choice
-        .response
-        .labelled_by(label.id)
-        .on_hover_text(text!("view-camera-about"));
 }
 
 fn upright(ui: &mut Ui, viewer: &mut Viewer) {
