@@ -1,6 +1,6 @@
 //! Cameras of a scene's file, which the view follows until it is moved.
 
-use crate::viewer::Viewer;
+use crate::viewer::{HomeMoment, Viewer};
 
 impl Viewer {
     /// The file's cameras by their names; empty if it has none.
@@ -37,11 +37,14 @@ impl Viewer {
             return;
         };
         let time = self.playback.time();
-        let home_of = Some((document.number, self.file_camera, time));
-        if self.home_of == home_of {
+        let moment = HomeMoment {
+            scene: document.number,
+            camera: self.file_camera,
+            time,
+        };
+        if self.home_of.replace(moment) == Some(moment) {
             return;
         }
-        self.home_of = home_of;
         // A time at which it sees nothing is told of where it is traced.
         if let Ok(camera) = document.file.camera(self.file_camera, time) {
             self.camera.set_home(camera);

@@ -28,8 +28,7 @@ pub struct Viewer {
     pub(crate) camera: OrbitCamera,
     /// Which of the file's cameras is home.
     pub(crate) file_camera: usize,
-    /// The scene, camera and time that home is of.
-    pub(crate) home_of: Option<(u64, usize, Option<(usize, f64)>)>,
+    pub(crate) home_of: Option<HomeMoment>,
     pub(crate) lights: LightSwitches,
     pub(crate) playback: Playback,
     /// Powers of two by which radiance is brighter.
@@ -63,6 +62,17 @@ pub struct Viewer {
     has_moved: bool,
     wants_quit: bool,
     wants_fullscreen: bool,
+}
+
+/// What the camera that is home was last taken from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct HomeMoment {
+    /// The number of the scene.
+    pub(crate) scene: u64,
+    /// The number of the file's camera.
+    pub(crate) camera: usize,
+    /// An animation and seconds in it.
+    pub(crate) time: Option<(usize, f64)>,
 }
 
 impl Viewer {
