@@ -89,7 +89,7 @@ pub use coordinator::FrameRefusal;
 pub use error::{Error, Result};
 pub use events::{FarmEvent, FarmEvents};
 pub use farm::Farm;
-pub use film::{Film, FilmFormat, FilmFrames, FilmJob, FilmProgress, FrameRange};
+pub use film::{Film, FilmFormat, FilmFrames, FilmJob, FilmProgress, FilmState, FrameRange};
 pub use frame::{Frame, FrameSpec, Pixels};
 pub use job::Canceller;
 pub use live::{Live, LiveFrame, LiveView};

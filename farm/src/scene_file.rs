@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use carom_protocol::SceneHash;
 #[cfg(feature = "gltf")]
 use carom_protocol::limits::POSES_MAX;
 use carom_tracer::glam::Vec3;
@@ -65,9 +66,9 @@ pub fn open_scene(path: impl AsRef<Path>) -> Result<Scene, Error> {
 #[derive(Debug)]
 pub struct SceneFile {
     path: PathBuf,
-    animations: Vec<SceneAnimation>,
+    animations: Arc<[SceneAnimation]>,
     #[cfg(feature = "gltf")]
-    animated: Option<AnimatedScene>,
+    animated: Option<Arc<AnimatedScene>>,
     rest: Arc<Scene>,
     /// The scene that updates refer to, and the time that it is of.
     #[cfg(feature = "gltf")]
@@ -102,7 +103,7 @@ impl SceneFile {
             return Ok(Self {
                 path: path.to_owned(),
                 animations: animations.collect(),
-                animated: Some(animated),
+                animated: Some(Arc::new(animated)),
                 base: (Arc::clone(&rest), AnimationTime::Rest),
                 rest,
             });
@@ -110,7 +111,7 @@ impl SceneFile {
         let rest = Arc::new(open_scene(path)?);
         Ok(Self {
             path: path.to_owned(),
-            animations: Vec::new(),
+            animations: Arc::new([]),
             #[cfg(feature = "gltf")]
             animated: None,
             #[cfg(feature = "gltf")]
@@ -125,8 +126,45 @@ impl SceneFile {
     }
 
     /// Its animations, in the file's order.
-    pub fn animations(&self) -> &[SceneAnimation] {
+    pub fn animations(&self) -> &Arc<[SceneAnimation]> {
         &self.animations
+    }
+
+    /// The names of a glTF file's perspective cameras; may be empty. [`Scene::camera`] is the first.
+    pub fn cameras(&self) -> Vec<&str> {
+        #[cfg(feature = "gltf")]
+        if let Some(animated) = &self.animated {
+            return animated.cameras().collect();
+        }
+        Vec::new()
+    }
+
+    /// One of [`SceneFile::cameras`] by its index: at so many seconds of an animation, or without one.
+    ///
+    /// # Errors
+    /// [`Error::Tracer`] if there is no such camera or animation, the time is not finite, or the camera sees nothing then.
+    pub fn camera(&self, camera: usize, time: Option<(usize, f64)>) -> Result<Camera, Error> {
+        #[cfg(feature = "gltf")]
+        if let Some(animated) = &self.animated {
+            let time = time.map_or(AnimationTime::Rest, |(animation, secs)| {
+                AnimationTime::At(animation, secs)
+            });
+            return Ok(animated.camera(camera, time)?);
+        }
+        let _ = time;
+        let message = format!("it has no camera {camera}: only glTF files have cameras to choose");
+        let path = self.path.clone();
+        Err(carom_tracer::Error::Format { path, message }.into())
+    }
+
+    /// What tells the scene, also that of any time, from those of other files, for [`crate::Film::of_states`].
+    pub fn key(&self) -> String {
+        let SceneHash(rest) = SceneHash::of(&self.rest);
+        #[cfg(feature = "gltf")]
+        if let Some(animated) = &self.animated {
+            return format!("{rest:?} {:?}", animated.content_hash());
+        }
+        format!("{rest:?}")
     }
 
     /// The index of the animation of a name, or else of a number, the first being 0; without either that of the first.
@@ -193,6 +231,21 @@ impl SceneFile {
             message: sentence,
         }
         .into()
+    }
+}
+
+/// A copy shares what has been read; the updates of its [`SceneFile::seek`] begin with the scene without animations.
+impl Clone for SceneFile {
+    fn clone(&self) -> Self {
+        Self {
+            path: self.path.clone(),
+            animations: Arc::clone(&self.animations),
+            #[cfg(feature = "gltf")]
+            animated: self.animated.clone(),
+            #[cfg(feature = "gltf")]
+            base: (Arc::clone(&self.rest), AnimationTime::Rest),
+            rest: Arc::clone(&self.rest),
+        }
     }
 }
 

@@ -180,6 +180,13 @@ impl Coordinator {
         if !id.is_background() {
             self.recovery.budget.add_frame(work.of(passes.all()));
         }
+        // One that nobody has announced.
+        for (node, entry) in self.nodes.iter() {
+            let knows = entry.has_scene(scene.0) || entry.scene_refusal(scene.0).is_some();
+            if entry.is_open() && !knows {
+                self.dispatcher.send_scene(node, scene.0, &scene.1);
+            }
+        }
         let mut frame = FrameInFlight::new(now, id, spec, scene, passes, work);
         frame.is_exact = exact;
         self.frames.push(frame);

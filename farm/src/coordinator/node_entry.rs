@@ -289,7 +289,12 @@ impl NodeEntry {
     /// The same of a node that may be silent.
     pub(super) fn is_usable_if_it_answers(&self, scene: SceneHash) -> bool {
         let may_be_asked = self.is_open() && !self.leaving && self.pause.is_none();
-        may_be_asked && self.scenes.contains(&scene) && self.has_room()
+        may_be_asked && self.has_scene(scene) && self.has_room()
+    }
+
+    /// Whether it has been ready for that scene.
+    pub(super) fn has_scene(&self, scene: SceneHash) -> bool {
+        self.scenes.contains(&scene)
     }
 
     pub(super) fn has_room(&self) -> bool {

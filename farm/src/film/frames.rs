@@ -8,11 +8,12 @@ use std::io::{self, BufReader, BufWriter, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 use carom_protocol::SceneHash;
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+use carom_tracer::{ImageSize, RenderSettings};
 use serde::{Deserialize, Serialize};
 
 use super::apng::{Animation, COMPRESSION};
 use super::frame_range::FrameRange;
+use super::states::FilmStates;
 use super::y4m::Y4m;
 use crate::error::Error;
 use crate::picture::write_png;
@@ -31,24 +32,22 @@ pub(super) struct FilmIdentity {
 }
 
 impl FilmIdentity {
-    /// Of a film of a scene, a frame for each update.
+    /// Of a film of a scene, a frame for each state.
     pub(super) fn of(
         SceneHash(scene): SceneHash,
         size: ImageSize,
         settings: RenderSettings,
         exposure: f32,
-        updates: &[SceneUpdate],
+        states: &FilmStates,
     ) -> Self {
         let mut hash = blake3::Hasher::new();
         hash.update(&scene);
         // What Rust prints of a number tells it from all others.
         hash.update(format!("{VERSION} {size:?} {settings:?} {exposure:?}").as_bytes());
-        for update in updates {
-            hash.update(format!("{update:?}").as_bytes());
-        }
+        states.hash_into(&mut hash);
         let ImageSize { width, height } = size;
         let RenderSettings { samples, seed, .. } = settings;
-        let frames = u32::try_from(updates.len()).unwrap_or(u32::MAX);
+        let frames = u32::try_from(states.frames()).unwrap_or(u32::MAX);
         Self {
             hash: hash.finalize().to_hex().to_string(),
             frames,
@@ -384,6 +383,8 @@ pub(super) const FRAMES_MAX: u32 = 1 << 20;
 
 #[cfg(test)]
 mod tests {
+    use carom_tracer::SceneUpdate;
+
     use super::*;
 
     const SIZE: ImageSize = ImageSize::new(4, 2);
@@ -398,7 +399,8 @@ mod tests {
             samples,
             ..RenderSettings::default()
         };
-        FilmIdentity::of(SceneHash([7; 32]), SIZE, settings, 1.0, &updates)
+        let states = FilmStates::Updates(updates);
+        FilmIdentity::of(SceneHash([7; 32]), SIZE, settings, 1.0, &states)
     }
 
     fn open(folder: &tempfile::TempDir, film: FilmIdentity) -> Result<FilmFrames, Error> {

@@ -3,9 +3,10 @@
 mod apng;
 mod frame_range;
 mod frames;
+mod states;
 mod y4m;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -26,10 +27,12 @@ use crate::submitter::Submitter;
 
 pub use frame_range::FrameRange;
 pub use frames::{FilmFormat, FilmFrames};
+pub use states::FilmState;
 
 use frames::{FRAMES_MAX, FilmIdentity};
+use states::FilmStates;
 
-/// A film to trace: a frame for each update of a scene.
+/// A film to trace: a frame for each state of a scene.
 ///
 /// ```
 /// # use carom_farm::prelude::*;
@@ -53,7 +56,7 @@ use frames::{FRAMES_MAX, FilmIdentity};
 pub struct Film {
     size: ImageSize,
     settings: RenderSettings,
-    updates: Vec<SceneUpdate>,
+    states: FilmStates,
     exposure: f32,
     priority: Priority,
     range: FrameRange,
@@ -65,13 +68,32 @@ type ProgressCallback = Box<dyn FnMut(&FilmProgress) + Send>;
 impl Film {
     /// A film of so many pixels, of 64 samples each, with a frame for each of `updates`.
     pub fn new(width: u32, height: u32, updates: impl IntoIterator<Item = SceneUpdate>) -> Self {
+        let updates = updates.into_iter().collect();
+        Self::of(width, height, FilmStates::Updates(updates))
+    }
+
+    /// The same with a state for each of `frames` frames, which `make` makes of its number when it is about to be traced:
+    /// for scenes that are deformed. It is called from the job's thread in the order of the frames, not for those that the
+    /// folder holds; an error of it ends the job. Equal films have equal keys, and all others have others.
+    pub fn of_states(
+        width: u32,
+        height: u32,
+        frames: usize,
+        key: String,
+        make: impl FnMut(u32) -> Result<FilmState, Error> + Send + 'static,
+    ) -> Self {
+        let make = Box::new(make);
+        Self::of(width, height, FilmStates::Made { frames, key, make })
+    }
+
+    fn of(width: u32, height: u32, states: FilmStates) -> Self {
         Self {
             size: ImageSize::new(width, height),
             settings: RenderSettings {
                 samples: 64,
                 ..RenderSettings::default()
             },
-            updates: updates.into_iter().collect(),
+            states,
             exposure: 1.0,
             priority: Priority::Interactive,
             range: FrameRange::ALL,
@@ -127,9 +149,9 @@ impl Film {
     }
 
     /// A frame of all samples; in sRGB where they come at once and nothing is left to add up.
-    fn spec(&self, index: u32) -> FrameSpec {
+    fn spec(&self, update: SceneUpdate) -> FrameSpec {
         FrameSpec {
-            update: self.updates[index as usize].clone(),
+            update,
             size: self.size,
             settings: self.settings,
             format: match self.is_one_batch() {
@@ -145,11 +167,12 @@ impl Film {
         self.settings.samples <= BATCH_SAMPLES
     }
 
-    fn frame(&self, index: u32) -> FilmFrame {
-        let mut render = AccumulatedRender::new(self.spec(index), self.priority);
+    fn frame(&self, index: u32, scene: SceneHandle, update: SceneUpdate) -> FilmFrame {
+        let mut render = AccumulatedRender::new(self.spec(update), self.priority);
         render.set_frame_samples(BATCH_SAMPLES);
         FilmFrame {
             index,
+            scene,
             render,
             sums: (!self.is_one_batch()).then(|| film::Film::new(self.size)),
         }
@@ -194,22 +217,23 @@ impl Farm {
         film: Film,
         folder: impl Into<PathBuf>,
     ) -> Result<FilmJob, Error> {
-        let frames = match u32::try_from(film.updates.len()) {
+        let frames = match u32::try_from(film.states.frames()) {
             Ok(frames) if frames <= FRAMES_MAX => frames,
             _ => {
                 return Err(Error::FilmLength {
-                    frames: film.updates.len(),
+                    frames: film.states.frames(),
                     max: FRAMES_MAX,
                 });
             }
         };
         film.range.of_film(frames)?;
         let scene = self.announce(scene)?;
-        for index in 0..frames {
-            scene.check(&film.spec(index))?;
+        scene.check(&film.spec(SceneUpdate::default()))?;
+        for update in film.states.known() {
+            scene.check(&film.spec(update.clone()))?;
         }
         let Film { size, settings, .. } = film;
-        let identity = FilmIdentity::of(scene.hash(), size, settings, film.exposure, &film.updates);
+        let identity = FilmIdentity::of(scene.hash(), size, settings, film.exposure, &film.states);
         let kept = FilmFrames::open(&folder.into(), identity, size, film.range)?;
         let resumed_frames = kept.kept();
         let waiting: VecDeque<u32> = kept.missing().collect();
@@ -221,6 +245,7 @@ impl Farm {
         let run = FilmRun {
             submitter: self.submitter(),
             scene,
+            own_scene: None,
             film,
             kept,
             waiting,
@@ -276,6 +301,8 @@ impl FilmJob {
 struct FilmRun {
     submitter: Submitter,
     scene: SceneHandle,
+    /// The last scene of a frame's own.
+    own_scene: Option<(Arc<Scene>, SceneHandle)>,
     film: Film,
     kept: FilmFrames,
     /// Frames of which nothing has been asked for.
@@ -287,6 +314,7 @@ struct FilmRun {
 /// A frame that is being traced.
 struct FilmFrame {
     index: u32,
+    scene: SceneHandle,
     render: AccumulatedRender,
     /// Sums of the batches, if there are several.
     sums: Option<film::Film>,
@@ -338,21 +366,43 @@ impl FilmRun {
         for frame in &mut self.tracing {
             frame
                 .render
-                .submit_through(&mut self.submitter, &self.scene)?;
+                .submit_through(&mut self.submitter, &frame.scene)?;
         }
         loop {
             let has_to_wait = |frame: &FilmFrame| frame.render.next_frame().is_some();
-            if self.tracing.iter().any(has_to_wait) || self.tracing.len() >= FRAMES_IN_FLIGHT_MAX {
+            let scenes: BTreeSet<_> = self.tracing.iter().map(|of| of.scene.hash).collect();
+            if self.tracing.iter().any(has_to_wait)
+                || self.tracing.len() >= FRAMES_IN_FLIGHT_MAX
+                || scenes.len() >= SCENES_IN_FLIGHT_MAX
+            {
                 return Ok(());
             }
             let Some(index) = self.waiting.pop_front() else {
                 return Ok(());
             };
-            let mut frame = self.film.frame(index);
+            let FilmState { scene, update } = self.film.states.state(index)?;
+            let scene = self.handle(scene)?;
+            let mut frame = self.film.frame(index, scene, update);
             frame
                 .render
-                .submit_through(&mut self.submitter, &self.scene)?;
+                .submit_through(&mut self.submitter, &frame.scene)?;
             self.tracing.push(frame);
+        }
+    }
+
+    /// The scene of a frame: the film's if it has none of its own.
+    fn handle(&mut self, own: Option<Arc<Scene>>) -> Result<SceneHandle, Error> {
+        let Some(own) = own else {
+            return Ok(self.scene.clone());
+        };
+        match &self.own_scene {
+            Some((scene, handle)) if Arc::ptr_eq(scene, &own) => Ok(handle.clone()),
+            _ => {
+                own.validate_visible()?;
+                let handle = SceneHandle::new(&own)?;
+                self.own_scene = Some((own, handle.clone()));
+                Ok(handle)
+            }
         }
     }
 
@@ -366,6 +416,7 @@ impl FilmRun {
             index,
             render,
             sums,
+            ..
         } = &mut self.tracing[place];
         let Some(batch) = render.accept(frame) else {
             return Ok(None);
@@ -415,5 +466,8 @@ impl Film {
 /// Samples of a pixel that are asked for at a time: more are long to repeat when a node is lost. It
 /// does not depend on the farm, so that all machines make the same bits.
 const BATCH_SAMPLES: u32 = 1024;
+/// Scenes of frames that are traced at a time: one is traced while another travels, and a node, which keeps
+/// [`SCENES_KEPT_MAX`](carom_protocol::limits::SCENES_KEPT_MAX) of them, has room for that of a view.
+const SCENES_IN_FLIGHT_MAX: usize = 2;
 /// How long to wait for a frame before looking at what else there is.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);

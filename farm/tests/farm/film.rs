@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use carom_farm::{Film, FilmFrames, FrameRange, LocalNode, Still};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use carom_farm::{Film, FilmFrames, FilmState, FrameRange, LocalNode, Still};
 use carom_tracer::{Camera, Material, Plane, Sphere};
 
 use super::*;
@@ -145,4 +148,62 @@ fn a_film_that_cannot_be_traced_is_refused_with_its_values() {
     let job = Farm::new(silent).unwrap().film(&ball(), film(2), &frames);
     assert!(job.unwrap().wait().is_err());
     assert!(!frames.exists(), "nothing was begun");
+}
+
+/// The ball of [`ball`], which grows.
+fn grown(frame: u32) -> Scene {
+    let mut scene = Scene::new();
+    let radius = 0.2 + 0.1 * frame as f32;
+    scene.add(Sphere::new(radius).at([0.3, 0.0, 0.0]), Material::grey(0.3));
+    scene.add(Plane::z(-0.5), Material::grey(0.6));
+    scene
+}
+
+/// A film of scenes of its own, but for the second frame, and how many of them were made; the last cannot be.
+fn growth(key: &str, frames: usize, made: &Arc<AtomicU32>) -> Film {
+    let made = Arc::clone(made);
+    let make = move |frame: u32| {
+        made.fetch_add(1, Ordering::Relaxed);
+        if frame == 4 {
+            return Err(Error::FrameRange {
+                text: "it cannot be drawn".to_owned(),
+            });
+        }
+        Ok(FilmState {
+            scene: (frame != 1).then(|| Arc::new(grown(frame))),
+            update: orbit(frame),
+        })
+    };
+    Film::of_states(SIZE.width, SIZE.height, frames, key.to_owned(), make).samples(4)
+}
+
+#[test]
+fn a_film_of_scenes_has_them_made_once_and_keeps_what_was_traced() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = Arc::new(AtomicU32::new(0));
+    let mut farm = local();
+    // Nodes that are at work are told of each scene.
+    let still = Still::new(SIZE.width, SIZE.height).samples(1);
+    farm.render(&ball(), still).unwrap();
+    let film = |key| growth(key, 5, &made);
+    let job = farm.film(&ball(), film("growth"), folder.path()).unwrap();
+    let why = job.wait().unwrap_err().to_string();
+    assert!(why.contains("it cannot be drawn"), "{why}");
+    assert_eq!(made.swap(0, Ordering::Relaxed), 5);
+    let range: FrameRange = "0-3".parse().unwrap();
+    let again = film("growth").range(range);
+    let job = farm.film(&ball(), again, folder.path()).unwrap();
+    let resumed = job.resumed_frames();
+    let frames = job.wait().unwrap();
+    assert_eq!(resumed + made.load(Ordering::Relaxed), 4);
+    for frame in 0..4 {
+        let scene = if frame == 1 { ball() } else { grown(frame) };
+        let still = Still::new(SIZE.width, SIZE.height).samples(4);
+        let picture = farm.render(&scene, still.update(orbit(frame))).unwrap();
+        let rgba = picture.rgba8();
+        let rgb: Vec<u8> = rgba.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
+        assert!(frames.read(frame).unwrap() == rgb, "frame {frame}");
+    }
+    let other = farm.film(&ball(), film("another"), folder.path());
+    assert!(matches!(other, Err(Error::UnfinishedFilm { .. })));
 }

@@ -38,7 +38,17 @@ impl OrbitCamera {
         *self = Self::new(self.home);
     }
 
-    /// Another scene's camera to go home to; it stays where it is.
+    /// Whether it is the scene's own, and follows it.
+    pub fn is_home(&self) -> bool {
+        self.is_home
+    }
+
+    /// Stays where it is when the scene's own moves on.
+    pub fn detach(&mut self) {
+        self.is_home = false;
+    }
+
+    /// Another scene's camera, or the same at another time, to go home to; it stays where it is.
     pub fn set_home(&mut self, home: Camera) {
         // What has not moved follows the scene.
         match self.is_home {

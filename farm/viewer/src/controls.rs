@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::camera::OrbitCamera;
 
 /// Controls as the help lists them: the texts `view-key-…` and `view-does-…` of each.
-pub const CONTROLS: [&str; 19] = [
+pub const CONTROLS: [&str; 20] = [
     "orbit",
     "pan",
     "look",
@@ -17,6 +17,7 @@ pub const CONTROLS: [&str; 19] = [
     "rise",
     "fast",
     "home",
+    "camera",
     "exposure",
     "lights",
     "play",

@@ -1,11 +1,23 @@
-//! Form of what is to be saved: file, size, samples, frames.
+//! Form of what is to be saved: file, size, samples, frames of a film.
 
 use std::path::{Path, PathBuf};
 
+use std::sync::Arc;
+
 use carom_tracer::ImageSize;
 
-use crate::camera::OrbitCamera;
-use crate::render::SaveOrder;
+use crate::render::{FrameView, SaveOrder};
+
+/// What is saved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SaveKind {
+    /// A picture of what is seen.
+    Still,
+    /// A film that goes once round the target.
+    Turntable,
+    /// A film of the scene's animation.
+    Animation,
+}
 
 /// What is to be saved, as a person has filled it in.
 #[derive(Clone, Debug)]
@@ -18,6 +30,10 @@ pub(crate) struct SaveForm {
     pub(crate) samples: u32,
     /// Frames of a turntable.
     pub(crate) frames: u32,
+    /// The first and the last frame of an animation; all of it until they are chosen.
+    pub(crate) range: Option<[u32; 2]>,
+    /// Frames of a film in a second.
+    pub(crate) frames_per_sec: u16,
     /// Orders so far.
     orders: u64,
 }
@@ -30,6 +46,8 @@ impl SaveForm {
             size: None,
             samples: 256,
             frames: 72,
+            range: None,
+            frames_per_sec: FRAMES_PER_SEC,
             orders: 0,
         }
     }
@@ -40,13 +58,32 @@ impl SaveForm {
             .map_or(window, |[width, height]| ImageSize::new(width, height))
     }
 
-    /// The order of a still, or of a film that goes round the target once.
+    /// The first and the last frame of an animation of so many seconds. All of it ends before its start would come again.
+    pub(crate) fn range_in(&self, duration_secs: f64) -> [u32; 2] {
+        let frames = (duration_secs * f64::from(self.frames_per_sec)).round();
+        let last = (frames as u32).saturating_sub(1).min(Self::FRAME_MAX);
+        self.range.unwrap_or([0, last])
+    }
+
+    /// The frames of an animation of so many seconds, each by its time in seconds.
+    pub(crate) fn times_in(&self, duration_secs: f64) -> impl Iterator<Item = f64> + use<> {
+        let [first, last] = self.range_in(duration_secs);
+        let rate = f64::from(self.frames_per_sec);
+        (first..=last).map(move |frame| f64::from(frame) / rate)
+    }
+
+    /// The last frame that can be chosen.
+    pub(crate) const FRAME_MAX: u32 = 99_999;
+    /// Frames of a second at most.
+    pub(crate) const RATE_MAX: u16 = 240;
+
+    /// The order of a still, or of a film that shows `views`.
     pub(crate) fn order(
         &mut self,
-        camera: &OrbitCamera,
+        views: Arc<[FrameView]>,
+        is_film: bool,
         window: ImageSize,
         exposure: f32,
-        is_turntable: bool,
     ) -> SaveOrder {
         self.orders += 1;
         SaveOrder {
@@ -55,11 +92,8 @@ impl SaveForm {
             size: self.size_in(window),
             samples: self.samples,
             exposure,
-            cameras: match is_turntable {
-                true => camera.turntable(self.frames).collect(),
-                false => [camera.camera()].into(),
-            },
-            frames_per_sec: is_turntable.then_some(FRAMES_PER_SEC),
+            views,
+            frames_per_sec: is_film.then_some(self.frames_per_sec),
         }
     }
 
@@ -85,16 +119,15 @@ fn free_name(folder: &Path, ending: &str) -> PathBuf {
     free.next().unwrap_or_default()
 }
 
-/// Of a turntable: smooth, and as long as three seconds with the usual number of frames.
+/// Smooth; a turntable lasts three seconds with the usual number of frames.
 const FRAMES_PER_SEC: u16 = 24;
 /// Names that are tried.
 const NAMES_MAX: u32 = 9999;
 
 #[cfg(test)]
 mod tests {
-    use carom_tracer::Camera;
-
     use super::*;
+    use crate::render::FrameCamera;
 
     #[test]
     fn a_new_name_is_free_and_of_the_same_kind() {
@@ -117,16 +150,33 @@ mod tests {
     #[test]
     fn orders_have_numbers_of_their_own_and_the_windows_size() {
         let folder = tempfile::tempdir().unwrap();
-        let camera = OrbitCamera::new(Camera::looking_at([0.0, -1.0, 0.0], [0.0; 3]));
+        let view = FrameView {
+            camera: FrameCamera::OfFile(0),
+            time: None,
+        };
         let mut form = SaveForm::new(folder.path());
         let window = ImageSize::new(640, 360);
-        let still = form.order(&camera, window, 2.0, false);
+        let still = form.order([view].into(), false, window, 2.0);
         assert_eq!((still.number, still.size), (1, window));
-        assert_eq!((still.cameras.len(), still.frames_per_sec), (1, None));
+        assert_eq!((still.views.len(), still.frames_per_sec), (1, None));
         form.size = Some([20, 10]);
-        form.frames = 9;
-        let film = form.order(&camera, window, 2.0, true);
+        form.frames_per_sec = 30;
+        let film = form.order([view; 9].into(), true, window, 2.0);
         assert_eq!((film.number, film.size), (2, ImageSize::new(20, 10)));
-        assert_eq!(film.cameras.len(), 9);
+        assert_eq!((film.views.len(), film.frames_per_sec), (9, Some(30)));
+    }
+
+    #[test]
+    fn an_animation_is_saved_whole_until_its_frames_are_chosen() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut form = SaveForm::new(folder.path());
+        assert_eq!(form.range_in(2.0), [0, 47]);
+        form.frames_per_sec = 10;
+        assert_eq!(form.range_in(2.04), [0, 19]);
+        assert_eq!(form.range_in(0.0), [0, 0]);
+        assert_eq!(form.range_in(1e9), [0, SaveForm::FRAME_MAX]);
+        form.range = Some([3, 5]);
+        let times: Vec<f64> = form.times_in(2.0).collect();
+        assert_eq!(times, [0.3, 0.4, 0.5]);
     }
 }

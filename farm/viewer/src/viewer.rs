@@ -19,13 +19,16 @@ use crate::controls::{self, Walk};
 use crate::lights::LightSwitches;
 use crate::playback::Playback;
 use crate::render::{News, OpenedScene, Renderer, SceneLook, ShownPicture};
-use crate::save_form::SaveForm;
+use crate::save_form::{SaveForm, SaveKind};
 
 /// See the [module](self).
 pub struct Viewer {
-    renderer: Renderer,
+    pub(crate) renderer: Renderer,
     pub(crate) document: Option<OpenedScene>,
     pub(crate) camera: OrbitCamera,
+    /// Which of the file's cameras is home.
+    pub(crate) file_camera: usize,
+    pub(crate) home_of: Option<HomeMoment>,
     pub(crate) lights: LightSwitches,
     pub(crate) playback: Playback,
     /// Powers of two by which radiance is brighter.
@@ -61,6 +64,17 @@ pub struct Viewer {
     wants_fullscreen: bool,
 }
 
+/// What the camera that is home was last taken from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct HomeMoment {
+    /// The number of the scene.
+    pub(crate) scene: u64,
+    /// The number of the file's camera.
+    pub(crate) camera: usize,
+    /// An animation and seconds in it.
+    pub(crate) time: Option<(usize, f64)>,
+}
+
 impl Viewer {
     /// Nothing yet. Pictures are of `samples` per pixel; files are saved into `folder`.
     pub fn new(renderer: Renderer, samples: u32, folder: &Path) -> Self {
@@ -68,6 +82,8 @@ impl Viewer {
             renderer,
             document: None,
             camera: OrbitCamera::new(Camera::looking_at([0.0, -4.0, 2.0], [0.0; 3])),
+            file_camera: 0,
+            home_of: None,
             lights: LightSwitches::default(),
             playback: Playback::default(),
             exposure_stops: 0.0,
@@ -211,17 +227,21 @@ impl Viewer {
         let Some(opened) = news.opened.take() else {
             return false;
         };
-        let lights = LightSwitches::of(&opened.scene);
+        let (scene, animations) = (opened.file.scene(), opened.file.animations());
+        let lights = LightSwitches::of(scene);
         if opened.is_reread && self.document.is_some() {
-            self.camera.set_home(opened.scene.camera);
+            self.camera.set_home(scene.camera);
             if !self.lights.fit(&lights) {
                 self.lights = lights;
             }
-            self.playback.reread(Arc::clone(&opened.animations));
+            self.playback.reread(Arc::clone(animations));
+            self.file_camera *= usize::from(self.file_camera < opened.file.cameras().len());
         } else {
-            self.camera = OrbitCamera::new(opened.scene.camera);
+            self.camera = OrbitCamera::new(scene.camera);
             self.lights = lights;
-            self.playback = Playback::new(Arc::clone(&opened.animations));
+            self.playback = Playback::new(Arc::clone(animations));
+            self.file_camera = 0;
+            self.form.range = None;
         }
         self.refusal = None;
         self.document = Some(opened);
@@ -306,7 +326,7 @@ impl Viewer {
         let pressed = |key: Key| ui.input(|input| input.key_pressed(key));
         let command = |key: Key| ui.input_mut(|input| input.consume_key(Modifiers::COMMAND, key));
         if command(Key::S) {
-            self.save(false);
+            self.save(SaveKind::Still);
         }
         if command(Key::Q) {
             self.wants_quit = true;
@@ -328,6 +348,9 @@ impl Viewer {
         }
         if pressed(Key::Home) {
             self.go_home();
+        }
+        if pressed(Key::C) {
+            self.next_camera();
         }
         if pressed(Key::P) {
             self.is_paused = !self.is_paused;
@@ -367,24 +390,6 @@ impl Viewer {
         self.exposure_stops = 0.0;
     }
 
-    /// Saves a still, or a turntable.
-    pub(crate) fn save(&mut self, is_turntable: bool) {
-        if self.document.is_none() || self.saving.is_some() {
-            return;
-        }
-        let exposure = self.exposure();
-        let order = self
-            .form
-            .order(&self.camera, self.window, exposure, is_turntable);
-        self.renderer.want(|wanted| wanted.save = Some(order));
-    }
-
-    /// Gives up what is being saved.
-    pub(crate) fn cancel_save(&mut self) {
-        let last = self.form.orders();
-        self.renderer.want(|wanted| wanted.cancelled_save = last);
-    }
-
     /// Plays the animation.
     pub(crate) fn play(&mut self, ui: &Ui, now_secs: f64) {
         self.playback.advance(now_secs);
@@ -420,6 +425,7 @@ impl Viewer {
 
     /// Tells the renderer what is wanted, if it has changed.
     pub(crate) fn follow(&mut self) {
+        self.follow_camera();
         let look = self.document.as_ref().map(|document| SceneLook {
             scene: document.number,
             camera: self.camera.camera(),
@@ -450,7 +456,7 @@ impl Viewer {
     }
 
     /// Radiance is shown times this.
-    fn exposure(&self) -> f32 {
+    pub(crate) fn exposure(&self) -> f32 {
         self.exposure_stops.exp2()
     }
 

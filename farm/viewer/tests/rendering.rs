@@ -1,5 +1,7 @@
 //! The renderer with a farm of this machine's processor: files in, pictures out.
 
+mod dolly;
+
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -7,7 +9,8 @@ use carom_farm::{FarmConfig, LocalNode, NodeStatus};
 use carom_tracer::{AreaLight, Camera, ImageSize, Material, Plane, Scene, Sphere};
 use carom_view::lights::LightSwitches;
 use carom_view::render::{
-    Accuracy, News, OpenedScene, Renderer, SaveOrder, SceneLook, ShownPicture,
+    Accuracy, FrameCamera, FrameView, News, OpenedScene, Renderer, SaveOrder, SceneLook,
+    ShownPicture,
 };
 use tempfile::TempDir;
 
@@ -111,14 +114,14 @@ impl Viewing {
     fn save(
         &mut self,
         name: &str,
-        cameras: Vec<Camera>,
+        views: Vec<FrameView>,
         rate: Option<u16>,
     ) -> Result<PathBuf, String> {
-        self.order(name, cameras, rate, 4);
+        self.order(name, views, rate, 4);
         self.until(|news| news.saved.take())
     }
 
-    fn order(&mut self, name: &str, cameras: Vec<Camera>, rate: Option<u16>, samples: u32) {
+    fn order(&mut self, name: &str, views: Vec<FrameView>, rate: Option<u16>, samples: u32) {
         self.saves += 1;
         let order = SaveOrder {
             number: self.saves,
@@ -126,10 +129,18 @@ impl Viewing {
             size: ImageSize::new(24, 16),
             samples,
             exposure: 1.0,
-            cameras: cameras.into(),
+            views: views.into(),
             frames_per_sec: rate,
         };
         self.renderer.want(|wanted| wanted.save = Some(order));
+    }
+}
+
+/// What a camera sees of a scene without animations.
+fn placed(camera: Camera) -> FrameView {
+    FrameView {
+        camera: FrameCamera::Placed(camera),
+        time: None,
     }
 }
 
@@ -144,14 +155,14 @@ fn a_scene_is_opened_drafted_gathered_and_looked_at_from_elsewhere() {
     let path = viewing.write("ball.json", &scene());
     let opened = viewing.open(&path);
     assert_eq!((opened.number, opened.is_reread), (1, false));
-    assert_eq!(*opened.scene, scene());
+    assert_eq!(**opened.file.scene(), scene());
     let whole = viewing.whole();
     assert_eq!(whole.frame.size, SIZE);
     let camera = Camera::looking_at([0.0, -3.0, 8.0], [0.0; 3]);
     viewing.look(SceneLook {
         scene: opened.number,
         camera,
-        lights: LightSwitches::of(&opened.scene),
+        lights: LightSwitches::of(opened.file.scene()),
         time: None,
     });
     let above = viewing.whole();
@@ -178,10 +189,10 @@ fn exposure_shows_at_once_and_lights_change_what_is_traced() {
     assert!(mean(&viewing.whole()) > 1.1 * plain);
     viewing.renderer.want(|wanted| wanted.exposure = 1.0);
     viewing.whole();
-    let mut lights = LightSwitches::of(&opened.scene);
+    let mut lights = LightSwitches::of(opened.file.scene());
     let look = |lights: &LightSwitches| SceneLook {
         scene: opened.number,
-        camera: opened.scene.camera,
+        camera: opened.file.scene().camera,
         lights: lights.clone(),
         time: None,
     };
@@ -205,7 +216,7 @@ fn meshes_are_opened_and_bad_files_are_refused_while_the_scene_stays() {
     let good = viewing.path("wing.obj");
     std::fs::write(&good, "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     let opened = viewing.open(&good);
-    assert_eq!(opened.scene.objects[0].name, "wing");
+    assert_eq!(opened.file.scene().objects[0].name, "wing");
     viewing.whole();
     for (name, text, reason) in [
         ("bad.obj", "v 0 zero 0\n", "line 1"),
@@ -232,7 +243,7 @@ fn a_file_that_changes_is_read_again_and_seen_as_before() {
     let path = viewing.write("ball.json", &scene());
     let opened = viewing.open(&path);
     let camera = Camera::looking_at([0.0, -5.0, 4.0], [0.0; 3]);
-    let mut lights = LightSwitches::of(&opened.scene);
+    let mut lights = LightSwitches::of(opened.file.scene());
     lights.toggle(0);
     viewing.look(SceneLook {
         scene: opened.number,
@@ -246,7 +257,7 @@ fn a_file_that_changes_is_read_again_and_seen_as_before() {
     viewing.write("ball.json", &more);
     let again = viewing.until(|news| news.opened.take());
     assert_eq!((again.number, again.is_reread), (2, true));
-    assert_eq!(again.scene.objects.len(), 3);
+    assert_eq!(again.file.scene().objects.len(), 3);
     // By the same camera and lights, though nobody has said so since.
     let after = viewing.whole();
     let differing = before.frame.rgba.iter().zip(&after.frame.rgba);
@@ -267,7 +278,7 @@ fn stills_and_turntables_are_saved_as_their_names_say() {
     let path = viewing.write("ball.json", &scene());
     viewing.open(&path);
     viewing.whole();
-    let camera = scene().camera;
+    let camera = placed(scene().camera);
     for (name, magic) in [
         ("a.png", &b"\x89PNG"[..]),
         ("a.jpg", b"\xff\xd8"),
@@ -296,6 +307,120 @@ fn stills_and_turntables_are_saved_as_their_names_say() {
     assert!(why.contains("nowhere"), "{why}");
 }
 
+/// Pixels of each frame of a Y4M film, and of a still, that are dark.
+fn dark_columns(luma: &[u8], width: usize) -> Vec<usize> {
+    let columns = 0..width;
+    let is_dark = |x: &usize| luma.iter().skip(*x).step_by(width).any(|value| *value < 90);
+    columns.filter(is_dark).collect()
+}
+
+/// The columns in which the square is, of each frame of a film.
+fn squares(film: &Path) -> Vec<Vec<usize>> {
+    let bytes = std::fs::read(film).unwrap();
+    let header = bytes.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+    let (width, height) = (24, 16);
+    let frames = bytes[header..].chunks_exact(b"FRAME\n".len() + 3 * width * height);
+    let lumas = frames.map(|frame| &frame[b"FRAME\n".len()..][..width * height]);
+    lumas.map(|luma| dark_columns(luma, width)).collect()
+}
+
+#[test]
+fn an_animation_is_saved_as_its_frames_look() {
+    let mut viewing = viewing();
+    viewing.open(&dolly::write(viewing.folder.path()));
+    viewing.whole();
+    let frames = |animation: usize, secs: &[f64], camera| {
+        let view = |secs: &f64| FrameView {
+            camera,
+            time: Some((animation, *secs)),
+        };
+        secs.iter().map(view).collect::<Vec<_>>()
+    };
+    // The camera rides to the right, so that the square goes to the left.
+    let ride = frames(0, &[0.0, 1.0, 2.0], FrameCamera::OfFile(0));
+    let saved = viewing.save("ride.y4m", ride, Some(24)).unwrap();
+    let squares_of_ride = squares(&saved);
+    let lefts: Vec<usize> = squares_of_ride.iter().map(|square| square[0]).collect();
+    assert!(lefts.is_sorted_by(|a, b| a > b), "{squares_of_ride:?}");
+    let is_as_wide = |square: &Vec<usize>| square.len().abs_diff(squares_of_ride[0].len()) <= 1;
+    assert!(squares_of_ride.iter().all(is_as_wide));
+    // A camera that stands sees that nothing else moves.
+    let opened = scene_of(&viewing);
+    let stand = frames(0, &[0.0, 1.0, 2.0], FrameCamera::Placed(opened));
+    let saved = viewing.save("stand.y4m", stand, Some(24)).unwrap();
+    assert!(
+        squares(&saved)
+            .iter()
+            .all(|square| *square == squares_of_ride[0])
+    );
+    // What is deformed is another scene in each frame.
+    let growth = frames(1, &[0.0, 2.5, 5.0], FrameCamera::OfFile(1));
+    let saved = viewing.save("growth.y4m", growth, Some(24)).unwrap();
+    let widths: Vec<usize> = squares(&saved).iter().map(Vec::len).collect();
+    assert!(widths.is_sorted_by(|a, b| a < b), "{widths:?}");
+    // A still of a moment is that frame.
+    let still = frames(0, &[1.0], FrameCamera::OfFile(0));
+    let saved = viewing.save("still.png", still, None).unwrap();
+    let file = std::io::BufReader::new(std::fs::File::open(saved).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut rgb).unwrap();
+    let green: Vec<u8> = rgb.chunks_exact(3).map(|pixel| pixel[1]).collect();
+    assert_eq!(dark_columns(&green, 24), squares_of_ride[1]);
+    let wrong = frames(7, &[1.0], FrameCamera::OfFile(0));
+    for (name, rate) in [("wrong.png", None), ("wrong.y4m", Some(24))] {
+        let why = viewing.save(name, wrong.clone(), rate).unwrap_err();
+        assert!(why.contains("no animation 7"), "{why}");
+    }
+    let wrong = frames(0, &[1.0], FrameCamera::OfFile(2));
+    let why = viewing.save("wrong.png", wrong, None).unwrap_err();
+    assert!(why.contains("no camera 2"), "{why}");
+}
+
+/// The first camera of the file that [`dolly::write`] wrote, at rest.
+fn scene_of(viewing: &Viewing) -> Camera {
+    let path = viewing.path("dolly.gltf");
+    let file = carom_farm::SceneFile::open(path).unwrap();
+    file.camera(0, None).unwrap()
+}
+
+#[test]
+fn an_animation_that_is_stopped_goes_on_under_the_same_name() {
+    let mut viewing = viewing();
+    viewing.open(&dolly::write(viewing.folder.path()));
+    viewing.whole();
+    let view = |frame: u32| FrameView {
+        camera: FrameCamera::OfFile(0),
+        time: Some((1, f64::from(frame) / 24.0)),
+    };
+    let views: Vec<FrameView> = (0..60).map(view).collect();
+    viewing.order("growth.png", views.clone(), Some(24), 512);
+    viewing.until(|news| news.saving.filter(|done| *done > 1.5 / 60.0));
+    // It is looked at meanwhile.
+    viewing.renderer.want(|wanted| wanted.exposure = 0.5);
+    viewing.until(|news| news.picture.take());
+    viewing.renderer.want(|wanted| wanted.cancelled_save = 1);
+    let why = viewing.until(|news| news.saved.take()).unwrap_err();
+    assert!(why.contains("of 60 frames"), "{why}");
+    assert!(!viewing.path("growth.png").exists());
+    let first = viewing.path("growth.png.frames").join("frame_0000.png");
+    let written = std::fs::metadata(&first).unwrap().modified().unwrap();
+    // Other samples are another film, which does not take its place.
+    let why = viewing
+        .save("growth.png", views.clone(), Some(24))
+        .unwrap_err();
+    assert!(why.contains("unfinished film"), "{why}");
+    viewing.order("growth.png", views, Some(24), 512);
+    let begun = viewing.until(|news| news.saving.filter(|done| *done > 0.0));
+    assert!(begun > 1.0 / 60.0, "{begun}");
+    assert_eq!(
+        std::fs::metadata(&first).unwrap().modified().unwrap(),
+        written
+    );
+    viewing.until(|news| news.saved.take()).unwrap();
+    assert!(!viewing.path("growth.png.frames").exists());
+}
+
 #[test]
 fn a_long_save_tells_how_far_it_is_and_can_be_cancelled() {
     let mut viewing = viewing();
@@ -303,7 +428,7 @@ fn a_long_save_tells_how_far_it_is_and_can_be_cancelled() {
     viewing.open(&path);
     viewing.whole();
     let many = 1 << 16;
-    viewing.order("a.png", vec![scene().camera], None, many);
+    viewing.order("a.png", vec![placed(scene().camera)], None, many);
     viewing.until(|news| news.saving.filter(|done| *done > 0.0));
     // It is looked at meanwhile.
     viewing.renderer.want(|wanted| wanted.exposure = 0.5);
@@ -312,13 +437,22 @@ fn a_long_save_tells_how_far_it_is_and_can_be_cancelled() {
     let why = viewing.until(|news| news.saved.take()).unwrap_err();
     assert_eq!(why, "it was cancelled");
     assert!(!viewing.path("a.png").exists());
-    viewing.order("turn.png", vec![scene().camera; 500], Some(24), 4096);
+    viewing.order(
+        "turn.png",
+        vec![placed(scene().camera); 500],
+        Some(24),
+        4096,
+    );
     viewing.until(|news| news.saving.filter(|done| *done > 0.0));
     viewing.renderer.want(|wanted| wanted.cancelled_save = 2);
     let why = viewing.until(|news| news.saved.take()).unwrap_err();
     assert!(why.contains("of 500 frames"), "{why}");
     // The next one is not.
-    assert!(viewing.save("b.png", vec![scene().camera], None).is_ok());
+    assert!(
+        viewing
+            .save("b.png", vec![placed(scene().camera)], None)
+            .is_ok()
+    );
 }
 
 #[test]

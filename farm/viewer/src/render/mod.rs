@@ -1,7 +1,7 @@
 //! Renderer: the farm on a thread of its own, so that the window never waits for it.
 //!
 //! ```text
-//! window ──Wanted──▶ worker ──▶ Farm: live picture, stills, turntables
+//! window ──Wanted──▶ worker ──▶ Farm: live picture, stills, films
 //!        ◀───News───        ──▶ files, on threads of their own
 //! ```
 //!
@@ -18,8 +18,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use carom_farm::quality::{Quality, QualityPreference};
-use carom_farm::{Balancing, Distribution, FarmConfig, LiveFrame, NodeStatus, SceneAnimation};
-use carom_tracer::{Camera, ImageSize, Scene};
+use carom_farm::{Balancing, Distribution, FarmConfig, LiveFrame, NodeStatus, SceneFile};
+use carom_tracer::{Camera, ImageSize};
 use carom_window::display::DisplayFrame;
 
 use crate::lights::LightSwitches;
@@ -77,10 +77,28 @@ pub struct SaveOrder {
     pub samples: u32,
     /// Radiance is shown times this.
     pub exposure: f32,
-    /// Seen by this camera; or, for a film, by each of these.
-    pub cameras: Arc<[Camera]>,
+    /// What is seen of the scene; of a film, in each frame.
+    pub views: Arc<[FrameView]>,
     /// Frames per second of a film; none for a still.
     pub frames_per_sec: Option<u16>,
+}
+
+/// From where and when a picture shows the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameView {
+    /// From where.
+    pub camera: FrameCamera,
+    /// An animation and when in it, seconds; none shows the scene without.
+    pub time: Option<(usize, f64)>,
+}
+
+/// The camera of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FrameCamera {
+    /// One that stands here.
+    Placed(Camera),
+    /// The file's camera of this number, where it is at the picture's time.
+    OfFile(usize),
 }
 
 /// How pictures are traced, from the command line.
@@ -99,10 +117,8 @@ pub struct OpenedScene {
     pub number: u64,
     /// Its file.
     pub path: PathBuf,
-    /// What was read, without its animations.
-    pub scene: Arc<Scene>,
-    /// The animations that it has.
-    pub animations: Arc<[SceneAnimation]>,
+    /// What was read.
+    pub file: SceneFile,
     /// Whether its file has changed since it was read before.
     pub is_reread: bool,
 }

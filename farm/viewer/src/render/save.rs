@@ -1,17 +1,18 @@
-//! Saving of stills and turntables: traced in the background, written by a thread of their own.
+//! Saving of stills and films: traced in the background, written by a thread of their own.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use carom_farm::{
-    Canceller, Error, Farm, FileFormat, Film, FilmFormat, FilmFrames, FilmProgress, Still,
-    StillProgress,
+    Canceller, Error, Farm, FileFormat, Film, FilmFormat, FilmFrames, FilmProgress, FilmState,
+    SceneFile, Still, StillProgress,
 };
 use carom_text::text;
-use carom_tracer::{Camera, RenderSettings, Scene, SceneUpdate};
+use carom_tracer::{RenderSettings, Scene, SceneUpdate};
 
-use super::{Accuracy, Exchange, SaveOrder};
+use super::{Accuracy, Exchange, FrameCamera, FrameView, SaveOrder};
+use crate::lights::LightSwitches;
 
 /// A file that is being traced and written. Dropped, it is cancelled and waited for.
 pub(super) struct Saving {
@@ -21,29 +22,39 @@ pub(super) struct Saving {
 }
 
 impl Saving {
-    /// Begins to trace what `order` wants of a scene in which something has moved.
+    /// Begins to trace what `order` wants of a scene file by lights.
     ///
     /// # Errors
-    /// What the farm refuses, that the name says no format, or that there can be no thread.
+    /// What the farm refuses, that the name says no format, that a still cannot be drawn, or that there can be no thread.
     pub(super) fn begin(
         farm: &mut Farm,
-        (scene, moved): (&Scene, &SceneUpdate),
+        (file, lights): (SceneFile, LightSwitches),
         accuracy: Accuracy,
         order: SaveOrder,
         exchange: &Arc<Exchange>,
     ) -> Result<Self, Error> {
         let shared = Arc::clone(exchange);
         let (number, path) = (order.number, order.path.clone());
+        let scene = Arc::new(lights.apply(file.scene()));
+        let mut states = FrameStates {
+            lit: (Arc::clone(file.scene()), Arc::clone(&scene)),
+            scene: Arc::clone(&scene),
+            file,
+            lights,
+            views: Arc::clone(&order.views),
+        };
         let (canceller, write): (_, Box<dyn FnOnce() -> Result<(), Error> + Send>) =
             match order.frames_per_sec {
                 None => {
-                    let job = farm.still(scene, still(&order, moved, accuracy, exchange)?)?;
+                    let state = states.state(0)?;
+                    let still = still(&order, state.update, accuracy, exchange)?;
+                    let job = farm.still(&state.scene.unwrap_or(scene), still)?;
                     let canceller = job.canceller();
                     (canceller, Box::new(move || job.wait()?.save(&order.path)))
                 }
                 Some(rate) => {
-                    let film = film(&order, moved, accuracy, exchange)?;
-                    let job = farm.film(scene, film, frames_folder(&order.path))?;
+                    let film = film(&order, states, accuracy, exchange)?;
+                    let job = farm.film(&scene, film, frames_folder(&order.path))?;
                     let canceller = job.canceller();
                     let write = move || finish_film(job.wait()?, &order.path, rate);
                     (canceller, Box::new(write))
@@ -84,9 +95,48 @@ impl Drop for Saving {
     }
 }
 
+/// What each picture of an order shows.
+struct FrameStates {
+    /// The scene without animations, lit.
+    scene: Arc<Scene>,
+    file: SceneFile,
+    lights: LightSwitches,
+    views: Arc<[FrameView]>,
+    /// The last scene of the file, and as it is lit.
+    lit: (Arc<Scene>, Arc<Scene>),
+}
+
+impl FrameStates {
+    fn state(&mut self, frame: u32) -> Result<FilmState, Error> {
+        let FrameView { camera, time } = self.views[frame as usize];
+        let (scene, update) = match time {
+            Some((animation, secs)) => self.file.seek(animation, secs)?,
+            None => (Arc::clone(self.file.scene()), SceneUpdate::default()),
+        };
+        let camera = match camera {
+            FrameCamera::Placed(camera) => camera,
+            FrameCamera::OfFile(number) => self.file.camera(number, time)?,
+        };
+        if !Arc::ptr_eq(&self.lit.0, &scene) {
+            let lit = Arc::new(self.lights.apply(&scene));
+            self.lit = (scene, lit);
+        }
+        let (_, lit) = &self.lit;
+        Ok(FilmState {
+            scene: (!Arc::ptr_eq(lit, &self.scene)).then(|| Arc::clone(lit)),
+            update: update.camera(camera),
+        })
+    }
+
+    /// What tells them from all others of the same scene.
+    fn key(&self) -> String {
+        format!("{} {:?} {:?}", self.file.key(), self.lights, self.views)
+    }
+}
+
 fn still(
     order: &SaveOrder,
-    moved: &SceneUpdate,
+    update: SceneUpdate,
     accuracy: Accuracy,
     shared: &Arc<Exchange>,
 ) -> Result<Still, Error> {
@@ -96,7 +146,7 @@ fn still(
         .samples(order.samples)
         .max_depth(accuracy.max_depth)
         .exposure(order.exposure)
-        .update(update(moved, order.cameras.first()))
+        .update(update)
         .background()
         .on_progress(move |progress: &StillProgress| {
             let fraction = progress.fraction();
@@ -110,22 +160,20 @@ fn still(
 
 fn film(
     order: &SaveOrder,
-    moved: &SceneUpdate,
+    mut states: FrameStates,
     accuracy: Accuracy,
     shared: &Arc<Exchange>,
 ) -> Result<Film, Error> {
     FilmFormat::of(&order.path)?;
     let shared = Arc::clone(shared);
-    let updates = order
-        .cameras
-        .iter()
-        .map(|camera| update(moved, Some(camera)));
+    let (frames, key) = (states.views.len(), states.key());
+    let make = move |frame| states.state(frame);
     let settings = RenderSettings {
         samples: order.samples,
         max_depth: accuracy.max_depth,
         ..RenderSettings::default()
     };
-    let film = Film::new(order.size.width, order.size.height, updates)
+    let film = Film::of_states(order.size.width, order.size.height, frames, key, make)
         .settings(settings)
         .exposure(order.exposure)
         .background()
@@ -137,13 +185,6 @@ fn film(
             shared.post(|news| news.saving = Some(fraction));
         });
     Ok(film)
-}
-
-fn update(moved: &SceneUpdate, camera: Option<&Camera>) -> SceneUpdate {
-    SceneUpdate {
-        camera: camera.copied(),
-        ..moved.clone()
-    }
 }
 
 fn finish_film(frames: FilmFrames, path: &Path, frames_per_sec: u16) -> Result<(), Error> {
@@ -165,11 +206,7 @@ fn sentence(why: &Error) -> String {
         Error::FilmCancelled {
             frames_done,
             frames,
-        } => text!(
-            "view-turntable-cancelled",
-            done = *frames_done,
-            frames = *frames
-        ),
+        } => text!("view-film-cancelled", done = *frames_done, frames = *frames),
         why => why.to_string(),
     }
 }

@@ -151,7 +151,7 @@ impl Worker<'_> {
     fn opened(&mut self, path: PathBuf, file: SceneFile, is_reread: bool, wanted: &Wanted) {
         self.documents += 1;
         let scene = Arc::clone(file.scene());
-        let animations = file.animations().into();
+        let copy = file.clone();
         let number = self.documents;
         let (mut camera, mut lights) = (scene.camera, LightSwitches::of(&scene));
         // One that is read again is seen as before.
@@ -165,7 +165,7 @@ impl Worker<'_> {
             number,
             path: path.clone(),
             file,
-            scene: Arc::clone(&scene),
+            scene,
             update: SceneUpdate::default(),
             time: None,
             camera,
@@ -174,8 +174,7 @@ impl Worker<'_> {
         let opened = OpenedScene {
             number,
             path,
-            scene,
-            animations,
+            file: copy,
             is_reread,
         };
         self.exchange.post(|news| news.opened = Some(opened));
@@ -361,9 +360,8 @@ impl Worker<'_> {
         let (Some(document), Some(look)) = (&self.document, self.look(wanted)) else {
             return;
         };
-        let scene = look.lights.apply(&document.scene);
         let (accuracy, exchange) = (self.accuracy, self.exchange);
-        let seen = (&scene, &document.update);
+        let seen = (document.file.clone(), look.lights);
         match Saving::begin(&mut self.farm, seen, accuracy, order.clone(), exchange) {
             Ok(saving) => {
                 self.saving = Some(saving);

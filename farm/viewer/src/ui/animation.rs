@@ -2,12 +2,12 @@
 
 use carom_farm::SceneAnimation;
 use carom_text::text;
-use egui::{ComboBox, Id, Slider, Ui};
+use egui::{ComboBox, Id, Slider, SliderClamping, Ui};
 
 use crate::playback::{Playback, SPEEDS};
 
-/// Draws them.
-pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) {
+/// Draws them; whether another animation was chosen.
+pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) -> bool {
     let (chosen, secs) = playback.time().unwrap_or_default();
     let animations = playback.animations().clone();
     let name = |(number, animation): (usize, &SceneAnimation)| match animation.name.as_str() {
@@ -44,7 +44,9 @@ pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) {
     let slider = Slider::new(&mut at_secs, 0.0..=playback.duration_secs())
         .text(text!("view-time"))
         .suffix(" s")
-        .fixed_decimals(2);
+        .fixed_decimals(2)
+        // Shown, it is not rounded: a slow animation would stand still.
+        .clamping(SliderClamping::Edits);
     if ui.add(slider).changed() {
         playback.seek(at_secs);
     }
@@ -55,4 +57,5 @@ pub(crate) fn show(ui: &mut Ui, playback: &mut Playback) {
         .suffix(" ×")
         .max_decimals(2);
     ui.add(slider);
+    playback.time().is_some_and(|(now, _)| now != chosen)
 }

@@ -3,13 +3,15 @@
 use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings, Shape};
 use carom_window::theme;
+use egui::emath::Numeric;
 use egui::{
-    Area, Button, Checkbox, CollapsingHeader, Context, DragValue, Grid, Id, Order, ProgressBar,
-    Rect, RichText, ScrollArea, Slider, TextEdit, Ui, Vec2,
+    Area, Button, Checkbox, CollapsingHeader, ComboBox, Context, DragValue, Grid, Id, Order,
+    ProgressBar, Rect, RichText, ScrollArea, Slider, SliderClamping, TextEdit, Ui, Vec2,
 };
 use glam::Vec3;
 
 use crate::camera::OrbitCamera;
+use crate::save_form::{SaveForm, SaveKind};
 use crate::ui::animation;
 use crate::viewer::{STOPS_MAX, Viewer};
 
@@ -48,12 +50,15 @@ fn contents(ui: &mut Ui, viewer: &mut Viewer) {
     {
         viewer.set_exposure_stops(stops);
     }
+    camera(ui, viewer);
     let [narrow, wide] = OrbitCamera::FOV_X_DEG;
     let mut fov_x_deg = viewer.camera.fov_x_deg();
     let slider = Slider::new(&mut fov_x_deg, narrow..=wide)
         .text(text!("view-fov"))
         .suffix("°")
-        .fixed_decimals(0);
+        .fixed_decimals(0)
+        // Shown, the scene's own is not rounded.
+        .clamping(SliderClamping::Edits);
     if ui.add(slider).changed() {
         viewer.camera.set_fov_x_deg(fov_x_deg);
     }
@@ -67,7 +72,9 @@ fn contents(ui: &mut Ui, viewer: &mut Viewer) {
     });
     if !viewer.playback.animations().is_empty() {
         section(ui, text!("view-animation"), |ui| {
-            animation::show(ui, &mut viewer.playback);
+            if animation::show(ui, &mut viewer.playback) {
+                viewer.form.range = None;
+            }
         });
     }
     section(ui, text!("view-lights"), |ui| lights(ui, viewer));
@@ -80,7 +87,8 @@ fn heading(ui: &mut Ui, viewer: &Viewer) {
     };
     ui.label(RichText::new(file).strong())
         .on_hover_text(document.path.display().to_string());
-    let objects = &document.scene.objects;
+    let scene = document.file.scene();
+    let objects = &scene.objects;
     let triangles: usize = objects
         .iter()
         .map(|object| match &object.shape {
@@ -92,9 +100,42 @@ fn heading(ui: &mut Ui, viewer: &Viewer) {
         "view-contents",
         objects = objects.len(),
         triangles = triangles,
-        lights = document.scene.area_lights.len()
+        lights = scene.area_lights.len()
     );
     ui.label(RichText::new(contents).color(theme::FAINT).small());
+}
+
+/// A choice among the file's cameras and the free one.
+fn camera(ui: &mut Ui, viewer: &mut Viewer) {
+    let cameras = viewer.file_cameras();
+    if cameras.is_empty() {
+        return;
+    }
+    let name = |(number, name): (usize, &&str)| match *name {
+        "" => text!("view-camera-number", number = number),
+        name => name.to_owned(),
+    };
+    let names: Vec<String> = cameras.iter().enumerate().map(name).collect();
+    let attached = viewer.attached_camera();
+    let free = text!("view-camera-free");
+    let shown = attached.map_or(free, |number| &names[number]);
+    ui.horizontal(|ui| {
+        let choice = ComboBox::from_id_salt(Id::unique("view-cameras")).selected_text(shown);
+        let choice = choice.show_ui(ui, |ui| {
+            for (number, name) in names.iter().enumerate() {
+                let is_chosen = attached == Some(number);
+                if ui.selectable_label(is_chosen, name).clicked() {
+                    viewer.attach(number);
+                }
+            }
+            if ui.selectable_label(attached.is_none(), free).clicked() {
+                viewer.camera.detach();
+            }
+        });
+        let label = ui.label(text!("view-camera"));
+        let choice = choice.response.labelled_by(label.id);
+        choice.on_hover_text(text!("view-camera-about"));
+    });
 }
 
 fn upright(ui: &mut Ui, viewer: &mut Viewer) {
@@ -116,7 +157,7 @@ fn lights(ui: &mut Ui, viewer: &mut Viewer) {
     if let Some(sky) = &mut viewer.lights.sky {
         ui.checkbox(sky, text!("view-sky"));
     }
-    let lamps = document.scene.area_lights.iter();
+    let lamps = document.file.scene().area_lights.iter();
     for (number, (lamp, is_on)) in lamps.zip(&mut viewer.lights.lamps).enumerate() {
         // Names need not differ.
         ui.push_id(number, |ui| ui.add(Checkbox::new(is_on, &lamp.name)));
@@ -124,6 +165,8 @@ fn lights(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 fn save(ui: &mut Ui, viewer: &mut Viewer) {
+    let is_animated = !viewer.playback.animations().is_empty();
+    let duration_secs = viewer.playback.duration_secs();
     let (window, form) = (viewer.window, &mut viewer.form);
     Grid::new("view-save").num_columns(2).show(ui, |ui| {
         let label = ui.label(text!("view-save-file"));
@@ -148,21 +191,36 @@ fn save(ui: &mut Ui, viewer: &mut Viewer) {
         let samples = text!("view-save-samples");
         number(ui, samples, &mut form.samples, SAMPLES_MAX);
         number(ui, text!("view-save-frames"), &mut form.frames, FRAMES_MAX);
+        if is_animated {
+            range(ui, form, duration_secs);
+        }
+        let rate = text!("view-save-rate");
+        number(ui, rate, &mut form.frames_per_sec, SaveForm::RATE_MAX);
     });
     let Some(done) = viewer.saving else {
         ui.horizontal_wrapped(|ui| {
             let is_named = !viewer.form.path.trim().is_empty();
-            let still = Button::new(text!("view-save-still"));
-            if ui.add_enabled(is_named, still).clicked() {
-                viewer.save(false);
-            }
-            let turntable = Button::new(text!("view-save-turntable"));
-            let turntable = ui.add_enabled(is_named, turntable);
-            if turntable
-                .on_hover_text(text!("view-save-turntable-about"))
-                .clicked()
-            {
-                viewer.save(true);
+            let mut offer = |kind, label: &str, about: &str| {
+                let button = ui.add_enabled(is_named, Button::new(label));
+                if button.on_hover_text(about).clicked() {
+                    viewer.save(kind);
+                }
+            };
+            let (label, about) = (text!("view-save-still"), text!("view-save-still-about"));
+            offer(SaveKind::Still, label, about);
+            let label = text!("view-save-turntable");
+            offer(
+                SaveKind::Turntable,
+                label,
+                text!("view-save-turntable-about"),
+            );
+            if is_animated {
+                let label = text!("view-save-animation");
+                offer(
+                    SaveKind::Animation,
+                    label,
+                    text!("view-save-animation-about"),
+                );
             }
         });
         return;
@@ -173,10 +231,27 @@ fn save(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
+/// The row of an animation's first and last frame.
+fn range(ui: &mut Ui, form: &mut SaveForm, duration_secs: f64) {
+    let label = ui.label(text!("view-save-range"));
+    let [mut first, mut last] = form.range_in(duration_secs);
+    ui.horizontal(|ui| {
+        let drag = DragValue::new(&mut first).range(0..=SaveForm::FRAME_MAX);
+        let first_drag = ui.add(drag.speed(1.0)).labelled_by(label.id);
+        let drag = DragValue::new(&mut last).range(first..=SaveForm::FRAME_MAX);
+        let last_drag = ui.add(drag.speed(1.0)).labelled_by(label.id);
+        if first_drag.changed() || last_drag.changed() {
+            form.range = Some([first, last.max(first)]);
+        }
+    });
+    ui.end_row();
+}
+
 /// A row of the form.
-fn number(ui: &mut Ui, label: &str, value: &mut u32, max: u32) {
+fn number<Number: Numeric>(ui: &mut Ui, label: &str, value: &mut Number, max: Number) {
     let label = ui.label(label);
-    let drag = DragValue::new(value).range(1..=max).speed(1.0);
+    let min = Number::from_f64(1.0);
+    let drag = DragValue::new(value).range(min..=max).speed(1.0);
     ui.add(drag).labelled_by(label.id);
     ui.end_row();
 }

@@ -1,17 +1,18 @@
 //! The viewer's interface, as a person meets it: by its words, keys and pointer, and by how it looks. The
 //! tests take the renderer's part.
 
+#[path = "../dolly/mod.rs"]
+mod dolly;
 #[path = "../../../window/tests/looks/mod.rs"]
 mod looks;
 mod pictures;
 mod stage;
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use carom_farm::{FrameStats, SceneAnimation};
+use carom_farm::{FrameStats, SceneFile};
 use carom_view::controls::CONTROLS;
-use carom_view::render::OpenedScene;
+use carom_view::render::{FrameCamera, SaveOrder};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, PointerButton, Pos2, pos2};
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
@@ -266,7 +267,7 @@ fn a_still_is_ordered_told_of_cancelled_and_saved() {
     assert!(order.path.ends_with("view_0001.png"), "{order:?}");
     assert_eq!((order.size, order.samples), (stage.size(), 256));
     assert_eq!(order.exposure, stage.wanted().exposure);
-    assert_eq!((order.cameras.len(), order.frames_per_sec), (1, None));
+    assert_eq!((order.views.len(), order.frames_per_sec), (1, None));
     stage.post(|news| news.saving = Some(0.4));
     let bar = stage.harness.get_by_role(Role::ProgressIndicator);
     assert_eq!(bar.accesskit_node().numeric_value(), Some(40.0));
@@ -287,7 +288,7 @@ fn a_still_is_ordered_told_of_cancelled_and_saved() {
     stage.harness.get_by_label("Save turntable").click();
     stage.harness.run_steps(2);
     let film = stage.wanted().save.expect("an order");
-    assert_eq!((film.number, film.cameras.len()), (2, 72));
+    assert_eq!((film.number, film.views.len()), (2, 72));
     assert_eq!(film.frames_per_sec, Some(24));
     std::fs::write(&film.path, "").unwrap();
     stage.post(|news| news.saved = Some(Ok(film.path.clone())));
@@ -379,20 +380,13 @@ fn ctrl_q_quits_and_f11_fills_the_screen() {
     assert!(stage.viewer().wants_quit());
 }
 
+fn time(stage: &Stage) -> (usize, f64) {
+    stage.wanted().look.unwrap().time.expect("it is animated")
+}
+
 #[test]
 fn an_animation_plays_stops_and_is_wound_by_keys_and_panel() {
-    let mut stage = stage();
-    let animations = [("walk", 2.0), ("", 5.0)].map(|(name, duration_secs)| SceneAnimation {
-        name: name.to_owned(),
-        duration_secs,
-    });
-    stage.post(|news| {
-        news.opened = Some(OpenedScene {
-            animations: Arc::new(animations),
-            ..opened(1, "dancer.glb", false)
-        });
-    });
-    let time = |stage: &Stage| stage.wanted().look.unwrap().time.expect("it is animated");
+    let mut stage = stage::with_dolly();
     stage.harness.run_steps(5);
     assert_eq!(time(&stage), (0, 0.0), "it stands until it is to play");
     press(&mut stage, Key::Space);
@@ -410,5 +404,119 @@ fn an_animation_plays_stops_and_is_wound_by_keys_and_panel() {
     stage.harness.get_by_label("Play").click();
     stage.harness.run_steps(3);
     assert_ne!(time(&stage), stopped);
-    assert!(stage.has("Time") && stage.has("Speed") && stage.has("walk"));
+    assert!(stage.has("Time") && stage.has("Speed") && stage.has("ride"));
+}
+
+/// Whether the camera is where `dolly` is at the time that is shown.
+fn is_on_dolly(stage: &Stage) -> bool {
+    let file = SceneFile::open(stage.folder.path().join("dolly.gltf")).unwrap();
+    stage.camera() == file.camera(0, Some(time(stage))).unwrap()
+}
+
+#[test]
+fn the_view_rides_on_the_files_camera_until_it_is_moved_and_again_by_a_key() {
+    let mut stage = stage::with_dolly();
+    press(&mut stage, Key::Space);
+    for _ in 0..4 {
+        stage.harness.run_steps(3);
+        assert!(is_on_dolly(&stage), "{:?}", stage.camera());
+    }
+    assert!(time(&stage).1 > 0.5);
+    press(&mut stage, Key::Space);
+    // Wound, it is where it is then.
+    let slider = stage.harness.get_by_role_and_label(Role::Slider, "Time");
+    slider.focus();
+    let before = time(&stage);
+    for _ in 0..3 {
+        press(&mut stage, Key::ArrowRight);
+    }
+    assert_ne!(time(&stage), before);
+    assert!(is_on_dolly(&stage));
+    // Moved, it stays though the animation goes on.
+    let by = egui::vec2(150.0, 40.0);
+    drag(&mut stage, PointerButton::Primary, Modifiers::NONE, by);
+    let moved = stage.camera();
+    assert!(!is_on_dolly(&stage));
+    press(&mut stage, Key::Space);
+    stage.harness.run_steps(6);
+    assert_eq!(stage.camera(), moved);
+    for key in [Key::C, Key::Home] {
+        press(&mut stage, key);
+        assert!(is_on_dolly(&stage), "{key:?}");
+        drag(&mut stage, PointerButton::Middle, Modifiers::NONE, by);
+        assert!(!is_on_dolly(&stage), "{key:?}");
+    }
+    // To the other one and back.
+    press(&mut stage, Key::C);
+    press(&mut stage, Key::C);
+    assert_eq!(stage.camera().eye, Vec3::new(0.0, -20.0, 0.0));
+    press(&mut stage, Key::C);
+    assert!(is_on_dolly(&stage));
+}
+
+#[test]
+fn a_camera_is_chosen_in_the_panel_and_the_free_one_stays_where_the_files_was() {
+    let mut stage = stage::with_dolly();
+    let choose = |stage: &mut Stage, name: &str| {
+        let choice = Role::ComboBox;
+        stage
+            .harness
+            .get_by_role_and_label(choice, "Camera")
+            .click();
+        stage.harness.run_steps(3);
+        let names = stage.harness.get_all_by_label(name);
+        names.last().unwrap().click();
+        stage.harness.run_steps(3);
+    };
+    choose(&mut stage, "wide");
+    assert_eq!(stage.camera().eye, Vec3::new(0.0, -20.0, 0.0));
+    choose(&mut stage, "dolly");
+    assert!(is_on_dolly(&stage));
+    choose(&mut stage, "Free");
+    let free = stage.camera();
+    press(&mut stage, Key::Space);
+    stage.harness.run_steps(6);
+    assert_eq!(stage.camera(), free);
+    assert!(!is_on_dolly(&stage));
+    // A scene without cameras of a file has nothing to choose.
+    stage.post(|news| news.opened = Some(opened(2, "hall.json", false)));
+    assert!(!stage.has("Camera"));
+    press(&mut stage, Key::C);
+    assert_eq!(stage.camera(), scene().camera);
+}
+
+fn order(stage: &mut Stage, button: &str) -> SaveOrder {
+    stage.harness.get_by_label(button).scroll_to_me();
+    stage.harness.run_steps(10);
+    stage.harness.get_by_label(button).click();
+    stage.harness.run_steps(2);
+    stage.wanted().save.expect("an order")
+}
+
+#[test]
+fn an_animation_is_ordered_frame_by_frame_through_the_camera_that_is_chosen() {
+    let mut stage = stage::with_dolly();
+    let film = order(&mut stage, "Save animation");
+    assert_eq!((film.views.len(), film.frames_per_sec), (48, Some(24)));
+    for (frame, view) in (0..).zip(film.views.iter()) {
+        assert_eq!(view.camera, FrameCamera::OfFile(0));
+        assert_eq!(view.time, Some((0, f64::from(frame) / 24.0)));
+    }
+    let by = egui::vec2(90.0, 0.0);
+    drag(&mut stage, PointerButton::Primary, Modifiers::NONE, by);
+    let film = order(&mut stage, "Save animation");
+    let placed = FrameCamera::Placed(stage.camera());
+    assert!(film.views.iter().all(|view| view.camera == placed));
+    // A turntable is a film of one moment, and a still a picture of it.
+    press(&mut stage, Key::Space);
+    stage.harness.run_steps(4);
+    press(&mut stage, Key::Space);
+    let now = Some(time(&stage));
+    let film = order(&mut stage, "Save turntable");
+    assert!(film.views.len() == 72 && film.views.iter().all(|view| view.time == now));
+    let still = order(&mut stage, "Save still");
+    assert_eq!(still.frames_per_sec, None);
+    assert_eq!((still.views[0].camera, still.views[0].time), (placed, now));
+    stage.post(|news| news.opened = Some(opened(2, "hall.json", false)));
+    assert!(!stage.has("Save animation"), "nothing moves");
 }

@@ -5,14 +5,19 @@ use std::path::{Path, PathBuf};
 use carom_view::viewer::Viewer;
 
 use crate::looks::{Gpu, Look};
-use crate::stage::{opened, viewer};
+use crate::stage::{opened, opened_dolly, viewer};
 
 /// A name, and what brings it about.
 type Situation = (&'static str, fn(&mut Viewer));
 
-const SITUATIONS: [Situation; 5] = [
+const SITUATIONS: [Situation; 6] = [
     ("empty", |_| {}),
     ("open", |viewer| open(viewer)),
+    ("animated", |viewer| {
+        let folder = tempfile::tempdir().unwrap();
+        let dolly = opened_dolly(folder.path());
+        viewer.renderer().post(|news| news.opened = Some(dolly));
+    }),
     ("saving", |viewer| {
         open(viewer);
         viewer.renderer().post(|news| news.saving = Some(0.35));

@@ -1,8 +1,9 @@
 //! A viewer without a window and without a farm.
 
 use std::path::Path;
-use std::sync::Arc;
 
+use crate::dolly;
+use carom_farm::SceneFile;
 use carom_tracer::{AreaLight, Camera, ImageSize, Material, Scene, Sphere};
 use carom_view::lights::LightSwitches;
 use carom_view::render::{News, OpenedScene, Renderer, ShownPicture, Wanted};
@@ -16,7 +17,7 @@ use tempfile::TempDir;
 
 pub(crate) struct Stage {
     pub(crate) harness: Harness<'static, Play>,
-    _folder: TempDir,
+    pub(crate) folder: TempDir,
 }
 
 pub(crate) struct Play {
@@ -41,11 +42,13 @@ pub(crate) fn scene() -> Scene {
 }
 
 pub(crate) fn opened(number: u64, path: &str, is_reread: bool) -> OpenedScene {
+    let folder = tempfile::tempdir().unwrap();
+    let saved = folder.path().join("scene.json");
+    scene().save(&saved).unwrap();
     OpenedScene {
         number,
         path: path.into(),
-        scene: Arc::new(scene()),
-        animations: Arc::new([]),
+        file: SceneFile::open(saved).unwrap(),
         is_reread,
     }
 }
@@ -74,15 +77,30 @@ pub(crate) fn stage() -> Stage {
             play,
         );
     harness.run_steps(4);
-    Stage {
-        harness,
-        _folder: folder,
-    }
+    Stage { harness, folder }
 }
 
 pub(crate) fn with_scene() -> Stage {
     let mut stage = stage();
     stage.post(|news| news.opened = Some(opened(1, "hall.json", false)));
+    stage
+}
+
+/// The file that [`dolly::write`] writes, read.
+pub(crate) fn opened_dolly(folder: &Path) -> OpenedScene {
+    let path = dolly::write(folder);
+    OpenedScene {
+        number: 1,
+        file: SceneFile::open(&path).unwrap(),
+        path,
+        is_reread: false,
+    }
+}
+
+pub(crate) fn with_dolly() -> Stage {
+    let mut stage = stage();
+    let dolly = opened_dolly(stage.folder.path());
+    stage.post(|news| news.opened = Some(dolly));
     stage
 }
 

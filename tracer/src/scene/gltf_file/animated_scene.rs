@@ -6,9 +6,10 @@ use std::sync::Arc;
 use super::animation::{self, Animation};
 use super::container::Files;
 use super::material::{self, MaterialEntry};
+use super::node::NodeCamera;
 use super::pose::{Hierarchy, Pose};
 use super::{Document, Fault, Refusal, node};
-use crate::scene::{Scene, SceneUpdate};
+use crate::scene::{Camera, Scene, SceneUpdate};
 use crate::text::{SENTENCE_BYTES_MAX, printable};
 use crate::{Error, SceneError};
 
@@ -23,6 +24,7 @@ pub struct AnimatedScene {
     materials: Vec<MaterialEntry>,
     hierarchy: Hierarchy,
     animations: Vec<Animation>,
+    cameras: Vec<NodeCamera>,
     rest: Arc<Scene>,
 }
 
@@ -71,12 +73,14 @@ impl AnimatedScene {
         rest.camera = camera.unwrap_or_else(|| node::framed(&rest));
         validate(path, &rest)?;
         let animations = animation::read(&document).map_err(refused)?;
+        let cameras = node::cameras(&document, &hierarchy).map_err(refused)?;
         Ok(Self {
             path: path.map(Path::to_owned),
             document,
             materials,
             hierarchy,
             animations,
+            cameras,
             rest: Arc::new(rest),
         })
     }
@@ -106,6 +110,35 @@ impl AnimatedScene {
                 names => format!("it has no animation `{name}`, but {}", names.join(", ")),
             })
         })
+    }
+
+    /// The names of the perspective cameras of the file's scene, in the order of its nodes: [`Scene::camera`] is the first.
+    /// One without a name has its node's, which may be empty.
+    pub fn cameras(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.cameras.iter().map(|camera| camera.name.as_str())
+    }
+
+    /// A camera at a time, an index into [`AnimatedScene::cameras`].
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the place and the value if there is no such camera or animation, the time is not finite, or
+    /// the camera sees nothing then.
+    pub fn camera(&self, index: usize, time: AnimationTime) -> Result<Camera, Error> {
+        let count = self.cameras.len();
+        let camera = self.cameras.get(index).ok_or_else(|| {
+            self.refused(format!("it has no camera {index}, but {count} cameras"))
+        })?;
+        let pose = self.pose(time)?;
+        let camera = node::camera_of(&self.document, &pose, camera.node);
+        let camera = camera.map_err(|refusal| self.refused(refusal))?;
+        let checked = camera.validate();
+        checked.map_err(|fault| self.refused(format!("camera {index}: {fault}")))?;
+        Ok(camera)
+    }
+
+    /// BLAKE3 of the file's JSON and buffers, on which all but its images depends.
+    pub fn content_hash(&self) -> [u8; 32] {
+        self.document.hash
     }
 
     /// The scene as the file has it without its animations.

@@ -166,6 +166,46 @@ fn nodes_stand_where_their_key_frames_have_them() {
 }
 
 #[test]
+fn cameras_are_by_name_and_where_they_are_at_a_time() {
+    let (mut json, binary) = arm();
+    let more = [
+        json!({ "name": "tripod", "camera": 1, "translation": [0, 1, 5] }),
+        json!({ "camera": 2 }),
+        json!({ "camera": 0, "scale": [0, 0, 0] }),
+    ];
+    json["nodes"].as_array_mut().unwrap().extend(more);
+    json["scenes"][0]["nodes"] = json!([0, 3, 4, 5, 6]);
+    json["cameras"] = json!([
+        { "name": "first", "type": "perspective", "perspective": { "yfov": 0.8, "znear": 0.1 } },
+        { "type": "perspective", "perspective": { "yfov": 0.5, "znear": 0.1 } },
+        { "type": "orthographic", "orthographic": { "xmag": 1, "ymag": 1, "znear": 0.1, "zfar": 9 } }]);
+    let scene = read(&(json, binary.clone()));
+    let names: Vec<_> = scene.cameras().collect();
+    assert_eq!(names, ["first", "tripod", "first"]);
+    for secs in [0.0, 0.5, 2.0] {
+        let camera = scene.camera(0, AnimationTime::At(0, secs)).unwrap();
+        assert_eq!(camera, at(&scene, secs).camera);
+    }
+    let tripod = scene.camera(1, AnimationTime::Rest).unwrap();
+    close(tripod.eye, Vec3::new(0.0, -5.0, 1.0));
+    let why = |index, time| scene.camera(index, time).unwrap_err().to_string();
+    assert!(why(3, AnimationTime::Rest).contains("no camera 3, but 3 cameras"));
+    assert!(why(0, AnimationTime::At(9, 0.0)).contains("no animation 9"));
+    let blind = why(2, AnimationTime::Rest);
+    assert!(blind.contains("camera 2: "), "{blind}");
+    // Other files have other hashes, also if only their buffers differ.
+    let other = binary
+        .iter()
+        .map(|byte| byte ^ u8::from(*byte == 63))
+        .collect();
+    let other = read(&(arm().0, other));
+    let same = read(&arm());
+    assert_eq!(same.content_hash(), read(&arm()).content_hash());
+    assert_ne!(same.content_hash(), other.content_hash());
+    assert_ne!(same.content_hash(), scene.content_hash());
+}
+
+#[test]
 fn updates_of_moving_nodes_are_their_scenes() {
     let scene = read(&arm());
     for from in [AnimationTime::Rest, AnimationTime::At(0, 1.2)] {

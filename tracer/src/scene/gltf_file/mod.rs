@@ -91,6 +91,8 @@ struct Document {
     buffers: Vec<Vec<u8>>,
     /// Morph targets of each mesh.
     targets: Vec<usize>,
+    /// Of its JSON and buffers.
+    hash: [u8; 32],
 }
 
 impl Document {
@@ -105,10 +107,16 @@ impl Document {
         check(&root)?;
         let buffers = container::buffers(&root, binary, files)?;
         let targets = pose::targets(&root)?;
+        let mut hash = blake3::Hasher::new();
+        hash.update(json);
+        for buffer in &buffers {
+            hash.update(buffer);
+        }
         Ok(Self {
             root,
             buffers,
             targets,
+            hash: hash.finalize().into(),
         })
     }
 }

@@ -376,6 +376,41 @@ fn triangles(
     Ok(triangles)
 }
 
+/// A node with a perspective camera.
+#[derive(Debug)]
+pub(super) struct NodeCamera {
+    pub(super) node: usize,
+    pub(super) name: String,
+}
+
+/// All of the file's scene.
+pub(super) fn cameras(
+    document: &Document,
+    hierarchy: &Hierarchy,
+) -> Result<Vec<NodeCamera>, Refusal> {
+    let mut cameras = Vec::new();
+    for place in hierarchy.nodes() {
+        let node = &document.root.nodes[place];
+        if let (Some(index), Some(_)) = (node.camera, camera(document, node)?) {
+            let own = document.root.cameras[index.value()].name.as_deref();
+            let name = own.or(node.name.as_deref()).unwrap_or_default();
+            cameras.push(NodeCamera {
+                node: place,
+                name: printable(name, NAME_BYTES_MAX),
+            });
+        }
+    }
+    Ok(cameras)
+}
+
+/// The camera of a node that has one, in a pose.
+pub(super) fn camera_of(document: &Document, pose: &Pose, place: usize) -> Result<Camera, Refusal> {
+    let perspective = camera(document, &document.root.nodes[place])?;
+    let perspective = perspective.ok_or_else(|| format!("node {place} has no camera"))?;
+    let world_from_node = pose.world_from_node(place).unwrap_or_default();
+    Ok(perspective_camera(perspective, world_from_node))
+}
+
 /// The perspective camera of a node.
 fn camera<'a>(document: &'a Document, node: &Node) -> Result<Option<&'a Perspective>, Refusal> {
     let Some(index) = node.camera else {
