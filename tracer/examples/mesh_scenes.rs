@@ -11,8 +11,7 @@ use std::time::Instant;
 
 use carom_tracer::compiled::ShapeKind;
 use carom_tracer::{
-    AreaLight, Camera, CompiledScene, Layers, Material, MaterialTextures, Mesh, Opacity, Plane,
-    Scene,
+    AreaLight, Camera, CompiledScene, Layers, Material, MaterialTextures, Mesh, Opacity, Scene,
 };
 use glam::{Mat4, Quat, Vec3};
 
@@ -158,7 +157,11 @@ fn block(half: Vec3) -> Mesh {
 fn bumpy_ball_on_floor(triangles: u32) -> Scene {
     let camera = Camera::looking_at([0.3, -3.6, 1.9], [0.0, 0.0, 0.9]);
     let mut scene = Scene::new().camera(camera).sky([0.3, 0.35, 0.4]);
-    scene.add(Plane::z(0.0), Material::diffuse([0.4, 0.35, 0.3]));
+    // Of 200 m: on one of 20 km, as planes are, Mitsuba's CUDA back end loses 3 % of the sky's light.
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let corners = corners.map(|[x, y]| 100.0 * Vec3::new(x, y, 0.0));
+    let floor = Mesh::new(corners.into(), vec![[0, 1, 2], [0, 2, 3]]);
+    scene.add(floor, Material::diffuse([0.4, 0.35, 0.3]));
     let ball = bumpy_ball(triangles).at([0.0, 0.0, 1.0]);
     scene.add_named("ball", ball, Material::diffuse([0.7, 0.3, 0.15]));
     scene.add_light(

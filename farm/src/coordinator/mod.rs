@@ -182,9 +182,8 @@ impl Coordinator {
         }
         // One that nobody has announced.
         for (node, entry) in self.nodes.iter() {
-            let knows = entry.has_scene(scene.0) || entry.scene_refusal(scene.0).is_some();
-            if entry.is_open() && !knows {
-                self.dispatcher.send_scene(node, scene.0, &scene.1);
+            if entry.is_open() && !entry.knows_scene(scene.hash()) {
+                self.dispatcher.send_scene(node, &scene);
             }
         }
         let mut frame = FrameInFlight::new(now, id, spec, scene, passes, work);

@@ -297,6 +297,12 @@ impl NodeEntry {
         self.scenes.contains(&scene)
     }
 
+    /// Whether it holds the scene, is being sent it in chunks or has refused it.
+    pub(super) fn knows_scene(&self, scene: SceneHash) -> bool {
+        let is_coming = self.scene_progress.is_some_and(|(hash, ..)| hash == scene);
+        is_coming || self.has_scene(scene) || self.scenes_refused.contains_key(&scene)
+    }
+
     pub(super) fn has_room(&self) -> bool {
         self.workload.requests.len() < REQUESTS_QUEUED_MAX
     }

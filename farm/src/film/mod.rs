@@ -370,7 +370,7 @@ impl FilmRun {
         }
         loop {
             let has_to_wait = |frame: &FilmFrame| frame.render.next_frame().is_some();
-            let scenes: BTreeSet<_> = self.tracing.iter().map(|of| of.scene.hash).collect();
+            let scenes: BTreeSet<_> = self.tracing.iter().map(|of| of.scene.hash()).collect();
             if self.tracing.iter().any(has_to_wait)
                 || self.tracing.len() >= FRAMES_IN_FLIGHT_MAX
                 || scenes.len() >= SCENES_IN_FLIGHT_MAX
