@@ -65,8 +65,7 @@ impl MeshLights {
 
     /// Draws a point by two numbers in [0, 1).
     pub fn sample(&self, [u, v]: [f32; 2]) -> MeshLightPoint {
-        let next = self.triangles.partition_point(|light| light.before <= u);
-        let light = &self.triangles[next.saturating_sub(1)];
+        let light = self.triangle(u);
         let within = ((u - light.before) / light.probability).clamp(0.0, 1.0);
         let root = within.sqrt();
         MeshLightPoint {
@@ -74,6 +73,12 @@ impl MeshLights {
             weights: [1.0 - root, root * (1.0 - v), root * v],
             probability: light.probability,
         }
+    }
+
+    /// The triangle that a number in [0, 1) draws.
+    pub(crate) fn triangle(&self, u: f32) -> &MeshLightData {
+        let next = self.triangles.partition_point(|light| light.before <= u);
+        &self.triangles[next.saturating_sub(1)]
     }
 }
 
@@ -142,6 +147,16 @@ impl CompiledScene {
             true => 16,
             false => (16.0 * share).round().clamp(1.0, 15.0) as u32,
         }
+    }
+
+    /// Whether a material emits more in one place than in another: by a texture, or by what its opacity leaves.
+    pub(crate) fn has_pattern(&self, material: usize) -> bool {
+        let data = &self.materials[material];
+        let maps = self.textures.materials.get(material);
+        let is_textured = maps.is_some_and(|maps| maps.emission != MaterialTextureData::NONE);
+        data.kind == KIND_METALLIC_ROUGHNESS
+            && data.k != [0.0; 3]
+            && (is_textured || data.is_transparent())
     }
 
     /// What a point of a triangle emits of what its opacity leaves there, where corners have these weights.

@@ -41,6 +41,15 @@ impl<S: Simd> Vec3x<S> {
     }
 
     #[inline(always)]
+    pub(super) fn cross(self, rhs: Self) -> Self {
+        Self {
+            x: self.y * rhs.z - self.z * rhs.y,
+            y: self.z * rhs.x - self.x * rhs.z,
+            z: self.x * rhs.y - self.y * rhs.x,
+        }
+    }
+
+    #[inline(always)]
     pub(super) fn length_squared(self) -> Float<S> {
         self.dot(self)
     }

@@ -582,12 +582,7 @@ fn load<S: Simd>(simd: S, numbers: &[[f32; LANES]; 18], first: usize) -> Vec3x<S
 /// The unit normal that the corners of a triangle go round.
 #[inline(always)]
 fn wound_normal<S: Simd>([a, b, c]: [Vec3x<S>; 3]) -> Vec3x<S> {
-    let (u, v) = (b - a, c - a);
-    unit(Vec3x::new(
-        u.y * v.z - u.z * v.y,
-        u.z * v.x - u.x * v.z,
-        u.x * v.y - u.y * v.x,
-    ))
+    unit((b - a).cross(c - a))
 }
 
 /// The unit normal to shade with, out of the surface.
