@@ -18,6 +18,8 @@ use crate::bvh::{Bvh, BvhNode, DEPTH_MAX, SLACK};
 pub(super) struct Bvh16<F, const N: usize> {
     nodes: Vec<Bvh16Node>,
     leaves: Vec<Bvh16Leaf<F, N>>,
+    /// Some primitives are of dielectrics.
+    has_dielectric: bool,
     /// A node, or with [`LEAF_TAG`] a leaf.
     root: u32,
 }
@@ -49,20 +51,21 @@ impl HitFilter for Solid {
 /// Set in the number of a leaf.
 const LEAF_TAG: u32 = 1 << 31;
 
-/// Boxes of a node's parts, by lane.
+/// Boxes of a node's parts, by lane, in lines of the cache.
+#[repr(C, align(64))]
 struct Bvh16Node {
-    /// A bit for each lane that has a part: rays that are no numbers enter any box.
-    lanes: u64,
     center: [[f32; LANES]; 3],
     half: [[f32; LANES]; 3],
     parts: [u32; LANES],
+    /// A bit for each lane that has a part: rays that are no numbers enter any box.
+    lanes: u64,
 }
 
-/// Primitives by lane; the numbers of lanes without one are NaN.
+/// Primitives by lane, in lines of the cache; the numbers of lanes without one are NaN.
+#[repr(C, align(64))]
 struct Bvh16Leaf<F, const N: usize> {
     numbers: [[f32; LANES]; N],
     id: [u32; LANES],
-    has_dielectric: bool,
     shape: PhantomData<F>,
 }
 
@@ -89,6 +92,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         let mut bvh16 = Self {
             nodes: Vec::new(),
             leaves: Vec::new(),
+            has_dielectric: each.iter().flatten().any(|one| one.is_dielectric),
             root: 0,
         };
         let slack = bvh.slack();
@@ -144,7 +148,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
                 // With the distance itself: of primitives as far away the smallest id counts, in
                 // whatever order leaves are visited.
-                let Some((hit, t)) = leaf.intersect(simd, &ray, &frame, distance[lane].next_up())
+                let Some((hit, t)) = self.meet(simd, leaf, &ray, &frame, distance[lane].next_up())
                 else {
                     continue;
                 };
@@ -206,7 +210,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     continue;
                 }
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
-                let met = leaf.intersect(simd, &ray, &frame, limit);
+                let met = self.meet(simd, leaf, &ray, &frame, limit);
                 let mut hits = met.map_or(0, |(hit, _)| hit.to_bitmask());
                 if filter.is_some() {
                     hits = columns.met(lane, hits, &leaf.id, filter);
@@ -219,6 +223,29 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             }
         }
         dark
+    }
+
+    /// Where the ray meets primitives of a leaf before `limit`.
+    #[inline(always)]
+    fn meet<S: Simd>(
+        &self,
+        simd: S,
+        leaf: &Bvh16Leaf<F, N>,
+        ray: &Rays<S>,
+        frame: &F::Frame<S>,
+        limit: f32,
+    ) -> HitMask<S> {
+        let mut numbers = [Float::splat(simd, 0.0); N];
+        for (lanes, number) in numbers.iter_mut().zip(&leaf.numbers) {
+            *lanes = Float::load_array(simd, *number);
+        }
+        let primitives = Primitives {
+            numbers,
+            id: Word::load_array(simd, leaf.id),
+            has_dielectric: self.has_dielectric,
+        };
+        let (hit, t) = F::intersect(ray, frame, &primitives, Float::splat(simd, limit))?;
+        Some((hit & primitives.id.simd_ne(NONE), t))
     }
 }
 
@@ -251,30 +278,6 @@ impl Bvh16Node {
             hits &= hits - 1;
             stack.insert(bottom, entry[lane], self.parts[lane]);
         }
-    }
-}
-
-impl<F: Shape<N>, const N: usize> Bvh16Leaf<F, N> {
-    /// Where the ray meets primitives before `limit`.
-    #[inline(always)]
-    fn intersect<S: Simd>(
-        &self,
-        simd: S,
-        ray: &Rays<S>,
-        frame: &F::Frame<S>,
-        limit: f32,
-    ) -> HitMask<S> {
-        let mut numbers = [Float::splat(simd, 0.0); N];
-        for (lanes, number) in numbers.iter_mut().zip(&self.numbers) {
-            *lanes = Float::load_array(simd, *number);
-        }
-        let primitives = Primitives {
-            numbers,
-            id: Word::load_array(simd, self.id),
-            has_dielectric: self.has_dielectric,
-        };
-        let (hit, t) = F::intersect(ray, frame, &primitives, Float::splat(simd, limit))?;
-        Some((hit & primitives.id.simd_ne(NONE), t))
     }
 }
 
@@ -397,10 +400,10 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
         }
         let number = bvh16.nodes.len();
         bvh16.nodes.push(Bvh16Node {
-            lanes: 0,
             center: [[0.0; LANES]; 3],
             half: [[0.0; LANES]; 3],
             parts: [0; LANES],
+            lanes: 0,
         });
         for (lane, part) in self.parts(subtree).iter().enumerate() {
             let center = 0.5 * (part.min + part.max);
@@ -439,7 +442,6 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
         let mut leaf = Bvh16Leaf {
             numbers: [[f32::NAN; LANES]; N],
             id: [NONE; LANES],
-            has_dielectric: false,
             shape: PhantomData,
         };
         let order = &self.bvh.order[subtree.first as usize..][..subtree.count as usize];
@@ -451,7 +453,6 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
                 column[lane] = number;
             }
             leaf.id[lane] = one.id;
-            leaf.has_dielectric |= one.is_dielectric;
         }
         leaf
     }
