@@ -149,8 +149,8 @@ impl CompiledScene {
         }
     }
 
-    /// Whether a material emits more in one place than in another: by a texture, or by what its opacity leaves.
-    pub(crate) fn has_pattern(&self, material: usize) -> bool {
+    /// Whether a material's emission depends on the place: by a texture, or by what its opacity leaves.
+    pub(crate) fn emission_varies(&self, material: usize) -> bool {
         let data = &self.materials[material];
         let maps = self.textures.materials.get(material);
         let is_textured = maps.is_some_and(|maps| maps.emission != MaterialTextureData::NONE);

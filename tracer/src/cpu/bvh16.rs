@@ -51,7 +51,7 @@ impl HitFilter for Solid {
 /// Set in the number of a leaf.
 const LEAF_TAG: u32 = 1 << 31;
 
-/// Boxes of a node's parts, by lane, in lines of the cache.
+/// Boxes of a node's parts, by lane; begins with a cache line.
 #[repr(C, align(64))]
 struct Bvh16Node {
     center: [[f32; LANES]; 3],
@@ -61,7 +61,7 @@ struct Bvh16Node {
     lanes: u64,
 }
 
-/// Primitives by lane, in lines of the cache; the numbers of lanes without one are NaN.
+/// Primitives by lane; the numbers of lanes without one are NaN. Begins with a cache line.
 #[repr(C, align(64))]
 struct Bvh16Leaf<F, const N: usize> {
     numbers: [[f32; LANES]; N],
@@ -260,8 +260,8 @@ impl Bvh16Node {
         limit: f32,
         stack: &mut Stack,
     ) {
-        let center = load(simd, &self.center);
-        let half = load(simd, &self.half);
+        let center = Vec3x::load_arrays(simd, &self.center);
+        let half = Vec3x::load_arrays(simd, &self.half);
         let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
         let middle = (center - ray.origin).scale(ray.inverse);
         let near = (-half).scale_add(ray.inverse_abs, middle);
@@ -372,15 +372,6 @@ impl Stack {
         self.parts[at] = (entry, part);
         self.len += 1;
     }
-}
-
-#[inline(always)]
-fn load<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3]) -> Vec3x<S> {
-    Vec3x::new(
-        Float::load_array(simd, *x),
-        Float::load_array(simd, *y),
-        Float::load_array(simd, *z),
-    )
 }
 
 /// Inputs of the construction.

@@ -35,6 +35,16 @@ impl<S: Simd> Vec3x<S> {
         }
     }
 
+    /// Of three columns with a number per lane.
+    #[inline(always)]
+    pub(super) fn load_arrays(simd: S, [x, y, z]: &[[f32; LANES]; 3]) -> Self {
+        Self {
+            x: Float::load_array(simd, *x),
+            y: Float::load_array(simd, *y),
+            z: Float::load_array(simd, *z),
+        }
+    }
+
     #[inline(always)]
     pub(super) fn dot(self, rhs: Self) -> Float<S> {
         self.x.mul_add(rhs.x, self.y.mul_add(rhs.y, self.z * rhs.z))

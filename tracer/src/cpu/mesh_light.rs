@@ -3,7 +3,7 @@
 use fearless_simd::prelude::*;
 
 use super::lanes::{Float, LANES, Mask, Vec3x};
-use super::triangle::TriangleTables;
+use super::triangle::{TriangleTables, interpolate};
 use crate::CompiledScene;
 use crate::compiled::{MESH_LIGHT_REACH, MeshLights};
 
@@ -11,8 +11,8 @@ use crate::compiled::{MESH_LIGHT_REACH, MeshLights};
 pub(super) struct MeshLightSampler {
     lights: MeshLights,
     surfaces: TriangleTables,
-    /// Some emit more in one place than in another: by a texture, or by what their opacity leaves.
-    has_pattern: bool,
+    /// Emission depends on the place on some of them.
+    emission_varies: bool,
 }
 
 impl MeshLightSampler {
@@ -21,7 +21,7 @@ impl MeshLightSampler {
         (scene.mesh_lights.sixteenths > 0).then(|| Self {
             lights: scene.mesh_lights.clone(),
             surfaces: TriangleTables::new(scene),
-            has_pattern: (0..scene.materials.len()).any(|material| scene.has_pattern(material)),
+            emission_varies: (0..scene.materials.len()).any(|index| scene.emission_varies(index)),
         })
     }
 
@@ -30,7 +30,7 @@ impl MeshLightSampler {
         self.lights.probability()
     }
 
-    /// Draws a point for each of `lanes`; the others' numbers mean nothing. Out of line: scenes without are not to pay for it.
+    /// Draws a point for each of `lanes`; no light comes in the others. Out of line: scenes without are not to pay for it.
     #[inline(never)]
     pub(super) fn sample<S: Simd>(
         &self,
@@ -43,18 +43,20 @@ impl MeshLightSampler {
         simd.vectorize(
             #[inline(always)]
             || {
-                let number = |column: usize| Float::load_array(simd, drawn.numbers[column]);
                 let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
-                let own = number(PROBABILITY);
-                let within = ((u[0] - number(BEFORE)) / own).max(zero).min(one);
+                let before = Float::load_array(simd, drawn.before);
+                let probability = Float::load_array(simd, drawn.probability);
+                let within = ((u[0] - before) / probability).max(zero).min(one);
                 let root = within.sqrt();
                 let weights = [one - root, root * (one - u[1]), root * u[1]];
-                let a = Vec3x::new(number(0), number(1), number(2));
-                let b = Vec3x::new(number(3), number(4), number(5));
-                let c = Vec3x::new(number(6), number(7), number(8));
-                let across = (b - a).cross(c - a);
+                let corners = [
+                    Vec3x::load_arrays(simd, &drawn.corners[0]),
+                    Vec3x::load_arrays(simd, &drawn.corners[1]),
+                    Vec3x::load_arrays(simd, &drawn.corners[2]),
+                ];
+                let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
                 let twice_area = across.length_squared().sqrt();
-                let to_light = a.mul_add(weights[0], b.mul_add(weights[1], c * weights[2])) - point;
+                let to_light = interpolate(corners, weights) - point;
                 let distance2 = to_light.length_squared();
                 let distance = distance2.sqrt();
                 let wi = to_light * (one / distance);
@@ -62,57 +64,57 @@ impl MeshLightSampler {
                 // Triangles without area and points on their own plane bring nothing: 0 / 0.
                 let is_seen = lanes & cosine.simd_gt(0.0) & distance.simd_gt(0.0);
                 let per_angle = cosine / (distance2 * self.probability());
-                let mut radiance =
-                    Vec3x::new(number(EMISSION), number(EMISSION + 1), number(EMISSION + 2));
-                if self.has_pattern {
-                    radiance = self.radiance(simd, lanes, &drawn.triangles, weights);
-                }
+                let emission = match self.emission_varies {
+                    true => self.emission(simd, lanes, &drawn.triangles, weights),
+                    false => Vec3x::load_arrays(simd, &drawn.emission),
+                };
+                let radiance = emission * (0.5 * twice_area * per_angle / probability);
+                let point_density = Float::load_array(simd, drawn.point_density);
                 let forward = Vec3x::splat(simd, [0.0, 0.0, 1.0]);
                 let black = Vec3x::splat(simd, [0.0; 3]);
-                let radiance = radiance * (0.5 * twice_area * per_angle / own);
                 MeshLightSample {
                     wi: Vec3x::select(is_seen, wi, forward),
                     distance: is_seen.select(distance * MESH_LIGHT_REACH, zero),
-                    inverse_density: is_seen.select(per_angle / number(POINT_DENSITY), zero),
+                    inverse_density: is_seen.select(per_angle / point_density, zero),
                     radiance: Vec3x::select(is_seen, radiance, black),
                 }
             },
         )
     }
 
-    /// The triangles by a number each, as [`MeshLights::sample`] draws them.
+    /// A triangle for each of `lanes`, by a number in [0, 1).
     #[inline(always)]
     fn draw(&self, lanes: u64, u: [f32; LANES]) -> DrawnTriangles {
         let tables = self.surfaces.alpha_test();
         let mut drawn = DrawnTriangles {
-            numbers: [[0.0; LANES]; COLUMNS],
             triangles: [0; LANES],
+            corners: [[[0.0; LANES]; 3]; 3],
+            emission: [[0.0; LANES]; 3],
+            point_density: [0.0; LANES],
+            before: [0.0; LANES],
+            probability: [0.0; LANES],
         };
-        for (lane, u) in u.into_iter().enumerate() {
-            if lanes >> lane & 1 == 0 {
-                continue;
-            }
-            let light = self.lights.triangle(u);
+        for lane in (0..LANES).filter(|lane| lanes >> lane & 1 == 1) {
+            let light = self.lights.triangle(u[lane]);
             let data = &tables.triangles[light.triangle as usize];
             let material = &tables.materials[data.material as usize];
-            let corners = [data.a, data.b, data.c];
-            let others = [material.majorant, light.before, light.probability];
-            let numbers = corners
-                .as_flattened()
-                .iter()
-                .chain(&material.k)
-                .chain(&others);
-            for (column, number) in drawn.numbers.iter_mut().zip(numbers) {
-                column[lane] = *number;
-            }
             drawn.triangles[lane] = light.triangle;
+            for axis in 0..3 {
+                drawn.corners[0][axis][lane] = data.a[axis];
+                drawn.corners[1][axis][lane] = data.b[axis];
+                drawn.corners[2][axis][lane] = data.c[axis];
+                drawn.emission[axis][lane] = material.k[axis];
+            }
+            drawn.point_density[lane] = material.majorant;
+            drawn.before[lane] = light.before;
+            drawn.probability[lane] = light.probability;
         }
         drawn
     }
 
     /// What each lane's triangle emits where corners have these weights.
     #[inline(never)]
-    fn radiance<S: Simd>(
+    fn emission<S: Simd>(
         &self,
         simd: S,
         lanes: Mask<S>,
@@ -129,25 +131,24 @@ impl MeshLightSampler {
                 column[lane] = channel;
             }
         }
-        let [r, g, b] = columns.map(|column| Float::load_array(simd, column));
-        Vec3x::new(r, g, b)
+        Vec3x::load_arrays(simd, &columns)
     }
 }
 
-/// Triangles by lane.
+/// Triangles that emit, drawn for each lane.
 struct DrawnTriangles {
-    /// Corners, then what the constants below say.
-    numbers: [[f32; LANES]; COLUMNS],
     triangles: [u32; LANES],
+    /// By corner and axis.
+    corners: [[[f32; LANES]; 3]; 3],
+    /// By channel; where emission varies, its factor.
+    emission: [[f32; LANES]; 3],
+    /// With which light sampling draws a point of the triangle, m⁻².
+    point_density: [f32; LANES],
+    /// Probability of the triangles before it in the table.
+    before: [f32; LANES],
+    /// Its own probability.
+    probability: [f32; LANES],
 }
-
-const EMISSION: usize = 9;
-/// With which light sampling draws a point, m⁻².
-const POINT_DENSITY: usize = 12;
-/// The probability of the triangles before it.
-const BEFORE: usize = 13;
-const PROBABILITY: usize = 14;
-const COLUMNS: usize = 15;
 
 /// Points on triangles that emit, as directions to them.
 pub(super) struct MeshLightSample<S: Simd> {

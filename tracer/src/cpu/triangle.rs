@@ -457,8 +457,8 @@ impl TriangleSurfaces {
                     let looked_up = self.look_up(id, weights, footprint, n_out, normal);
                     hit.textures = Some(looked_up.lanes(simd));
                     let mapped = Mask::from_bitmask(simd, looked_up.mapped);
-                    let [x, y, z] = looked_up.normals.map(|n| Float::load_array(simd, n));
-                    interpolated = Vec3x::select(mapped, Vec3x::new(x, y, z), interpolated);
+                    let normals = Vec3x::load_arrays(simd, &looked_up.normals);
+                    interpolated = Vec3x::select(mapped, normals, interpolated);
                     smooth |= mapped;
                 }
                 if smooth.any_true() {
@@ -483,8 +483,7 @@ impl TriangleSurfaces {
                 }
             }
         }
-        let [r, g, b] = columns.map(|column| Float::load_array(simd, column));
-        Vec3x::new(r, g, b)
+        Vec3x::load_arrays(simd, &columns)
     }
 
     /// What textures give each lane.
@@ -604,8 +603,12 @@ fn facet_normal<S: Simd>(direction: Vec3x<S>, corners: [Vec3x<S>; 3]) -> Vec3x<S
     Vec3x::select(behind, -normal, normal)
 }
 
+/// The point or vector where corners have these weights.
 #[inline(always)]
-fn interpolate<S: Simd>([a, b, c]: [Vec3x<S>; 3], [wa, wb, wc]: [Float<S>; 3]) -> Vec3x<S> {
+pub(super) fn interpolate<S: Simd>(
+    [a, b, c]: [Vec3x<S>; 3],
+    [wa, wb, wc]: [Float<S>; 3],
+) -> Vec3x<S> {
     a.mul_add(wa, b.mul_add(wb, c * wc))
 }
 
