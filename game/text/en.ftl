@@ -6,6 +6,7 @@
 
 menu-title = Carom
 menu-resume = Resume
+menu-resume-match = Back to the match
 menu-new-game = New game
 menu-rack-again = Rack again
 menu-replays = Replays
@@ -720,6 +721,7 @@ screenshot-failed = Screenshot failed: { $why }
 film-failed = Film failed: { $why }
 screenshot-progress = Rendering the screenshot: { $percent } %. Press its key again to cancel it
 ball-carried = The cue ball follows the mouse: click to put it down
+match-waits = Practice from here; your match waits: go back to it from the menu
 match-resumed = Resumed your match of { $game }; start another from the menu
 match-not-resumed = Cannot resume the unfinished match: { $why }
 window-title = Carom

@@ -321,6 +321,7 @@ impl AppShell {
         let view = session.match_hud().view;
         let input = MenuInput {
             view: &view,
+            is_match_waiting: session.has_interrupted_match(),
             sound: &sound,
             display,
             farm: &farm,
@@ -335,6 +336,7 @@ impl AppShell {
                     self.toasts.push(why.to_string(), now_secs);
                 }
             }
+            Some(menu::MenuCommand::ResumeMatch) => session.resume_match(),
             Some(menu::MenuCommand::Quit) => self.wants_quit = true,
             Some(menu::MenuCommand::Act(intent)) => self.act(intent, session, now_secs),
             Some(menu::MenuCommand::Begin(game)) => {

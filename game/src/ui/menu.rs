@@ -33,6 +33,8 @@ pub struct Menu {
 pub enum MenuCommand {
     /// To go on with the game.
     Resume,
+    /// To go on with the match that waits while its player practises.
+    ResumeMatch,
     /// What a key over the table would do.
     Act(Intent),
     /// To begin another game.
@@ -100,12 +102,7 @@ impl Menu {
             ui.set_max_height(height);
             let scrolled = ScrollArea::vertical().max_height(height);
             match page {
-                Page::Top => {
-                    let is_free = input.view.rules == RuleSet::Free;
-                    scrolled
-                        .show(ui, |ui| self.top(ui, is_fresh, is_free))
-                        .inner
-                }
+                Page::Top => scrolled.show(ui, |ui| self.top(ui, is_fresh, input)).inner,
                 Page::Welcome => scrolled.show(ui, |ui| self.welcome(ui, is_fresh)).inner,
                 Page::Result => {
                     scrolled
@@ -138,13 +135,18 @@ impl Menu {
         shown.inner
     }
 
-    fn top(&mut self, ui: &mut Ui, is_fresh: bool, is_free_table: bool) -> Option<MenuCommand> {
+    fn top(&mut self, ui: &mut Ui, is_fresh: bool, input: MenuInput<'_>) -> Option<MenuCommand> {
+        let is_free_table = input.view.rules == RuleSet::Free;
         title(ui, text!("menu-title"));
         let mut entries = Entries::new(ui, is_fresh, self.pointed);
         let mut command = None;
         if entries.add(text!("menu-resume")) {
             self.close();
             command = Some(MenuCommand::Resume);
+        }
+        if input.is_match_waiting && entries.add(text!("menu-resume-match")) {
+            self.close();
+            command = Some(MenuCommand::ResumeMatch);
         }
         if entries.add(text!("menu-new-game")) {
             self.open(Page::NewGame);
@@ -163,7 +165,7 @@ impl Menu {
             (
                 text!("menu-practice-table"),
                 Intent::Practice(PracticeIntent::Toggle),
-                false,
+                true,
             ),
             (
                 text!("menu-screenshot"),

@@ -24,6 +24,8 @@ pub enum Page {
 pub struct MenuInput<'a> {
     /// The match.
     pub view: &'a MatchView,
+    /// Whether a match waits while its player practises.
+    pub is_match_waiting: bool,
     /// How sound is played, or why it is not.
     pub sound: &'a str,
     /// What draws the window.

@@ -104,11 +104,13 @@ fn brushes(ui: &mut Ui, practice: &Practice) -> Option<PracticeCommand> {
             }
         }
     });
-    ui.label(
-        RichText::new(text!("practice-paint"))
-            .color(theme::FAINT)
-            .small(),
-    );
+    if practice.brush().is_none() {
+        ui.label(
+            RichText::new(text!("practice-paint"))
+                .color(theme::FAINT)
+                .small(),
+        );
+    }
     command
 }
 

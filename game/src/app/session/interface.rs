@@ -54,7 +54,7 @@ impl GameSession {
     ) {
         let (ctx, screen, now_secs) = (painter.ctx(), self.screen(), self.play_secs(now_secs));
         let (modes, game) = (&mut self.modes, &mut self.game);
-        let balls = match modes.mode() {
+        let laid = match modes.mode() {
             Mode::Game => return,
             Mode::Replay(player) => {
                 let film = self.film.percent();
@@ -85,8 +85,8 @@ impl GameSession {
         };
         // Its outcome is drawn with the next frame.
         ctx.request_repaint();
-        if let Some(Err(why)) = balls.map(|balls| game.lay(&balls)) {
-            modes.notify(why.to_string());
+        if let Some(Err(why)) = laid.map(|laid| self.play_from(laid)) {
+            self.modes.notify(why.to_string());
         }
     }
 

@@ -1,6 +1,7 @@
 //! The session: a game, its mode and its frames, without a window.
 
 mod interface;
+mod match_practice;
 mod steps;
 #[cfg(test)]
 mod tests;
@@ -16,6 +17,7 @@ use carom_tracer::ImageSize;
 use carom_window::notifications;
 use carom_window::stats::Stats;
 
+use self::match_practice::InterruptedMatch;
 use crate::app::autosave::Autosave;
 use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::app::mode_controller::ModeController;
@@ -45,6 +47,8 @@ pub struct GameSession {
     /// How far screenshot and film were when the window was drawn.
     capture_percents: [Option<u32>; 2],
     autosave: Autosave,
+    /// The match that waits while the player practises beside it.
+    interrupted: Option<InterruptedMatch>,
     recorder: Option<ShotRecorder>,
     stats: Stats,
     balancing: Balancing,
@@ -83,6 +87,7 @@ impl GameSession {
             film: CaptureSlot::default(),
             capture_percents: [None; 2],
             autosave: Autosave::default(),
+            interrupted: None,
             recorder: None,
             stats: Stats::new(PathBuf::from(STATS_FOLDER)),
             balancing: config.balancer,
@@ -203,7 +208,7 @@ impl GameSession {
 
     /// Decides something of the match.
     pub fn decide(&mut self, intent: MatchIntent, now_secs: f64) {
-        if self.is_game() {
+        if self.is_game() && !self.lays_again(intent) {
             self.game.decide(intent, self.play_secs(now_secs));
         }
     }
@@ -326,7 +331,8 @@ impl GameSession {
     /// A sentence if the room cannot be traced with them.
     pub fn set_style(&mut self, style: TableStyle) -> anyhow::Result<()> {
         self.style = style;
-        self.set_table_scene(TableScene::of(self.game.contest(), style))
+        let contest = InterruptedMatch::contest(self.interrupted.as_ref(), &self.game);
+        self.set_table_scene(TableScene::of(contest, style))
     }
 
     /// Plays the match again, the other player breaking; `seed` draws the racks.
@@ -346,6 +352,7 @@ impl GameSession {
         let table_scene = TableScene::of(&contest, self.style);
         let was = std::mem::replace(&mut self.game, Game::of(contest));
         self.game.inherit_options(&was);
+        self.interrupted = None;
         self.autosave.invalidate();
         self.set_table_scene(table_scene)
     }

@@ -6,6 +6,7 @@ use carom_window::display::DisplayFrame;
 use carom_window::stats::frame_record::FrameSample;
 
 use super::GameSession;
+use super::match_practice::InterruptedMatch;
 use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::camera::{CameraIntent, CameraView};
 use crate::frame::pipeline::FinishedFrame;
@@ -29,7 +30,8 @@ impl GameSession {
             self.is_dirty = true;
         }
         self.record_shot();
-        self.autosave.update(self.game.contest());
+        let contest = InterruptedMatch::contest(self.interrupted.as_ref(), &self.game);
+        self.autosave.update(contest);
     }
 
     /// Shows a table that is being laid from above: behind the cue half of it is out of sight.

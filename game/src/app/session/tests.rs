@@ -1,8 +1,12 @@
+use carom_billiards::physics::TableOptions;
+use carom_billiards::rules::RuleSet;
 use carom_farm::LocalNode;
 
 use super::*;
 use crate::camera::CameraView;
 use crate::play::free_table;
+use crate::play::practice::PracticeLayout;
+use crate::ui::new_game::NewGame;
 
 fn session() -> GameSession {
     let config = FarmConfig {
@@ -72,5 +76,56 @@ fn a_table_that_is_laid_is_seen_from_above_and_the_game_as_before() {
             session.advance_simulation(0.1);
             assert_eq!(session.game.view(), expected);
         }
+    }
+}
+
+#[test]
+fn a_match_waits_while_its_player_practises() {
+    let games = RuleSet::ALL.iter().chain(&RuleSet::DRILLS);
+    for rules in games.filter(|&&rules| rules != RuleSet::Free) {
+        let mut session = session();
+        let config = NewGame {
+            rules: *rules,
+            ..NewGame::default()
+        };
+        session
+            .begin(config.begin(1, TableOptions::default()).unwrap())
+            .unwrap();
+        let objects = session.table_scene.scene().objects.len();
+        let before = session.game.world().balls();
+        session.practice(PracticeIntent::Toggle);
+        let Mode::Practice(practice) = session.modes.mode() else {
+            panic!("no practice table");
+        };
+        let laid = practice.table_layout().unwrap();
+        session.play_from(laid.clone()).unwrap();
+        let is_free =
+            |session: &GameSession| session.game.contest().referee().rules() == RuleSet::Free;
+        assert!(
+            is_free(&session) && session.has_interrupted_match(),
+            "{rules:?}"
+        );
+        assert_eq!(session.game.world().balls(), laid.balls);
+        assert_eq!(session.table_scene.scene().objects.len(), objects);
+
+        // What is played from there, it is laid again, and the match knows nothing of it.
+        session.modes.close();
+        session
+            .game
+            .lay(&PracticeLayout {
+                balls: laid.balls[..1].to_vec(),
+                particles: None,
+            })
+            .unwrap();
+        session.decide(MatchIntent::Rack, 0.0);
+        assert_eq!(session.game.world().balls(), laid.balls);
+        let waiting = InterruptedMatch::contest(session.interrupted.as_ref(), &session.game);
+        assert_eq!(
+            (waiting.referee().rules(), waiting.action_count()),
+            (*rules, 0)
+        );
+        session.resume_match();
+        assert_eq!(session.game.world().balls(), before);
+        assert!(!is_free(&session) && !session.has_interrupted_match());
     }
 }
