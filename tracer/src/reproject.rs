@@ -6,10 +6,13 @@
 //! mesh was, and the old picture is looked up there (reverse re-projection: Nehab et al., "Accelerating
 //! Real-Time Shading with Reverse Reprojection Caching", 2007). A primitive is convex, so the point
 //! was visible if the old picture shows the same primitive there, from the same side; a mesh is taken for
-//! one, and so are all surfaces of particles, which are taken to stay where they are. Where it was not, the nearest pixel of the same primitive stands in, and is counted. Mirror images, shadows
-//! and turning numbers stay as they were: the price of no tracing, gone with the next picture.
+//! one, and so are all surfaces of particles, which are taken to stay where they are. Where it was not, the nearest pixel of the same
+//! primitive stands in, or, where that is far, the primitive's mean in the old picture, and is counted. Mirror images, shadows and
+//! turning numbers stay as they were: the price of no tracing, gone with the next picture.
 
+use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::LazyLock;
 
 use crate::compiled::{CSG_FACE_APEX_CONE, CameraFrame, SphereData};
 use crate::cpu::{FirstHits, first_triangle};
@@ -33,7 +36,7 @@ pub struct View {
 pub struct Reprojected<P> {
     /// Row-major from the top left.
     pub pixels: Vec<P>,
-    /// Pixels that the old picture did not show and a neighbour stands in for.
+    /// Pixels that the old picture did not show and a neighbour or a mean stands in for.
     pub guessed: usize,
 }
 
@@ -67,8 +70,9 @@ impl View {
         let width = (to.size().width as usize).max(1);
         let mut moved = vec![[T::default(); N]; to.size().pixels()];
         let film = FilmProjection::new(&self.camera);
+        let means = LazyLock::new(|| PrimitiveMeans::new(&self.hits, pixels));
         let rows = moved.par_chunks_mut(width).enumerate();
-        let guessed = rows.map(|(y, row)| self.fill_row(pixels, to, &film, y, row));
+        let guessed = rows.map(|(y, row)| self.fill_row(pixels, to, &film, &means, y, row));
         let guessed = guessed.sum();
         Reprojected {
             pixels: moved,
@@ -81,6 +85,7 @@ impl View {
         pixels: &[[T; N]],
         to: &Self,
         film: &FilmProjection,
+        means: &LazyLock<PrimitiveMeans<T, N>, impl FnOnce() -> PrimitiveMeans<T, N>>,
         y: usize,
         row: &mut [[T; N]],
     ) -> usize {
@@ -99,7 +104,10 @@ impl View {
         }
         let whole = whole_neighbourhoods(row.len(), &missing);
         for &x in &missing {
-            row[x] = row[stand_in(primitives, &whole, x)];
+            row[x] = match stand_in(primitives, &whole, x) {
+                Some(near) => row[near],
+                None => means.of(primitives[x]),
+            };
         }
         missing.len()
     }
@@ -262,26 +270,62 @@ fn whole_neighbourhoods(width: usize, missing: &[usize]) -> Vec<usize> {
     (0..width).filter(|x| whole[*x]).collect()
 }
 
-/// The pixel of a row that stands in for the missing one at `x`: the nearest `whole` one of the same primitive, else
-/// the nearest `whole` one, else itself.
-fn stand_in(primitives: &[u32], whole: &[usize], x: usize) -> usize {
+/// The pixel of a row that stands in for the missing one at `x`: the nearest `whole` one of the same primitive, unless
+/// that is far.
+fn stand_in(primitives: &[u32], whole: &[usize], x: usize) -> Option<usize> {
+    let reach = (primitives.len() / STAND_IN_SHARE).max(1);
     let (before, after) = whole.split_at(whole.partition_point(|at| *at < x));
-    let mut before = before.iter().rev().copied().peekable();
-    let mut after = after.iter().copied().peekable();
-    let mut nearest = None;
-    for _ in 0..STAND_IN_TRIES {
-        let at = match (before.peek(), after.peek()) {
-            (Some(left), Some(right)) if x - left <= right - x => before.next(),
-            (Some(_), None) => before.next(),
-            _ => after.next(),
-        };
-        match at {
-            Some(at) if primitives[at] == primitives[x] => return at,
-            None => break,
-            at => nearest = nearest.or(at),
+    let is_same = |at: &&usize| primitives[**at] == primitives[x];
+    let before = before.iter().rev().take_while(|at| x - **at <= reach);
+    let after = after.iter().take_while(|at| **at - x <= reach);
+    let nearest = before.clone().find(is_same).into_iter();
+    let nearest = nearest.chain(after.clone().find(is_same));
+    nearest.copied().min_by_key(|at| at.abs_diff(x))
+}
+
+/// Mean pixels of a picture by the primitive that they show, of every [`MEAN_STRIDE`]-th row and column.
+struct PrimitiveMeans<T, const N: usize> {
+    by_primitive: HashMap<u32, [T; N]>,
+    /// Of the whole picture.
+    whole: [T; N],
+}
+
+impl<T: Channel, const N: usize> PrimitiveMeans<T, N> {
+    fn new(hits: &FirstHits, pixels: &[[T; N]]) -> Self {
+        let mut sums: HashMap<u32, ([f32; N], f32)> = HashMap::new();
+        let width = (hits.size.width as usize).max(1);
+        for row in (0..pixels.len()).step_by(width * MEAN_STRIDE) {
+            for index in (row..row + width).step_by(MEAN_STRIDE) {
+                let (sum, count) = sums.entry(hits.primitive[index]).or_insert(([0.0; N], 0.0));
+                add(sum, &pixels[index].map(Channel::to_f32));
+                *count += 1.0;
+            }
+        }
+        let (mut whole, mut count) = ([0.0; N], 0.0);
+        for (sum, pixels) in sums.values() {
+            add(&mut whole, sum);
+            count += pixels;
+        }
+        let mean = |sum: [f32; N], count: f32| sum.map(|sum| T::from_f32(sum / count.max(1.0)));
+        Self {
+            by_primitive: sums
+                .into_iter()
+                .map(|(id, (sum, count))| (id, mean(sum, count)))
+                .collect(),
+            whole: mean(whole, count),
         }
     }
-    nearest.unwrap_or(x)
+
+    /// The mean of a primitive; of the picture, if it does not show it.
+    fn of(&self, primitive: u32) -> [T; N] {
+        *self.by_primitive.get(&primitive).unwrap_or(&self.whole)
+    }
+}
+
+fn add<const N: usize>(sum: &mut [f32; N], pixel: &[f32; N]) {
+    for (sum, channel) in sum.iter_mut().zip(pixel) {
+        *sum += channel;
+    }
 }
 
 /// A channel of a pixel.
@@ -314,8 +358,10 @@ impl Channel for f32 {
 
 /// Less of a pixel than this is its rim alone: another primitive's light.
 const WEIGHT_MIN: f32 = 1e-3;
-/// Pixels looked at for a stand-in.
-const STAND_IN_TRIES: usize = 128;
+/// Stand-ins are at most this share of a row away.
+const STAND_IN_SHARE: usize = 16;
+/// Of rows and columns.
+const MEAN_STRIDE: usize = 3;
 
 #[cfg(test)]
 mod tests {
@@ -449,6 +495,34 @@ mod tests {
     }
 
     #[test]
+    fn what_was_not_in_the_picture_has_the_mean_of_its_primitive() {
+        let mut scene = pool();
+        let before = picture(&scene);
+        let from = View::new(&scene, SIZE);
+        let mut camera = scene.camera;
+        camera.eye = camera.target + 0.3 * (camera.eye - camera.target);
+        camera.target -= 0.5 * (camera.eye - camera.target).with_z(0.0);
+        scene
+            .apply(&SceneUpdate {
+                camera: Some(camera),
+                ..SceneUpdate::default()
+            })
+            .unwrap();
+        let to = View::new(&scene, SIZE);
+        // From there to here, so that most of the picture was outside of it.
+        let near = picture(&scene);
+        let moved = to.reproject(&near.pixels, &from);
+        assert!(2 * moved.guessed > SIZE.pixels(), "{}", moved.guessed);
+        let of = |pixels: Vec<[f32; 3]>| RadianceImage { size: SIZE, pixels };
+        let error = rel_mse(&of(moved.pixels), &before).unwrap();
+        let stale = rel_mse(&near, &before).unwrap();
+        assert!(
+            error < 0.5 * stale,
+            "{error} against {stale} of a stale one"
+        );
+    }
+
+    #[test]
     fn disoccluded_pixels_take_the_nearest_of_their_object() {
         let found = |primitives: &[u32], missing: &[usize], x| {
             stand_in(
@@ -457,8 +531,10 @@ mod tests {
                 x,
             )
         };
-        assert_eq!(found(&[5, 5, 7, 7, 5, 5, 5, 5], &[4], 4), 6);
-        assert_eq!(found(&[5, 7, 7, 7], &[0], 0), 2);
-        assert_eq!(found(&[5, 5], &[0, 1], 0), 0);
+        let row = |ids: [u32; 8]| ids.repeat(4);
+        assert_eq!(found(&row([5, 5, 7, 7, 5, 5, 5, 5]), &[4], 4), Some(6));
+        let far = [&[5; 1][..], &[7; 40], &[5; 9]].concat();
+        assert_eq!(found(&far, &[0], 0), None);
+        assert_eq!(found(&[5, 5], &[0, 1], 0), None);
     }
 }
