@@ -134,7 +134,7 @@ impl Filter {
             let variance = match (pass.is_first, is_single) {
                 (true, true) => columns.variance(simd, x, true),
                 (true, false) => columns.variance(simd, x, false).max(own()),
-                (false, _) => own(),
+                (false, _) => around.mean_variance(simd, x, pass.step),
             };
             let here = Look::new(simd, &around, x, 0, 0);
             let square = here.inverse_depth * here.inverse_depth;

@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 
-use super::input::ALBEDO;
+use super::input::{ALBEDO, NORMAL, VARIANCE};
 use super::soa_image::{Float, SoaImage, SoaRow};
 
 /// No surface has this normal, so that nothing mixes with what was not traced.
@@ -26,6 +26,22 @@ impl<'a> Neighbourhood<'a> {
             guides: offsets.map(|dy| guides.row(y, dy)),
             light: offsets.map(|dy| light.row(y, dy)),
         }
+    }
+
+    /// The mean variance of a pixel and its eight taps, `step` pixels apart, as far as they were traced. Of a pixel
+    /// alone it may be nothing by chance: all light around it has missed.
+    #[inline(always)]
+    pub(super) fn mean_variance<S: Simd>(&self, simd: S, x: usize, step: isize) -> Float<S> {
+        let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+        let (mut count, mut sum) = (zero, zero);
+        for (guides, light) in self.guides.iter().zip(&self.light) {
+            for dx in [-step, 0, step] {
+                let traced = guides.load(simd, guide(NORMAL), x, dx).simd_lt(NO_NORMAL);
+                count += traced.select(one, zero);
+                sum += traced.select(light.load(simd, VARIANCE, x, dx), zero);
+            }
+        }
+        sum / count.max(1.0)
     }
 
     /// Guides and light `dy` steps further down.

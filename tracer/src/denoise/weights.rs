@@ -51,7 +51,7 @@ pub(crate) const MIXED_MIN: f32 = 1e-6;
 pub(crate) fn variances(samples: u32, pass: usize) -> f32 {
     match samples {
         // Of single samples only the scatter among neighbours is known, which says less.
-        1 => [64.0, 24.0][pass],
+        1 => [128.0, 24.0][pass],
         // Of few it is a bad estimate, and a dot in one half is all of it.
         2..=4 => [48.0, 24.0][pass],
         5..=64 => [24.0, 12.0][pass],

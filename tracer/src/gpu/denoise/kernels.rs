@@ -269,12 +269,14 @@ fn source() -> String {
         "const AOV_FLOATS: u32 = {}u;\n\
          const ALBEDO_MIN: f32 = {ALBEDO_MIN:?};\n\
          const ALBEDO_FACTOR: f32 = {ALBEDO_FACTOR:?};\n\
+         const FIRST_STEP: i32 = {};\n\
          const NORMAL_FACTOR: f32 = {NORMAL_FACTOR:?};\n\
          const DEPTH_FACTOR: f32 = {DEPTH_FACTOR:?};\n\
          const MIXED_MIN: f32 = {MIXED_MIN:?};\n\
          const EDGE_MIN: f32 = {EDGE_MIN:?};\n\
          const BRIGHTNESS_SHARE: f32 = {BRIGHTNESS_SHARE:?};\n",
-        KernelOutput::Aovs.floats()
+        KernelOutput::Aovs.floats(),
+        STEPS[0]
     );
     text += include_str!("../shaders/structs.wgsl");
     text += include_str!("../shaders/block.wgsl");

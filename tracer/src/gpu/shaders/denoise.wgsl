@@ -146,13 +146,31 @@ fn smooth_light(@builtin(global_invocation_id) id: vec3u) {
     let depth = guides[2u * i].w;
     let depth_factor = DEPTH_FACTOR / max(depth * depth, 1e-20);
     let normal = guides[2u * i + 1u].xyz;
-    let light_factor = 1.0 / (light.w * job.variances + 1e-10);
+    let variance = mean_variance(p, light.w);
+    let light_factor = 1.0 / (variance * job.variances + 1e-10);
     var here = Look(
         guides[2u * i].xyz, normal, depth, depth_factor, light.xyz, light_factor, light.xyz, 1.0, 1.0,
     );
     add_taps(p, &here);
     let inverse = 1.0 / here.weights;
-    light_to[i] = vec4f(here.sum * inverse, light.w * here.squares * (inverse * inverse));
+    light_to[i] = vec4f(here.sum * inverse, variance * here.squares * (inverse * inverse));
+}
+
+// The mean of a pixel's own variance and those of its taps; in the first pass, whose variances are means yet, its own.
+fn mean_variance(p: vec2i, own: f32) -> f32 {
+    if (job.step == FIRST_STEP) {
+        return own;
+    }
+    var sum = 0.0;
+    var count = 0.0;
+    for (var n = 0; n < 9; n++) {
+        let at = p + job.step * (vec2i(n % 3, n / 3) - 1);
+        if (is_inside(at) && is_traced(index_of(at))) {
+            sum += light_from[index_of(at)].w;
+            count += 1.0;
+        }
+    }
+    return sum / count;
 }
 
 fn add_tap(p: vec2i, tap_weight: f32, here: ptr<function, Look>) {
