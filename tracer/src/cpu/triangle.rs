@@ -338,6 +338,8 @@ pub(super) struct TriangleHit<S: Simd> {
     pub(super) normal: Vec3x<S>,
     /// The surface's own, on that side; 0 in lanes of facets and other shapes.
     pub(super) geometric: Vec3x<S>,
+    /// That of clear coats which have another than `normal`, on that side, 0 in other lanes; if any lane's has.
+    pub(super) clearcoat_normal: Option<Vec3x<S>>,
     /// Of lanes whose materials have some, if any can.
     pub(super) textures: Option<TextureLanes<S>>,
     /// Of scenes with vertex colours: white in lanes without.
@@ -426,6 +428,7 @@ impl TriangleSurfaces {
                     position: point_above(corners, weights, normal),
                     normal,
                     geometric: Vec3x::splat(simd, [0.0; 3]),
+                    clearcoat_normal: None,
                     textures: None,
                     color: None,
                     boundary: None,
@@ -460,6 +463,13 @@ impl TriangleSurfaces {
                     let normals = Vec3x::load_arrays(simd, &looked_up.normals);
                     interpolated = Vec3x::select(mapped, normals, interpolated);
                     smooth |= mapped;
+                    if let Some(layers) = looked_up.layers.filter(|layers| layers.coated != 0) {
+                        let coated = Mask::from_bitmask(simd, layers.coated) & lanes;
+                        let coat = Vec3x::load_arrays(simd, &layers.normals);
+                        let shading = visible_normal(simd, coat, normal, -direction);
+                        hit.clearcoat_normal = Some(Vec3x::select(coated, shading, hit.geometric));
+                        hit.geometric = Vec3x::select(coated, normal, hit.geometric);
+                    }
                 }
                 if smooth.any_true() {
                     let shading = visible_normal(simd, interpolated, normal, -direction);
@@ -500,7 +510,7 @@ impl TriangleSurfaces {
         let footprint_m = footprint_m.to_array();
         let [n_out, n] = [n_out, n].map(|v| [v.x.to_array(), v.y.to_array(), v.z.to_array()]);
         let vector = |v: &[[f32; LANES]; 3], lane: usize| glam::Vec3::from(v.map(|c| c[lane]));
-        let mut columns = TextureColumns::NONE;
+        let mut columns = self.textures.columns();
         for (lane, id) in ids.into_iter().enumerate() {
             let Some(triangle) = self.triangles.get(id.wrapping_sub(self.ids[0]) as usize) else {
                 continue;
@@ -570,7 +580,7 @@ impl TriangleColumns {
 }
 
 #[inline(always)]
-fn load<S: Simd>(simd: S, numbers: &[[f32; LANES]; 18], first: usize) -> Vec3x<S> {
+fn load<S: Simd, const N: usize>(simd: S, numbers: &[[f32; LANES]; N], first: usize) -> Vec3x<S> {
     Vec3x::new(
         Float::load_array(simd, numbers[first]),
         Float::load_array(simd, numbers[first + 1]),
