@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fearless_simd::prelude::*;
 
 use super::bvh16::{Bvh16, HitFilter, Solid};
-use super::image_texture::{LaneHit, TextureColumns, TextureLanes, TriangleTextures};
+use super::image_texture::{LaneHit, LayerColumns, TextureColumns, TextureLanes, TriangleTextures};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rays::{HitMask, INSIDE, Nearest, Rays};
 use super::sampling::basis;
@@ -357,6 +357,19 @@ pub(super) struct Boundary<S: Simd> {
     pub(super) beyond: Vec3x<S>,
 }
 
+impl<S: Simd> TriangleHit<S> {
+    /// Gives clear coats their own normals, seen from `wo`, while [`TriangleHit::normal`] is the triangle's.
+    #[inline(always)]
+    fn set_clearcoat_normal(&mut self, simd: S, layers: &LayerColumns, wo: Vec3x<S>) {
+        let coated = Mask::from_bitmask(simd, layers.coated) & self.lanes;
+        let coat = Vec3x::load_arrays(simd, &layers.normals);
+        let shading = visible_normal(simd, coat, self.normal, wo);
+        let none = Vec3x::splat(simd, [0.0; 3]);
+        self.clearcoat_normal = Some(Vec3x::select(coated, shading, none));
+        self.geometric = Vec3x::select(coated, self.normal, self.geometric);
+    }
+}
+
 impl TriangleSurfaces {
     /// `first` is the id of the first triangle, `rows_first` the row of the scene's first material.
     pub(super) fn new(scene: &CompiledScene, first: u32, rows_first: u32) -> Self {
@@ -464,11 +477,7 @@ impl TriangleSurfaces {
                     interpolated = Vec3x::select(mapped, normals, interpolated);
                     smooth |= mapped;
                     if let Some(layers) = looked_up.layers.filter(|layers| layers.coated != 0) {
-                        let coated = Mask::from_bitmask(simd, layers.coated) & lanes;
-                        let coat = Vec3x::load_arrays(simd, &layers.normals);
-                        let shading = visible_normal(simd, coat, normal, -direction);
-                        hit.clearcoat_normal = Some(Vec3x::select(coated, shading, hit.geometric));
-                        hit.geometric = Vec3x::select(coated, normal, hit.geometric);
+                        hit.set_clearcoat_normal(simd, &layers, -direction);
                     }
                 }
                 if smooth.any_true() {
@@ -580,7 +589,7 @@ impl TriangleColumns {
 }
 
 #[inline(always)]
-fn load<S: Simd, const N: usize>(simd: S, numbers: &[[f32; LANES]; N], first: usize) -> Vec3x<S> {
+fn load<S: Simd>(simd: S, numbers: &[[f32; LANES]; 18], first: usize) -> Vec3x<S> {
     Vec3x::new(
         Float::load_array(simd, numbers[first]),
         Float::load_array(simd, numbers[first + 1]),

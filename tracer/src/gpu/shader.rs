@@ -832,6 +832,8 @@ mod tests {
     fn variants() -> impl Iterator<Item = Features> {
         (0..16 * 3 * 2 * 2_u32).map(|i| {
             let count = |bit: u32, count: u32| count * (i >> bit & 1);
+            let is_textured = i % 4 < 2 && i % 5 == 3;
+            let textured = |count: u32| if is_textured { count } else { 0 };
             Features {
                 spheres: count(0, 3 + 7 * (i % 5)),
                 bvhs: [
@@ -850,24 +852,12 @@ mod tests {
                 triangles: if i % 4 < 2 { 5 + i % 7 } else { 0 },
                 smooth_triangles: if i % 4 < 2 { i % 3 } else { 0 },
                 has_dielectric_mesh: i % 4 < 2 && i % 7 < 2,
-                uv_triangles: if i % 4 < 2 && i % 5 == 3 {
-                    1 + i % 2
-                } else {
-                    0
-                },
-                textures: if i % 4 < 2 && i % 5 == 3 {
-                    1 + i % 4
-                } else {
-                    0
-                },
-                textured_materials: if i % 4 < 2 && i % 5 == 3 {
-                    1 + i % 5
-                } else {
-                    0
-                },
-                has_layer_factors: i % 4 < 2 && i % 5 == 3 && i % 3 < 2,
+                uv_triangles: textured(1 + i % 2),
+                textures: textured(1 + i % 4),
+                textured_materials: textured(1 + i % 5),
+                has_layer_factors: is_textured && i % 3 < 2,
                 // A clear coat is a layer.
-                has_coat_normals: i % 4 < 2 && i % 5 == 3 && i % 13 > 5 && i % 7 > 2,
+                has_coat_normals: is_textured && i % 13 > 5 && i % 7 > 2,
                 colored_triangles: if i % 4 < 2 { i / 4 % 3 } else { 0 },
                 has_opacity: i % 4 < 2 && i % 5 > 2 && i % 7 > 1,
                 has_layers: i % 5 > 2 && i % 13 > 5,

@@ -31,7 +31,7 @@ pub(crate) fn layered_still_life() -> Scene {
     scene.area_lights = others.area_lights;
     scene.camera = others.camera;
     let dents = texture(3, |x, y| [168 - 30 * x as u8, 98 + 30 * y as u8, 235]).linear();
-    scene.textures = vec![holes, wear, bumps, moths(), dents];
+    scene.textures = vec![holes, wear, bumps, varied_alpha(), dents];
     let square = [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]];
     let square = square.map(|[x, y]| Vec3::new(x, y, 0.0));
     let colors = [[0.9, 0.2, 0.2], [0.2, 0.9, 0.2], [0.2, 0.3, 0.9], [0.8; 3]];
@@ -57,6 +57,12 @@ pub(crate) fn layered_still_life() -> Scene {
         ..MaterialTextures::NONE
     });
     scene = with(scene, coated, ball(smooth_ball(2), 0.0));
+    scene = with(scene, worn_velvet(), ball(smooth_ball(2), 0.7));
+    with(scene, worn_metal(), ball(smooth_ball(1), 1.4))
+}
+
+/// Velvet, of whose sheen and reflection texture 3 is.
+fn worn_velvet() -> Material {
     let velvet = Material::rough([0.1, 0.1, 0.3], 0.9).layered(Layers {
         sheen: Vec3::new(0.9, 0.7, 0.8),
         sheen_roughness: 0.6,
@@ -64,14 +70,17 @@ pub(crate) fn layered_still_life() -> Scene {
         specular_color: Vec3::new(1.0, 0.5, 2.0),
         ..Layers::NONE
     });
-    let velvet = velvet.textured(MaterialTextures {
+    velvet.textured(MaterialTextures {
         sheen: Some(3),
         sheen_roughness: Some(3),
         specular: Some(3),
         specular_color: Some(3),
         ..MaterialTextures::NONE
-    });
-    scene = with(scene, velvet, ball(smooth_ball(2), 0.7));
+    })
+}
+
+/// A metal under a coat that textures 1 and 4 have worn and dented.
+fn worn_metal() -> Material {
     let mut worn = Material::rough([0.9, 0.7, 0.3], 0.5).textured(MaterialTextures {
         normal: Some(2),
         normal_scale: 0.7,
@@ -84,18 +93,17 @@ pub(crate) fn layered_still_life() -> Scene {
     if let Material::MetallicRoughness { metallic, .. } = &mut worn {
         *metallic = 0.8;
     }
-    let worn = worn.layered(Layers {
+    worn.layered(Layers {
         clearcoat: 0.9,
         clearcoat_roughness: 0.8,
         sheen: Vec3::splat(0.3),
         sheen_roughness: 0.9,
         ..Layers::NONE
-    });
-    with(scene, worn, ball(smooth_ball(1), 1.4))
+    })
 }
 
 /// A picture with alpha, whose channels all differ.
-fn moths() -> ImageTexture {
+fn varied_alpha() -> ImageTexture {
     let places = (0..3u8).flat_map(|y| (0..3u8).map(move |x| (x, y)));
     picture_of(
         3,
@@ -126,23 +134,10 @@ fn worst_difference(a: &[[f32; 3]], b: &[[f32; 3]]) -> f32 {
     off.fold(0.0, f32::max)
 }
 
-/// Each channel of each texture multiplies its number, and no other does.
-#[test]
-fn layer_textures_of_one_colour_are_that_number() {
-    let texel = [200u8, 120, 230, 150];
-    let linear = |byte: u8| ((f32::from(byte) / 255.0 + 0.055) / 1.055).powf(2.4);
-    let [r, g, b] = [texel[0], texel[1], texel[2]].map(linear);
-    let (color, alpha) = (Vec3::new(r, g, b), f32::from(texel[3]) / 255.0);
-    // Above 1 what a colour reflects is limited after the texture has multiplied it.
-    let whole = Layers {
-        sheen: Vec3::new(0.9, 0.6, 1.0),
-        sheen_roughness: 0.9,
-        specular: 0.8,
-        specular_color: Vec3::new(20.0, 40.0, 10.0),
-        ..Layers::NONE
-    };
+/// Textures of a colour and an alpha, each alone, and what it makes of layers.
+fn multiplied(whole: Layers, color: Vec3, alpha: f32) -> [(MaterialTextures, Layers); 4] {
     let none = MaterialTextures::NONE;
-    let cases = [
+    [
         (
             MaterialTextures {
                 sheen: Some(0),
@@ -183,10 +178,27 @@ fn layer_textures_of_one_colour_are_that_number() {
                 ..whole
             },
         ),
-    ];
+    ]
+}
+
+/// Each channel of each texture multiplies its number, and no other does.
+#[test]
+fn layer_textures_of_one_colour_are_that_number() {
+    let texel = [200u8, 120, 230, 150];
+    let linear = |byte: u8| ((f32::from(byte) / 255.0 + 0.055) / 1.055).powf(2.4);
+    let [r, g, b] = [texel[0], texel[1], texel[2]].map(linear);
+    let (color, alpha) = (Vec3::new(r, g, b), f32::from(texel[3]) / 255.0);
+    // Above 1 what a colour reflects is limited after the texture has multiplied it.
+    let whole = Layers {
+        sheen: Vec3::new(0.9, 0.6, 1.0),
+        sheen_roughness: 0.9,
+        specular: 0.8,
+        specular_color: Vec3::new(20.0, 40.0, 10.0),
+        ..Layers::NONE
+    };
     let map = picture_of(2, std::iter::repeat_n(texel, 4));
     let base = Material::rough([0.4, 0.3, 0.2], 0.5);
-    for (textures, expected) in cases {
+    for (textures, expected) in multiplied(whole, color, alpha) {
         let scenes = [
             lit(base.layered(expected), Vec::new(), screen()),
             lit(
@@ -290,7 +302,7 @@ fn layers_with_textures_make_no_light() {
     let maps = vec![
         texture(2, |x, y| [60 + 130 * x as u8, 200 - 150 * y as u8, 200]).linear(),
         texture(3, |x, y| [40 + 80 * x as u8, 60 + 60 * y as u8, 210]).linear(),
-        moths(),
+        varied_alpha(),
     ];
     let layers = Layers {
         clearcoat: 1.0,

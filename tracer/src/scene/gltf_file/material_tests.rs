@@ -157,8 +157,7 @@ fn vertex_colours_of_all_types_are_read() {
 
 #[test]
 fn faults_of_materials_and_colours_are_sentences() {
-    type Spoil = fn(&mut Value);
-    let cases: [(Spoil, &str); 10] = [
+    assert_refused(&[
         (
             |json| json["materials"][0]["alphaMode"] = json!("HALF"),
             "material 0 `paint`: its alphaMode must be OPAQUE, MASK or BLEND",
@@ -177,6 +176,20 @@ fn faults_of_materials_and_colours_are_sentences() {
             },
             "`0 paint`: the cutoff of its opacity is -1",
         ),
+        (
+            |json| json["accessors"][4]["normalized"] = json!(false),
+            "mesh 0, primitive 0, its colours: accessor 4 holds integers: they must be normalized",
+        ),
+        (
+            |json| json["accessors"][4]["count"] = json!(2),
+            "its mesh has 2 colours for 3 vertices",
+        ),
+    ]);
+}
+
+#[test]
+fn faults_of_layers_are_sentences() {
+    assert_refused(&[
         (
             |json| json["materials"][0]["normalTexture"]["scale"] = json!(1e9),
             "`0 paint`: the normal_scale of its textures is 1000000000",
@@ -209,15 +222,13 @@ fn faults_of_materials_and_colours_are_sentences() {
             },
             "material 0 `paint`: its KHR_materials_sheen: invalid type: string",
         ),
-        (
-            |json| json["accessors"][4]["normalized"] = json!(false),
-            "mesh 0, primitive 0, its colours: accessor 4 holds integers: they must be normalized",
-        ),
-        (
-            |json| json["accessors"][4]["count"] = json!(2),
-            "its mesh has 2 colours for 3 vertices",
-        ),
-    ];
+    ]);
+}
+
+type Spoil = fn(&mut Value);
+
+/// The sample with colours, spoilt, is refused with a sentence.
+fn assert_refused(cases: &[(Spoil, &str)]) {
     let accessor = json!({ "componentType": 5121, "type": "VEC4", "count": 3, "normalized": true });
     for (spoil, sentence) in cases {
         let (mut json, binary) = with_accessor(accessor.clone(), &[100; 12]);
