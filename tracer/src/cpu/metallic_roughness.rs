@@ -374,7 +374,14 @@ impl<S: Simd> MetallicRoughness<S> {
                 let even = cosine_hemisphere(simd, normal, u[1], u[2]);
                 let wi = Vec3x::select(coated | u0.simd_lt(share), mirrored, even);
                 let (f_cos, pdf) = self.evaluate_inline(simd, normal, wo, wi);
-                let is_some = pdf.simd_gt(0.0);
+                let mut is_some = pdf.simd_gt(0.0);
+                if self
+                    .layers
+                    .as_ref()
+                    .is_some_and(|layers| layers.normal.is_some())
+                {
+                    is_some &= mirror_normal.dot(wi).simd_gt(0.0);
+                }
                 let one = Float::splat(simd, 1.0);
                 let weight = f_cos * (one / is_some.select(pdf, one));
                 let black = Vec3x::splat(simd, [0.0; 3]);

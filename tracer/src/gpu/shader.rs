@@ -673,12 +673,18 @@ fn with_wrappers(features: &Features, part: &str) -> String {
 
 /// A part of a kernel where clear coats have normals of their own: light falls in at the cosine to either.
 fn with_coat_normals(part: &str, text: String) -> String {
+    const REFLECTED: &str = "reflected_by(sample_visible(";
     match part {
-        METALLIC_ROUGHNESS => text.replace("fn bsdf_eval(", "fn base_bsdf_eval(").replace(
-            "(dot(n, wi) / evaluated.pdf)",
-            "(lit_cosine(n, wi) / evaluated.pdf)",
-        ),
-        LAYERS => text.replace("fn with_layers(", "fn coaxial_layers("),
+        METALLIC_ROUGHNESS => text
+            .replace("fn bsdf_eval(", "fn base_bsdf_eval(")
+            .replace(REFLECTED, "reflected_above(n, sample_visible(")
+            .replace(
+                "(dot(n, wi) / evaluated.pdf)",
+                "(lit_cosine(n, wi) / evaluated.pdf)",
+            ),
+        LAYERS => text
+            .replace("fn with_layers(", "fn coaxial_layers(")
+            .replace(REFLECTED, "reflected_above(coat_n, sample_visible("),
         _ => text
             .replace(
                 "let cos_i = dot(surface.normal, ",

@@ -201,9 +201,10 @@ impl MetallicRoughness {
     /// Draws a direction: `u[0]` chooses between coat, reflection and base, `u[1]` and `u[2]` the direction.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         let coat = self.clearcoat_share(wo, n);
+        let mut lobe_n = n;
         let wi = if u[0] < coat {
-            let coat_n = self.clearcoat_n.unwrap_or(n);
-            let h = sample_visible(self.clearcoat_alpha, wo, coat_n, u[1], u[2]);
+            lobe_n = self.clearcoat_n.unwrap_or(n);
+            let h = sample_visible(self.clearcoat_alpha, wo, lobe_n, u[1], u[2]);
             reflect(wo, h)
         } else if (u[0] - coat) / (1.0 - coat) < self.reflected_share(wo.dot(n)) {
             reflect(wo, sample_visible(self.alpha, wo, n, u[1], u[2]))
@@ -214,7 +215,8 @@ impl MetallicRoughness {
             radius * phi.cos() * t + radius * phi.sin() * b + cos_i * n
         };
         let (f, pdf) = self.eval(wo, wi, n);
-        let weight = match pdf > 0.0 {
+        // The density has no part of what a reflection draws below its own normal, though the other may face it.
+        let weight = match pdf > 0.0 && wi.dot(lobe_n) > 0.0 {
             true => f * (self.cosine(wi, n) / pdf),
             false => DVec3::ZERO,
         };
@@ -429,8 +431,9 @@ mod tests {
             let below = surface(0.3, 0.6, DVec3::new(0.9, 0.5, 0.1));
             let surface = MetallicRoughness {
                 clearcoat_n: Some((tilt.cos() * n + tilt.sin() * b).normalize()),
-                ..layered(below, 1.0, 0.0, 0.6)
+                ..layered(below, 0.7, 0.0, 0.6)
             };
+            // A coat of strength 1 lets nothing pass at grazing angles, where draws would have no weight.
             let wo = (0.6 * n + 0.7 * t + 0.2 * b).normalize();
             let density = |wi| surface.eval(wo, wi, n).1;
             let sample = |u| surface.sample(wo, n, u);

@@ -15,6 +15,12 @@ fn lit_share(cos_i: f32, n: vec3f, wi: vec3f) -> f32 {
     return max(cos_i, 0.0) / max(lit_cosine(n, wi), 1e-30);
 }
 
+// The mirror image of `wo`; below the reflection's own normal `n` another direction, of which nothing comes.
+fn reflected_above(n: vec3f, h: vec3f, wo: vec3f) -> vec3f {
+    let wi = reflected_by(h, wo);
+    return select(-wo, wi, dot(n, wi) > 0.0);
+}
+
 fn with_layers(base: Evaluated, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     return with_sheen(base, n, wo, wi);
 }

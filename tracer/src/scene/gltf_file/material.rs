@@ -338,17 +338,10 @@ fn uv_set_of(index: u32, transform: Option<&TextureTransform>) -> UvSet {
 }
 
 /// The mean of a picture's red, in [0, 1].
-#[cfg(feature = "image-io")]
 fn mean_red(file: &[u8]) -> Result<f32, Refusal> {
     let texels = crate::texture_file::decode(file)?.texels;
     let sum: u64 = texels.iter().map(|[red, ..]| u64::from(*red)).sum();
     Ok((sum as f64 / (255.0 * texels.len() as f64)) as f32)
-}
-
-/// Without decoders no scene with pictures is traced.
-#[cfg(not(feature = "image-io"))]
-fn mean_red(_: &[u8]) -> Result<f32, Refusal> {
-    Ok(1.0)
 }
 
 /// All textures of a material are laid over its meshes in one way.
