@@ -3,6 +3,7 @@
 mod cone;
 mod data;
 mod environment;
+mod layer_texture;
 mod material;
 mod mesh;
 mod mesh_light;
@@ -28,6 +29,7 @@ pub use self::data::{
     TriangleData, TriangleNormals, TriangleUvs,
 };
 pub use self::environment::{CompiledEnvironment, EnvironmentSample};
+pub use self::layer_texture::LayerTextureData;
 use self::material::material_data;
 pub use self::mesh::CompiledMeshes;
 pub use self::mesh_light::{
@@ -42,8 +44,8 @@ pub use self::texture::{
 };
 use crate::bvh::{Bounds, Bvh};
 use crate::scene::{
-    AreaLight, Camera, CsgSolid, Material, ObjectPose, ParticleCloud, ParticleForm, Scene,
-    SceneUpdate, Shape, Subtraction,
+    AreaLight, Camera, CsgSolid, ObjectPose, ParticleCloud, ParticleForm, Scene, SceneUpdate,
+    Shape, Subtraction,
 };
 use crate::{Error, ImageSize, SceneError};
 
@@ -210,7 +212,7 @@ impl CompiledScene {
             punctual_lights: scene.punctual_lights.iter().map(Into::into).collect(),
             punctual_probability: 0.0,
             materials: scene.materials.values().map(material_data).collect(),
-            textures: CompiledTextures::new(&scene.textures, materials.map(Material::textures))?,
+            textures: CompiledTextures::new(&scene.textures, materials)?,
             primitives: Vec::with_capacity(scene.objects.len()),
             bvh_use: BvhUse::default(),
             bvhs: Default::default(),

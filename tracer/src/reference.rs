@@ -106,7 +106,7 @@ fn direct_light(
         Some(light_pdf) if is_visible && !ray_origin.is_inside && !vertex.is_below(direction) => {
             let (f, bsdf_pdf) = vertex.bsdf.eval(vertex.wo, direction, vertex.n);
             let weight = power_heuristic(light_pdf, bsdf_pdf);
-            f * vector(light.radiance) * (direction.dot(vertex.n).abs() * weight / light_pdf)
+            f * vector(light.radiance) * (vertex.cosine(direction) * weight / light_pdf)
         }
         _ => DVec3::ZERO,
     }
@@ -128,7 +128,7 @@ fn environment_light(
     let (f, bsdf_pdf) = vertex.bsdf.eval(vertex.wo, direction, vertex.n);
     let inverse_pdf = chosen.inverse_pdf / choice(scene);
     let weight = 1.0 / (1.0 + (bsdf_pdf * inverse_pdf).powi(2));
-    f * chosen.radiance * (direction.dot(vertex.n).abs() * weight * inverse_pdf)
+    f * chosen.radiance * (vertex.cosine(direction) * weight * inverse_pdf)
 }
 
 /// Light from a light without extent, by its probability.
@@ -146,7 +146,7 @@ fn punctual_light(
         return DVec3::ZERO;
     }
     let (f, _) = vertex.bsdf.eval(vertex.wo, direction, vertex.n);
-    f * incidence.irradiance * (direction.dot(vertex.n).abs() / choice(scene))
+    f * incidence.irradiance * (vertex.cosine(direction) / choice(scene))
 }
 
 /// The probability of each light: area lights, those without extent, and the environment map.
@@ -209,9 +209,14 @@ impl SurfaceVertex {
                 visible_shading_normal(side * hit.shading_n, n, wo)
             },
             is_inside,
-            bsdf: Scatter::new(scene, &hit, is_inside, 0.0),
+            bsdf: Scatter::new(scene, &hit, wo, 0.0),
             hit,
         }
+    }
+
+    /// The cosine at which light falls in from `wi`.
+    fn cosine(&self, wi: DVec3) -> f64 {
+        self.bsdf.cosine(wi, self.n).abs()
     }
 
     /// Whether a triangle that is shaded with another normal than its own lets `wi` go to another side than that does.
@@ -219,7 +224,8 @@ impl SurfaceVertex {
         let is_passed = self.bsdf.is_dielectric() && wi.dot(self.n) < 0.0;
         let side = wi.dot(self.hit.n) * self.wo.dot(self.hit.n);
         let is_far = if is_passed { side >= 0.0 } else { side <= 0.0 };
-        is_far && self.hit.shading_n != self.hit.n
+        let is_flat = self.hit.shading_n == self.hit.n && !self.bsdf.has_clearcoat_normal();
+        is_far && !is_flat
     }
 
     /// The side of the surface on which a ray along `wi` goes on.

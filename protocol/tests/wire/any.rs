@@ -212,6 +212,9 @@ fn scene() -> impl Strategy<Value = Scene> {
         let base_color = Some(scene.add_texture(ImageTexture::new(name, file)));
         let textures = MaterialTextures {
             base_color,
+            sheen: base_color,
+            clearcoat_normal: base_color,
+            clearcoat_normal_scale: -0.5,
             ..MaterialTextures::default()
         };
         let veil = Opacity::Blend { alpha: 0.5 };

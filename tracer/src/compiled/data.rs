@@ -321,7 +321,8 @@ pub struct MaterialData {
     /// The rate of the exponential law that distances inside are drawn from, m⁻¹; 0 where nothing
     /// scatters. Of glTF's material the density with which [`super::MeshLights`] draw points of triangles of it, m⁻².
     pub majorant: f32,
-    /// Index of refraction of a metal, real part. Of glTF's material the reflectance towards the normal of what is no metal.
+    /// Index of refraction of a metal, real part. Of glTF's material the reflectance towards the normal of what is no metal, where
+    /// a texture multiplies it before it is limited to `diffuse_scale`.
     pub eta: [f32; 3],
     /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`], [`PATTERN_PLANKS`], [`PATTERN_CLOTH`] or
     /// [`PATTERN_CUE`]. The rings of wood and the butt of a cue have the stripe's albedo; a cloth has the x of
@@ -331,8 +332,8 @@ pub struct MaterialData {
     pub k: [f32; 3],
     /// A ball's number.
     pub number: u32,
-    /// Extinction coefficient σt of the medium inside, m⁻¹. Of glTF's material the most that the sheen reflects of a channel to
-    /// cosines whose square roots are 0, 1/5 and 2/5.
+    /// Extinction coefficient σt of the medium inside, m⁻¹. Of glTF's material the most that the sheen would reflect of a channel to
+    /// cosines whose square roots are 0, 1/5 and 2/5; above 1 the sheen is divided by it.
     pub extinction: [f32; 3],
     /// The axis of wood's grain: 0, 1 or 2.
     pub grain_axis: u32,

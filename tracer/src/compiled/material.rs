@@ -73,12 +73,17 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             roughness,
             ior,
             emission,
-            textures: _,
+            textures,
             opacity,
             layers,
         } => {
             let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
-            let f0 = (f0 * layers.specular_color).min(Vec3::ONE) * layers.specular;
+            let mut f0 = f0 * layers.specular_color;
+            // What textures multiply is limited where they are looked up.
+            if textures.specular.or(textures.specular_color).is_none() {
+                f0 = f0.min(Vec3::ONE);
+            }
+            let f0 = f0 * layers.specular;
             with_layers(
                 MaterialData {
                     kind: KIND_METALLIC_ROUGHNESS,
@@ -118,7 +123,7 @@ fn with_layers(base: MaterialData, layers: &Layers) -> MaterialData {
         true => [0.0; 6],
         false => {
             let strength = layers.sheen.max_element();
-            sheen_reflectances(f64::from(width)).map(|share| (strength * share as f32).min(1.0))
+            sheen_reflectances(f64::from(width)).map(|share| strength * share as f32)
         }
     };
     let [a, b, c, d, e, f] = reflected;
@@ -139,6 +144,8 @@ fn cloth_data(
     marks: Option<ClothMarks>,
 ) -> MaterialData {
     let most = sheen_reflectance_max(f64::from(sheen_roughness)) as f32;
+    // A strong sheen of a small width would reflect more than comes at grazing angles.
+    let sheen = sheen / (sheen.max_element() * most).max(1.0);
     let left = (1.0 - sheen.max_element() * most).max(0.0);
     let pattern = marks.map_or(PATTERN_NONE, |_| PATTERN_CLOTH);
     let marks = marks.unwrap_or_default();

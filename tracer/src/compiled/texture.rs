@@ -10,18 +10,21 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::layer_texture::LayerTextureData;
 #[cfg(feature = "image-io")]
 use crate::scene::{ColorSpace, Wrap, levels};
-use crate::scene::{ImageTexture, MaterialTextures, halved};
+use crate::scene::{ImageTexture, Material, MaterialTextures, halved};
 use crate::{Error, SceneError};
 
 /// The textures of a scene, shared with copies of it.
 #[derive(Clone, Debug, Default)]
 pub struct CompiledTextures {
-    /// One each.
+    /// One each, and views of those whose alpha is read as a number.
     pub images: Arc<Vec<TextureData>>,
     /// Per material of the scene; empty if none has a texture.
     pub materials: Arc<Vec<MaterialTextureData>>,
+    /// The same for layers and specular reflection; empty if none has a texture there.
+    pub layers: Arc<Vec<LayerTextureData>>,
     /// Red, green, blue and alpha, red in the lowest byte: level by level, row by row.
     pub texels: Arc<Vec<u32>>,
 }
@@ -38,12 +41,17 @@ pub struct TextureData {
     pub height: u32,
     /// How many levels it has: the last one is a single texel.
     pub levels: u32,
-    /// 1 if its red, green and blue are sRGB, 0 if they are linear.
+    /// 1 if its red, green and blue are sRGB, 0 if they are linear, [`TextureData::ALPHA`] if they are its alpha.
     pub is_srgb: u32,
     /// [`WRAP_REPEAT`], [`WRAP_CLAMP`] or [`WRAP_MIRROR`] across.
     pub wrap_u: u32,
     /// The same down.
     pub wrap_v: u32,
+}
+
+impl TextureData {
+    /// [`TextureData::is_srgb`] of the view of a texture that has its alpha as red, green and blue.
+    pub const ALPHA: u32 = 2;
 }
 
 /// [`TextureData::wrap_u`] of [`Wrap::Repeat`].
@@ -75,7 +83,7 @@ pub struct MaterialTextureData {
 
 impl MaterialTextureData {
     /// Stands for no texture.
-    pub const NONE: u32 = u32::MAX;
+    pub const NONE: u32 = LayerTextureData::NONE;
 
     fn new(textures: MaterialTextures) -> Self {
         let index = |texture: Option<u32>| texture.unwrap_or(Self::NONE);
@@ -96,18 +104,14 @@ impl CompiledTextures {
     ///
     /// # Errors
     /// [`Error::InvalidScene`] if a file is broken.
-    pub(super) fn new(
+    pub(super) fn new<'a>(
         textures: &[ImageTexture],
-        materials: impl Iterator<Item = MaterialTextures>,
+        materials: impl Iterator<Item = &'a Material> + Clone,
     ) -> Result<Self, Error> {
-        let materials: Vec<MaterialTextures> = materials.collect();
-        if (materials.iter()).all(|textures| textures.indices().next().is_none()) {
+        let mut used = materials.clone().map(Material::textures);
+        if used.all(|textures| textures.indices().next().is_none()) {
             return Ok(Self::default());
         }
-        let materials = materials
-            .into_iter()
-            .map(MaterialTextureData::new)
-            .collect();
         let (mut images, mut texels) = (Vec::new(), Vec::new());
         for (index, texture) in textures.iter().enumerate() {
             let fault = |fault| {
@@ -119,9 +123,18 @@ impl CompiledTextures {
             };
             images.push(push_image(texture, &mut texels).map_err(fault)?);
         }
+        let layers = materials.clone();
+        let layers = layers
+            .map(|material| LayerTextureData::new(material, |image| alpha_of(&mut images, image)));
+        let mut layers: Vec<_> = layers.collect();
+        if !layers.iter().any(LayerTextureData::is_some) {
+            layers.clear();
+        }
+        let materials = materials.map(|material| MaterialTextureData::new(material.textures()));
         Ok(Self {
             images: Arc::new(images),
-            materials: Arc::new(materials),
+            materials: Arc::new(materials.collect()),
+            layers: Arc::new(layers),
             texels: Arc::new(texels),
         })
     }
@@ -171,12 +184,28 @@ impl CompiledTextures {
     fn texel(&self, data: &TextureData, place: u32) -> [f32; 4] {
         let [r, g, b, a] = self.texels[place as usize].to_le_bytes();
         let linear = |byte: u8| f32::from(byte) * (1.0 / 255.0);
-        if data.is_srgb == 0 {
-            return [r, g, b, a].map(linear);
+        match data.is_srgb {
+            0 => [r, g, b, a].map(linear),
+            TextureData::ALPHA => [linear(a); 4],
+            _ => {
+                let [r, g, b] = [r, g, b].map(|byte| SRGB_LINEAR[usize::from(byte)]);
+                [r, g, b, linear(a)]
+            }
         }
-        let [r, g, b] = [r, g, b].map(|byte| SRGB_LINEAR[usize::from(byte)]);
-        [r, g, b, linear(a)]
     }
+}
+
+/// The view of a texture's alpha as colour, which is added if need be.
+fn alpha_of(images: &mut Vec<TextureData>, texture: u32) -> u32 {
+    let view = TextureData {
+        is_srgb: TextureData::ALPHA,
+        ..images[texture as usize]
+    };
+    let known = images.iter().position(|known| *known == view);
+    known.unwrap_or_else(|| {
+        images.push(view);
+        images.len() - 1
+    }) as u32
 }
 
 /// A level of detail.
@@ -388,7 +417,8 @@ mod tests {
             base_color: Some(0),
             ..MaterialTextures::default()
         };
-        CompiledTextures::new(&[texture], std::iter::once(used)).unwrap()
+        let material = Material::rough([1.0; 3], 1.0).textured(used);
+        CompiledTextures::new(&[texture], std::iter::once(&material)).unwrap()
     }
 
     #[test]

@@ -66,10 +66,15 @@ impl<S: Simd> Bsdf<S> {
         bsdf
     }
 
-    /// Where light that comes straight from an area light at `cos_i` may be scattered to `wo`.
+    /// Where light that comes straight from a light towards `wi`, at `cos_i`, may be scattered to `wo`.
     #[inline(always)]
-    pub(super) fn sees(&self, cos_i: Float<S>) -> Mask<S> {
-        let faces = cos_i.simd_gt(0.0);
+    pub(super) fn sees(&self, wi: Vec3x<S>, cos_i: Float<S>) -> Mask<S> {
+        let mut faces = cos_i.simd_gt(0.0);
+        if let Some(surface) = &self.metallic_roughness
+            && let Some(coat_faces) = surface.clearcoat_faces(wi)
+        {
+            faces |= coat_faces;
+        }
         match &self.microfacet {
             Some(microfacet) => (faces & !microfacet.lanes()) | microfacet.sees(cos_i),
             None => faces,

@@ -24,6 +24,17 @@ pub(super) struct TextureLanes<S: Simd> {
     pub(super) emission: Vec3x<S>,
     pub(super) clearcoat: Float<S>,
     pub(super) clearcoat_roughness: Float<S>,
+    /// Of scenes where some have textures there.
+    pub(super) layers: Option<LayerTextureLanes<S>>,
+}
+
+/// The same of layers and of the specular reflection.
+#[derive(Clone, Copy)]
+pub(super) struct LayerTextureLanes<S: Simd> {
+    pub(super) sheen: Vec3x<S>,
+    pub(super) sheen_roughness: Float<S>,
+    pub(super) specular: Float<S>,
+    pub(super) specular_color: Vec3x<S>,
 }
 
 /// A lane's hit.
@@ -44,6 +55,15 @@ pub(super) struct TextureColumns {
     pub(super) normals: [[f32; LANES]; 3],
     /// A bit for each lane that has a normal map.
     pub(super) mapped: u64,
+    pub(super) layers: Option<LayerColumns>,
+}
+
+/// By channel what [`LayerTextureLanes`] has by lane, and the normals of clear coats.
+pub(super) struct LayerColumns {
+    factors: [[f32; LANES]; 8],
+    pub(super) normals: [[f32; LANES]; 3],
+    /// A bit for each lane whose coat has another normal than what is below.
+    pub(super) coated: u64,
 }
 
 impl TriangleTextures {
@@ -68,7 +88,7 @@ impl TriangleTextures {
             return;
         };
         let uv = interpolate(uvs, hit.weights);
-        let mut store = |first: usize, image: u32, channels: &[usize]| {
+        let store = |columns: &mut [[f32; LANES]], image: u32, channels: &[usize]| {
             if image == MaterialTextureData::NONE {
                 return;
             }
@@ -76,37 +96,66 @@ impl TriangleTextures {
             let across = (data.width as f32 * data.height as f32).sqrt();
             let level = (hit.footprint_m * uvs.density * across).log2();
             let rgba = self.textures.sample(image, uv, level);
-            for (column, channel) in columns.factors[first..].iter_mut().zip(channels) {
+            for (column, channel) in columns.iter_mut().zip(channels) {
                 column[lane] = rgba[*channel];
             }
         };
-        store(0, textures.base_color, &[0, 1, 2]);
-        store(3, textures.metallic_roughness, &[1, 2]);
-        store(5, textures.emission, &[0, 1, 2]);
-        store(8, textures.clearcoat, &[0]);
-        store(9, textures.clearcoat_roughness, &[1]);
-        if let Some(normal) = self.mapped_normal(textures, uvs, uv, hit) {
-            for (column, coordinate) in columns.normals.iter_mut().zip(normal.to_array()) {
-                column[lane] = coordinate;
-            }
+        let factors = &mut columns.factors;
+        store(factors, textures.base_color, &[0, 1, 2]);
+        store(&mut factors[3..], textures.metallic_roughness, &[1, 2]);
+        store(&mut factors[5..], textures.emission, &[0, 1, 2]);
+        store(&mut factors[8..], textures.clearcoat, &[0]);
+        store(&mut factors[9..], textures.clearcoat_roughness, &[1]);
+        let map = (textures.normal, textures.normal_scale);
+        if let Some(normal) = self.mapped_normal(map, uvs, uv, hit) {
+            store_normal(&mut columns.normals, lane, normal);
             columns.mapped |= 1 << lane;
+        }
+        let Some((columns, textures)) =
+            (columns.layers.as_mut()).zip(self.textures.layers.get(material))
+        else {
+            return;
+        };
+        let factors = &mut columns.factors;
+        store(factors, textures.sheen, &[0, 1, 2]);
+        store(&mut factors[3..], textures.sheen_roughness, &[0]);
+        store(&mut factors[4..], textures.specular, &[0]);
+        store(&mut factors[5..], textures.specular_color, &[0, 1, 2]);
+        if textures.has_coat_normal == 1 {
+            let map = (textures.clearcoat_normal, textures.clearcoat_normal_scale);
+            let normal = self.mapped_normal(map, uvs, uv, hit);
+            store_normal(&mut columns.normals, lane, normal.unwrap_or(hit.n_out));
+            columns.coated |= 1 << lane;
+        }
+    }
+
+    /// Nothing looked up yet.
+    pub(super) fn columns(&self) -> TextureColumns {
+        TextureColumns {
+            factors: [[1.0; LANES]; 10],
+            normals: [[0.0; LANES]; 3],
+            mapped: 0,
+            layers: (!self.textures.layers.is_empty()).then_some(LayerColumns {
+                factors: [[1.0; LANES]; 8],
+                normals: [[0.0; LANES]; 3],
+                coated: 0,
+            }),
         }
     }
 
     /// See [`crate::scalar::triangle`].
     fn mapped_normal(
         &self,
-        textures: &MaterialTextureData,
+        (image, scale): (u32, f32),
         uvs: &TriangleUvs,
         uv: [f32; 2],
         hit: &LaneHit<'_>,
     ) -> Option<Vec3> {
-        if textures.normal == MaterialTextureData::NONE {
+        if image == MaterialTextureData::NONE {
             return None;
         }
         let [tangent, bitangent] = tangents(hit.triangle, uvs, hit.n_out)?;
-        let [x, y, z, _] = (self.textures.sample(textures.normal, uv, 0.0)).map(|c| 2.0 * c - 1.0);
-        let scale = textures.normal_scale;
+        let [x, y, z, _] = (self.textures.sample(image, uv, 0.0)).map(|c| 2.0 * c - 1.0);
         let (x, y) = (scale * x, scale * y);
         let mapped = (x * tangent + y * bitangent + z * hit.n_out).try_normalize()?;
         let mapped = if hit.n_out.dot(hit.n) < 0.0 {
@@ -123,12 +172,6 @@ impl TriangleTextures {
 }
 
 impl TextureColumns {
-    pub(super) const NONE: Self = Self {
-        factors: [[1.0; LANES]; 10],
-        normals: [[0.0; LANES]; 3],
-        mapped: 0,
-    };
-
     #[inline(always)]
     pub(super) fn lanes<S: Simd>(&self, simd: S) -> TextureLanes<S> {
         let number = |column: usize| Float::load_array(simd, self.factors[column]);
@@ -140,7 +183,28 @@ impl TextureColumns {
             emission: triple(5),
             clearcoat: number(8),
             clearcoat_roughness: number(9),
+            layers: self.layers.as_ref().map(|layers| layers.lanes(simd)),
         }
+    }
+}
+
+impl LayerColumns {
+    #[inline(always)]
+    fn lanes<S: Simd>(&self, simd: S) -> LayerTextureLanes<S> {
+        let number = |column: usize| Float::load_array(simd, self.factors[column]);
+        let triple = |first: usize| Vec3x::new(number(first), number(first + 1), number(first + 2));
+        LayerTextureLanes {
+            sheen: triple(0),
+            sheen_roughness: number(3),
+            specular: number(4),
+            specular_color: triple(5),
+        }
+    }
+}
+
+fn store_normal(columns: &mut [[f32; LANES]; 3], lane: usize, normal: Vec3) {
+    for (column, coordinate) in columns.iter_mut().zip(normal.to_array()) {
+        column[lane] = coordinate;
     }
 }
 

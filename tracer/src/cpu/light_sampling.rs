@@ -202,7 +202,7 @@ impl Prepared {
             let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, drawn.wi, cos_i);
             let weight = power_heuristic(bsdf_pdf * drawn.inverse_density);
             let light = f_cos.scale(drawn.radiance) * weight;
-            let lanes = mesh & bsdf.sees(cos_i);
+            let lanes = mesh & bsdf.sees(drawn.wi, cos_i);
             let distance = drawn.distance;
             replace_shadow_ray(packet, stream, mesh, lanes, drawn.wi, distance, light);
         }
@@ -215,7 +215,7 @@ impl Prepared {
             let weight = power_heuristic(bsdf_pdf * drawn.inverse_density) * drawn.inverse_density;
             let light = f_cos.scale(drawn.radiance) * weight;
             let distance = Float::splat(simd, f32::MAX);
-            let lanes = environment & bsdf.sees(cos_i);
+            let lanes = environment & bsdf.sees(drawn.wi, cos_i);
             replace_shadow_ray(
                 packet,
                 stream,
@@ -234,7 +234,7 @@ impl Prepared {
             let (f_cos, _) = bsdf.evaluate(simd, chosen.wi, cos_i);
             let weight = Float::splat(simd, 1.0 / self.punctual_probability);
             let light = f_cos.scale(chosen.irradiance) * weight;
-            let lanes = punctual & bsdf.sees(cos_i);
+            let lanes = punctual & bsdf.sees(chosen.wi, cos_i);
             let distance = chosen.distance;
             replace_shadow_ray(packet, stream, punctual, lanes, chosen.wi, distance, light);
         }
@@ -338,7 +338,7 @@ impl Prepared {
             let coat = bsdf.regularised_coat(simd, packet.regularised, light.wi);
             reflected = reflected + Vec3x::new(coat, coat, coat);
         }
-        let mut lit = packet.alive & bsdf.sees(cos_i) & light.distance.simd_gt(0.0);
+        let mut lit = packet.alive & bsdf.sees(light.wi, cos_i) & light.distance.simd_gt(0.0);
         if let Some(above) = bsdf.is_above(light.wi) {
             lit &= above;
         }

@@ -2,7 +2,7 @@
 //!
 //! Only packets that met such a surface come here, out of line: other scenes are not to pay for it.
 
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, TAU};
 
 use fearless_simd::prelude::*;
 
@@ -11,11 +11,13 @@ use super::lanes::{Float, Mask, Vec3x, Word};
 use super::microfacet::{ggx, normalize, sample_visible, visibility};
 use super::rows::Rows;
 use super::sampling::{BsdfSample, cosine_hemisphere};
-use super::sheen::Sheen;
+use super::sheen::{Sheen, sheen_reflectances};
+use super::triangle::TriangleHit;
 use crate::CompiledScene;
 use crate::compiled::{KIND_METALLIC_ROUGHNESS, MaterialData};
 use crate::regularisation::ALPHA_MIN;
 use crate::scalar::metallic_roughness::{ALPHA_LEAST, CLEARCOAT_F0};
+use crate::scene::validate::SHEEN_ROUGHNESS as SHEEN_WIDTHS;
 
 /// Such materials of a scene.
 pub(super) struct MetallicRoughnessTable {
@@ -39,7 +41,7 @@ const CLEARCOAT: usize = 13;
 const CLEARCOAT_ALPHA: usize = 14;
 const SHEEN: usize = 15;
 const SHEEN_ROUGHNESS: usize = 18;
-/// What the sheen reflects at six cosines.
+/// What the sheen would reflect at six cosines.
 const SHEEN_REFLECTED: usize = 19;
 /// With which light sampling draws points on triangles, m⁻²; 0 of other shapes.
 const POINT_DENSITY: usize = 25;
@@ -113,6 +115,8 @@ pub(super) struct MetallicRoughness<S: Simd> {
 struct LayerLanes<S: Simd> {
     clearcoat: Float<S>,
     clearcoat_alpha: Float<S>,
+    /// Of coats that have another than what is below; 0 in other lanes.
+    normal: Option<Vec3x<S>>,
     sheen: Sheen<S>,
     sheen_reflected: [Float<S>; 6],
 }
@@ -124,6 +128,7 @@ impl<S: Simd> LayerLanes<S> {
         rows: &Rows<'_, 26>,
         lanes: Mask<S>,
         textures: Option<&TextureLanes<S>>,
+        normal: Option<Vec3x<S>>,
     ) -> Self {
         let mut clearcoat = rows.number(simd, CLEARCOAT);
         let mut clearcoat_alpha = rows.number(simd, CLEARCOAT_ALPHA);
@@ -133,32 +138,54 @@ impl<S: Simd> LayerLanes<S> {
             clearcoat_alpha *= roughness * roughness;
         }
         let width = rows.number(simd, SHEEN_ROUGHNESS);
-        let width = lanes.select(width, Float::splat(simd, 1.0));
+        let mut width = lanes.select(width, Float::splat(simd, 1.0));
+        let mut sheen = rows.triple(simd, SHEEN);
+        let mut sheen_reflected = [
+            rows.number(simd, SHEEN_REFLECTED),
+            rows.number(simd, SHEEN_REFLECTED + 1),
+            rows.number(simd, SHEEN_REFLECTED + 2),
+            rows.number(simd, SHEEN_REFLECTED + 3),
+            rows.number(simd, SHEEN_REFLECTED + 4),
+            rows.number(simd, SHEEN_REFLECTED + 5),
+        ];
+        if let Some(textures) = textures.and_then(|textures| textures.layers.as_ref()) {
+            let roughness = textures.sheen_roughness;
+            width = (width * roughness * roughness).max(*SHEEN_WIDTHS.start());
+            sheen = sheen.scale(textures.sheen);
+            let strength = sheen.x.max(sheen.y).max(sheen.z) * TAU;
+            sheen_reflected = sheen_reflectances(simd, width, strength);
+        }
         Self {
             clearcoat,
             clearcoat_alpha: clearcoat_alpha.max(ALPHA_LEAST),
-            sheen: Sheen::of(rows.triple(simd, SHEEN), width),
-            sheen_reflected: [
-                rows.number(simd, SHEEN_REFLECTED),
-                rows.number(simd, SHEEN_REFLECTED + 1),
-                rows.number(simd, SHEEN_REFLECTED + 2),
-                rows.number(simd, SHEEN_REFLECTED + 3),
-                rows.number(simd, SHEEN_REFLECTED + 4),
-                rows.number(simd, SHEEN_REFLECTED + 5),
-            ],
+            normal,
+            sheen: Sheen::of(sheen, width),
+            sheen_reflected,
         }
     }
 
-    /// What the sheen leaves of light at a cosine.
+    /// The share of light that the sheen would reflect at a cosine, about.
     #[inline(always)]
-    fn sheen_left(&self, cos: Float<S>) -> Float<S> {
+    fn sheen_reflected(&self, cos: Float<S>) -> Float<S> {
         let place = cos.max(0.0).min(1.0).sqrt() * 5.0;
-        let mut left = Float::splat(cos.token(), 1.0);
+        let mut share = Float::splat(cos.token(), 0.0);
         for (node, reflected) in (0u8..).zip(self.sheen_reflected) {
             let hat = (1.0 - (place - f32::from(node)).abs()).max(0.0);
-            left -= reflected * hat;
+            share += reflected * hat;
         }
-        left.max(0.0)
+        share
+    }
+
+    /// The normal of the coat where that of what is below is given.
+    #[inline(always)]
+    fn normal(&self, below: Vec3x<S>) -> Vec3x<S> {
+        match self.normal {
+            Some(normal) => {
+                let is_own = normal.length_squared().simd_gt(0.0);
+                Vec3x::select(is_own, normal, below)
+            }
+            None => below,
+        }
     }
 
     /// What the coat reflects at a cosine.
@@ -175,8 +202,7 @@ impl<S: Simd> MetallicRoughness<S> {
         simd: S,
         table: &MetallicRoughnessTable,
         id: Word<S>,
-        textures: Option<&TextureLanes<S>>,
-        color: Option<Vec3x<S>>,
+        triangles: Option<&TriangleHit<S>>,
     ) -> Option<Self> {
         simd.vectorize(
             #[inline(always)]
@@ -190,21 +216,32 @@ impl<S: Simd> MetallicRoughness<S> {
                 let mut metallic = rows.number(simd, METALLIC);
                 let mut alpha = rows.number(simd, ALPHA);
                 let mut emission = rows.triple(simd, EMISSION);
+                let textures = triangles.and_then(|triangles| triangles.textures.as_ref());
                 if let Some(textures) = textures {
                     base = base.scale(textures.base_color);
                     metallic *= textures.metallic;
                     alpha *= textures.roughness * textures.roughness;
                     emission = emission.scale(textures.emission);
                 }
-                if let Some(color) = color {
+                if let Some(color) = triangles.and_then(|triangles| triangles.color) {
                     base = base.scale(color);
                 }
-                let even = rows.triple(simd, DIELECTRIC_F0);
+                let mut even = rows.triple(simd, DIELECTRIC_F0);
+                let mut specular = rows.number(simd, SPECULAR);
+                if let Some(textures) = textures.and_then(|textures| textures.layers.as_ref()) {
+                    specular *= textures.specular;
+                    let scaled = even.scale(textures.specular_color) * textures.specular;
+                    even = Vec3x::new(
+                        scaled.x.min(specular),
+                        scaled.y.min(specular),
+                        scaled.z.min(specular),
+                    );
+                }
                 let dielectric_f0 = even.x.max(even.y).max(even.z);
-                let specular = rows.number(simd, SPECULAR);
                 let mut layers = None;
                 if table.has_layers {
-                    layers = Some(LayerLanes::new(simd, &rows, lanes, textures));
+                    let normal = triangles.and_then(|triangles| triangles.clearcoat_normal);
+                    layers = Some(LayerLanes::new(simd, &rows, lanes, textures, normal));
                 }
                 Some(Self {
                     lanes,
@@ -279,19 +316,35 @@ impl<S: Simd> MetallicRoughness<S> {
         let mut f_cos = reflected + scattered;
         if let Some(layers) = &self.layers {
             let napped = layers.sheen.evaluate(simd, normal, wo, wi) * cos_i;
-            let left = layers.sheen_left(cos_o).min(layers.sheen_left(cos_i));
-            f_cos = f_cos * left + napped;
-            let alpha = layers.clearcoat_alpha;
-            let seen = ggx(alpha, normal, h) * visibility(alpha, cos_o) * 0.25;
-            let shadowing = visibility(alpha, cos_i) * cos_i;
-            let coat = layers.reflected(wo.dot(h)) * seen * shadowing;
-            let passed = (1.0 - layers.reflected(cos_o)) * (1.0 - layers.reflected(cos_i));
-            f_cos = f_cos * passed + Vec3x::new(coat, coat, coat);
-            let share = self.clearcoat_share(simd, cos_o);
-            pdf = share.mul_add(seen, (1.0 - share) * pdf);
+            let shared = (layers.sheen_reflected(cos_o)).max(layers.sheen_reflected(cos_i));
+            f_cos = f_cos * (1.0 - shared).max(0.0) + napped * (1.0 / shared.max(1.0));
         }
         let black = Vec3x::new(zero, zero, zero);
-        (Vec3x::select(valid, f_cos, black), valid.select(pdf, zero))
+        f_cos = Vec3x::select(valid, f_cos, black);
+        pdf = valid.select(pdf, zero);
+        let Some(layers) = &self.layers else {
+            return (f_cos, pdf);
+        };
+        let (alpha, coat_normal) = (layers.clearcoat_alpha, layers.normal(normal));
+        let (cos_o, cos_i) = (coat_normal.dot(wo), coat_normal.dot(wi));
+        let valid = cos_o.simd_gt(0.0) & cos_i.simd_gt(0.0);
+        let seen = ggx(alpha, coat_normal, h) * visibility(alpha, cos_o) * 0.25;
+        let seen = valid.select(seen, zero);
+        let shadowing = visibility(alpha, cos_i) * cos_i;
+        let coat = valid.select(layers.reflected(wo.dot(h)) * seen * shadowing, zero);
+        let passed = (1.0 - layers.reflected(cos_o)) * (1.0 - layers.reflected(cos_i));
+        let share = self.clearcoat_share(simd, normal, wo);
+        (
+            f_cos * passed + Vec3x::new(coat, coat, coat),
+            share.mul_add(seen, (1.0 - share) * pdf),
+        )
+    }
+
+    /// Where a clear coat that has another normal than what is below faces `wi`; none if no lane has.
+    #[inline(always)]
+    pub(super) fn clearcoat_faces(&self, wi: Vec3x<S>) -> Option<Mask<S>> {
+        let normal = self.layers.as_ref()?.normal?;
+        Some(self.lanes & normal.dot(wi).simd_gt(0.0))
     }
 
     /// Draws a direction as the scalar tracer does.
@@ -308,18 +361,27 @@ impl<S: Simd> MetallicRoughness<S> {
             || {
                 let share = self.reflected_share(simd, normal.dot(wo));
                 let (mut u0, mut alpha, mut coated) = (u[0], self.alpha, Mask::splat(simd, false));
+                let mut mirror_normal = normal;
                 if let Some(layers) = &self.layers {
-                    let coat = self.clearcoat_share(simd, normal.dot(wo));
+                    let coat = self.clearcoat_share(simd, normal, wo);
                     coated = u0.simd_lt(coat);
                     u0 = (u0 - coat) / (1.0 - coat);
                     alpha = coated.select(layers.clearcoat_alpha, alpha);
+                    mirror_normal = Vec3x::select(coated, layers.normal(normal), normal);
                 }
-                let h = sample_visible(simd, alpha, normal, wo, u[1], u[2]);
+                let h = sample_visible(simd, alpha, mirror_normal, wo, u[1], u[2]);
                 let mirrored = h.mul_add(wo.dot(h) * 2.0, -wo);
                 let even = cosine_hemisphere(simd, normal, u[1], u[2]);
                 let wi = Vec3x::select(coated | u0.simd_lt(share), mirrored, even);
                 let (f_cos, pdf) = self.evaluate_inline(simd, normal, wo, wi);
-                let is_some = pdf.simd_gt(0.0);
+                let mut is_some = pdf.simd_gt(0.0);
+                if self
+                    .layers
+                    .as_ref()
+                    .is_some_and(|layers| layers.normal.is_some())
+                {
+                    is_some &= mirror_normal.dot(wi).simd_gt(0.0);
+                }
                 let one = Float::splat(simd, 1.0);
                 let weight = f_cos * (one / is_some.select(pdf, one));
                 let black = Vec3x::splat(simd, [0.0; 3]);
@@ -356,7 +418,7 @@ impl<S: Simd> MetallicRoughness<S> {
         let sum = |v: Vec3x<S>| v.x + v.y + v.z;
         let reflected = sum(self.schlick(grazing(cos_o)));
         if let Some(layers) = &self.layers {
-            let sheen = (1.0 - layers.sheen_left(cos_o)) * 3.0;
+            let sheen = layers.sheen_reflected(cos_o).min(1.0) * 3.0;
             let all = sum(self.diffuse).mul_add(self.passed(cos_o), reflected) + sheen;
             let is_some = all.simd_gt(0.0);
             let share = reflected / is_some.select(all, Float::splat(simd, 1.0));
@@ -367,15 +429,16 @@ impl<S: Simd> MetallicRoughness<S> {
 
     /// The probability with which a direction is drawn from the coat; 0 without layers.
     #[inline(always)]
-    fn clearcoat_share(&self, simd: S, cos_o: Float<S>) -> Float<S> {
+    fn clearcoat_share(&self, simd: S, normal: Vec3x<S>, wo: Vec3x<S>) -> Float<S> {
         let Some(layers) = &self.layers else {
             return Float::splat(simd, 0.0);
         };
+        let cos_o = normal.dot(wo);
         let sum = |v: Vec3x<S>| v.x + v.y + v.z;
         let reflected = sum(self.schlick(grazing(cos_o)));
-        let sheen = (1.0 - layers.sheen_left(cos_o)) * 3.0;
+        let sheen = layers.sheen_reflected(cos_o).min(1.0) * 3.0;
         let below = sum(self.diffuse).mul_add(self.passed(cos_o), reflected) + sheen;
-        let coat = layers.reflected(cos_o);
+        let coat = layers.reflected(layers.normal(normal).dot(wo));
         let all = (1.0 - coat).mul_add(below * (1.0 / 3.0), coat);
         coat / all.max(f32::MIN_POSITIVE)
     }

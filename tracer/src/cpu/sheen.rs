@@ -5,6 +5,7 @@ use fearless_simd::prelude::*;
 use super::lanes::{Float, Vec3x, Word};
 use super::math::{exp, ln};
 use super::rows::Rows;
+use crate::sheen::{SHEEN_REFLECTANCES, SHEEN_ROOT_MIN};
 
 /// Strength over 2π and width, of one primitive that scatters.
 pub(super) type SheenRow = [f32; 4];
@@ -61,4 +62,24 @@ impl<S: Simd> Sheen<S> {
         let above = cos_o.simd_gt(0.0) & cos_i.simd_gt(0.0);
         self.strength * above.select(f, zero)
     }
+}
+
+/// [`crate::sheen::sheen_reflectances`] times a strength.
+#[inline(always)]
+pub(super) fn sheen_reflectances<S: Simd>(
+    simd: S,
+    width: Float<S>,
+    strength: Float<S>,
+) -> [Float<S>; 6] {
+    let last = (SHEEN_REFLECTANCES.len() - 1) as f32;
+    let place = (width.sqrt() - SHEEN_ROOT_MIN) * (last / (1.0 - SHEEN_ROOT_MIN));
+    let place = place.max(0.0).min(last);
+    let mut nodes = [Float::splat(simd, 0.0); 6];
+    for (row, reflectances) in (0u8..).zip(SHEEN_REFLECTANCES) {
+        let hat = (1.0 - (place - f32::from(row)).abs()).max(0.0) * strength;
+        for (node, reflectance) in nodes.iter_mut().zip(reflectances) {
+            *node += hat * reflectance;
+        }
+    }
+    nodes
 }

@@ -94,7 +94,11 @@ impl<S: Simd> Hit<S> {
     pub(super) fn origin(&self, wi: Vec3x<S>) -> Vec3x<S> {
         match self.beyond {
             Some(beyond) => {
-                let passed = self.normal.dot(wi).simd_lt(0.0);
+                let mut passed = self.normal.dot(wi).simd_lt(0.0);
+                if let Some(surface) = &self.metallic_roughness {
+                    // Its clear coat may send rays behind the base's normal.
+                    passed &= !surface.lanes;
+                }
                 Vec3x::select(passed, beyond, self.position)
             }
             None => self.position,
@@ -188,9 +192,7 @@ impl Surfaces {
         if self.metallic_roughness.is_empty() {
             return None;
         }
-        let textures = triangles.and_then(|triangles| triangles.textures.as_ref());
-        let color = triangles.and_then(|triangles| triangles.color);
-        MetallicRoughness::new(simd, &self.metallic_roughness, id, textures, color)
+        MetallicRoughness::new(simd, &self.metallic_roughness, id, triangles)
     }
 
     /// The flight of the rays inside dielectrics, whose ids are in `start`, towards a boundary at

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fearless_simd::prelude::*;
 
 use super::bvh16::{Bvh16, HitFilter, Solid};
-use super::image_texture::{LaneHit, TextureColumns, TextureLanes, TriangleTextures};
+use super::image_texture::{LaneHit, LayerColumns, TextureColumns, TextureLanes, TriangleTextures};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rays::{HitMask, INSIDE, Nearest, Rays};
 use super::sampling::basis;
@@ -338,6 +338,8 @@ pub(super) struct TriangleHit<S: Simd> {
     pub(super) normal: Vec3x<S>,
     /// The surface's own, on that side; 0 in lanes of facets and other shapes.
     pub(super) geometric: Vec3x<S>,
+    /// That of clear coats which have another than `normal`, on that side, 0 in other lanes; if any lane's has.
+    pub(super) clearcoat_normal: Option<Vec3x<S>>,
     /// Of lanes whose materials have some, if any can.
     pub(super) textures: Option<TextureLanes<S>>,
     /// Of scenes with vertex colours: white in lanes without.
@@ -353,6 +355,19 @@ pub(super) struct Boundary<S: Simd> {
     pub(super) is_left: Mask<S>,
     /// As far on the other side of the surface as the position is on this one.
     pub(super) beyond: Vec3x<S>,
+}
+
+impl<S: Simd> TriangleHit<S> {
+    /// Gives clear coats their own normals, seen from `wo`, while [`TriangleHit::normal`] is the triangle's.
+    #[inline(always)]
+    fn set_clearcoat_normal(&mut self, simd: S, layers: &LayerColumns, wo: Vec3x<S>) {
+        let coated = Mask::from_bitmask(simd, layers.coated) & self.lanes;
+        let coat = Vec3x::load_arrays(simd, &layers.normals);
+        let shading = visible_normal(simd, coat, self.normal, wo);
+        let none = Vec3x::splat(simd, [0.0; 3]);
+        self.clearcoat_normal = Some(Vec3x::select(coated, shading, none));
+        self.geometric = Vec3x::select(coated, self.normal, self.geometric);
+    }
 }
 
 impl TriangleSurfaces {
@@ -426,6 +441,7 @@ impl TriangleSurfaces {
                     position: point_above(corners, weights, normal),
                     normal,
                     geometric: Vec3x::splat(simd, [0.0; 3]),
+                    clearcoat_normal: None,
                     textures: None,
                     color: None,
                     boundary: None,
@@ -460,6 +476,9 @@ impl TriangleSurfaces {
                     let normals = Vec3x::load_arrays(simd, &looked_up.normals);
                     interpolated = Vec3x::select(mapped, normals, interpolated);
                     smooth |= mapped;
+                    if let Some(layers) = looked_up.layers.filter(|layers| layers.coated != 0) {
+                        hit.set_clearcoat_normal(simd, &layers, -direction);
+                    }
                 }
                 if smooth.any_true() {
                     let shading = visible_normal(simd, interpolated, normal, -direction);
@@ -500,7 +519,7 @@ impl TriangleSurfaces {
         let footprint_m = footprint_m.to_array();
         let [n_out, n] = [n_out, n].map(|v| [v.x.to_array(), v.y.to_array(), v.z.to_array()]);
         let vector = |v: &[[f32; LANES]; 3], lane: usize| glam::Vec3::from(v.map(|c| c[lane]));
-        let mut columns = TextureColumns::NONE;
+        let mut columns = self.textures.columns();
         for (lane, id) in ids.into_iter().enumerate() {
             let Some(triangle) = self.triangles.get(id.wrapping_sub(self.ids[0]) as usize) else {
                 continue;

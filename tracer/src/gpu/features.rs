@@ -3,8 +3,8 @@
 use crate::bvh::Bvh;
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE, CompiledScene, CsgBoxData, CsgFaceData, KIND_CONDUCTOR,
-    KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData, PATTERN_NONE,
-    PATTERN_NUMBER, ShapeKind, SphereData,
+    KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, LayerTextureData, MaterialData,
+    PATTERN_NONE, PATTERN_NUMBER, ShapeKind, SphereData,
 };
 use crate::gpu::coplanar;
 
@@ -147,8 +147,14 @@ pub(crate) struct Features {
     pub(crate) has_dielectric_mesh: bool,
     /// Those with texture coordinates, if any material has a texture.
     pub(crate) uv_triangles: u32,
-    /// Image textures, if any material has one.
+    /// Image textures and views of them, if any material has one.
     pub(crate) textures: u32,
+    /// Materials that may have one: those of particles follow them.
+    pub(crate) textured_materials: u32,
+    /// Some have textures of their sheen or specular reflection.
+    pub(crate) has_layer_factors: bool,
+    /// Some clear coat has another normal than what is below.
+    pub(crate) has_coat_normals: bool,
     /// Those up to the last with vertex colours.
     pub(crate) colored_triangles: u32,
     /// Rays pass some.
@@ -213,6 +219,9 @@ impl Features {
     /// What `scene` requires, its arrays in constant memory.
     pub(crate) fn new(scene: &CompiledScene) -> Self {
         let any = |has: fn(&MaterialData) -> bool| scene.materials.iter().any(has);
+        let has_textures = !(scene.textures.is_empty() || scene.meshes.uvs.is_empty());
+        let textured = |count: usize| if has_textures { count as u32 } else { 0 };
+        let layers = || scene.textures.layers.iter();
         let shares_light_sampling = !(scene.environment_map.is_empty()
             && scene.punctual_lights.is_empty())
             || scene.mesh_lights.sixteenths > 0;
@@ -227,14 +236,11 @@ impl Features {
             smooth_triangles: scene.meshes.normals.len() as u32,
             has_dielectric_mesh: scene.has_dielectric_mesh(),
             environment_map: [scene.environment_map.width, scene.environment_map.height],
-            uv_triangles: match scene.textures.is_empty() || scene.meshes.uvs.is_empty() {
-                true => 0,
-                false => scene.meshes.uvs.len() as u32,
-            },
-            textures: match scene.textures.is_empty() || scene.meshes.uvs.is_empty() {
-                true => 0,
-                false => scene.textures.images.len() as u32,
-            },
+            uv_triangles: textured(scene.meshes.uvs.len()),
+            textures: textured(scene.textures.images.len()),
+            textured_materials: textured(scene.textures.materials.len()),
+            has_layer_factors: has_textures && layers().any(LayerTextureData::has_factors),
+            has_coat_normals: has_textures && layers().any(|layers| layers.has_coat_normal == 1),
             colored_triangles: scene.meshes.colors.len() as u32,
             has_opacity: scene.alpha_test().is_some(),
             area_lights: scene.area_lights.len() as u32,
@@ -309,6 +315,11 @@ impl Features {
     /// Whether there is an environment map.
     pub(crate) const fn has_environment_map(&self) -> bool {
         self.environment_map[0] > 0
+    }
+
+    /// Whether textures have more than [`crate::compiled::MaterialTextureData`].
+    pub(crate) const fn has_layer_textures(&self) -> bool {
+        self.has_layer_factors || self.has_coat_normals
     }
 
     /// Whether some triangle may be shaded with another normal than its own.

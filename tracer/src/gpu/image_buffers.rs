@@ -5,7 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use bytemuck::cast_slice;
 
 use crate::compiled::{
-    CompiledEnvironment, CompiledTextures, MaterialTextureData, SRGB_LINEAR, TextureData,
+    CompiledEnvironment, CompiledTextures, LayerTextureData, MaterialTextureData, SRGB_LINEAR,
+    TextureData,
 };
 use crate::gpu::device::Device;
 use crate::{CompiledScene, Error};
@@ -113,6 +114,7 @@ fn create_textures(device: &Device, textures: &CompiledTextures) -> Result<wgpu:
         &[
             cast_slice::<TextureData, u8>(&textures.images),
             cast_slice::<MaterialTextureData, u8>(&textures.materials),
+            cast_slice::<LayerTextureData, u8>(&textures.layers),
             cast_slice::<f32, u8>(&SRGB_LINEAR[..]),
             cast_slice::<u32, u8>(&textures.texels),
         ],

@@ -7,8 +7,8 @@ use crate::compiled::{
     AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX,
     CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS,
     MESH_LIGHT_REACH, MaterialTextureData, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH,
-    PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData, TriangleData,
-    WRAP_CLAMP, WRAP_REPEAT,
+    PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData, TextureData,
+    TriangleData, WRAP_CLAMP, WRAP_REPEAT,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{
@@ -20,7 +20,8 @@ use crate::sampling::{
 };
 use crate::scalar::metallic_roughness::{ALPHA_LEAST, CLEARCOAT_F0};
 use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
-use crate::scene::validate::CSG_MARGIN_M;
+use crate::scene::validate::{CSG_MARGIN_M, SHEEN_ROUGHNESS};
+use crate::sheen::{SHEEN_REFLECTANCES, SHEEN_ROOT_MIN};
 use crate::texture;
 
 /// Pixels along the edge of a block, of which a workgroup traces one or some.
@@ -135,13 +136,26 @@ fn metallic_roughness_parts(features: &Features) -> Vec<&'static str> {
     let factors = include_str!("shaders/texture_factors.wgsl");
     let textures = match features.textures {
         0 => include_str!("shaders/texture_factors_stub.wgsl"),
-        _ => include_str!("shaders/image_texture.wgsl"),
+        _ => IMAGE_TEXTURE,
     };
     let layers = match features.has_layers {
         true => LAYERS,
         false => include_str!("shaders/layers_stub.wgsl"),
     };
     let mut parts = vec![METALLIC_ROUGHNESS, factors, textures, layers];
+    if features.has_layer_textures() {
+        parts.push(LAYER_TEXTURES);
+    }
+    if features.has_layers {
+        parts.push(match features.has_layer_factors {
+            true => include_str!("shaders/sheen_texture.wgsl"),
+            false => include_str!("shaders/sheen_texture_stub.wgsl"),
+        });
+        parts.push(match features.has_coat_normals {
+            true => COAT_NORMAL,
+            false => include_str!("shaders/coat_normal_stub.wgsl"),
+        });
+    }
     if !features.has_shading_normals() {
         parts.push(include_str!("shaders/own_normal_stub.wgsl"));
     }
@@ -200,6 +214,9 @@ fn opacity_parts(features: &Features) -> Vec<&'static str> {
 
 const MESH_LIGHT: &str = include_str!("shaders/mesh_light.wgsl");
 const LAYERS: &str = include_str!("shaders/layers.wgsl");
+const IMAGE_TEXTURE: &str = include_str!("shaders/image_texture.wgsl");
+const LAYER_TEXTURES: &str = include_str!("shaders/layer_textures.wgsl");
+const COAT_NORMAL: &str = include_str!("shaders/coat_normal.wgsl");
 const OPACITY: &str = include_str!("shaders/opacity.wgsl");
 const VERTEX_COLOR: &str = include_str!("shaders/vertex_color.wgsl");
 const ENVIRONMENT_MAP: &str = include_str!("shaders/environment_map.wgsl");
@@ -509,23 +526,56 @@ fn mesh_declaration(features: &Features) -> String {
 fn texture_declaration(features: &Features) -> String {
     let Features {
         textures,
-        materials,
+        textured_materials,
         ..
     } = features;
     if *textures == 0 {
         return String::new();
     }
-    format!(
+    let layers = match features.has_layer_textures() {
+        true => format!("    layers: array<LayerTextureData, {textured_materials}>,\n"),
+        false => String::new(),
+    };
+    let text = format!(
         "const NO_TEXTURE: u32 = {}u;\n\
          const WRAP_REPEAT: u32 = {WRAP_REPEAT}u;\n\
          const WRAP_CLAMP: u32 = {WRAP_CLAMP}u;\n\
          struct TextureMemory {{\n    \
          images: array<TextureData, {textures}>,\n    \
-         materials: array<MaterialTextureData, {materials}>,\n    \
-         srgb: array<f32, 256>,\n    \
+         materials: array<MaterialTextureData, {textured_materials}>,\n\
+         {layers}    srgb: array<f32, 256>,\n    \
          texels: array<u32>,\n}}\n\
          @group(0) @binding({TEXTURE_BINDING}) var<storage, read> textures: TextureMemory;\n",
         MaterialTextureData::NONE
+    );
+    match features.has_layer_textures() {
+        true => text + &layer_texture_constants(features),
+        false => text,
+    }
+}
+
+/// Numbers that textures of layers need.
+fn layer_texture_constants(features: &Features) -> String {
+    let last = SHEEN_REFLECTANCES.len() - 1;
+    let halves = SHEEN_REFLECTANCES.as_flattened().chunks(3);
+    let halves = halves.map(|half| format!("vec3f({:?}, {:?}, {:?})", half[0], half[1], half[2]));
+    let halves: Vec<String> = halves.collect();
+    format!(
+        "const TEXTURE_ALPHA: u32 = {}u;\n\
+         const HAS_LAYER_FACTORS: bool = {};\n\
+         const HAS_COAT_NORMALS: bool = {};\n\
+         const SHEEN_WIDTH_MIN: f32 = {:?};\n\
+         const SHEEN_ROOT_MIN: f32 = {SHEEN_ROOT_MIN:?};\n\
+         const SHEEN_ROWS_PER_ROOT: f32 = {:?};\n\
+         const SHEEN_ROW_LAST: u32 = {last}u;\n\
+         const SHEEN_REFLECTANCES = array<vec3f, {}>({});\n",
+        TextureData::ALPHA,
+        features.has_layer_factors,
+        features.has_coat_normals,
+        SHEEN_ROUGHNESS.start(),
+        last as f32 / (1.0 - SHEEN_ROOT_MIN),
+        halves.len(),
+        halves.join(", ")
     )
 }
 
@@ -556,13 +606,33 @@ fn with_wrappers(features: &Features, part: &str) -> String {
             text = text.replace(&format!("fn {name}("), &format!("fn base_{name}("));
         }
     }
+    if features.has_layer_factors && part == METALLIC_ROUGHNESS {
+        let numbers = [("f0", "eta"), ("specular", "diffuse_scale")];
+        for (name, field) in numbers {
+            let plain = format!("let {name} = scene_storage.materials[material].{field};");
+            let textured = format!("let {name} = textured_{name}(material);");
+            text = text.replace(&plain, &textured);
+        }
+    }
+    if features.has_layer_textures() && part == IMAGE_TEXTURE {
+        text = text
+            .replace(
+                "fn triangle_shading_normal(",
+                "fn base_triangle_shading_normal(",
+            )
+            .replace("fn texel(", "fn color_texel(");
+    }
+    if features.has_coat_normals {
+        text = with_coat_normals(part, text);
+    }
     if features.has_opacity && part != OPACITY {
         text = text.replace("fn triangle_t(", "fn solid_triangle_t(");
     }
     if features.colored_triangles > 0 && part != VERTEX_COLOR {
         text = text.replace("fn triangle_surface(", "fn plain_triangle_surface(");
     }
-    if features.has_metallic_roughness && part != METALLIC_ROUGHNESS && part != SHADING_NORMAL {
+    let is_outer = [METALLIC_ROUGHNESS, SHADING_NORMAL, COAT_NORMAL].contains(&part);
+    if features.has_metallic_roughness && !is_outer {
         for name in [
             "bsdf_at",
             "bsdf_regularised",
@@ -601,6 +671,32 @@ fn with_wrappers(features: &Features, part: &str) -> String {
     text
 }
 
+/// A part of a kernel where clear coats have normals of their own: light falls in at the cosine to either.
+fn with_coat_normals(part: &str, text: String) -> String {
+    const REFLECTED: &str = "reflected_by(sample_visible(";
+    match part {
+        METALLIC_ROUGHNESS => text
+            .replace("fn bsdf_eval(", "fn base_bsdf_eval(")
+            .replace(REFLECTED, "reflected_above(n, sample_visible(")
+            .replace(
+                "(dot(n, wi) / evaluated.pdf)",
+                "(lit_cosine(n, wi) / evaluated.pdf)",
+            ),
+        LAYERS => text
+            .replace("fn with_layers(", "fn coaxial_layers(")
+            .replace(REFLECTED, "reflected_above(coat_n, sample_visible("),
+        _ => text
+            .replace(
+                "let cos_i = dot(surface.normal, ",
+                "let cos_i = lit_cosine(surface.normal, ",
+            )
+            .replace(
+                "dot(wi, surface.normal) < 0.0",
+                "lit_cosine(surface.normal, wi) < 0.0",
+            ),
+    }
+}
+
 /// The nearest surface along a ray, and whether anything is in the way of one to an area light.
 fn traverse(features: &Features) -> String {
     let mut text = String::from(
@@ -637,6 +733,9 @@ fn surface_at(features: &Features) -> String {
     }
     if features.textures > 0 {
         text += "    texture_factors = NO_TEXTURES;\n";
+    }
+    if features.has_layer_textures() {
+        text += "    layer_factors = NO_LAYER_TEXTURES;\n    coat_normal = vec3f(0.0);\n";
     }
     for shape in features.shapes() {
         let (name, constant) = (shape.function(), shape.constant());
@@ -679,9 +778,9 @@ mod tests {
 
     use super::*;
     use crate::compiled::{
-        AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData, MaterialData,
-        MeshLightData, PunctualLightData, RectangleData, SphereData, TextureData, TriangleColors,
-        TriangleNormals, TriangleUvs,
+        AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData, LayerTextureData,
+        MaterialData, MeshLightData, PunctualLightData, RectangleData, SphereData, TextureData,
+        TriangleColors, TriangleNormals, TriangleUvs,
     };
     use crate::gpu::layout::{
         BoxBound, BvhNodeData, DispatchData, SceneHeader, SphereBound, SphereLeaf, TileEntry,
@@ -705,6 +804,9 @@ mod tests {
         punctual_halves: 1,
         uv_triangles: 5,
         textures: 3,
+        textured_materials: 18,
+        has_layer_factors: true,
+        has_coat_normals: true,
         colored_triangles: 4,
         has_opacity: true,
         has_layers: true,
@@ -736,6 +838,8 @@ mod tests {
     fn variants() -> impl Iterator<Item = Features> {
         (0..16 * 3 * 2 * 2_u32).map(|i| {
             let count = |bit: u32, count: u32| count * (i >> bit & 1);
+            let is_textured = i % 4 < 2 && i % 5 == 3;
+            let textured = |count: u32| if is_textured { count } else { 0 };
             Features {
                 spheres: count(0, 3 + 7 * (i % 5)),
                 bvhs: [
@@ -754,16 +858,12 @@ mod tests {
                 triangles: if i % 4 < 2 { 5 + i % 7 } else { 0 },
                 smooth_triangles: if i % 4 < 2 { i % 3 } else { 0 },
                 has_dielectric_mesh: i % 4 < 2 && i % 7 < 2,
-                uv_triangles: if i % 4 < 2 && i % 5 == 3 {
-                    1 + i % 2
-                } else {
-                    0
-                },
-                textures: if i % 4 < 2 && i % 5 == 3 {
-                    1 + i % 4
-                } else {
-                    0
-                },
+                uv_triangles: textured(1 + i % 2),
+                textures: textured(1 + i % 4),
+                textured_materials: textured(1 + i % 5),
+                has_layer_factors: is_textured && i % 3 < 2,
+                // A clear coat is a layer.
+                has_coat_normals: is_textured && i % 13 > 5 && i % 7 > 2,
                 colored_triangles: if i % 4 < 2 { i / 4 % 3 } else { 0 },
                 has_opacity: i % 4 < 2 && i % 5 > 2 && i % 7 > 1,
                 has_layers: i % 5 > 2 && i % 13 > 5,
@@ -867,7 +967,7 @@ mod tests {
     }
 
     #[rustfmt::skip]
-    fn layouts_in_rust() -> [Layout; 24] {
+    fn layouts_in_rust() -> [Layout; 25] {
         [
             layout!(SphereData, center radius stripe_axis material number_axis allows_refracted_nee),
             layout!(BoxData, min material max),
@@ -884,6 +984,9 @@ mod tests {
             layout!(MaterialTextureData,
                 base_color metallic_roughness normal emission clearcoat clearcoat_roughness
                 normal_scale),
+            layout!(LayerTextureData,
+                sheen sheen_roughness specular specular_color clearcoat_normal
+                clearcoat_normal_scale has_coat_normal),
             layout!(AreaLightData,
                 center brightness axis_u length_u axis_v length_v normal radiance),
             layout!(PunctualLightData,

@@ -9,10 +9,14 @@
 //!
 //! # Layers
 //! A sheen ([`crate::sheen`]) is added to the rest, which is multiplied by what the sheen leaves of light in that of both directions
-//! in which it leaves less (Khronos Group, `KHR_materials_sheen`). A clear coat
+//! in which it leaves less (Khronos Group, `KHR_materials_sheen`); one that would reflect more than comes in one of them is divided
+//! by that. A clear coat
 //! of index 1.5 lies over both: another rough reflection, and what it lets pass multiplies all below in both directions. The
 //! diffuse base is divided by the mean of what passes both, and so a white one reflects all under a smooth coat, too; what a
 //! metal loses between itself and the coat is lost.
+//!
+//! A coat with normals of its own sees both directions at its own cosines. Light from a direction that only one of both normals
+//! faces is met by the coat or by what is below alone, and the triangle itself decides what is outside ([`super::triangle`]).
 
 use std::f64::consts::PI;
 
@@ -22,9 +26,8 @@ use super::bsdf::{BsdfSample, basis};
 use super::intersect::vector;
 use super::microfacet::{ggx, reflect, sample_visible, visibility};
 use crate::compiled::MaterialData;
-#[cfg(doc)]
-use crate::sheen::sheen_reflectances;
-use crate::sheen::{interpolated, sheen};
+use crate::scene::validate::SHEEN_ROUGHNESS;
+use crate::sheen::{interpolated, sheen, sheen_reflectances};
 
 /// One point of such a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,11 +50,13 @@ pub struct MetallicRoughness {
     pub clearcoat: f64,
     /// GGX width of the coat, above 0.
     pub clearcoat_alpha: f64,
+    /// Unit normal of the coat on the side of `wo`, if it is another than the base's.
+    pub clearcoat_n: Option<DVec3>,
     /// Strength of the sheen, over 2π; 0 without.
     pub sheen: DVec3,
     /// Width of the sheen.
     pub sheen_roughness: f64,
-    /// What the sheen reflects at most: see [`sheen_reflectances`].
+    /// What the sheen would reflect at most: see [`sheen_reflectances`].
     pub sheen_reflected: [f64; 6],
 }
 
@@ -70,6 +75,14 @@ pub struct TextureFactors {
     pub clearcoat: f64,
     /// Of the coat's roughness.
     pub clearcoat_roughness: f64,
+    /// Of the sheen's colour.
+    pub sheen: DVec3,
+    /// Of the sheen's roughness, the square root of its width.
+    pub sheen_roughness: f64,
+    /// Of the strength of the reflection of what is no metal.
+    pub specular: f64,
+    /// Of its colour towards the normal.
+    pub specular_color: DVec3,
 }
 
 impl TextureFactors {
@@ -81,6 +94,10 @@ impl TextureFactors {
         emission: DVec3::ONE,
         clearcoat: 1.0,
         clearcoat_roughness: 1.0,
+        sheen: DVec3::ONE,
+        sheen_roughness: 1.0,
+        specular: 1.0,
+        specular_color: DVec3::ONE,
     };
 }
 
@@ -94,11 +111,17 @@ impl MetallicRoughness {
     pub fn new(material: &MaterialData, factors: &TextureFactors) -> Self {
         let base = vector(material.albedo) * factors.base_color;
         let metallic = f64::from(material.metallic) * factors.metallic;
-        let f0 = vector(material.eta);
-        let (dielectric_f0, specular) = (f0.max_element(), f64::from(material.diffuse_scale));
+        let specular = f64::from(material.diffuse_scale) * factors.specular;
+        let f0 = vector(material.eta) * factors.specular_color * factors.specular;
+        let f0 = f0.min(DVec3::splat(specular));
+        let dielectric_f0 = f0.max_element();
         let alpha = f64::from(material.alpha) * factors.roughness * factors.roughness;
         let [clearcoat, clearcoat_alpha, _] = material.stripe_albedo.map(f64::from);
         let clearcoat_alpha = clearcoat_alpha * factors.clearcoat_roughness.powi(2);
+        let sheen = vector(material.sheen) * factors.sheen;
+        let width = f64::from(material.sheen_roughness) * factors.sheen_roughness.powi(2);
+        let width = width.max(f64::from(*SHEEN_ROUGHNESS.start()));
+        let strength = 2.0 * PI * sheen.max_element();
         Self {
             diffuse: base * (1.0 - metallic),
             f0: f0.lerp(base, metallic),
@@ -109,18 +132,49 @@ impl MetallicRoughness {
             emission: vector(material.k) * factors.emission,
             clearcoat: clearcoat * factors.clearcoat,
             clearcoat_alpha: clearcoat_alpha.max(f64::from(ALPHA_LEAST)),
-            sheen: vector(material.sheen),
-            sheen_roughness: f64::from(material.sheen_roughness),
-            sheen_reflected: {
-                let [a, b, c] = material.extinction.map(f64::from);
-                let [d, e, f] = material.scattering.map(f64::from);
-                [a, b, c, d, e, f]
-            },
+            clearcoat_n: None,
+            sheen,
+            sheen_roughness: width,
+            sheen_reflected: sheen_reflectances(width).map(|share| strength * share),
         }
     }
 
-    /// `f` in sr⁻¹, and the density per solid angle with which [`MetallicRoughness::sample`] draws `wi`.
+    /// `f` in sr⁻¹ for light that falls in at [`MetallicRoughness::cosine`], and the density per solid angle with which
+    /// [`MetallicRoughness::sample`] draws `wi`.
     pub fn eval(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
+        let (f, pdf) = self.eval_below_coat(wo, wi, n);
+        if self.clearcoat == 0.0 {
+            return (f, pdf);
+        }
+        let coat_n = self.clearcoat_n.unwrap_or(n);
+        let (cos_o, cos_i) = (wo.dot(coat_n), wi.dot(coat_n));
+        let passed = (1.0 - self.coat_reflected(cos_o)) * (1.0 - self.coat_reflected(cos_i));
+        let share = self.clearcoat_share(wo, n);
+        let mut f = f * passed;
+        if self.clearcoat_n.is_some() {
+            f *= wi.dot(n).max(0.0) / self.cosine(wi, n).max(f64::MIN_POSITIVE);
+        }
+        if cos_o <= 0.0 || cos_i <= 0.0 {
+            return (f, (1.0 - share) * pdf);
+        }
+        let (h, alpha) = ((wo + wi).normalize(), self.clearcoat_alpha);
+        let seen = 0.25 * ggx(alpha, h.dot(coat_n)) * visibility(alpha, cos_o);
+        let mut coat = self.coat_reflected(wo.dot(h)) * seen * visibility(alpha, cos_i);
+        if self.clearcoat_n.is_some() {
+            coat *= cos_i / self.cosine(wi, n);
+        }
+        (f + coat, share * seen + (1.0 - share) * pdf)
+    }
+
+    /// The cosine at which light falls in from `wi`: that to the base's normal `n`, or to the coat's own where it is larger.
+    pub fn cosine(&self, wi: DVec3, n: DVec3) -> f64 {
+        let cos_i = wi.dot(n);
+        self.clearcoat_n
+            .map_or(cos_i, |coat_n| cos_i.max(wi.dot(coat_n)))
+    }
+
+    /// [`MetallicRoughness::eval`] without the coat, for light that falls in at the cosine to `n`.
+    fn eval_below_coat(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
         let (cos_o, cos_i) = (wo.dot(n), wi.dot(n));
         if cos_o <= 0.0 || cos_i <= 0.0 {
             return (DVec3::ZERO, 0.0);
@@ -136,25 +190,22 @@ impl MetallicRoughness {
         let mut f = reflected + scattered;
         if self.sheen != DVec3::ZERO {
             // The larger loss: alike both ways, and with the sheen no more than all.
-            f *= self.sheen_left(cos_o).min(self.sheen_left(cos_i));
-            f += self.sheen * sheen(self.sheen_roughness, cos_o, cos_i, h.dot(n));
+            let reflected = self.sheen_reflected(cos_o).max(self.sheen_reflected(cos_i));
+            f *= (1.0 - reflected).max(0.0);
+            let sheen = sheen(self.sheen_roughness, cos_o, cos_i, h.dot(n));
+            f += self.sheen * (sheen / reflected.max(1.0));
         }
-        if self.clearcoat == 0.0 {
-            return (f, pdf);
-        }
-        let alpha = self.clearcoat_alpha;
-        let seen = 0.25 * ggx(alpha, h.dot(n)) * visibility(alpha, cos_o);
-        let coat = self.coat_reflected(wo.dot(h)) * seen * visibility(alpha, cos_i);
-        let passed = (1.0 - self.coat_reflected(cos_o)) * (1.0 - self.coat_reflected(cos_i));
-        let share = self.clearcoat_share(cos_o);
-        (f * passed + coat, share * seen + (1.0 - share) * pdf)
+        (f, pdf)
     }
 
     /// Draws a direction: `u[0]` chooses between coat, reflection and base, `u[1]` and `u[2]` the direction.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
-        let coat = self.clearcoat_share(wo.dot(n));
+        let coat = self.clearcoat_share(wo, n);
+        let mut lobe_n = n;
         let wi = if u[0] < coat {
-            reflect(wo, sample_visible(self.clearcoat_alpha, wo, n, u[1], u[2]))
+            lobe_n = self.clearcoat_n.unwrap_or(n);
+            let h = sample_visible(self.clearcoat_alpha, wo, lobe_n, u[1], u[2]);
+            reflect(wo, h)
         } else if (u[0] - coat) / (1.0 - coat) < self.reflected_share(wo.dot(n)) {
             reflect(wo, sample_visible(self.alpha, wo, n, u[1], u[2]))
         } else {
@@ -164,8 +215,9 @@ impl MetallicRoughness {
             radius * phi.cos() * t + radius * phi.sin() * b + cos_i * n
         };
         let (f, pdf) = self.eval(wo, wi, n);
-        let weight = match pdf > 0.0 {
-            true => f * (wi.dot(n) / pdf),
+        // The density has no part of what a reflection draws below its own normal, though the other may face it.
+        let weight = match pdf > 0.0 && wi.dot(lobe_n) > 0.0 {
+            true => f * (self.cosine(wi, n) / pdf),
             false => DVec3::ZERO,
         };
         let pdf = Some(pdf);
@@ -195,9 +247,9 @@ impl MetallicRoughness {
         1.0 / (base * coat_passed - coat_rise * (passed / 21.0 - rise / 66.0))
     }
 
-    /// What the sheen leaves of light for what is below, at a cosine.
-    fn sheen_left(&self, cos: f64) -> f64 {
-        (1.0 - interpolated(&self.sheen_reflected, cos)).max(0.0)
+    /// The share of light that the sheen would reflect at a cosine, about.
+    fn sheen_reflected(&self, cos: f64) -> f64 {
+        interpolated(&self.sheen_reflected, cos)
     }
 
     /// The share of light that the coat reflects at a cosine.
@@ -207,9 +259,9 @@ impl MetallicRoughness {
     }
 
     /// The probability with which [`MetallicRoughness::sample`] chooses the coat.
-    fn clearcoat_share(&self, cos_o: f64) -> f64 {
-        let coat = self.coat_reflected(cos_o);
-        let [reflected, scattered] = self.weights(cos_o);
+    fn clearcoat_share(&self, wo: DVec3, n: DVec3) -> f64 {
+        let coat = self.coat_reflected(wo.dot(self.clearcoat_n.unwrap_or(n)));
+        let [reflected, scattered] = self.weights(wo.dot(n));
         coat / (coat + (1.0 - coat) * (reflected + scattered) / 3.0).max(f64::MIN_POSITIVE)
     }
 
@@ -227,7 +279,7 @@ impl MetallicRoughness {
         let reflected = schlick(self.f0, self.f90, cos_o).element_sum();
         let sheen = match self.sheen == DVec3::ZERO {
             true => 0.0,
-            false => 3.0 * (1.0 - self.sheen_left(cos_o)),
+            false => 3.0 * self.sheen_reflected(cos_o).min(1.0),
         };
         [
             reflected,
@@ -262,6 +314,7 @@ mod tests {
             emission: DVec3::ZERO,
             clearcoat: 0.0,
             clearcoat_alpha: 0.01,
+            clearcoat_n: None,
             sheen: DVec3::ZERO,
             sheen_roughness: 1.0,
             sheen_reflected: [0.0; 6],
@@ -280,8 +333,7 @@ mod tests {
             clearcoat_alpha: (roughness * roughness).max(1e-3),
             sheen: DVec3::splat(sheen / (2.0 * PI)),
             sheen_roughness: 0.3,
-            sheen_reflected: crate::sheen::sheen_reflectances(0.3)
-                .map(|share| (sheen * share).min(1.0)),
+            sheen_reflected: sheen_reflectances(0.3).map(|share| sheen * share),
             ..base
         }
     }
@@ -352,6 +404,40 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    /// White furnace: at grazing angles a narrow sheen alone would reflect a third more than comes.
+    #[test]
+    fn narrow_sheens_make_no_light_at_grazing_angles() {
+        for width in [0.1, 0.15, 0.3] {
+            for cos_o in [0.003, 0.02, 0.1] {
+                let mut surface = layered(surface(0.0, 1.0, DVec3::ONE), 0.0, 1.0, 0.5);
+                surface.sheen_roughness = width;
+                surface.sheen_reflected = sheen_reflectances(width);
+                let albedo = directional_albedo(&surface, cos_o);
+                let what = format!("{width} {cos_o}: {albedo}");
+                assert!((0.75..1.01).contains(&albedo), "{what}");
+            }
+        }
+    }
+
+    /// Light that a coat with a normal of its own reflects, and with it what is below.
+    #[test]
+    fn directions_of_a_coat_with_its_own_normal_are_drawn_with_their_density() {
+        let n = DVec3::new(0.3, -0.8, -0.4).normalize();
+        let (t, b) = basis(n);
+        for tilt in [0.3, 1.2f64] {
+            let below = surface(0.3, 0.6, DVec3::new(0.9, 0.5, 0.1));
+            let surface = MetallicRoughness {
+                clearcoat_n: Some((tilt.cos() * n + tilt.sin() * b).normalize()),
+                ..layered(below, 0.7, 0.0, 0.6)
+            };
+            // A coat of strength 1 lets nothing pass at grazing angles, where draws would have no weight.
+            let wo = (0.6 * n + 0.7 * t + 0.2 * b).normalize();
+            let density = |wi| surface.eval(wo, wi, n).1;
+            let sample = |u| surface.sample(wo, n, u);
+            assert_drawn(n, density, sample, &format!("{surface:?}"));
         }
     }
 

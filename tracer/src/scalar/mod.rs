@@ -671,7 +671,7 @@ impl<'a> PathTracer<'a> {
             .emission_at(chosen.triangle, chosen.weights)
             .as_dvec3();
         let weight = power_heuristic(density, pdf_scatter);
-        f * emission * (wi.dot(vertex.n).abs() * weight * inverse_pdf)
+        f * emission * (vertex.cosine(wi) * weight * inverse_pdf)
     }
 
     fn direct_punctual_light(&self, vertex: &Vertex, u: f64, rays: &mut u64) -> DVec3 {
@@ -687,7 +687,7 @@ impl<'a> PathTracer<'a> {
         {
             return DVec3::ZERO;
         }
-        let cos_i = chosen.wi.dot(vertex.n).abs();
+        let cos_i = vertex.cosine(chosen.wi);
         f * chosen.irradiance * (cos_i / f64::from(self.scene.punctual_probability))
     }
 
@@ -704,7 +704,7 @@ impl<'a> PathTracer<'a> {
         }
         let inverse_density = chosen.inverse_pdf / f64::from(map.probability);
         let weight = 1.0 / (1.0 + (pdf_scatter * inverse_density).powi(2));
-        let cos_i = chosen.wi.dot(vertex.n).abs();
+        let cos_i = vertex.cosine(chosen.wi);
         f * chosen.radiance * (cos_i * weight * inverse_density)
     }
 
@@ -729,7 +729,7 @@ impl<'a> PathTracer<'a> {
         }
         let density = f64::from(light.brightness) / vertex.light_weight_sum;
         let weight = power_heuristic(density, pdf_scatter);
-        let cos_i = wi.dot(vertex.n).abs();
+        let cos_i = vertex.cosine(wi);
         let reflected = f * (cos_i * weight) + coat;
         let probability = self.scene.area_light_probability() * chosen.probability;
         reflected * vector(light.radiance) * (inverse_pdf / probability)
@@ -828,11 +828,16 @@ impl Vertex {
             wo,
             primitive: hit.primitive,
             is_inside,
-            scatter: Scatter::new(scene, hit, is_inside, footprint_m),
+            scatter: Scatter::new(scene, hit, wo, footprint_m),
             light_weight_sum: light_weight_sum(&scene.area_lights, hit.point)
                 / scene.area_light_probability(),
             is_regularised: false,
         }
+    }
+
+    /// The cosine at which light falls in from `wi`.
+    fn cosine(&self, wi: DVec3) -> f64 {
+        self.scatter.cosine(wi, self.n).abs()
     }
 
     /// Whether `wi` is on the other side of a surface than of the normal that it is shaded with; what lets no light pass
@@ -840,7 +845,8 @@ impl Vertex {
     fn is_below(&self, wi: DVec3) -> bool {
         let is_passed = self.scatter.is_dielectric() && wi.dot(self.n) < 0.0;
         let height = wi.dot(self.geometric_n) * if is_passed { -1.0 } else { 1.0 };
-        self.n != self.geometric_n && height <= 0.0
+        let is_smooth = self.n != self.geometric_n || self.scatter.has_clearcoat_normal();
+        is_smooth && height <= 0.0
     }
 
     /// Draws a direction: one below the surface brings nothing.

@@ -17,19 +17,43 @@ pub(super) fn mapped_normal(
     let Some((textures, triangle, uvs)) = textures_at(scene, Primitive::Triangle(index)) else {
         return n_out;
     };
-    if textures.normal == MaterialTextureData::NONE {
-        return n_out;
-    }
-    let uv = interpolate(uvs, barycentric);
-    let [x, y, z, _] = scene.textures.sample(textures.normal, uv, 0.0);
-    let [x, y, z] = [x, y, z].map(|share| 2.0 * f64::from(share) - 1.0);
-    let scale = f64::from(textures.normal_scale);
-    let (x, y) = (scale * x, scale * y);
-    let Some([tangent, bitangent]) = tangents(triangle, uvs, n_out) else {
-        return n_out;
+    let map = NormalMap {
+        image: textures.normal,
+        scale: textures.normal_scale,
     };
-    let mapped = x * tangent + y * bitangent + z * n_out;
-    mapped.try_normalize().unwrap_or(n_out)
+    map.normal(scene, triangle, uvs, barycentric, n_out)
+}
+
+/// A picture of normals, and by what their x and y are multiplied.
+pub(super) struct NormalMap {
+    pub(super) image: u32,
+    pub(super) scale: f32,
+}
+
+impl NormalMap {
+    /// See [`mapped_normal`].
+    pub(super) fn normal(
+        &self,
+        scene: &CompiledScene,
+        triangle: &TriangleData,
+        uvs: &TriangleUvs,
+        barycentric: [f64; 3],
+        n_out: DVec3,
+    ) -> DVec3 {
+        if self.image == MaterialTextureData::NONE {
+            return n_out;
+        }
+        let uv = interpolate(uvs, barycentric);
+        let [x, y, z, _] = scene.textures.sample(self.image, uv, 0.0);
+        let [x, y, z] = [x, y, z].map(|share| 2.0 * f64::from(share) - 1.0);
+        let scale = f64::from(self.scale);
+        let (x, y) = (scale * x, scale * y);
+        let Some([tangent, bitangent]) = tangents(triangle, uvs, n_out) else {
+            return n_out;
+        };
+        let mapped = x * tangent + y * bitangent + z * n_out;
+        mapped.try_normalize().unwrap_or(n_out)
+    }
 }
 
 /// Unit vectors across `n`: along growing u and, at right angles, against growing v. None where the texture coordinates

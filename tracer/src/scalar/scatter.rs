@@ -6,7 +6,7 @@ use super::bsdf::{Bsdf, BsdfSample};
 use super::intersect::{Hit, vector};
 use super::metallic_roughness::MetallicRoughness;
 use super::microfacet::{Conductor, Dielectric};
-use super::textured::{texture_factors, vertex_color};
+use super::textured::{clearcoat_normal, texture_factors, vertex_color};
 use crate::CompiledScene;
 use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS, PATTERN_NONE};
 use crate::fresnel::{fresnel_conductor, fresnel_dielectric};
@@ -25,9 +25,9 @@ pub enum Scatter {
 }
 
 impl Scatter {
-    /// The scattering at a hit, for light that leaves inside a body or outside. An area light reflects
+    /// The scattering at a hit, for light that leaves along `wo`. An area light reflects
     /// nothing. `footprint_m` is how wide the surface is that is seen, in metres; 0 for the finest level of textures.
-    pub fn new(scene: &CompiledScene, hit: &Hit, is_inside: bool, footprint_m: f64) -> Self {
+    pub fn new(scene: &CompiledScene, hit: &Hit, wo: DVec3, footprint_m: f64) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::Layered(Bsdf::from_hit(scene, hit));
         };
@@ -40,12 +40,16 @@ impl Scatter {
             }),
             KIND_DIELECTRIC => {
                 let ior = f64::from(material.ior);
+                let is_inside = wo.dot(hit.n) < 0.0;
                 let eta = if is_inside { 1.0 / ior } else { ior };
                 Self::Dielectric(Dielectric { eta, alpha })
             }
             KIND_METALLIC_ROUGHNESS => {
                 let factors = texture_factors(scene, hit, footprint_m);
-                Self::MetallicRoughness(MetallicRoughness::new(material, &factors))
+                Self::MetallicRoughness(MetallicRoughness {
+                    clearcoat_n: clearcoat_normal(scene, hit, wo),
+                    ..MetallicRoughness::new(material, &factors)
+                })
             }
             _ => {
                 let mut bsdf = Bsdf::from_hit(scene, hit);
@@ -57,7 +61,7 @@ impl Scatter {
         }
     }
 
-    /// `f` in sr⁻¹ without mirrors, and the density per solid angle with which
+    /// `f` in sr⁻¹ without mirrors, for light that falls in at [`Scatter::cosine`], and the density per solid angle with which
     /// [`Scatter::sample`] draws `wi`. `n` is on the side of `wo`.
     pub fn eval(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
         match self {
@@ -70,6 +74,19 @@ impl Scatter {
             Self::Dielectric(glass) => glass.eval(wo, wi, n),
             Self::MetallicRoughness(surface) => surface.eval(wo, wi, n),
         }
+    }
+
+    /// The cosine at which light falls in from `wi`: to `n`, or to the normal of a clear coat that has one of its own.
+    pub fn cosine(&self, wi: DVec3, n: DVec3) -> f64 {
+        match self {
+            Self::MetallicRoughness(surface) => surface.cosine(wi, n),
+            _ => wi.dot(n),
+        }
+    }
+
+    /// Whether it is shaded with another normal than `n` too.
+    pub fn has_clearcoat_normal(&self) -> bool {
+        matches!(self, Self::MetallicRoughness(surface) if surface.clearcoat_n.is_some())
     }
 
     /// The part of light that a mirror on top reflects, one that is drawn by chance; 0 without.

@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use super::intersect::{Hit, vector};
 use super::metallic_roughness::TextureFactors;
-use super::normal_map::{interpolate, textures_at};
+use super::normal_map::{NormalMap, interpolate, textures_at};
+use super::triangle::{facing, interpolated_normal, visible_shading_normal};
 use crate::CompiledScene;
 use crate::compiled::{MaterialTextureData, Primitive, TriangleData};
 
@@ -22,6 +23,7 @@ pub(super) fn texture_factors(
         };
     };
     let uv = interpolate(uvs, barycentric(triangle, hit.point));
+    let layers = scene.textures.layers.get(triangle.material as usize);
     let sample = |image: u32| {
         if image == MaterialTextureData::NONE {
             return None;
@@ -36,14 +38,44 @@ pub(super) fn texture_factors(
     let [_, roughness, metallic, _] = sample(textures.metallic_roughness).unwrap_or([1.0; 4]);
     let [clearcoat, ..] = sample(textures.clearcoat).unwrap_or([1.0; 4]);
     let [_, clearcoat_roughness, ..] = sample(textures.clearcoat_roughness).unwrap_or([1.0; 4]);
-    TextureFactors {
+    let factors = TextureFactors {
         base_color: color(textures.base_color) * color_of_vertices,
         roughness,
         metallic,
         emission: color(textures.emission),
         clearcoat,
         clearcoat_roughness,
+        ..TextureFactors::ONE
+    };
+    layers.map_or(factors, |layers| TextureFactors {
+        sheen: color(layers.sheen),
+        sheen_roughness: color(layers.sheen_roughness).x,
+        specular: color(layers.specular).x,
+        specular_color: color(layers.specular_color),
+        ..factors
+    })
+}
+
+/// The normal of a clear coat seen from `wo` and on its side, where it is another than that of what lies below.
+pub(super) fn clearcoat_normal(scene: &CompiledScene, hit: &Hit, wo: DVec3) -> Option<DVec3> {
+    let Primitive::Triangle(index) = hit.primitive else {
+        return None;
+    };
+    let (_, triangle, uvs) = textures_at(scene, hit.primitive)?;
+    let layers = scene.textures.layers.get(triangle.material as usize)?;
+    if layers.has_coat_normal == 0 {
+        return None;
     }
+    let map = NormalMap {
+        image: layers.clearcoat_normal,
+        scale: layers.clearcoat_normal_scale,
+    };
+    let barycentric = barycentric(triangle, hit.point);
+    let n_out = interpolated_normal(scene, index, barycentric).unwrap_or(hit.n);
+    let mapped = map.normal(scene, triangle, uvs, barycentric, n_out);
+    let shading_n = facing(mapped, n_out, hit.n);
+    let side = if wo.dot(hit.n) < 0.0 { -1.0 } else { 1.0 };
+    Some(visible_shading_normal(side * shading_n, side * hit.n, wo))
 }
 
 /// What a mesh's vertex colours multiply the albedo by at a hit.

@@ -192,22 +192,34 @@ impl TriangleSurface {
         let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(vector);
         let [wa, wb, wc] = barycentric;
         let n = (b - a).cross(c - a).normalize();
-        let interpolated = scene.meshes.normals.get(triangle.normals as usize);
-        let interpolated = interpolated.and_then(|normals| {
-            let [na, nb, nc] = [normals.a, normals.b, normals.c].map(vector);
-            (wa * na + wb * nb + wc * nc).try_normalize()
-        });
-        let n_out = interpolated.unwrap_or(n);
+        let n_out = interpolated_normal(scene, index, barycentric).unwrap_or(n);
         let mapped = mapped_normal(scene, index, barycentric, n_out);
-        let shading_n = match mapped == n_out {
-            true => n_out * side(n_out.dot(n)),
-            false => above(mapped * side(n_out.dot(n)), n),
-        };
+        let shading_n = facing(mapped, n_out, n);
         Self {
             point: wa * a + wb * b + wc * c,
             n,
             shading_n,
         }
+    }
+}
+
+/// The unit normal between the vertex normals of a triangle, if it has some.
+pub(super) fn interpolated_normal(
+    scene: &CompiledScene,
+    index: u32,
+    [wa, wb, wc]: [f64; 3],
+) -> Option<DVec3> {
+    let triangle = &scene.meshes.triangles[index as usize];
+    let normals = scene.meshes.normals.get(triangle.normals as usize)?;
+    let [na, nb, nc] = [normals.a, normals.b, normals.c].map(vector);
+    (wa * na + wb * nb + wc * nc).try_normalize()
+}
+
+/// What a normal map has made of `n_out`, on the side of the triangle's own normal `n`.
+pub(super) fn facing(mapped: DVec3, n_out: DVec3, n: DVec3) -> DVec3 {
+    match mapped == n_out {
+        true => n_out * side(n_out.dot(n)),
+        false => above(mapped * side(n_out.dot(n)), n),
     }
 }
 

@@ -503,6 +503,11 @@ impl Material {
         }
     }
 
+    /// Whether there is a clear coat over it.
+    pub(crate) fn has_clearcoat(&self) -> bool {
+        matches!(self, Self::MetallicRoughness { layers, .. } if layers.clearcoat > 0.0)
+    }
+
     /// The textures that it has.
     pub fn textures(&self) -> MaterialTextures {
         match self {

@@ -132,6 +132,25 @@ pub struct MaterialTextures {
     /// Green multiplies the roughness of the clear coat; to be [`ColorSpace::Linear`].
     #[serde(default)]
     pub clearcoat_roughness: Option<u32>,
+    /// Normals of the clear coat, as [`MaterialTextures::normal`]; without, the coat has those of the mesh, whatever the
+    /// base has. To be [`ColorSpace::Linear`].
+    #[serde(default)]
+    pub clearcoat_normal: Option<u32>,
+    /// By what x and y of those are multiplied, as [`MaterialTextures::normal_scale`].
+    #[serde(default = "one")]
+    pub clearcoat_normal_scale: f32,
+    /// Red, green and blue multiply the colour of the sheen.
+    #[serde(default)]
+    pub sheen: Option<u32>,
+    /// Alpha multiplies the roughness of the sheen.
+    #[serde(default)]
+    pub sheen_roughness: Option<u32>,
+    /// Alpha multiplies the strength of the reflection of what is no metal.
+    #[serde(default)]
+    pub specular: Option<u32>,
+    /// Red, green and blue multiply its colour towards the normal.
+    #[serde(default)]
+    pub specular_color: Option<u32>,
 }
 
 fn one() -> f32 {
@@ -154,6 +173,12 @@ impl MaterialTextures {
         emission: None,
         clearcoat: None,
         clearcoat_roughness: None,
+        clearcoat_normal: None,
+        clearcoat_normal_scale: 1.0,
+        sheen: None,
+        sheen_roughness: None,
+        specular: None,
+        specular_color: None,
     };
 
     /// The same behind so many other textures.
@@ -165,6 +190,11 @@ impl MaterialTextures {
             &mut self.emission,
             &mut self.clearcoat,
             &mut self.clearcoat_roughness,
+            &mut self.clearcoat_normal,
+            &mut self.sheen,
+            &mut self.sheen_roughness,
+            &mut self.specular,
+            &mut self.specular_color,
         ]
         .into_iter()
         .flatten()
@@ -183,6 +213,11 @@ impl MaterialTextures {
             self.emission,
             self.clearcoat,
             self.clearcoat_roughness,
+            self.clearcoat_normal,
+            self.sheen,
+            self.sheen_roughness,
+            self.specular,
+            self.specular_color,
         ];
         all.into_iter().flatten()
     }
@@ -309,6 +344,26 @@ pub(crate) fn from_base64(text: &str) -> Result<Vec<u8>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of scenes that are put together.
+    #[test]
+    fn all_textures_of_a_material_are_counted_and_shifted() {
+        let mut json = serde_json::to_value(MaterialTextures::NONE).unwrap();
+        let fields = json.as_object_mut().unwrap();
+        let textures = fields.values_mut().filter(|value| value.is_null());
+        let count = textures
+            .zip(0u32..)
+            .map(|(value, index)| *value = index.into())
+            .count() as u32;
+        let textures: MaterialTextures = serde_json::from_value(json).unwrap();
+        let sorted = |textures: MaterialTextures| {
+            let mut indices: Vec<u32> = textures.indices().collect();
+            indices.sort_unstable();
+            indices
+        };
+        assert!(sorted(textures).into_iter().eq(0..count));
+        assert!(sorted(textures.shifted(9)).into_iter().eq(9..9 + count));
+    }
 
     #[test]
     fn base64_reads_back() {

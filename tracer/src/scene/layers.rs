@@ -34,7 +34,8 @@ pub enum Opacity {
 /// A clear coat and a sheen over [`super::Material::MetallicRoughness`], and how strongly that itself reflects: glTF's
 /// `KHR_materials_clearcoat`, `KHR_materials_sheen` and `KHR_materials_specular`.
 ///
-/// The coat lies on top. Both dim what is below by what they reflect, in both directions, so that no light is gained.
+/// The coat lies on top. Both dim what is below by what they reflect, in both directions, so that no light is gained. Textures
+/// multiply each of the numbers, and the coat may have normals of its own: see [`super::MaterialTextures`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Layers {

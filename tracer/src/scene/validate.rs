@@ -11,7 +11,7 @@ use std::ops::RangeInclusive;
 use glam::{Quat, Vec3};
 
 pub use self::layers::{CUTOFF_MAX, NORMAL_SCALE_MAX};
-use self::layers::{check_layers, check_opacity};
+use self::layers::{check_layers, check_normal_scales, check_opacity};
 pub use self::mesh::{TRIANGLES_MAX, VERTICES_MAX};
 use self::mesh::{check_closed, check_mesh, check_triangles};
 pub use self::texture::{TEXTURE_BYTES_MAX, TEXTURES_MAX, UV_MAX};
@@ -555,12 +555,7 @@ fn check_material(material: &Material) -> Check {
             in_range("its roughness", roughness, &(0.0..=1.0))?;
             check_ior(ior)?;
             radiance("material", emission)?;
-            let scales = -NORMAL_SCALE_MAX..=NORMAL_SCALE_MAX;
-            in_range(
-                "the normal_scale of its textures",
-                textures.normal_scale,
-                &scales,
-            )?;
+            check_normal_scales(&textures)?;
             check_opacity(opacity)?;
             check_layers(&layers)
         }

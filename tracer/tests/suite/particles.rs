@@ -9,6 +9,7 @@ use carom_tracer::{
     RadianceImage, RenderSettings, Scene, SceneUpdate, Sphere, Tracer,
 };
 
+use super::textures::image_textured_still_life;
 use super::tracers::tracers;
 
 const SIZE: ImageSize = ImageSize::new(64, 36);
@@ -44,26 +45,28 @@ fn picture(tracer: &dyn Tracer, scene: &CompiledScene) -> RadianceImage {
     trace_image(tracer, scene, SIZE, settings).unwrap().image()
 }
 
+/// Beside textured meshes, too, whose materials come before theirs.
 #[test]
 fn particles_look_as_balls_of_the_scene_do() {
     let cloud = cloud(700);
-    let mut with_particles = CompiledScene::new(&pool()).unwrap();
-    let update = SceneUpdate::default().particles(vec![cloud.clone()]);
-    with_particles.apply(&update).unwrap();
-    let mut scene = pool();
-    for place in &cloud.places {
-        scene.add(
-            Sphere::new(cloud.radius_m).at(cloud.center(*place)),
-            cloud.material,
-        );
-    }
-    let with_balls = CompiledScene::new(&scene).unwrap();
-    for tracer in tracers() {
-        let name = tracer.info().name;
-        let [particles, balls] =
-            [&with_particles, &with_balls].map(|scene| picture(tracer.as_ref(), scene).pixels);
-        let differ = particles.iter().zip(&balls).filter(|(a, b)| a != b).count();
-        assert_eq!(differ, 0, "{name}");
+    for mut scene in [pool(), image_textured_still_life()] {
+        let mut with_particles = CompiledScene::new(&scene).unwrap();
+        let update = SceneUpdate::default().particles(vec![cloud.clone()]);
+        with_particles.apply(&update).unwrap();
+        for place in &cloud.places {
+            scene.add(
+                Sphere::new(cloud.radius_m).at(cloud.center(*place)),
+                cloud.material,
+            );
+        }
+        let with_balls = CompiledScene::new(&scene).unwrap();
+        for tracer in tracers() {
+            let name = tracer.info().name;
+            let [particles, balls] =
+                [&with_particles, &with_balls].map(|scene| picture(tracer.as_ref(), scene).pixels);
+            let differ = particles.iter().zip(&balls).filter(|(a, b)| a != b).count();
+            assert_eq!(differ, 0, "{name}");
+        }
     }
 }
 

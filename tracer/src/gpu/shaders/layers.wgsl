@@ -5,7 +5,7 @@ struct SurfaceLayers {
     clearcoat: f32,
     clearcoat_alpha: f32,
     sheen_width: f32,
-    // What the sheen reflects at cosines whose square roots are 0, 1/5 and 2/5, and at those of 3/5, 4/5 and 1.
+    // What the sheen would reflect at cosines whose square roots are 0, 1/5 and 2/5, and at those of 3/5, 4/5 and 1.
     sheen_reflected_low: vec3f,
     sheen_reflected_high: vec3f,
     sheen: vec3f,
@@ -27,6 +27,7 @@ fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
         scene_storage.materials[material].scattering,
         scene_storage.materials[material].sheen,
     );
+    texture_sheen();
     return base_metallic_roughness_at(surface);
 }
 
@@ -43,12 +44,12 @@ fn mean_passed() -> f32 {
     return base_mean_passed() * (1.0 - layers.clearcoat * CLEARCOAT_F0) - coat_rise * lost;
 }
 
-// What the sheen leaves of light at a cosine.
-fn sheen_left(cos_theta: f32) -> f32 {
+// The share of light that the sheen would reflect at a cosine, about.
+fn sheen_reflected(cos_theta: f32) -> f32 {
     let place = 5.0 * sqrt(clamp(cos_theta, 0.0, 1.0));
     let low = max(1.0 - abs(place - vec3f(0.0, 1.0, 2.0)), vec3f(0.0));
     let high = max(1.0 - abs(place - vec3f(3.0, 4.0, 5.0)), vec3f(0.0));
-    return max(1.0 - dot(low, layers.sheen_reflected_low) - dot(high, layers.sheen_reflected_high), 0.0);
+    return dot(low, layers.sheen_reflected_low) + dot(high, layers.sheen_reflected_high);
 }
 
 fn coat_reflected(cos_theta: f32) -> f32 {
@@ -59,7 +60,7 @@ fn coat_reflected(cos_theta: f32) -> f32 {
 fn weights_below(cos_o: f32) -> vec2f {
     let reflected = dot(schlick(metallic_roughness.f0, metallic_roughness.f90, cos_o), vec3f(1.0));
     let diffuse = base_passed(cos_o) * dot(metallic_roughness.diffuse, vec3f(1.0));
-    return vec2f(reflected, diffuse + 3.0 * (1.0 - sheen_left(cos_o)));
+    return vec2f(reflected, diffuse + 3.0 * min(sheen_reflected(cos_o), 1.0));
 }
 
 fn reflected_share(cos_o: f32) -> f32 {
@@ -68,38 +69,55 @@ fn reflected_share(cos_o: f32) -> f32 {
     return select(0.0, weights.x / max(sum, 1e-30), sum > 0.0);
 }
 
-fn clearcoat_share(cos_o: f32) -> f32 {
-    let weights = weights_below(cos_o);
-    let coat = coat_reflected(cos_o);
+fn clearcoat_share(n: vec3f, wo: vec3f) -> f32 {
+    let weights = weights_below(dot(n, wo));
+    let coat = coat_reflected(dot(coat_normal_beside(n), wo));
     return coat / max(fma(1.0 - coat, (weights.x + weights.y) * (1.0 / 3.0), coat), 1e-30);
 }
 
 fn with_layers(base: Evaluated, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
+    return with_clearcoat(with_sheen(base, n, wo, wi), n, wo, wi);
+}
+
+fn with_sheen(base: Evaluated, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
+    if (all(layers.sheen == vec3f(0.0))) {
+        return base;
+    }
     let cos_o = dot(n, wo);
     let cos_i = dot(n, wi);
     let sum = wo + wi;
-    var f = base.f;
-    if (any(layers.sheen > vec3f(0.0))) {
-        f *= min(sheen_left(cos_o), sheen_left(cos_i));
-        let exponent = 1.0 / layers.sheen_width;
-        let along = dot(sum, n);
-        let sine2 = clamp(1.0 - along * along / dot(sum, sum), 1e-12, 1.0);
-        let power = exp2(0.5 * exponent * log2(sine2));
-        f += layers.sheen * ((2.0 + exponent) * power / (4.0 * (cos_o + cos_i - cos_o * cos_i)));
-    }
-    let h = normalize(sum);
-    let seen = 0.25 * ggx(layers.clearcoat_alpha, n, h) * visibility(layers.clearcoat_alpha, cos_o);
-    let coat = coat_reflected(dot(wo, h)) * seen * visibility(layers.clearcoat_alpha, cos_i);
+    let reflected = max(sheen_reflected(cos_o), sheen_reflected(cos_i));
+    let exponent = 1.0 / layers.sheen_width;
+    let along = dot(sum, n);
+    let sine2 = clamp(1.0 - along * along / dot(sum, sum), 1e-12, 1.0);
+    let power = exp2(0.5 * exponent * log2(sine2));
+    let sheen = (2.0 + exponent) * power / (4.0 * (cos_o + cos_i - cos_o * cos_i));
+    let f = base.f * max(1.0 - reflected, 0.0) + layers.sheen * (sheen / max(reflected, 1.0));
+    return Evaluated(f, base.pdf);
+}
+
+fn with_clearcoat(below: Evaluated, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
+    let coat_n = coat_normal_beside(n);
+    let cos_o = dot(coat_n, wo);
+    let cos_i = dot(coat_n, wi);
     let passed = (1.0 - coat_reflected(cos_o)) * (1.0 - coat_reflected(cos_i));
-    let share = clearcoat_share(cos_o);
-    return Evaluated(f * passed + coat, fma(share, seen, (1.0 - share) * base.pdf));
+    let share = clearcoat_share(n, wo);
+    let f = below.f * (passed * lit_share(dot(n, wi), n, wi));
+    if (cos_o <= 0.0 || cos_i <= 0.0) {
+        return Evaluated(f, (1.0 - share) * below.pdf);
+    }
+    let h = normalize(wo + wi);
+    let seen = 0.25 * ggx(layers.clearcoat_alpha, coat_n, h) * visibility(layers.clearcoat_alpha, cos_o);
+    let coat = coat_reflected(dot(wo, h)) * seen * visibility(layers.clearcoat_alpha, cos_i);
+    return Evaluated(f + coat * lit_share(cos_i, n, wi), fma(share, seen, (1.0 - share) * below.pdf));
 }
 
 // The direction of the coat's reflection if `u` chooses that; else 0, and `u` is stretched to [0, 1) again.
 fn sample_coat(n: vec3f, wo: vec3f, u: ptr<function, vec3f>) -> vec3f {
-    let coat = clearcoat_share(dot(n, wo));
+    let coat = clearcoat_share(n, wo);
     if ((*u).x < coat) {
-        return reflected_by(sample_visible(layers.clearcoat_alpha, wo, n, (*u).y, (*u).z), wo);
+        let coat_n = coat_normal_beside(n);
+        return reflected_by(sample_visible(layers.clearcoat_alpha, wo, coat_n, (*u).y, (*u).z), wo);
     }
     (*u).x = ((*u).x - coat) / (1.0 - coat);
     return vec3f(0.0);

@@ -1,7 +1,7 @@
 //! Alpha modes, clear coats and sheens of a glTF file's materials.
 
 use glam::Vec3;
-use gltf_json::material::AlphaMode;
+use gltf_json::material::{AlphaMode, NormalTexture};
 use gltf_json::texture::Info;
 use gltf_json::validation::Checked;
 use serde::Deserialize;
@@ -20,14 +20,19 @@ pub(super) struct Clearcoat {
     pub(super) clearcoat_texture: Option<Info>,
     /// Green multiplies the roughness.
     pub(super) clearcoat_roughness_texture: Option<Info>,
+    pub(super) clearcoat_normal_texture: Option<NormalTexture>,
 }
 
 /// `KHR_materials_sheen`, which the crate does not have.
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
-struct FabricSheen {
+pub(super) struct FabricSheen {
     sheen_color_factor: [f32; 3],
     sheen_roughness_factor: f32,
+    /// Red, green and blue multiply the colour.
+    pub(super) sheen_color_texture: Option<Info>,
+    /// Alpha multiplies the roughness.
+    pub(super) sheen_roughness_texture: Option<Info>,
 }
 
 /// Where its alpha lets rays pass.
@@ -44,11 +49,11 @@ pub(super) fn opacity(from: &gltf_json::Material, what: &str) -> Result<Opacity,
     }
 }
 
-/// What lies over it, and the clear coat for its textures.
+/// What lies over it, and clear coat and sheen for their textures.
 pub(super) fn layers(
     from: &gltf_json::Material,
     what: &str,
-) -> Result<(Layers, Clearcoat), Refusal> {
+) -> Result<(Layers, Clearcoat, FabricSheen), Refusal> {
     let coat: Clearcoat = extension(from, "KHR_materials_clearcoat", what)?;
     let sheen: FabricSheen = extension(from, "KHR_materials_sheen", what)?;
     let mut layers = Layers {
@@ -63,7 +68,7 @@ pub(super) fn layers(
         layers.specular = specular.specular_factor.0;
         layers.specular_color = Vec3::from(specular.specular_color_factor.0);
     }
-    Ok((layers, coat))
+    Ok((layers, coat, sheen))
 }
 
 /// An extension's own values, or what stands for those that it leaves out.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{Mat2, Vec2, Vec3};
 use gltf_json::extensions::texture::TextureTransform;
+use gltf_json::material::NormalTexture;
 use gltf_json::root::Index;
 use gltf_json::texture::{Info, Texture, WrappingMode};
 use gltf_json::validation::Checked;
@@ -64,7 +65,10 @@ pub(super) fn read(
         let given = material.name.as_deref().unwrap_or("material");
         let name = printable(&format!("{index} {given}"), NAME_BYTES_MAX);
         let what = format!("material {index} `{given}`");
-        let body = dielectric(material, &what)?;
+        let body = match textures.transmission(material, &what)? < TRANSMISSION_MIN {
+            true => None,
+            false => Some(dielectric(material, &what)?),
+        };
         let (material, uvs) = textures.material(material, &what, scene)?;
         scene.materials.insert(name.clone(), material);
         let body = body.map(|material| {
@@ -86,13 +90,9 @@ pub(super) fn read(
     Ok(entries)
 }
 
-/// What fills a closed mesh of a material that transmits most of its light.
-fn dielectric(from: &gltf_json::Material, what: &str) -> Result<Option<Material>, Refusal> {
+/// What fills a closed mesh of a material that transmits light.
+fn dielectric(from: &gltf_json::Material, what: &str) -> Result<Material, Refusal> {
     let extensions = from.extensions.as_ref();
-    let transmission = extensions.and_then(|all| all.transmission.as_ref());
-    if transmission.is_none_or(|part| part.transmission_factor.0 < TRANSMISSION_MIN) {
-        return Ok(None);
-    }
     let volume = extensions.and_then(|all| all.volume.as_ref());
     let volume = volume.filter(|volume| volume.thickness_factor.0 > 0.0);
     let medium = volume.map(|volume| {
@@ -112,11 +112,11 @@ fn dielectric(from: &gltf_json::Material, what: &str) -> Result<Option<Material>
     let medium = medium.transpose()?;
     let ior = extensions.and_then(|all| all.ior.as_ref());
     let roughness = from.pbr_metallic_roughness.roughness_factor.0;
-    Ok(Some(Material::Dielectric {
+    Ok(Material::Dielectric {
         ior: ior.map_or(1.5, |ior| ior.ior.0),
         alpha: roughness * roughness,
         medium: medium.filter(|medium| medium.extinction != Vec3::ZERO),
-    }))
+    })
 }
 
 /// What transmits less is opaque.
@@ -124,7 +124,24 @@ const TRANSMISSION_MIN: f32 = 0.5;
 /// Black is as dark as this, since no medium is opaque.
 const ATTENUATION_MIN: f32 = 1e-6;
 
-impl Textures<'_> {
+impl<'a> Textures<'a> {
+    /// The share of light that a material transmits, on average over its texture.
+    fn transmission(&mut self, from: &gltf_json::Material, what: &str) -> Result<f32, Fault> {
+        let extensions = from.extensions.as_ref();
+        let Some(transmission) = extensions.and_then(|all| all.transmission.as_ref()) else {
+            return Ok(0.0);
+        };
+        let mean = match &transmission.transmission_texture {
+            Some(info) => {
+                let source = self.source(info.index, what)?.source;
+                let mean = mean_red(self.image(source)?);
+                mean.map_err(|fault| format!("{what}: its transmissionTexture: {fault}"))?
+            }
+            None => 1.0,
+        };
+        Ok(mean * transmission.transmission_factor.0)
+    }
+
     fn material(
         &mut self,
         from: &gltf_json::Material,
@@ -132,6 +149,7 @@ impl Textures<'_> {
         scene: &mut Scene,
     ) -> Result<(Material, Option<UvSet>), Fault> {
         let base = &from.pbr_metallic_roughness;
+        let extensions = from.extensions.as_ref();
         let mut uvs = None;
         let mut at = |info: Option<&Info>, space, textures: &mut Self, scene: &mut Scene| {
             let Some(info) = info else {
@@ -146,24 +164,32 @@ impl Textures<'_> {
         let emission = at(from.emissive_texture.as_ref(), colors, self, scene)?;
         let surface = base.metallic_roughness_texture.as_ref();
         let metallic_roughness = at(surface, numbers, self, scene)?;
-        let (layers, coat) = layers::layers(from, what)?;
+        let (layers, coat, sheen) = layers::layers(from, what)?;
         let clearcoat = at(coat.clearcoat_texture.as_ref(), numbers, self, scene)?;
         let rough = coat.clearcoat_roughness_texture.as_ref();
         let clearcoat_roughness = at(rough, numbers, self, scene)?;
-        let (mut normal, mut normal_scale) = (None, 1.0);
-        if let Some(map) = &from.normal_texture {
-            let others = map.extensions.as_ref().map(|all| &all.others);
-            let transform = others.and_then(|others| others.get("KHR_texture_transform"));
-            let transform = transform.map(|value| {
-                TextureTransform::deserialize(value)
-                    .map_err(|error| format!("{what}: its normalTexture's transform: {error}"))
-            });
-            let laid = uv_set_of(map.tex_coord, transform.transpose()?.as_ref());
-            merge(&mut uvs, laid, what)?;
-            normal = Some(self.texture(map.index, numbers, what, scene)?);
-            normal_scale = map.scale;
-        }
-        let extensions = from.extensions.as_ref();
+        // An alpha is a number in colours, too: a picture of both is one texture.
+        let sheen_roughness = at(sheen.sheen_roughness_texture.as_ref(), colors, self, scene)?;
+        let sheen = at(sheen.sheen_color_texture.as_ref(), colors, self, scene)?;
+        let reflection = extensions.and_then(|all| all.specular.as_ref());
+        let strength = reflection.and_then(|part| part.specular_texture.as_ref());
+        let specular = at(strength, colors, self, scene)?;
+        let color = reflection.and_then(|part| part.specular_color_texture.as_ref());
+        let specular_color = at(color, colors, self, scene)?;
+        let mut normals =
+            |map: Option<&NormalTexture>, name: &str, textures: &mut Self, scene: &mut Scene| {
+                let Some(map) = map else {
+                    return Ok::<_, Fault>((None, 1.0));
+                };
+                merge(&mut uvs, normals_uv_set(map, name, what)?, what)?;
+                let texture = textures.texture(map.index, numbers, what, scene)?;
+                Ok((Some(texture), map.scale))
+            };
+        let (normal, normal_scale) =
+            normals(from.normal_texture.as_ref(), "normalTexture", self, scene)?;
+        let coat_normals = coat.clearcoat_normal_texture.as_ref();
+        let (clearcoat_normal, clearcoat_normal_scale) =
+            normals(coat_normals, "clearcoatNormalTexture", self, scene)?;
         let ior = extensions.and_then(|all| all.ior.as_ref());
         let strength = extensions.and_then(|all| all.emissive_strength.as_ref());
         let strength = strength.map_or(1.0, |strength| strength.emissive_strength.0);
@@ -183,6 +209,12 @@ impl Textures<'_> {
                 emission,
                 clearcoat,
                 clearcoat_roughness,
+                clearcoat_normal,
+                clearcoat_normal_scale,
+                sheen,
+                sheen_roughness,
+                specular,
+                specular_color,
             },
             opacity: layers::opacity(from, what)?,
             layers,
@@ -202,13 +234,9 @@ impl Textures<'_> {
         if let Some(known) = self.known.get(&(place, color_space)) {
             return Ok(*known);
         }
-        let texture = self.document.root.textures.get(place);
-        let texture = texture.ok_or_else(|| format!("{what}: texture {place} does not exist"))?;
+        let texture = self.source(index, what)?;
         let image = texture.source.value();
-        if !self.images.contains_key(&image) {
-            let bytes = container::image(self.document, texture.source, self.files)?;
-            self.images.insert(image, bytes);
-        }
+        let bytes = self.image(texture.source)?.to_vec();
         let given = self.document.root.images.get(image);
         let given = given.and_then(|image| image.name.as_deref().or(image.uri.as_deref()));
         let given = given
@@ -218,11 +246,28 @@ impl Textures<'_> {
         let added = ImageTexture {
             color_space,
             wrap: self.wrap(texture, what)?,
-            ..ImageTexture::new(name, self.images[&image].clone())
+            ..ImageTexture::new(name, bytes)
         };
         let added = scene.add_texture(added);
         self.known.insert((place, color_space), added);
         Ok(added)
+    }
+
+    /// A texture of the file.
+    fn source(&self, index: Index<Texture>, what: &str) -> Result<&'a Texture, Refusal> {
+        let place = index.value();
+        let texture = self.document.root.textures.get(place);
+        texture.ok_or_else(|| format!("{what}: texture {place} does not exist"))
+    }
+
+    /// The bytes of an image file, which is read once.
+    fn image(&mut self, index: Index<gltf_json::Image>) -> Result<&[u8], Fault> {
+        let image = index.value();
+        if !self.images.contains_key(&image) {
+            let bytes = container::image(self.document, index, self.files)?;
+            self.images.insert(image, bytes);
+        }
+        Ok(&self.images[&image])
     }
 
     fn wrap(&self, texture: &Texture, what: &str) -> Result<[Wrap; 2], Refusal> {
@@ -261,6 +306,17 @@ fn uv_set(info: &Info) -> UvSet {
     uv_set_of(info.tex_coord, transform)
 }
 
+/// The same of normals, whose extensions the crate does not have.
+fn normals_uv_set(map: &NormalTexture, name: &str, what: &str) -> Result<UvSet, Refusal> {
+    let others = map.extensions.as_ref().map(|all| &all.others);
+    let transform = others.and_then(|others| others.get("KHR_texture_transform"));
+    let transform = transform.map(|value| {
+        TextureTransform::deserialize(value)
+            .map_err(|error| format!("{what}: its {name}'s transform: {error}"))
+    });
+    Ok(uv_set_of(map.tex_coord, transform.transpose()?.as_ref()))
+}
+
 fn uv_set_of(index: u32, transform: Option<&TextureTransform>) -> UvSet {
     let Some(TextureTransform {
         offset,
@@ -279,6 +335,13 @@ fn uv_set_of(index: u32, transform: Option<&TextureTransform>) -> UvSet {
         offset: Vec2::from(offset.0),
         turn_and_scale: turn * Mat2::from_diagonal(Vec2::from(scale.0)),
     }
+}
+
+/// The mean of a picture's red, in [0, 1].
+fn mean_red(file: &[u8]) -> Result<f32, Refusal> {
+    let texels = crate::texture_file::decode(file)?.texels;
+    let sum: u64 = texels.iter().map(|[red, ..]| u64::from(*red)).sum();
+    Ok((sum as f64 / (255.0 * texels.len() as f64)) as f32)
 }
 
 /// All textures of a material are laid over its meshes in one way.

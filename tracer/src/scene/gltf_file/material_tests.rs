@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use super::tests::{glb, mesh, sample};
 use super::*;
 use crate::scene::{Layers, Material, Opacity};
+use crate::texture_file::{Texels, encode_png};
 
 /// The material of the sample's first object.
 fn material(json: &Value, binary: &[u8]) -> Material {
@@ -66,9 +67,12 @@ fn layers_specular_and_scale_of_normals_are_read() {
     json["materials"][0]["normalTexture"]["scale"] = json!(0.5);
     json["materials"][0]["extensions"] = json!({
         "KHR_materials_clearcoat": { "clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.5,
-            "clearcoatTexture": { "index": 0 }, "clearcoatNormalTexture": { "index": 0 } },
-        "KHR_materials_sheen": { "sheenColorFactor": [0.25, 0.5, 1], "sheenRoughnessFactor": 0.5 },
-        "KHR_materials_specular": { "specularFactor": 0.25, "specularColorFactor": [1, 2, 0] },
+            "clearcoatTexture": { "index": 0 },
+            "clearcoatNormalTexture": { "index": 0, "scale": 0.25 } },
+        "KHR_materials_sheen": { "sheenColorFactor": [0.25, 0.5, 1], "sheenRoughnessFactor": 0.5,
+            "sheenColorTexture": { "index": 0 }, "sheenRoughnessTexture": { "index": 0 } },
+        "KHR_materials_specular": { "specularFactor": 0.25, "specularColorFactor": [1, 2, 0],
+            "specularTexture": { "index": 0 }, "specularColorTexture": { "index": 0 } },
         "KHR_materials_dispersion": { "dispersion": 0.1 }
     });
     json["extensionsRequired"] = json!([
@@ -90,6 +94,15 @@ fn layers_specular_and_scale_of_normals_are_read() {
     assert_eq!(textures.normal_scale, 0.5);
     assert_eq!(textures.clearcoat, textures.metallic_roughness);
     assert_eq!(textures.clearcoat_roughness, None);
+    assert_eq!(textures.clearcoat_normal, textures.metallic_roughness);
+    assert_eq!(textures.clearcoat_normal_scale, 0.25);
+    // Colours are sRGB, as those of the base.
+    let colors = [textures.sheen, textures.specular_color];
+    let alphas = [textures.sheen_roughness, textures.specular];
+    assert_eq!(
+        (colors, alphas),
+        ([textures.base_color; 2], [textures.base_color; 2])
+    );
 }
 
 #[test]
@@ -144,8 +157,7 @@ fn vertex_colours_of_all_types_are_read() {
 
 #[test]
 fn faults_of_materials_and_colours_are_sentences() {
-    type Spoil = fn(&mut Value);
-    let cases: [(Spoil, &str); 8] = [
+    assert_refused(&[
         (
             |json| json["materials"][0]["alphaMode"] = json!("HALF"),
             "material 0 `paint`: its alphaMode must be OPAQUE, MASK or BLEND",
@@ -165,8 +177,36 @@ fn faults_of_materials_and_colours_are_sentences() {
             "`0 paint`: the cutoff of its opacity is -1",
         ),
         (
+            |json| json["accessors"][4]["normalized"] = json!(false),
+            "mesh 0, primitive 0, its colours: accessor 4 holds integers: they must be normalized",
+        ),
+        (
+            |json| json["accessors"][4]["count"] = json!(2),
+            "its mesh has 2 colours for 3 vertices",
+        ),
+    ]);
+}
+
+#[test]
+fn faults_of_layers_are_sentences() {
+    assert_refused(&[
+        (
             |json| json["materials"][0]["normalTexture"]["scale"] = json!(1e9),
             "`0 paint`: the normal_scale of its textures is 1000000000",
+        ),
+        (
+            |json| {
+                json["materials"][0]["extensions"]["KHR_materials_clearcoat"] =
+                    json!({ "clearcoatNormalTexture": { "index": 0, "scale": -1e9 } });
+            },
+            "`0 paint`: the clearcoat_normal_scale of its textures is -1000000000",
+        ),
+        (
+            |json| {
+                json["materials"][0]["extensions"]["KHR_materials_sheen"] =
+                    json!({ "sheenColorTexture": { "index": 7 } });
+            },
+            "material 0 `paint`: texture 7 does not exist",
         ),
         (
             |json| {
@@ -182,15 +222,13 @@ fn faults_of_materials_and_colours_are_sentences() {
             },
             "material 0 `paint`: its KHR_materials_sheen: invalid type: string",
         ),
-        (
-            |json| json["accessors"][4]["normalized"] = json!(false),
-            "mesh 0, primitive 0, its colours: accessor 4 holds integers: they must be normalized",
-        ),
-        (
-            |json| json["accessors"][4]["count"] = json!(2),
-            "its mesh has 2 colours for 3 vertices",
-        ),
-    ];
+    ]);
+}
+
+type Spoil = fn(&mut Value);
+
+/// The sample with colours, spoilt, is refused with a sentence.
+fn assert_refused(cases: &[(Spoil, &str)]) {
     let accessor = json!({ "componentType": 5121, "type": "VEC4", "count": 3, "normalized": true });
     for (spoil, sentence) in cases {
         let (mut json, binary) = with_accessor(accessor.clone(), &[100; 12]);
@@ -203,4 +241,34 @@ fn faults_of_materials_and_colours_are_sentences() {
             "`{sentence}` is not in `{refusal}`"
         );
     }
+}
+
+/// A texture says where a body transmits light: it does as a whole if it does on average.
+#[test]
+fn bodies_transmit_by_the_mean_of_their_texture() {
+    let bodies = |texels: [u8; 2], factor: f32| {
+        let (mut json, mut binary) = sample();
+        let texels = texels.map(|red| [red, 90, 90, 255]).to_vec();
+        let size = [2, 1];
+        let file = encode_png(&Texels { size, texels }).unwrap();
+        let views = json["bufferViews"].as_array_mut().unwrap();
+        let view = views.len();
+        views.push(json!({ "buffer": 0, "byteOffset": binary.len(), "byteLength": file.len() }));
+        binary.extend(file);
+        binary.resize(binary.len().next_multiple_of(4), 0);
+        json["buffers"][0]["byteLength"] = json!(binary.len());
+        let images = json["images"].as_array_mut().unwrap();
+        images.push(json!({ "mimeType": "image/png", "bufferView": view }));
+        let textures = json["textures"].as_array_mut().unwrap();
+        textures.push(json!({ "source": 1 }));
+        json["materials"][0]["extensions"]["KHR_materials_transmission"] = json!({
+            "transmissionFactor": factor, "transmissionTexture": { "index": 1 } });
+        let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+        let materials = scene.materials.values();
+        let glass = |material: &&Material| matches!(material, Material::Dielectric { .. });
+        materials.filter(glass).count()
+    };
+    assert_eq!(bodies([255, 64], 1.0), 1);
+    assert_eq!(bodies([255, 64], 0.75), 0);
+    assert_eq!(bodies([200, 0], 1.0), 0);
 }

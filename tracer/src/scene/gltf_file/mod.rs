@@ -5,14 +5,14 @@
 //! camera. Its +y is this tracer's +z. The extensions `KHR_materials_clearcoat`, `KHR_materials_emissive_strength`,
 //! `KHR_materials_ior`, `KHR_materials_sheen`, `KHR_materials_specular` and `KHR_texture_transform` are read too. Animations,
 //! skins and morph targets give the scene at a time ([`AnimatedScene`]). Closed meshes of a material that transmits half of its
-//! light or more (`KHR_materials_transmission`) are dielectrics that absorb as `KHR_materials_volume` says; open ones let no
-//! light pass but what their alpha mode does, and the base colour does not tint what is transmitted.
+//! light or more, on average over its texture (`KHR_materials_transmission`), are dielectrics that absorb as
+//! `KHR_materials_volume` says; open ones let no light pass but what their alpha mode does, and the base colour does not tint
+//! what is transmitted.
 //!
 //! All meshes are seen from both sides, as Blender and Mitsuba have them: `doubleSided` is passed over, since a path tracer's
 //! light comes to the back of a wall as well, and one that only the camera looks through would still cast its shadow. Passed
-//! over are also `occlusionTexture`, which stands for what is traced here; the coat's normal map, instead of which it has the
-//! base's; and the textures of sheen and specular. A file that requires another extension, or holds points or
-//! lines, is refused.
+//! over is also `occlusionTexture`, which stands for what is traced here. A file that requires another extension, holds points or
+//! lines, or lays the textures of one material in more than one way, is refused.
 //!
 //! The types of the file's JSON are those of the crate `gltf-json`; its buffers and images are read here.
 

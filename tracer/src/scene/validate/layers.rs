@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::{Check, IOR, check_albedo, in_range};
 use crate::SceneError;
-use crate::scene::{Layers, Opacity};
+use crate::scene::{Layers, MaterialTextures, Opacity};
 
 /// The largest scale of a normal map.
 pub const NORMAL_SCALE_MAX: f32 = 1e3;
@@ -20,6 +20,13 @@ pub(super) fn check_opacity(opacity: Opacity) -> Check {
         }
         Opacity::Blend { alpha } => in_range("the alpha of its opacity", alpha, &(0.0..=1.0)),
     }
+}
+
+pub(super) fn check_normal_scales(textures: &MaterialTextures) -> Check {
+    let scales = -NORMAL_SCALE_MAX..=NORMAL_SCALE_MAX;
+    let (base, coat) = (textures.normal_scale, textures.clearcoat_normal_scale);
+    in_range("the normal_scale of its textures", base, &scales)?;
+    in_range("the clearcoat_normal_scale of its textures", coat, &scales)
 }
 
 pub(super) fn check_layers(layers: &Layers) -> Check {

@@ -1,0 +1,3 @@
+// Sheens without textures.
+
+fn texture_sheen() {}
