@@ -316,19 +316,22 @@ class PlayerAttacks(Attack):
     def noise(self):
         """What a player says with some of its bytes changed, and bytes that nobody says."""
         hello, scene, trace = (self.message(name) for name in ("hello", "scene", "trace"))
+        turn = 0
         while not self.ends():
             client = self.insider(greets=False)
             if not client:
                 continue
             words = bytearray(random.choice([hello, hello + scene, hello + scene + trace, hello + os.urandom(300)]))
-            for _ in range(random.choice([0, 1, 3, 30])):
+            # The first one is sure to break a rule, however few there is time for.
+            for _ in range(random.choice([0, 1, 3, 30]) if turn else 300):
                 words[random.randrange(len(words))] = random.randrange(256)
             client.send(bytes(words))
             for _ in range(20):
                 client.quic.send_datagram_frame(os.urandom(random.randrange(1, 1000)))
-            client.run(0.1)
+            client.run(0.1 if turn else 2, lambda client: client.closed)
             self.count("closed" if client.closed else "borne")
             client.drop()
+            turn += 1
 
     # 12: more connections than there is room for
 
