@@ -328,7 +328,7 @@ class PlayerAttacks(Attack):
             client.send(bytes(words))
             for _ in range(20):
                 client.quic.send_datagram_frame(os.urandom(random.randrange(1, 1000)))
-            client.run(0.1 if turn else 2, lambda client: client.closed)
+            client.run(0.5 if turn else 2, lambda client: client.closed)
             self.count("closed" if client.closed else "borne")
             client.drop()
             turn += 1
