@@ -15,9 +15,10 @@ use std::ops::Range;
 use std::sync::LazyLock;
 
 use crate::compiled::{CSG_FACE_APEX_CONE, CameraFrame, SphereData};
-use crate::cpu::{FirstHits, first_triangle};
+use crate::cpu::{FirstHits, Motion, MotionVectors, first_triangle};
+use crate::simd::{Level, dispatch};
 use crate::{CompiledScene, ImageSize, ObjectPose};
-use glam::{Quat, Vec3};
+use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
 
 /// What a picture was, or is to be, taken of: a camera, the balls, and what each pixel sees.
@@ -69,10 +70,17 @@ impl View {
         assert_eq!(pixels.len(), self.size().pixels(), "pixels of the picture");
         let width = (to.size().width as usize).max(1);
         let mut moved = vec![[T::default(); N]; to.size().pixels()];
-        let film = FilmProjection::new(&self.camera);
+        let vectors = to.motion_vectors(self);
         let means = LazyLock::new(|| PrimitiveMeans::new(&self.hits, pixels));
         let rows = moved.par_chunks_mut(width).enumerate();
-        let guessed = rows.map(|(y, row)| self.fill_row(pixels, to, &film, &means, y, row));
+        let guessed = rows.map_init(
+            || vec![[0.0; 2]; width],
+            |places, (y, row)| {
+                vectors.row(&to.hits, y, places);
+                let primitives = &to.hits.primitive[y * width..][..row.len()];
+                self.fill_row(pixels, places, primitives, &means, row)
+            },
+        );
         let guessed = guessed.sum();
         Reprojected {
             pixels: moved,
@@ -80,25 +88,25 @@ impl View {
         }
     }
 
+    /// Fills a row with what the picture shows at `places` of `primitives`; how many pixels it does not show.
     fn fill_row<T: Channel, const N: usize>(
         &self,
         pixels: &[[T; N]],
-        to: &Self,
-        film: &FilmProjection,
+        places: &[[f32; 2]],
+        primitives: &[u32],
         means: &LazyLock<PrimitiveMeans<T, N>, impl FnOnce() -> PrimitiveMeans<T, N>>,
-        y: usize,
         row: &mut [[T; N]],
     ) -> usize {
-        let first = y * row.len();
-        let primitives = &to.hits.primitive[first..first + row.len()];
         let mut missing = Vec::new();
-        for (x, pixel) in row.iter_mut().enumerate() {
-            let place = to.place_before(self, film, x, y);
-            match place.and_then(|place| self.look_up(pixels, place, primitives[x])) {
-                Some(found) => *pixel = found,
-                None => missing.push(x),
+        dispatch!(Level::new(), _simd => {
+            let of_row = row.iter_mut().zip(places.iter().zip(primitives));
+            for (x, (pixel, (place, primitive))) in of_row.enumerate() {
+                match self.look_up(pixels, *place, *primitive) {
+                    Some(found) => *pixel = found,
+                    None => missing.push(x),
+                }
             }
-        }
+        });
         if missing.is_empty() {
             return 0;
         }
@@ -112,47 +120,34 @@ impl View {
         missing.len()
     }
 
-    /// Where on the film of `before` the point was that this view's pixel sees; nothing if it was
-    /// behind the eye, or on the far side of its ball.
-    fn place_before(
-        &self,
-        before: &Self,
-        film: &FilmProjection,
-        x: usize,
-        y: usize,
-    ) -> Option<[f32; 2]> {
-        let index = y * self.size().width as usize + x;
-        let (camera, id) = (&self.camera, self.hits.primitive[index]);
-        let [corner, dx, dy] = [camera.corner, camera.dx, camera.dy].map(Vec3::from);
-        let direction = corner + dx * (x as f32 + 0.5) + dy * (y as f32 + 0.5);
-        if id == FirstHits::ESCAPED {
-            return film.project(direction);
-        }
-        let direction = direction.normalize();
-        let point = Vec3::from(camera.eye) + direction * self.hits.distance[index];
-        let eye_before = Vec3::from(before.camera.eye);
-        let Some(ball) = self.spheres.get(id as usize) else {
-            let mut cones = self.cones.iter().zip(&before.cones);
-            let moved = cones.find(|(cone, _)| cone.ids.contains(&id));
-            let point = moved.map_or(point, |(to, from)| to.point_before(from, point));
-            let mesh = self.meshes.binary_search_by_key(&id, |(id, _)| *id);
-            let moved = mesh
-                .ok()
-                .map(|at| (&self.meshes[at].1, &before.meshes[at].1));
-            let point = moved.map_or(point, |(to, from)| {
-                let turn = from.rotation * to.rotation.inverse();
-                from.position + turn * (point - to.position)
-            });
-            return film.project(point - eye_before);
-        };
-        let from_center = point - Vec3::from(ball.center);
-        let point_before = from_center + Vec3::from(before.spheres.get(id as usize)?.center);
-        let faced = from_center.dot(eye_before - point_before) > 0.0;
-        faced.then(|| film.project(point_before - eye_before))?
+    /// The way back from this view to `before`.
+    fn motion_vectors(&self, before: &Self) -> MotionVectors {
+        let spheres = self.spheres.iter().zip(&before.spheres);
+        let spheres = (0..).zip(spheres).map(|(id, (now, before))| Motion {
+            ids: id..id + 1,
+            turn: Mat3::IDENTITY,
+            shift: Vec3::from(before.center) - Vec3::from(now.center),
+            center: Some(now.center.into()),
+        });
+        let cones = self.cones.iter().zip(&before.cones);
+        let cones = cones.map(|(now, before)| now.motion_from(before));
+        let meshes = self.meshes.iter().zip(&before.meshes);
+        let meshes = meshes.map(|((id, now), (_, before))| {
+            let turn = Mat3::from_quat(before.rotation * now.rotation.inverse());
+            Motion {
+                ids: *id..*id + 1,
+                turn,
+                shift: before.position - turn * now.position,
+                center: None,
+            }
+        });
+        let motions = spheres.chain(cones).chain(meshes).collect();
+        MotionVectors::new(self.camera, &before.camera, motions)
     }
 
     /// The picture at a place of its film, bilinear over those of its four pixels that show
     /// `primitive`.
+    #[inline(always)]
     fn look_up<T: Channel, const N: usize>(
         &self,
         pixels: &[[T; N]],
@@ -166,33 +161,40 @@ impl View {
         }
         let (x, y) = (x - 0.5, y - 0.5);
         // Rounded down: both are above -1, and `f32::floor` is a call on processors without SSE4.1.
-        let [left, above] = [x, y].map(|at| (at + 1.0) as i32 - 1);
+        let (left, above) = ((x + 1.0) as i32 - 1, (y + 1.0) as i32 - 1);
         let (right_share, lower_share) = (x - left as f32, y - above as f32);
         let last = [width as i32 - 1, height as i32 - 1];
-        let columns = [left, left + 1].map(|at| at.clamp(0, last[0]) as usize);
-        let lines = [above, above + 1].map(|at| at.clamp(0, last[1]) as usize);
-        let shares = [
-            (
-                columns[0],
-                lines[0],
-                (1.0 - right_share) * (1.0 - lower_share),
-            ),
-            (columns[1], lines[0], right_share * (1.0 - lower_share)),
-            (columns[0], lines[1], (1.0 - right_share) * lower_share),
-            (columns[1], lines[1], right_share * lower_share),
+        let column = |at: i32| at.clamp(0, last[0]) as usize;
+        let line = |at: i32| at.clamp(0, last[1]) as usize * width as usize;
+        let (columns, lines) = (
+            [column(left), column(left + 1)],
+            [line(above), line(above + 1)],
+        );
+        let (left_share, upper_share) = (1.0 - right_share, 1.0 - lower_share);
+        let corners = [
+            (lines[0] + columns[0], left_share * upper_share),
+            (lines[0] + columns[1], right_share * upper_share),
+            (lines[1] + columns[0], left_share * lower_share),
+            (lines[1] + columns[1], right_share * lower_share),
         ];
+        // Loops, since closures are not compiled for the caller's instruction set.
         let (mut sum, mut weights) = ([0.0; N], 0.0);
-        for (column, line, weight) in shares {
-            let index = line * width as usize + column;
-            if self.hits.primitive[index] != primitive {
-                continue;
-            }
+        for (corner, share) in corners {
+            let is_shown = self.hits.primitive[corner] == primitive;
+            let weight = if is_shown { share } else { 0.0 };
             weights += weight;
-            for (sum, channel) in sum.iter_mut().zip(pixels[index]) {
+            for (sum, channel) in sum.iter_mut().zip(pixels[corner]) {
                 *sum += weight * channel.to_f32();
             }
         }
-        (weights > WEIGHT_MIN).then(|| sum.map(|channel| T::from_f32(channel / weights)))
+        if weights <= WEIGHT_MIN {
+            return None;
+        }
+        let mut found = [T::default(); N];
+        for (found, sum) in found.iter_mut().zip(sum) {
+            *found = T::from_f32(sum / weights);
+        }
+        Some(found)
     }
 }
 
@@ -205,10 +207,15 @@ struct PlacedCone {
 }
 
 impl PlacedCone {
-    /// Where a point of this cone was when the cone was at `before`.
-    fn point_before(&self, before: &Self, point: Vec3) -> Vec3 {
-        let turn = Quat::from_rotation_arc(self.axis, before.axis);
-        before.apex + turn * (point - self.apex)
+    /// Where its points were when it was at `before`.
+    fn motion_from(&self, before: &Self) -> Motion {
+        let turn = Mat3::from_quat(Quat::from_rotation_arc(self.axis, before.axis));
+        Motion {
+            ids: self.ids.clone(),
+            turn,
+            shift: before.apex - turn * self.apex,
+            center: None,
+        }
     }
 }
 
@@ -233,31 +240,6 @@ fn cones(scene: &CompiledScene) -> Vec<PlacedCone> {
             axis: Vec3::from(side.b).normalize(),
         })
         .collect()
-}
-
-/// A camera turned round: from directions to places on its film, in pixels from the top left.
-struct FilmProjection {
-    x: Vec3,
-    y: Vec3,
-    depth: Vec3,
-}
-
-impl FilmProjection {
-    fn new(camera: &CameraFrame) -> Self {
-        let [corner, dx, dy] = [camera.corner, camera.dx, camera.dy].map(Vec3::from);
-        // Rows of the inverse of the matrix with the columns dx, dy and corner.
-        let depth = dx.cross(dy);
-        let depth = depth / depth.dot(corner);
-        let row = |axis: Vec3| axis / axis.length_squared();
-        let x = row(dx) - depth * row(dx).dot(corner);
-        let y = row(dy) - depth * row(dy).dot(corner);
-        Self { x, y, depth }
-    }
-
-    fn project(&self, direction: Vec3) -> Option<[f32; 2]> {
-        let depth = self.depth.dot(direction);
-        (depth > 0.0).then(|| [self.x.dot(direction) / depth, self.y.dot(direction) / depth])
-    }
 }
 
 /// The pixels of a row that are there with their neighbours, in order: what lies next to a gap holds some of what was
@@ -337,10 +319,12 @@ pub trait Channel: Copy + Default + Send + Sync {
 }
 
 impl Channel for u8 {
+    #[inline(always)]
     fn to_f32(self) -> f32 {
         f32::from(self)
     }
 
+    #[inline(always)]
     fn from_f32(value: f32) -> Self {
         (value + 0.5) as Self
     }
@@ -489,7 +473,8 @@ mod tests {
         let before = cone(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 0.2, 0.1));
         let now = cone(Vec3::new(-0.3, 0.0, 0.2), Vec3::new(0.8, -0.4, 0.3));
         let point = now.apex + 1.5 * now.axis + 0.01 * now.axis.any_orthonormal_vector();
-        let moved = now.point_before(&before, point) - before.apex;
+        let motion = now.motion_from(&before);
+        let moved = motion.turn * point + motion.shift - before.apex;
         assert!((moved.dot(before.axis) - 1.5).abs() < 1e-5, "{moved}");
         assert!((moved.length() - (point - now.apex).length()).abs() < 1e-5);
     }

@@ -14,7 +14,7 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use crate::Error;
 use crate::net::certificate_fields;
 use crate::net::credential_files::{check_private, file_error};
-use crate::net::credentials::{AUTHORITY_FILE, Credentials};
+use crate::net::credentials::{AUTHORITY_FILE, Credentials, not_pem};
 use crate::net::encrypted_key::{self, ENCRYPTED_KEY, KeyFault};
 use crate::net::peer::{AUTHORITY_LIFE, Role};
 use zeroize::{Zeroize, Zeroizing};
@@ -304,14 +304,6 @@ fn subject(name: &str) -> DistinguishedName {
     let mut subject = DistinguishedName::new();
     subject.push(DnType::CommonName, name);
     subject
-}
-
-fn not_pem(path: &Path, item: &'static str, error: &dyn std::fmt::Display) -> Error {
-    Error::CredentialsPem {
-        path: path.to_path_buf(),
-        item,
-        reason: error.to_string(),
-    }
 }
 
 pub(crate) fn not_created(error: &dyn std::fmt::Display) -> Error {

@@ -115,6 +115,16 @@ impl Credentials {
         self.validity().is_ok_and(|validity| is_due(&validity, now))
     }
 
+    /// Checks that peers would accept `certificate` in place of this one.
+    ///
+    /// # Errors
+    /// [`Error::Certificate`] if they would not: now, by the clock of this machine.
+    pub(crate) fn check_successor(&self, certificate: &CertificateDer<'_>) -> Result<(), Error> {
+        let now = UnixTime::now();
+        certificate::verify_own(&self.authority, certificate, self.role, &self.denied, now)
+            .map_err(|fault| Error::Certificate { path: None, fault })
+    }
+
     /// The last day of the certificate, as `2026-12-24`.
     ///
     /// # Errors
@@ -171,7 +181,7 @@ fn read(path: &Path, role: Role) -> Result<Vec<u8>, Error> {
     })
 }
 
-fn not_pem(path: &Path, item: &'static str, error: &dyn fmt::Display) -> Error {
+pub(crate) fn not_pem(path: &Path, item: &'static str, error: &dyn fmt::Display) -> Error {
     Error::CredentialsPem {
         path: path.to_path_buf(),
         item,

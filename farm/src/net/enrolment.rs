@@ -15,6 +15,7 @@ use quinn::{Connection, ConnectionError};
 use rcgen::{CertificateParams, KeyPair};
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
 use rustls::crypto::CryptoProvider;
+use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{CertificateError, DigitallySignedStruct, SignatureScheme};
 use zeroize::Zeroizing;
@@ -23,7 +24,7 @@ use crate::Error;
 use crate::net::authority::not_created;
 use crate::net::certificate::provider;
 use crate::net::credential_files::{create_private_dir, file_error, write_private, write_whole};
-use crate::net::credentials::{AUTHORITY_FILE, Credentials};
+use crate::net::credentials::{AUTHORITY_FILE, Credentials, not_pem};
 use crate::net::deny_list::DENY_LIST_FILE;
 use crate::net::enrolment_messages::{EnrolmentAnswer, EnrolmentRequest, broken};
 use crate::net::join_url::{JoinUrl, fingerprint};
@@ -85,7 +86,8 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
     write_whole(&folder.join(AUTHORITY_FILE), &answer.authority_pem)?;
     let kept = url.without_secret().to_string();
     write_whole(&folder.join(URL_FILE), &kept)?;
-    answer.save(folder)?;
+    answer.save_deny_list(folder)?;
+    answer.save_certificate(folder, |_| Ok(()))?;
     Credentials::load(folder, role)
 }
 
@@ -112,7 +114,10 @@ pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<()
     };
     let request = EnrolmentRequest::Renew { request_pem };
     let answer = ask(&url, Some(credentials), &request).await?;
-    answer.save(folder)
+    answer.save_deny_list(folder)?;
+    answer.save_certificate(folder, |certificate| {
+        credentials.check_successor(certificate)
+    })
 }
 
 /// What the authority has certified.
@@ -123,15 +128,28 @@ struct Certified {
 }
 
 impl Certified {
-    fn save(&self, folder: &Path) -> Result<(), Error> {
+    fn save_deny_list(&self, folder: &Path) -> Result<(), Error> {
         let list = folder.join(DENY_LIST_FILE);
-        if list.exists() || !self.deny_list.is_empty() {
-            write_whole(&list, &self.deny_list)?;
+        match list.exists() || !self.deny_list.is_empty() {
+            true => write_whole(&list, &self.deny_list),
+            false => Ok(()),
         }
-        match &self.certificate_pem {
-            Some(pem) => write_whole(&folder.join(Role::Node.certificate_file()), pem),
-            None => Ok(()),
-        }
+    }
+
+    /// Replaces the node's certificate by that of the answer, if there is one and `check` finds nothing wrong.
+    fn save_certificate(
+        &self,
+        folder: &Path,
+        check: impl FnOnce(&CertificateDer<'_>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let Some(pem) = &self.certificate_pem else {
+            return Ok(());
+        };
+        let path = folder.join(Role::Node.certificate_file());
+        let certificate = CertificateDer::from_pem_slice(pem.as_bytes())
+            .map_err(|error| not_pem(&path, "certificate", &error))?;
+        check(&certificate)?;
+        write_whole(&path, pem)
     }
 }
 
@@ -296,5 +314,48 @@ impl ServerCertVerifier for PinnedAuthority {
     fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
         let algorithms = &self.provider.signature_verification_algorithms;
         algorithms.supported_schemes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::{Duration, SystemTime};
+
+    use super::*;
+    use crate::net::authority::{Authority, lasting};
+    use crate::net::peer::CertificateFault;
+
+    #[test]
+    fn a_certificate_that_is_not_valid_yet_replaces_none() {
+        const DAY: Duration = Duration::from_secs(86_400);
+        let authority = Authority::generate().unwrap();
+        let node = authority.credentials(Role::Node, "oak", lasting(30 * DAY));
+        let node = node.unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(Role::Node.certificate_file());
+        let replace = |validity: std::ops::Range<SystemTime>| {
+            let issued = authority.issue(Role::Node, "oak", validity).unwrap();
+            let answer = Certified {
+                authority_pem: authority.certificate_pem().to_owned(),
+                certificate_pem: Some(issued.certificate_pem.clone()),
+                deny_list: String::new(),
+            };
+            let check = |certificate: &CertificateDer<'_>| node.check_successor(certificate);
+            let saved = answer.save_certificate(folder.path(), check);
+            (issued.certificate_pem.clone(), saved)
+        };
+        let (good, saved) = replace(lasting(60 * DAY));
+        saved.unwrap();
+        // By an authority whose clock is three days ahead.
+        let ahead = SystemTime::now() + 2 * DAY;
+        let (_, refused) = replace(ahead..ahead + 30 * DAY);
+        assert!(matches!(
+            refused,
+            Err(Error::Certificate {
+                fault: CertificateFault::NotYetValid,
+                ..
+            })
+        ));
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), good);
     }
 }

@@ -40,6 +40,9 @@ pub(crate) struct IssuanceLog {
     dir: PathBuf,
 }
 
+/// A revoked key is remembered so long after its certificate has expired: the clock here may be ahead of a node's, or
+/// be set back.
+const CLOCK_ERROR_MAX: Duration = Duration::from_secs(366 * 86_400);
 const LOG_FILE: &str = "issued.jsonl";
 /// Locked while record or deny list is changed.
 const LOCK_FILE: &str = "issued.lock";
@@ -64,8 +67,12 @@ impl IssuanceRecord {
     }
 
     fn is_current(&self) -> bool {
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        now.is_ok_and(|now| now.as_secs() <= self.not_after_unix_secs)
+        self.lasts_until(SystemTime::now())
+    }
+
+    fn lasts_until(&self, time: SystemTime) -> bool {
+        let time = time.duration_since(SystemTime::UNIX_EPOCH);
+        time.is_ok_and(|time| time.as_secs() <= self.not_after_unix_secs)
     }
 }
 
@@ -193,7 +200,7 @@ impl IssuanceLog {
                 known,
             });
         }
-        let mut text = self.unexpired(&self.deny_list_text()?)?;
+        let mut text = self.without_expired(&self.deny_list_text()?)?;
         for record in &revoked {
             if !text.contains(&record.key_id) {
                 text.push_str(&format!("{} {} {name}\n", record.key_id, record.role));
@@ -203,12 +210,13 @@ impl IssuanceLog {
         Ok(revoked)
     }
 
-    /// A deny list without the keys whose certificates have all expired, which nobody accepts anyhow: nodes fetch the
+    /// A deny list without the keys whose certificates expired long ago, which nobody accepts anyhow: nodes fetch the
     /// list whole, and it must not grow for ever.
-    fn unexpired(&self, deny_list: &str) -> Result<String, Error> {
+    fn without_expired(&self, deny_list: &str) -> Result<String, Error> {
         let mut is_current: HashMap<String, bool> = HashMap::new();
+        let long_ago = SystemTime::now() - CLOCK_ERROR_MAX;
         for record in self.records()? {
-            let current = record.is_current();
+            let current = record.lasts_until(long_ago);
             *is_current.entry(record.key_id).or_default() |= current;
         }
         let counts = |line: &&str| {
@@ -311,6 +319,41 @@ mod tests {
         let line = |of: &str| damage(Path::new("issued.jsonl"), 3, of.ends_with('\n'));
         assert!(line("{").contains("issued.jsonl, line 3 was cut off"));
         assert!(line("{\n").contains("issued.jsonl, line 3 is damaged"));
+    }
+
+    #[test]
+    fn revoked_keys_are_forgotten_a_year_after_they_expired() {
+        let dir = tempfile::tempdir().unwrap();
+        let farm = dir.path();
+        create_farm(farm).unwrap();
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+        let now = now.unwrap().as_secs();
+        let mut log = OpenOptions::new()
+            .append(true)
+            .open(farm.join(LOG_FILE))
+            .unwrap();
+        let days_ago = [(30, "month"), (364, "year"), (400, "longer")];
+        for (days, key_id) in days_ago {
+            let record = IssuanceRecord {
+                name: "elm".to_owned(),
+                role: Role::Node,
+                serial: "01".to_owned(),
+                key_id: key_id.to_owned(),
+                not_before_unix_secs: 0,
+                not_after_unix_secs: now - days * 86_400,
+            };
+            writeln!(log, "{}", serde_json::to_string(&record).unwrap()).unwrap();
+        }
+        let list = farm.join(DENY_LIST_FILE);
+        std::fs::write(&list, "month node elm\nyear node elm\nlonger node elm\n").unwrap();
+        add_node(farm, "oak", None, false).unwrap();
+        revoke(farm, "oak").unwrap();
+        let left = std::fs::read_to_string(&list).unwrap();
+        assert!(
+            left.starts_with("month node elm\nyear node elm\n"),
+            "{left}"
+        );
+        assert_eq!(left.lines().count(), 3, "{left}");
     }
 
     #[test]

@@ -149,9 +149,10 @@ fn moved_size(size: ImageSize, threads: usize) -> ImageSize {
 
 /// What a new picture and its first move may take of each thread.
 const MOVE_NANOS: f64 = 4e6;
-/// Time of a thread a pixel of a new picture, and a pixel of a moved one.
+/// Time of a thread a pixel of a new picture, and a pixel of a moved one: the example `reprojection_speed` of
+/// `carom-tracer`.
 const NEW_PIXEL_NANOS: f64 = 30.0;
-const MOVED_PIXEL_NANOS: f64 = 80.0;
+const MOVED_PIXEL_NANOS: f64 = 60.0;
 /// 640 × 360, however long that takes.
 const PIXELS_MIN: usize = 640 * 360;
 /// Reprojected frames are numbered from here: traced ones never get so far.

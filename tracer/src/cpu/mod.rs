@@ -36,6 +36,7 @@ mod medium;
 mod mesh_light;
 mod metallic_roughness;
 mod microfacet;
+mod motion_vectors;
 mod prepared;
 mod punctual_light;
 mod rays;
@@ -58,6 +59,7 @@ use rayon::prelude::*;
 
 pub use first_hit::FirstHits;
 pub(crate) use first_hit::first_triangle;
+pub(crate) use motion_vectors::{Motion, MotionVectors};
 
 use crate::denoise::{DenoiseInputTile, DenoiseSource, FilterMemory, trace_denoised};
 use crate::simd::{Level, dispatch};
