@@ -70,15 +70,15 @@ impl View {
         assert_eq!(pixels.len(), self.size().pixels(), "pixels of the picture");
         let width = (to.size().width as usize).max(1);
         let mut moved = vec![[T::default(); N]; to.size().pixels()];
-        let vectors = to.motion_vectors(self);
+        let (level, vectors) = (Level::new(), to.motion_vectors(self));
         let means = LazyLock::new(|| PrimitiveMeans::new(&self.hits, pixels));
         let rows = moved.par_chunks_mut(width).enumerate();
         let guessed = rows.map_init(
             || vec![[0.0; 2]; width],
             |places, (y, row)| {
-                vectors.row(&to.hits, y, places);
+                vectors.row(level, &to.hits, y, places);
                 let primitives = &to.hits.primitive[y * width..][..row.len()];
-                self.fill_row(pixels, places, primitives, &means, row)
+                self.fill_row(level, pixels, (places, primitives), &means, row)
             },
         );
         let guessed = guessed.sum();
@@ -88,17 +88,17 @@ impl View {
         }
     }
 
-    /// Fills a row with what the picture shows at `places` of `primitives`; how many pixels it does not show.
+    /// Fills a row with what the picture shows at places of primitives; how many pixels it does not show.
     fn fill_row<T: Channel, const N: usize>(
         &self,
+        level: Level,
         pixels: &[[T; N]],
-        places: &[[f32; 2]],
-        primitives: &[u32],
+        (places, primitives): (&[[f32; 2]], &[u32]),
         means: &LazyLock<PrimitiveMeans<T, N>, impl FnOnce() -> PrimitiveMeans<T, N>>,
         row: &mut [[T; N]],
     ) -> usize {
         let mut missing = Vec::new();
-        dispatch!(Level::new(), _simd => {
+        dispatch!(level, _simd => {
             let of_row = row.iter_mut().zip(places.iter().zip(primitives));
             for (x, (pixel, (place, primitive))) in of_row.enumerate() {
                 match self.look_up(pixels, *place, *primitive) {
@@ -180,11 +180,12 @@ impl View {
         // Loops, since closures are not compiled for the caller's instruction set.
         let (mut sum, mut weights) = ([0.0; N], 0.0);
         for (corner, share) in corners {
-            let is_shown = self.hits.primitive[corner] == primitive;
-            let weight = if is_shown { share } else { 0.0 };
-            weights += weight;
+            if self.hits.primitive[corner] != primitive {
+                continue;
+            }
+            weights += share;
             for (sum, channel) in sum.iter_mut().zip(pixels[corner]) {
-                *sum += weight * channel.to_f32();
+                *sum += share * channel.to_f32();
             }
         }
         if weights <= WEIGHT_MIN {

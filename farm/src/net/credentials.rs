@@ -12,7 +12,7 @@ use zeroize::{Zeroize, Zeroizing};
 use crate::Error;
 use crate::net::credential_files::check_private;
 use crate::net::deny_list::DenyList;
-use crate::net::peer::Role;
+use crate::net::peer::{CertificateFault, Role};
 use crate::net::{certificate, certificate_fields};
 
 /// A certificate with its key, and the authority that must have issued it and those of its peers.
@@ -115,13 +115,18 @@ impl Credentials {
         self.validity().is_ok_and(|validity| is_due(&validity, now))
     }
 
-    /// Checks that peers would accept `certificate` in place of this one.
+    /// Checks that peers would accept the certificate `pem` in place of this one.
     ///
     /// # Errors
-    /// [`Error::Certificate`] if they would not: now, by the clock of this machine.
-    pub(crate) fn check_successor(&self, certificate: &CertificateDer<'_>) -> Result<(), Error> {
-        let now = UnixTime::now();
-        certificate::verify_own(&self.authority, certificate, self.role, &self.denied, now)
+    /// [`Error::Certificate`] if it is none, or if they would not: now, by the clock of this machine.
+    pub(crate) fn check_successor(&self, pem: &str) -> Result<(), Error> {
+        let successor = CertificateDer::from_pem_slice(pem.as_bytes());
+        successor
+            .map_err(|error| CertificateFault::Unusable(error.to_string()))
+            .and_then(|successor| {
+                let now = UnixTime::now();
+                certificate::verify_own(&self.authority, &successor, self.role, &self.denied, now)
+            })
             .map_err(|fault| Error::Certificate { path: None, fault })
     }
 

@@ -15,7 +15,6 @@ use quinn::{Connection, ConnectionError};
 use rcgen::{CertificateParams, KeyPair};
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
 use rustls::crypto::CryptoProvider;
-use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, ServerName, UnixTime};
 use rustls::{CertificateError, DigitallySignedStruct, SignatureScheme};
 use zeroize::Zeroizing;
@@ -24,7 +23,7 @@ use crate::Error;
 use crate::net::authority::not_created;
 use crate::net::certificate::provider;
 use crate::net::credential_files::{create_private_dir, file_error, write_private, write_whole};
-use crate::net::credentials::{AUTHORITY_FILE, Credentials, not_pem};
+use crate::net::credentials::{AUTHORITY_FILE, Credentials};
 use crate::net::deny_list::DENY_LIST_FILE;
 use crate::net::enrolment_messages::{EnrolmentAnswer, EnrolmentRequest, broken};
 use crate::net::join_url::{JoinUrl, fingerprint};
@@ -86,8 +85,7 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
     write_whole(&folder.join(AUTHORITY_FILE), &answer.authority_pem)?;
     let kept = url.without_secret().to_string();
     write_whole(&folder.join(URL_FILE), &kept)?;
-    answer.save_deny_list(folder)?;
-    answer.save_certificate(folder, |_| Ok(()))?;
+    answer.save(folder)?;
     Credentials::load(folder, role)
 }
 
@@ -114,10 +112,7 @@ pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<()
     };
     let request = EnrolmentRequest::Renew { request_pem };
     let answer = ask(&url, Some(credentials), &request).await?;
-    answer.save_deny_list(folder)?;
-    answer.save_certificate(folder, |certificate| {
-        credentials.check_successor(certificate)
-    })
+    answer.save_renewed(credentials, folder)
 }
 
 /// What the authority has certified.
@@ -128,28 +123,26 @@ struct Certified {
 }
 
 impl Certified {
-    fn save_deny_list(&self, folder: &Path) -> Result<(), Error> {
+    fn save(&self, folder: &Path) -> Result<(), Error> {
         let list = folder.join(DENY_LIST_FILE);
-        match list.exists() || !self.deny_list.is_empty() {
-            true => write_whole(&list, &self.deny_list),
-            false => Ok(()),
+        if list.exists() || !self.deny_list.is_empty() {
+            write_whole(&list, &self.deny_list)?;
+        }
+        match &self.certificate_pem {
+            Some(pem) => write_whole(&folder.join(Role::Node.certificate_file()), pem),
+            None => Ok(()),
         }
     }
 
-    /// Replaces the node's certificate by that of the answer, if there is one and `check` finds nothing wrong.
-    fn save_certificate(
-        &self,
-        folder: &Path,
-        check: impl FnOnce(&CertificateDer<'_>) -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        let Some(pem) = &self.certificate_pem else {
-            return Ok(());
-        };
-        let path = folder.join(Role::Node.certificate_file());
-        let certificate = CertificateDer::from_pem_slice(pem.as_bytes())
-            .map_err(|error| not_pem(&path, "certificate", &error))?;
-        check(&certificate)?;
-        write_whole(&path, pem)
+    /// Saves all but a certificate that peers would refuse in place of `current`, which then stays.
+    fn save_renewed(mut self, current: &Credentials, folder: &Path) -> Result<(), Error> {
+        let check = |pem: &String| current.check_successor(pem);
+        let checked = self.certificate_pem.as_ref().map_or(Ok(()), check);
+        if checked.is_err() {
+            self.certificate_pem = None;
+        }
+        self.save(folder)?;
+        checked
     }
 }
 
@@ -338,14 +331,15 @@ mod tests {
             let answer = Certified {
                 authority_pem: authority.certificate_pem().to_owned(),
                 certificate_pem: Some(issued.certificate_pem.clone()),
-                deny_list: String::new(),
+                deny_list: "key node elm\n".to_owned(),
             };
-            let check = |certificate: &CertificateDer<'_>| node.check_successor(certificate);
-            let saved = answer.save_certificate(folder.path(), check);
+            let saved = answer.save_renewed(&node, folder.path());
             (issued.certificate_pem.clone(), saved)
         };
         let (good, saved) = replace(lasting(60 * DAY));
         saved.unwrap();
+        let deny_list = folder.path().join(DENY_LIST_FILE);
+        std::fs::remove_file(&deny_list).unwrap();
         // By an authority whose clock is three days ahead.
         let ahead = SystemTime::now() + 2 * DAY;
         let (_, refused) = replace(ahead..ahead + 30 * DAY);
@@ -357,5 +351,6 @@ mod tests {
             })
         ));
         assert_eq!(std::fs::read_to_string(&path).unwrap(), good);
+        assert!(deny_list.exists());
     }
 }

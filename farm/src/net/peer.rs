@@ -137,7 +137,9 @@ impl fmt::Display for CertificateFault {
                 "has expired or is not valid yet: compare the clocks of both machines, or {}",
                 role.renewal_advice()
             ),
-            Self::NotYetValid => f.write_str("is not valid yet: check this machine's clock"),
+            Self::NotYetValid => f.write_str(
+                "is not valid yet: check this machine's clock, and that of the farm's authority",
+            ),
             Self::Revoked => {
                 f.write_str("has been revoked: ask whoever holds the farm's authority for another")
             }

@@ -29,7 +29,6 @@ pub(crate) struct MotionVectors {
     before: FilmProjection,
     /// By their numbers; all other primitives stay.
     motions: Vec<Motion>,
-    level: Level,
 }
 
 impl MotionVectors {
@@ -39,17 +38,16 @@ impl MotionVectors {
             camera,
             before: FilmProjection::new(before),
             motions,
-            level: Level::new(),
         }
     }
 
     /// For each pixel of row `y` of `hits` the place on the earlier film, in pixels from the top left; not a number if
     /// the point was behind the eye, or on the far side of its ball.
-    pub(crate) fn row(&self, hits: &FirstHits, y: usize, places: &mut [[f32; 2]]) {
+    pub(crate) fn row(&self, level: Level, hits: &FirstHits, y: usize, places: &mut [[f32; 2]]) {
         let first = y * places.len();
         let distance = &hits.distance[first..first + places.len()];
         let primitive = &hits.primitive[first..first + places.len()];
-        dispatch!(self.level, simd => self.row_lanes(simd, y, distance, primitive, places));
+        dispatch!(level, simd => self.row_lanes(simd, y, distance, primitive, places));
     }
 
     #[inline(always)]
