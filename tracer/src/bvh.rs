@@ -6,7 +6,9 @@
 
 use glam::Vec3;
 
-use crate::compiled::{BoxData, DiscData, RectangleData, SphereData, TriangleData};
+use crate::compiled::{
+    AreaLightData, BoxData, CsgBoxData, DiscData, RectangleData, SphereData, TriangleData,
+};
 
 /// Primitives of a leaf; the last one may have fewer.
 ///
@@ -68,6 +70,23 @@ impl From<&RectangleData> for Bounds {
     fn from(rectangle: &RectangleData) -> Self {
         let half = Vec3::from(rectangle.half_u).abs() + Vec3::from(rectangle.half_v).abs();
         Self::around(rectangle.center, half)
+    }
+}
+
+impl From<&CsgBoxData> for Bounds {
+    fn from(data: &CsgBoxData) -> Self {
+        Self {
+            min: data.min.into(),
+            max: data.max.into(),
+        }
+    }
+}
+
+impl From<&AreaLightData> for Bounds {
+    fn from(light: &AreaLightData) -> Self {
+        let half_u = Vec3::from(light.axis_u) * light.length_u;
+        let half_v = Vec3::from(light.axis_v) * light.length_v;
+        Self::around(light.center, half_u.abs() + half_v.abs())
     }
 }
 

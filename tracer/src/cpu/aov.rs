@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use fearless_simd::prelude::*;
 
+use super::beam::Beam;
 use super::bsdf::Bsdf;
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::prepared::Prepared;
@@ -81,7 +82,9 @@ impl Prepared {
             let length = direction.length_squared().sqrt();
             let direction = direction * (1.0 / length);
             let rays = Rays::new(simd, origin, direction, Word::splat(simd, NONE));
-            let nearest = self.geometry.nearest(simd, &rays);
+            let (all, endless) = (Mask::splat(simd, true), Float::splat(simd, f32::INFINITY));
+            let beam = Beam::new(simd, &rays, all, endless);
+            let nearest = self.geometry.nearest(simd, &rays, beam.as_ref());
             let aovs = self.first_hit_aovs(simd, &rays, length, &nearest);
             for (sum, aovs) in sum.iter_mut().zip(aovs) {
                 *sum += aovs;
@@ -139,7 +142,7 @@ impl Prepared {
         if mirror.any_true() {
             let mirrored = bsdf.mirrored();
             let rays = Rays::new(simd, hit.position, mirrored, id);
-            let nearest = self.geometry.nearest(simd, &rays);
+            let nearest = self.geometry.nearest(simd, &rays, None);
             let lit = mirror & nearest.id.simd_ge(self.geometry.area_lights_first);
             let emission = self.emission(simd, mirrored, &nearest, lit);
             emitted = emission.scale_add(reflectance, emitted);

@@ -471,13 +471,17 @@ mod tests {
         let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
         let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
         let rays = Rays::new(simd, origin, direction, Word::load_array(simd, *start));
-        let nearest = geometry.nearest(simd, &rays);
+        let nearest = geometry.nearest(simd, &rays, None);
         let (none, one) = (Word::splat(simd, NONE), Float::splat(simd, 1.0));
         let met = nearest.id.simd_ne(NONE);
         let limit = met.select(nearest.distance, one);
         let outwards = Word::load_array(simd, start.map(|id| id & !INSIDE));
         let shadows = Rays::new(simd, origin, direction, outwards);
-        let occluded = |limit| geometry.occluded(simd, &shadows, limit, none).to_bitmask();
+        let occluded = |limit| {
+            geometry
+                .occluded(simd, &shadows, None, limit, none)
+                .to_bitmask()
+        };
         (
             nearest.distance.to_array().map(f32::to_bits),
             nearest.id.to_array(),

@@ -1,8 +1,10 @@
 //! First hits through the centres of pixels: one ray a pixel, no light.
 
 use fearless_simd::prelude::*;
+use glam::Vec3;
 use rayon::prelude::*;
 
+use super::beam::Beam;
 use super::geometry::Geometry;
 use super::lanes::{Float, LANES, Vec3x, Word};
 use super::rays::{NONE, Rays};
@@ -84,15 +86,17 @@ fn row<S: Simd>(
             let steps: [f32; LANES] = std::array::from_fn(|lane| lane as f32 + 0.5);
             let steps = Float::load_array(simd, steps);
             let eye = Vec3x::splat(simd, camera.eye);
-            let (dx, dy) = (Vec3x::splat(simd, camera.dx), Vec3x::splat(simd, camera.dy));
-            let down = Float::splat(simd, y as f32 + 0.5);
-            let left = dy.mul_add(down, Vec3x::splat(simd, camera.corner));
+            let dx = Vec3::from(camera.dx);
+            let left = Vec3::from(camera.corner) + (y as f32 + 0.5) * Vec3::from(camera.dy);
             let columns = distance.chunks_mut(LANES).zip(primitive.chunks_mut(LANES));
             for (packet, (distance, primitive)) in columns.enumerate() {
-                let direction = dx.mul_add(steps + (packet * LANES) as f32, left);
+                let x = (packet * LANES) as f32;
+                let right = Vec3x::splat(simd, dx.into());
+                let direction = right.mul_add(steps + x, Vec3x::splat(simd, left.into()));
                 let direction = direction * (1.0 / direction.length_squared().sqrt());
                 let rays = Rays::new(simd, eye, direction, Word::splat(simd, NONE));
-                let nearest = geometry.nearest(simd, &rays);
+                let beam = Beam::between(camera.eye, left + x * dx, left + (x + LANES as f32) * dx);
+                let nearest = geometry.nearest(simd, &rays, Some(&beam));
                 distance.copy_from_slice(&nearest.distance.to_array()[..distance.len()]);
                 primitive.copy_from_slice(&nearest.id.to_array()[..primitive.len()]);
             }

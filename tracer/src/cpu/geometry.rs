@@ -5,12 +5,14 @@
 
 use fearless_simd::prelude::*;
 
+use super::beam::{Beam, BoundsGroups};
 use super::bvh16::{Bvh16, Solid};
 use super::csg::CsgBox;
 use super::lanes::{Float, Mask, Word};
 use super::rays::{INSIDE, Nearest, Rays};
 use super::shapes::{AlignedBox, Disc, PackedPrimitive, Rectangle, Shape, Sphere};
 use super::triangle::Triangles;
+use crate::bvh::{Bounds, Bvh};
 use crate::compiled::{CompiledScene, KIND_DIELECTRIC, ShapeKind};
 
 /// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of CSG boxes, triangles
@@ -21,6 +23,7 @@ pub(super) struct Geometry {
     discs: PrimitiveSet<Disc, 7>,
     rectangles: PrimitiveSet<Rectangle, 12>,
     csg_boxes: Vec<CsgBox>,
+    csg_bounds: BoundsGroups,
     triangles: Triangles,
     area_lights: PrimitiveSet<Rectangle, 12>,
     /// The id of the first area light; a hit of this id or above ends its path.
@@ -33,6 +36,7 @@ pub(super) struct Geometry {
 struct PrimitiveSet<F, const N: usize> {
     /// Empty if they are in the BVH.
     each: Vec<PackedPrimitive<F, N>>,
+    bounds: BoundsGroups,
     bvh: Option<Bvh16<F, N>>,
 }
 
@@ -42,35 +46,36 @@ impl Geometry {
         let is_dielectric =
             |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
         let mut first = 0;
-        let spheres = scene.spheres.iter().zip(first..).map(|(sphere, id)| {
-            let numbers = Sphere::numbers(sphere, reach)?;
-            Some(PackedPrimitive::new(
-                numbers,
-                id,
-                is_dielectric(sphere.material),
-            ))
+        let spheres = scene.spheres.iter().zip(first..).map(|(data, id)| {
+            let numbers = Sphere::numbers(data, reach)?;
+            let solid = PackedPrimitive::new(numbers, id, is_dielectric(data.material));
+            Some((solid, Bounds::from(data)))
         });
-        let spheres = PrimitiveSet::new(scene, ShapeKind::Sphere, spheres.collect());
+        let spheres = PrimitiveSet::new(
+            scene.bvh(ShapeKind::Sphere, Sphere::BVH_MIN),
+            reach,
+            spheres,
+        );
         first += scene.spheres.len() as u32;
         let boxes = scene.boxes.iter().zip(first..).map(|(data, id)| {
             let numbers = AlignedBox::numbers(data);
-            Some(PackedPrimitive::new(
-                numbers,
-                id,
-                is_dielectric(data.material),
-            ))
+            let solid = PackedPrimitive::new(numbers, id, is_dielectric(data.material));
+            Some((solid, Bounds::from(data)))
         });
-        let boxes = PrimitiveSet::new(scene, ShapeKind::Box, boxes.collect());
+        let boxes = PrimitiveSet::new(scene.bvh(ShapeKind::Box, AlignedBox::BVH_MIN), reach, boxes);
         first += scene.boxes.len() as u32;
-        let discs = scene.discs.iter().zip(first..);
-        let discs =
-            discs.map(|(disc, id)| Some(PackedPrimitive::new(Disc::numbers(disc), id, false)));
-        let discs = PrimitiveSet::new(scene, ShapeKind::Disc, discs.collect());
+        let discs = scene.discs.iter().zip(first..).map(|(data, id)| {
+            let disc = PackedPrimitive::new(Disc::numbers(data), id, false);
+            Some((disc, Bounds::from(data)))
+        });
+        let discs = PrimitiveSet::new(scene.bvh(ShapeKind::Disc, Disc::BVH_MIN), reach, discs);
         first += scene.discs.len() as u32;
-        let rectangles = scene.rectangles.iter().zip(first..);
-        let rectangles = rectangles
-            .map(|(data, id)| Some(PackedPrimitive::new(Rectangle::numbers(data), id, false)));
-        let rectangles = PrimitiveSet::new(scene, ShapeKind::Rectangle, rectangles.collect());
+        let rectangles = scene.rectangles.iter().zip(first..).map(|(data, id)| {
+            let rectangle = PackedPrimitive::new(Rectangle::numbers(data), id, false);
+            Some((rectangle, Bounds::from(data)))
+        });
+        let bvh = scene.bvh(ShapeKind::Rectangle, Rectangle::BVH_MIN);
+        let rectangles = PrimitiveSet::new(bvh, reach, rectangles);
         // As many ids as there are faces.
         let csg_faces_first = first + scene.rectangles.len() as u32;
         let triangles_first = csg_faces_first + scene.csg_faces.len() as u32;
@@ -80,13 +85,11 @@ impl Geometry {
             .map(|c| CsgBox::new(c, &scene.csg_faces, csg_faces_first))
             .collect();
         let area_lights = scene.area_lights.iter().zip(area_lights_first..);
-        let area_lights = area_lights.map(|(light, id)| {
-            PackedPrimitive::new(Rectangle::area_light_numbers(light), id, false)
+        let area_lights = area_lights.map(|(data, id)| {
+            let light = PackedPrimitive::new(Rectangle::area_light_numbers(data), id, false);
+            Some((light, Bounds::from(data)))
         });
-        let area_lights = PrimitiveSet {
-            each: area_lights.collect(),
-            bvh: None,
-        };
+        let area_lights = PrimitiveSet::new(None, reach, area_lights);
         let has_dielectric = has_dielectric(scene);
         Self {
             spheres,
@@ -94,6 +97,7 @@ impl Geometry {
             discs,
             rectangles,
             csg_boxes,
+            csg_bounds: BoundsGroups::new(scene.csg_boxes.iter().map(Bounds::from), reach),
             triangles: Triangles::new(scene, triangles_first),
             area_lights,
             area_lights_first,
@@ -102,24 +106,33 @@ impl Geometry {
     }
 
     /// Distance to and id of the nearest primitive, of equals the first; ∞ and [`NONE`] where
-    /// there is none. The id of a dielectric that is met from within has [`INSIDE`].
+    /// there is none. The id of a dielectric that is met from within has [`INSIDE`]. What the `beam` of the rays
+    /// does not meet is left out; it pays where rays are alike.
     #[inline(always)]
-    pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
+    pub(super) fn nearest<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        beam: Option<&Beam>,
+    ) -> Nearest<S> {
         let mut nearest = Nearest::none(simd);
-        self.spheres.nearest(simd, rays, &mut nearest);
-        self.boxes.nearest(simd, rays, &mut nearest);
-        self.discs.nearest(simd, rays, &mut nearest);
-        self.rectangles.nearest(simd, rays, &mut nearest);
-        for csg_box in &self.csg_boxes {
-            if let Some((hit, t, face)) = csg_box.intersect(simd, rays, nearest.distance) {
-                nearest.distance = hit.select(t, nearest.distance);
-                nearest.id = hit.select(face, nearest.id);
+        self.spheres.nearest(simd, rays, beam, &mut nearest);
+        self.boxes.nearest(simd, rays, beam, &mut nearest);
+        self.discs.nearest(simd, rays, beam, &mut nearest);
+        self.rectangles.nearest(simd, rays, beam, &mut nearest);
+        for group in 0..self.csg_bounds.len() {
+            for index in self.csg_bounds.met(simd, group, beam) {
+                let csg_box = &self.csg_boxes[index];
+                if let Some((hit, t, face)) = csg_box.intersect(simd, rays, nearest.distance) {
+                    nearest.distance = hit.select(t, nearest.distance);
+                    nearest.id = hit.select(face, nearest.id);
+                }
             }
         }
         if !self.triangles.is_empty() {
             self.triangles.nearest(simd, rays, &mut nearest);
         }
-        self.area_lights.nearest(simd, rays, &mut nearest);
+        self.area_lights.nearest(simd, rays, beam, &mut nearest);
         if self.has_dielectric {
             let within = rays.start.simd_eq(nearest.id | INSIDE);
             nearest.id = within.select(rays.start, nearest.id);
@@ -131,27 +144,33 @@ impl Geometry {
     #[inline(always)]
     pub(super) fn nearest_area_light<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
         let mut nearest = Nearest::none(simd);
-        self.area_lights.nearest(simd, rays, &mut nearest);
+        self.area_lights.nearest(simd, rays, None, &mut nearest);
         nearest
     }
 
-    /// Where something lies before `distance`, the area light of id `target` aside.
+    /// Where something lies before `distance`, the area light of id `target` aside; by the `beam` of the rays as far as
+    /// that.
     #[inline(always)]
     pub(super) fn occluded<S: Simd>(
         &self,
         simd: S,
         rays: &Rays<S>,
+        beam: Option<&Beam>,
         distance: Float<S>,
         target: Word<S>,
     ) -> Mask<S> {
         let mut dark = Mask::splat(simd, false);
-        self.spheres.occlude(simd, rays, distance, &mut dark);
-        self.boxes.occlude(simd, rays, distance, &mut dark);
-        self.discs.occlude(simd, rays, distance, &mut dark);
-        self.rectangles.occlude(simd, rays, distance, &mut dark);
-        for csg_box in &self.csg_boxes {
-            if let Some((hit, ..)) = csg_box.intersect(simd, rays, distance) {
-                dark |= hit;
+        self.spheres.occlude(simd, rays, beam, distance, &mut dark);
+        self.boxes.occlude(simd, rays, beam, distance, &mut dark);
+        self.discs.occlude(simd, rays, beam, distance, &mut dark);
+        self.rectangles
+            .occlude(simd, rays, beam, distance, &mut dark);
+        for group in 0..self.csg_bounds.len() {
+            for index in self.csg_bounds.met(simd, group, beam) {
+                let csg_box = &self.csg_boxes[index];
+                if let Some((hit, ..)) = csg_box.intersect(simd, rays, distance) {
+                    dark |= hit;
+                }
             }
         }
         if !self.triangles.is_empty() {
@@ -168,46 +187,69 @@ impl Geometry {
 }
 
 impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
-    /// `each` is by index; what is hidden is none.
+    /// `each` is by index, with its bounds; what is hidden is none.
     fn new(
-        scene: &CompiledScene,
-        shape: ShapeKind,
-        each: Vec<Option<PackedPrimitive<F, N>>>,
+        bvh: Option<&Bvh>,
+        reach: f32,
+        each: impl Iterator<Item = Option<(PackedPrimitive<F, N>, Bounds)>>,
     ) -> Self {
-        match scene.bvh(shape, F::BVH_MIN) {
-            Some(bvh) => Self {
-                bvh: Some(Bvh16::new(bvh, &each)),
+        if let Some(bvh) = bvh {
+            let each: Vec<_> = each.map(|one| Some(one?.0)).collect();
+            return Self {
                 each: Vec::new(),
-            },
-            None => Self {
-                each: each.into_iter().flatten().collect(),
-                bvh: None,
-            },
+                bounds: BoundsGroups::new([], reach),
+                bvh: Some(Bvh16::new(bvh, &each)),
+            };
+        }
+        let (each, bounds): (Vec<_>, Vec<_>) = each.flatten().unzip();
+        Self {
+            each,
+            bounds: BoundsGroups::new(bounds, reach),
+            bvh: None,
         }
     }
 
     #[inline(always)]
-    fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>, nearest: &mut Nearest<S>) {
+    fn nearest<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        beam: Option<&Beam>,
+        nearest: &mut Nearest<S>,
+    ) {
         if let Some(bvh) = &self.bvh {
             bvh.nearest(simd, rays, nearest, &Solid);
         }
         let frame = F::frame(simd, rays);
-        for one in &self.each {
-            let met = F::intersect(rays, &frame, &one.splat(simd), nearest.distance);
-            nearest.update(met, one.id);
+        for group in 0..self.bounds.len() {
+            for index in self.bounds.met(simd, group, beam) {
+                let one = &self.each[index];
+                let met = F::intersect(rays, &frame, &one.splat(simd), nearest.distance);
+                nearest.update(met, one.id);
+            }
         }
     }
 
     /// Adds where one of them lies before `distance` to `dark`.
     #[inline(always)]
-    fn occlude<S: Simd>(&self, simd: S, rays: &Rays<S>, distance: Float<S>, dark: &mut Mask<S>) {
+    fn occlude<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        beam: Option<&Beam>,
+        distance: Float<S>,
+        dark: &mut Mask<S>,
+    ) {
         if let Some(bvh) = &self.bvh {
             bvh.occlude(simd, rays, distance, dark, &Solid);
         }
         let frame = F::frame(simd, rays);
-        for one in &self.each {
-            if let Some((hit, _)) = F::intersect(rays, &frame, &one.splat(simd), distance) {
-                *dark |= hit;
+        for group in 0..self.bounds.len() {
+            for index in self.bounds.met(simd, group, beam) {
+                let one = &self.each[index];
+                if let Some((hit, _)) = F::intersect(rays, &frame, &one.splat(simd), distance) {
+                    *dark |= hit;
+                }
             }
         }
     }
@@ -266,12 +308,12 @@ mod tests {
         let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
         let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
         let rays = Rays::new(simd, origin, direction, Word::splat(simd, NONE));
-        let nearest = geometry.nearest(simd, &rays);
+        let nearest = geometry.nearest(simd, &rays, None);
         let limit = nearest.distance * (1.0 - 1e-5);
         let none = Word::splat(simd, NONE);
-        let before = geometry.occluded(simd, &rays, limit, none);
+        let before = geometry.occluded(simd, &rays, None, limit, none);
         assert_eq!(before.to_bitmask(), 0, "occluded before the nearest hit");
-        let behind = geometry.occluded(simd, &rays, nearest.distance * (1.0 + 1e-5), none);
+        let behind = geometry.occluded(simd, &rays, None, nearest.distance * (1.0 + 1e-5), none);
         assert_eq!(
             behind.to_bitmask(),
             nearest.id.simd_ne(NONE).to_bitmask(),

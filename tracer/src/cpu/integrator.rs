@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use fearless_simd::{i32x16, prelude::*};
 
+use super::beam::Beam;
 use super::bsdf::Bsdf;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::light_sampling::{HitPacket, MIRROR, OTHER, power_heuristic};
@@ -67,7 +68,7 @@ impl Prepared {
                 for lobe in [OTHER, MIRROR].into_iter().take(lobes) {
                     rays += simd.vectorize(
                         #[inline(always)]
-                        || self.connect(simd, stream, lobe, cancelled),
+                        || self.connect(simd, stream, lobe, depth, cancelled),
                     );
                 }
             }
@@ -172,12 +173,19 @@ impl Prepared {
             let direction = stream.direction.load(simd, at);
             let start = load_words(simd, &stream.primitive, at);
             let edges = Rays::new(simd, origin, direction, start);
-            let mut nearest = self.geometry.nearest(simd, &edges);
             let mut alive = packet.mask(simd);
             if depth > 0 {
                 // Those that ended and kept their place have not left any primitive.
                 alive &= start.simd_ne(NONE);
             }
+            // Deeper rays lead everywhere: a beam of theirs leaves out little.
+            let endless = Float::splat(simd, f32::INFINITY);
+            let beam = if depth == 0 {
+                Beam::new(simd, &edges, alive, endless)
+            } else {
+                None
+            };
+            let mut nearest = self.geometry.nearest(simd, &edges, beam.as_ref());
             rays += u64::from(alive.to_bitmask().count_ones());
             let mut met = nearest.id;
             if self.surfaces.has_dielectric {
@@ -536,6 +544,7 @@ impl Prepared {
         simd: S,
         stream: &mut Stream,
         lobe: usize,
+        depth: u32,
         cancelled: &AtomicBool,
     ) -> u64 {
         let mut rays = 0;
@@ -560,7 +569,13 @@ impl Prepared {
             let light = load_words(simd, &shadow.light, at);
             let shadow_rays = Rays::new(simd, origin, direction, start);
             // The light itself is no obstacle, whatever rounding does to its distance.
-            let dark = self.geometry.occluded(simd, &shadow_rays, distance, light);
+            let beam = if depth == 0 {
+                Beam::new(simd, &shadow_rays, lit, distance)
+            } else {
+                None
+            };
+            let beam = beam.as_ref();
+            let dark = (self.geometry).occluded(simd, &shadow_rays, beam, distance, light);
             let radiance = stream.radiance.load(simd, at);
             let added = radiance + shadow.radiance.load(simd, at);
             let radiance = Vec3x::select(lit & !dark, added, radiance);

@@ -298,7 +298,10 @@ impl Prepared {
         // The ball itself is skipped. No area light is inside.
         let inner = Rays::new(simd, hit.position, refracted.inner, untagged(tag));
         let none = Word::splat(simd, NONE);
-        let open = refracted.lanes & !self.geometry.occluded(simd, &inner, refracted.inside, none);
+        let open = refracted.lanes
+            & !self
+                .geometry
+                .occluded(simd, &inner, None, refracted.inside, none);
         let shadow = &mut stream.shadows[OTHER];
         let (origin, direction) = (hit.position, shadow.direction.load(simd, at));
         shadow

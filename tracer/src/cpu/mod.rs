@@ -20,6 +20,7 @@
 mod aov;
 mod area_light;
 mod batch;
+mod beam;
 mod bsdf;
 mod bvh16;
 mod csg;

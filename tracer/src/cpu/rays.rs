@@ -14,7 +14,7 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) const INSIDE: u32 = 1 << 31;
 
 /// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
-const DIRECTION_MIN: f32 = 1e-30;
+pub(super) const DIRECTION_MIN: f32 = 1e-30;
 
 /// Rays with what their tests share.
 #[derive(Clone, Copy)]

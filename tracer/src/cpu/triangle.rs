@@ -684,7 +684,7 @@ mod tests {
         let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
         let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
         let rays = Rays::new(simd, origin, direction, Word::splat(simd, NONE));
-        geometry.nearest(simd, &rays).id.to_array()
+        geometry.nearest(simd, &rays, None).id.to_array()
     }
 
     #[test]

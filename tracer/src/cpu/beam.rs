@@ -1,0 +1,324 @@
+//! Beams: what a whole packet of rays may meet, found for many primitives at once.
+//!
+//! Rays of neighbouring pixels leave from about the same place in about the same direction. At a distance t all of
+//! them are within a box whose faces move linearly with t, so that each face of a primitive's bounds gives an interval
+//! of t, and the bounds are met only where the intervals of all six overlap: interval arithmetic over the packet
+//! (Boulos, Wald and Shirley, "Geometric and Arithmetic Culling Methods for Entire Ray Packets", 2006), turned around
+//! so that a lane is a primitive. Whatever is left out is met by none of the rays.
+
+use fearless_simd::{f32x4, f32x8, prelude::*};
+use glam::Vec3;
+
+use super::lanes::{Float, LANES, Mask};
+use super::rays::{DIRECTION_MIN, Rays};
+use crate::bvh::{Bounds, SLACK};
+
+/// A box round all rays of a packet at each distance from their origins.
+pub(super) struct Beam {
+    /// By axis: the face of the smaller coordinates, then the other.
+    faces: [[Face; 2]; 3],
+    /// To the end of the longest ray, in lengths of their directions.
+    distance: f32,
+}
+
+/// A face of the box, which moves along its axis.
+#[derive(Clone, Copy)]
+struct Face {
+    origin: f32,
+    /// 1 / velocity, without infinities.
+    inverse: f32,
+}
+
+/// Bounds of primitives, by [`LANES`] of them: corners of the smallest coordinates, then of the largest.
+pub(super) struct BoundsGroups {
+    groups: Vec<[[f32; LANES]; 6]>,
+    count: usize,
+}
+
+impl Beam {
+    /// The beam of the rays of `lanes`, as far as `distance`; none if one of them is not finite.
+    #[inline(always)]
+    pub(super) fn new<S: Simd>(
+        simd: S,
+        rays: &Rays<S>,
+        lanes: Mask<S>,
+        distance: Float<S>,
+    ) -> Option<Self> {
+        let (o, d) = (rays.origin, rays.direction);
+        // Not a number where one of them is not finite.
+        let zero = (o.x + o.y + o.z + d.x + d.y + d.z) * 0.0;
+        if (lanes & !zero.simd_eq(zero)).any_true() {
+            return None;
+        }
+        let distance = -least(simd, -distance, lanes);
+        Some(Self {
+            faces: [
+                faces(simd, o.x, d.x, lanes),
+                faces(simd, o.y, d.y, lanes),
+                faces(simd, o.z, d.z, lanes),
+            ],
+            // Below ∞, where the bounds of no primitive begin.
+            distance: distance.min(f32::MAX),
+        })
+    }
+
+    /// The beam of all rays from a point whose directions, of any length, lie between two.
+    #[inline(always)]
+    pub(super) fn between(origin: [f32; 3], first: Vec3, last: Vec3) -> Self {
+        let (low, high) = (first.min(last), first.max(last));
+        let faces = |axis: usize| {
+            [
+                Face::new(origin[axis], low[axis]),
+                Face::new(origin[axis], high[axis]),
+            ]
+        };
+        Self {
+            faces: [faces(0), faces(1), faces(2)],
+            distance: f32::MAX,
+        }
+    }
+
+    /// Which bounds of a group overlap the box somewhere, a bit each.
+    #[inline(always)]
+    fn meets<S: Simd>(&self, simd: S, bounds: &[[f32; LANES]; 6]) -> u32 {
+        let mut begin = Float::splat(simd, 0.0);
+        let mut end = Float::splat(simd, self.distance);
+        for (axis, [low, high]) in self.faces.into_iter().enumerate() {
+            let min = Float::load_array(simd, bounds[axis]);
+            let max = Float::load_array(simd, bounds[axis + 3]);
+            let t = (max - low.origin) * low.inverse;
+            if low.inverse > 0.0 {
+                end = end.min(t);
+            } else {
+                begin = begin.max(t);
+            }
+            let t = (min - high.origin) * high.inverse;
+            if high.inverse > 0.0 {
+                begin = begin.max(t);
+            } else {
+                end = end.min(t);
+            }
+        }
+        begin.simd_le(end).to_bitmask() as u32
+    }
+}
+
+impl Face {
+    #[inline(always)]
+    fn new(origin: f32, velocity: f32) -> Self {
+        let inverse = 1.0 / velocity.abs().max(DIRECTION_MIN).copysign(velocity);
+        Self { origin, inverse }
+    }
+}
+
+impl BoundsGroups {
+    /// `reach` is an upper bound of the coordinates of primitives and of rays' origins together, by which bounds are
+    /// widened.
+    pub(super) fn new(bounds: impl IntoIterator<Item = Bounds>, reach: f32) -> Self {
+        let (mut groups, mut count) = (Vec::<[[f32; LANES]; 6]>::new(), 0);
+        for bounds in bounds {
+            let lane = count % LANES;
+            count += 1;
+            if lane == 0 {
+                // Nothing meets what is not there.
+                let (min, max) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+                groups.push([min, min, min, max, max, max]);
+            }
+            let Some(group) = groups.last_mut() else {
+                continue; // the first has begun one
+            };
+            let (min, max) = (bounds.min - reach * SLACK, bounds.max + reach * SLACK);
+            for axis in 0..3 {
+                group[axis][lane] = min[axis];
+                group[axis + 3][lane] = max[axis];
+            }
+        }
+        Self { groups, count }
+    }
+
+    /// How many groups there are.
+    #[inline(always)]
+    pub(super) fn len(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// Indices of the primitives of a group that the beam may meet, in order; of all without a beam.
+    #[inline(always)]
+    pub(super) fn met<S: Simd>(&self, simd: S, group: usize, beam: Option<&Beam>) -> Indices {
+        let first = group * LANES;
+        let bits = match beam {
+            Some(beam) => beam.meets(simd, &self.groups[group]),
+            None => u32::MAX >> (32 - LANES.min(self.count - first)),
+        };
+        Indices { first, bits }
+    }
+}
+
+/// Indices of the bits that are set, in order.
+pub(super) struct Indices {
+    first: usize,
+    bits: u32,
+}
+
+impl Iterator for Indices {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let bit = self.bits.trailing_zeros() as usize;
+        if self.bits == 0 {
+            return None;
+        }
+        self.bits &= self.bits - 1;
+        Some(self.first + bit)
+    }
+}
+
+/// Both faces of an axis, along which rays begin at `origin` and move by `velocity`.
+#[inline(always)]
+fn faces<S: Simd>(simd: S, origin: Float<S>, velocity: Float<S>, lanes: Mask<S>) -> [Face; 2] {
+    let low = Face::new(least(simd, origin, lanes), least(simd, velocity, lanes));
+    let high = [least(simd, -origin, lanes), least(simd, -velocity, lanes)];
+    [low, Face::new(-high[0], -high[1])]
+}
+
+#[inline(always)]
+fn least<S: Simd>(simd: S, values: Float<S>, lanes: Mask<S>) -> f32 {
+    let values = lanes.select(values, Float::splat(simd, f32::INFINITY));
+    let (low, high): (f32x8<S>, f32x8<S>) = values.split();
+    let (low, high): (f32x4<S>, f32x4<S>) = low.min(high).split();
+    let [a, b, c, d] = low.min(high).to_array();
+    let (a, b) = (if a < b { a } else { b }, if c < d { c } else { d });
+    if a < b { a } else { b }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::geometry::Geometry;
+    use super::super::lanes::{Vec3x, Word};
+    use super::super::rays::NONE;
+    use super::*;
+    use crate::sampling::uniforms;
+    use crate::simd::dispatch;
+    use crate::{CompiledScene, CpuTracer, Scene};
+
+    /// Lanes of a packet: origins, then directions.
+    type Six = [[f32; LANES]; 6];
+
+    /// A number in [−1, 1).
+    fn random(index: u32, block: u32) -> f32 {
+        2.0 * uniforms(index, block, 5, 7)[0] - 1.0
+    }
+
+    /// Rays whose origins and directions are as far apart as `spread`, now along an axis and now not.
+    fn packet(index: u32, spread: f32) -> Six {
+        let middle: [f32; 6] = std::array::from_fn(|i| random(index, i as u32));
+        let along = (index % 3) as usize;
+        std::array::from_fn(|i| {
+            std::array::from_fn(|lane| {
+                let aside = spread * random(index * LANES as u32 + lane as u32, 10 + i as u32);
+                match i {
+                    0..3 => 3.0 * middle[i] + aside,
+                    _ if index.is_multiple_of(4) && i - 3 != along => 0.0,
+                    _ => middle[i] + aside,
+                }
+            })
+        })
+    }
+
+    /// Hits, and where something lies before 2 m, of the `lanes`, by their beam or without.
+    #[inline(always)]
+    fn hits<S: Simd>(
+        simd: S,
+        geometry: &Geometry,
+        six: &Six,
+        lanes: u64,
+        is_by_beam: bool,
+    ) -> ([f32; LANES], [u32; LANES], u64) {
+        let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
+        let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
+        let direction = direction * (1.0 / direction.length_squared().sqrt());
+        let none = Word::splat(simd, NONE);
+        let rays = Rays::new(simd, origin, direction, none);
+        let lanes = Mask::from_bitmask(simd, lanes);
+        let (endless, near) = (Float::splat(simd, f32::INFINITY), Float::splat(simd, 2.0));
+        let beam = |distance| Beam::new(simd, &rays, lanes, distance).filter(|_| is_by_beam);
+        let nearest = geometry.nearest(simd, &rays, beam(endless).as_ref());
+        let dark = geometry.occluded(simd, &rays, beam(near).as_ref(), near, none);
+        let missed = Float::splat(simd, f32::INFINITY);
+        (
+            lanes.select(nearest.distance, missed).to_array(),
+            lanes.select(nearest.id, none).to_array(),
+            (dark & lanes).to_bitmask(),
+        )
+    }
+
+    #[test]
+    fn a_beam_leaves_out_nothing_that_its_rays_meet() {
+        let scene = Scene::from_json(include_str!("../../../assets/scenes/pool.json")).unwrap();
+        let geometry = Geometry::new(&CompiledScene::new(&scene).unwrap());
+        let mut met = 0;
+        for level in CpuTracer::levels_available() {
+            for index in 0..4_000 {
+                let spread = [0.0, 1e-3, 0.05, 0.5, 3.0][index as usize % 5];
+                let mut six = packet(index, spread);
+                let lanes = if index % 7 == 0 { 0x0ff3 } else { 0xffff };
+                if index % 7 == 0 {
+                    // A lane that is left out may hold anything.
+                    six[index as usize % 6][2] = [f32::NAN, f32::INFINITY][index as usize % 2];
+                }
+                let [all, by_beam] = [false, true].map(|is_by_beam| {
+                    dispatch!(level, simd => hits(simd, &geometry, &six, lanes, is_by_beam))
+                });
+                assert_eq!(by_beam, all, "{level:?}, packet {index}");
+                met += by_beam.1.iter().filter(|id| **id != NONE).count();
+            }
+        }
+        assert!(met > 10_000, "only {met} rays meet anything");
+    }
+
+    #[test]
+    fn a_beam_meets_what_is_in_its_way_only() {
+        let at = |x: f32, y: f32| Bounds {
+            min: Vec3::new(x, y, -0.1),
+            max: Vec3::new(x + 0.2, y + 0.2, 0.1),
+        };
+        let bounds = (0..40).map(|i| at((i / 4) as f32, (i % 4) as f32 - 0.1));
+        let groups = BoundsGroups::new(bounds, 20.0);
+        let ahead = Beam::between(
+            [-1.0, 0.0, 0.0],
+            Vec3::new(1.0, -0.01, 0.0),
+            Vec3::new(1.0, 0.01, 0.0),
+        );
+        for level in CpuTracer::levels_available() {
+            let met = dispatch!(level, simd => {
+                let groups = &groups;
+                let met = (0..groups.len()).flat_map(|group| groups.met(simd, group, Some(&ahead)));
+                met.collect::<Vec<usize>>()
+            });
+            assert_eq!(met, (0..40).step_by(4).collect::<Vec<_>>(), "{level:?}");
+            let all = dispatch!(level, simd => {
+                let groups = &groups;
+                let met = (0..groups.len()).flat_map(|group| groups.met(simd, group, None));
+                met.collect::<Vec<usize>>()
+            });
+            assert_eq!(all, (0..40).collect::<Vec<_>>(), "{level:?}");
+        }
+    }
+
+    #[test]
+    fn rays_that_are_not_finite_have_no_beam() {
+        for (place, value) in [(0, f32::NAN), (4, f32::NAN), (2, f32::NEG_INFINITY)] {
+            let mut six = packet(1, 0.1);
+            six[place][3] = value;
+            let is_there = dispatch!(crate::simd::Level::new(), simd => {
+                let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
+                let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
+                let rays = Rays::new(simd, origin, direction, Word::splat(simd, NONE));
+                let (all, far) = (Mask::splat(simd, true), Float::splat(simd, 1.0));
+                Beam::new(simd, &rays, all, far).is_some()
+            });
+            assert!(!is_there, "{value} in column {place}");
+        }
+    }
+}
