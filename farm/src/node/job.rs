@@ -5,9 +5,10 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Instant;
 
 use carom_protocol::TraceRequest;
-use carom_tracer::{CompiledScene, Scene, Tile};
+use carom_tracer::{CompiledScene, Scene, Tile, TileRange};
 
 use super::client_connection::ClientConnection;
+use super::guard_band::{guarded_pixels, guarded_pixels_of_run, halves};
 use super::partial_tile::PartialTile;
 
 /// A request whose scene is to be compiled.
@@ -59,10 +60,37 @@ impl NodeJob {
         self.unfinished.fetch_sub(tiles, Ordering::AcqRel) == tiles
     }
 
-    /// Samples of so many of its tiles, if they are whole.
-    pub(super) fn samples(&self, tiles: u32) -> f64 {
-        let edge = f64::from(self.request.grid.edge);
-        f64::from(tiles) * edge * edge * f64::from(self.request.settings.samples)
+    /// Samples that are traced for some of its tiles, with the guard band of denoised ones.
+    pub(super) fn samples(&self, tiles: TileRange) -> f64 {
+        let grid = self.request.grid;
+        let pixels = match self.is_denoised() {
+            true => guarded_pixels_of_run(grid, tiles),
+            false => grid.pixels(tiles),
+        };
+        pixels as f64 * self.samples_per_pixel()
+    }
+
+    /// The same for a part of a tile.
+    pub(super) fn samples_of_part(&self, part: Tile) -> f64 {
+        let pixels = match self.is_denoised() {
+            true => guarded_pixels(part, self.request.grid.size),
+            false => part.pixels(),
+        };
+        pixels as f64 * self.samples_per_pixel()
+    }
+
+    /// The most tiles, of those from `all`'s first on, for which at most so many samples are traced.
+    pub(super) fn tiles_within(&self, all: TileRange, samples: f64) -> u32 {
+        let (mut fitting, mut too_many) = (0, all.count + 1);
+        while too_many - fitting > 1 {
+            let count = fitting + (too_many - fitting) / 2;
+            let tiles = TileRange { count, ..all };
+            match self.samples(tiles) <= samples {
+                true => fitting = count,
+                false => too_many = count,
+            }
+        }
+        fitting
     }
 
     /// Samples of a pixel.
@@ -70,9 +98,17 @@ impl NodeJob {
         f64::from(self.request.settings.samples)
     }
 
-    /// Whether a tile can be traced in parts.
-    pub(super) fn has_divisible_tiles(&self) -> bool {
-        !self.request.settings.denoise
+    /// Whether its tiles are denoised, and need a guard band.
+    pub(super) fn is_denoised(&self) -> bool {
+        self.request.settings.denoise
+    }
+
+    /// Whether a tile or part can be traced in smaller parts.
+    pub(super) fn is_divisible(&self, part: Tile) -> bool {
+        match self.is_denoised() {
+            true => halves(part).is_some(),
+            false => part.pixels() > 1,
+        }
     }
 
     /// Takes out what has been traced of a tile that is traced in parts.
@@ -87,16 +123,42 @@ impl NodeJob {
         self.lock_partial().push(partial);
     }
 
-    /// The next part to trace of a tile, of at most so many pixels, but for the first; none if it is to be traced as a
-    /// whole.
-    pub(super) fn next_part(&self, tile: u32, pixels: Option<u32>) -> Option<Tile> {
+    /// The next part of a tile that has been divided, or is to be: at most so many pixels are traced for it where it can
+    /// be divided further. `None` if the tile is to be traced as a whole.
+    pub(super) fn next_part(&self, tile: u32, divides: bool, pixels: u32) -> Option<Tile> {
         let mut partial = self.lock_partial();
-        if let Some(begun) = partial.iter().find(|partial| partial.index == tile) {
-            return Some(begun.next(pixels.unwrap_or(u32::MAX)));
+        let begun = partial.iter_mut().find(|partial| partial.index == tile);
+        match begun {
+            Some(begun) => Some(begun.next(pixels)),
+            None if divides => {
+                let mut begun = self.undivided(tile);
+                let part = begun.next(pixels);
+                partial.push(begun);
+                Some(part)
+            }
+            None => None,
         }
-        let pixels = pixels.filter(|_| self.has_divisible_tiles())?;
-        partial.push(PartialTile::new(tile, self.request.grid.tile(tile)));
-        partial.last().map(|begun| begun.next(pixels))
+    }
+
+    /// Notes that a tile or its next part has been stopped, and returns how often. It is traced in parts from then on:
+    /// a whole tile that is stopped has been traced in vain.
+    pub(super) fn note_stop(&self, tile: u32) -> u32 {
+        let mut partial = self.take_partial(tile);
+        let begun = partial.get_or_insert_with(|| self.undivided(tile));
+        let stops = begun.note_stop();
+        partial
+            .into_iter()
+            .for_each(|begun| self.keep_partial(begun));
+        stops
+    }
+
+    fn undivided(&self, tile: u32) -> PartialTile {
+        let grid = self.request.grid;
+        PartialTile::new(
+            tile,
+            grid.tile(tile),
+            self.is_denoised().then_some(grid.size),
+        )
     }
 
     fn lock_partial(&self) -> MutexGuard<'_, Vec<PartialTile>> {

@@ -1,47 +1,90 @@
-//! A tile that takes longer than a slice, traced in parts: blocks of columns, or a part of one column.
+//! A tile that takes longer than a slice, traced in parts: of a noisy one blocks of columns, or a part of one column; of
+//! a denoised one rectangles between the blocks of its guard band.
 //!
-//! A pixel does not depend on what it is traced with, so the parts have the bits of the whole tile. Denoised tiles
-//! cannot be divided: each part would need a guard band of its own.
+//! A pixel does not depend on what it is traced with, so the parts have the bits of the whole tile. A denoised pixel
+//! depends on those within the denoiser's reach, which are traced with each part as its guard band.
 
-use carom_tracer::{Tile, TileRadiance};
+use carom_tracer::{ImageSize, Tile, TileRadiance};
 
-/// The pixels of a tile that have been traced, column by column from the left.
+use super::guard_band::{guarded_pixels, halves};
+
+/// A tile of which some pixels have been traced.
 pub(super) struct PartialTile {
     /// The tile's number in its grid.
     pub(super) index: u32,
     tile: Tile,
+    /// The picture's size, if the tile is denoised.
+    denoised_in: Option<ImageSize>,
     radiance: Vec<[f32; 3]>,
-    traced: u32,
+    /// What has not been traced, the next last.
+    left: Vec<Tile>,
     dropped_samples: u32,
+    /// How often the next part has been stopped.
+    stops: u32,
 }
 
 impl PartialTile {
-    /// None of the pixels of the tile of this number.
-    pub(super) fn new(index: u32, tile: Tile) -> Self {
+    /// None of the pixels of the tile of this number; of a picture of that size if it is denoised.
+    pub(super) fn new(index: u32, tile: Tile, denoised_in: Option<ImageSize>) -> Self {
         Self {
             index,
             tile,
+            denoised_in,
             radiance: vec![[0.0; 3]; tile.pixels()],
-            traced: 0,
+            left: vec![tile],
             dropped_samples: 0,
+            stops: 0,
         }
     }
 
-    /// The next pixels to trace, at most `pixels` but for the first: high parts, since tracers divide rows
-    /// among their threads.
-    pub(super) fn next(&self, pixels: u32) -> Tile {
-        let Tile { width, height, .. } = self.tile;
-        let (column, row) = (self.traced / height, self.traced % height);
-        let (columns, rows) = match row {
-            0 if pixels >= height => ((pixels / height).min(width - column), height),
-            _ => (1, pixels.clamp(1, height - row)),
+    /// The next part to trace, for which at most `pixels` are traced where it can be divided.
+    pub(super) fn next(&mut self, pixels: u32) -> Tile {
+        let part = self.left.pop().unwrap_or(self.tile);
+        let part = match self.denoised_in {
+            Some(size) => self.next_guarded(part, size, pixels),
+            None => self.next_columns(part, pixels),
         };
+        self.left.push(part);
+        part
+    }
+
+    /// The first pixels of a rectangle, at most `pixels` but for the first: high parts, since tracers divide
+    /// rows among their threads.
+    fn next_columns(&mut self, all: Tile, pixels: u32) -> Tile {
+        let (columns, rows) = match pixels >= all.height {
+            true => ((pixels / all.height).min(all.width), all.height),
+            false => (1, pixels.max(1)),
+        };
+        let right = Tile {
+            x: all.x + columns,
+            width: all.width - columns,
+            ..all
+        };
+        let below = Tile {
+            y: all.y + rows,
+            width: columns,
+            height: all.height - rows,
+            ..all
+        };
+        let rest = [right, below].into_iter().filter(|rest| rest.pixels() > 0);
+        self.left.extend(rest);
         Tile {
-            x: self.tile.x + column,
-            y: self.tile.y + row,
             width: columns,
             height: rows,
+            ..all
         }
+    }
+
+    /// A part of a rectangle that has at most `pixels` with its guard band, or lies in one block.
+    fn next_guarded(&mut self, all: Tile, size: ImageSize, pixels: u32) -> Tile {
+        let mut part = all;
+        while guarded_pixels(part, size) > pixels as usize
+            && let Some([first, rest]) = halves(part)
+        {
+            self.left.push(rest);
+            part = first;
+        }
+        part
     }
 
     /// Takes in what has been traced of [`PartialTile::next`].
@@ -52,13 +95,21 @@ impl PartialTile {
             let first = (y * self.tile.width + left) as usize;
             self.radiance[first..first + row.len()].copy_from_slice(row);
         }
-        self.traced += part.pixels() as u32;
+        let expected = self.left.pop();
+        debug_assert_eq!(expected, Some(part), "another part than the next");
         self.dropped_samples = self.dropped_samples.saturating_add(traced.dropped_samples);
+        self.stops = 0;
+    }
+
+    /// Notes that the next part has been stopped, and returns how often it has been.
+    pub(super) fn note_stop(&mut self) -> u32 {
+        self.stops += 1;
+        self.stops
     }
 
     /// The whole tile, once all of it has been traced.
     pub(super) fn whole(self) -> Result<(Vec<[f32; 3]>, u32), Self> {
-        match self.traced as usize == self.radiance.len() {
+        match self.left.is_empty() {
             true => Ok((self.radiance, self.dropped_samples)),
             false => Err(self),
         }
@@ -67,6 +118,13 @@ impl PartialTile {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+    use std::sync::atomic::AtomicBool;
+
+    use carom_tracer::{
+        CompiledScene, CpuTracer, RenderSettings, Scene, TileGrid, TraceJob, Tracer,
+    };
+
     use super::*;
 
     /// Each pixel's place, as if it had been traced.
@@ -99,7 +157,7 @@ mod tests {
             vec![1, 30, 2, 11],
             vec![0],
         ] {
-            let mut partial = PartialTile::new(9, tile);
+            let mut partial = PartialTile::new(9, tile, None);
             let mut parts = 0;
             let mut next_sizes = sizes.iter().copied().cycle();
             let (radiance, dropped_samples) = loop {
@@ -115,6 +173,99 @@ mod tests {
             };
             assert_eq!(radiance, places(tile).radiance, "parts of {sizes:?}");
             assert_eq!(dropped_samples, parts);
+        }
+    }
+
+    #[test]
+    fn denoised_parts_lie_between_blocks_and_fit_with_their_guard_band() {
+        let size = ImageSize::new(203, 117);
+        for (x, y, width, height) in [(64, 32, 64, 64), (91, 39, 13, 13), (192, 96, 11, 21)] {
+            let tile = Tile {
+                x,
+                y,
+                width,
+                height,
+            };
+            for pixels in [0, 24 * 24, 48 * 48, 5000, u32::MAX] {
+                let mut partial = PartialTile::new(9, tile, Some(size));
+                let radiance = loop {
+                    let part = partial.next(pixels);
+                    let fits = guarded_pixels(part, size) <= pixels as usize;
+                    assert!(fits || halves(part).is_none(), "{part:?}");
+                    partial.put(part, &places(part));
+                    match partial.whole() {
+                        Ok((radiance, _)) => break radiance,
+                        Err(rest) => partial = rest,
+                    }
+                };
+                assert_eq!(radiance, places(tile).radiance, "{tile:?} by {pixels}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_part_that_was_stopped_is_divided_when_its_price_has_risen() {
+        let tile = Tile {
+            x: 64,
+            y: 32,
+            width: 32,
+            height: 32,
+        };
+        for denoised_in in [None, Some(ImageSize::new(203, 117))] {
+            let mut partial = PartialTile::new(9, tile, denoised_in);
+            assert_eq!(partial.next(u32::MAX), tile);
+            assert_eq!(partial.note_stop(), 1);
+            let part = partial.next(24 * 40);
+            assert!(part.pixels() < tile.pixels());
+            assert_eq!(partial.note_stop(), 2);
+            partial.put(part, &places(part));
+            assert_eq!(partial.note_stop(), 1, "of another part");
+        }
+    }
+
+    #[test]
+    fn denoised_parts_have_the_bits_of_the_whole_tile() {
+        let scene = Scene::from_json(include_str!("../../../assets/scenes/pool.json")).unwrap();
+        let scene = CompiledScene::new(&scene).unwrap();
+        let tracer = CpuTracer::with_threads(1).unwrap();
+        let size = ImageSize::new(103, 77);
+        for (edge, tile, samples) in [(32, 5, 1), (37, 3, 2), (29, 6, 5), (64, 1, 1), (13, 26, 4)] {
+            let trace = |tile: Tile| {
+                let traced = Mutex::new(None);
+                let job = TraceJob {
+                    size,
+                    tiles: &[tile],
+                    settings: RenderSettings {
+                        samples,
+                        denoise: true,
+                        ..RenderSettings::default()
+                    },
+                    cancelled: &AtomicBool::new(false),
+                };
+                let sink = |tile: TileRadiance| *traced.lock().unwrap() = Some(tile);
+                let stats = tracer.trace(&scene, &job, &sink).unwrap();
+                let priced = guarded_pixels(tile, size) as u64 * u64::from(samples);
+                assert_eq!(stats.samples, priced, "{tile:?}");
+                traced.into_inner().unwrap().unwrap()
+            };
+            let tile = TileGrid::new(size, edge).tile(tile);
+            let whole = trace(tile);
+            for pixels in [0, 24 * 32, 32 * 32] {
+                let mut partial = PartialTile::new(0, tile, Some(size));
+                let mut parts = 0;
+                let (radiance, dropped_samples) = loop {
+                    let part = partial.next(pixels);
+                    partial.put(part, &trace(part));
+                    parts += 1;
+                    match partial.whole() {
+                        Ok(whole) => break whole,
+                        Err(rest) => partial = rest,
+                    }
+                };
+                assert!(parts > 1, "{tile:?}");
+                assert!(radiance == whole.radiance, "{tile:?} in {parts} parts");
+                assert_eq!(dropped_samples, whole.dropped_samples);
+            }
         }
     }
 }

@@ -2,7 +2,8 @@
 //! client by frame, since the oldest is the next to be shown. They are traced in slices of
 //! [`SLICE_SECS`], so that no player waits for another's whole request; one that takes longer than it
 //! was priced at is cut when somebody waits, and its other tiles are queued again. A tile that takes longer
-//! than a slice is traced in [parts](super::partial_tile).
+//! than a slice is traced in [parts](super::partial_tile); a denoised one, whose parts need a guard band each, where
+//! other players use the node.
 //!
 //! A client's session admits at most `REQUESTS_QUEUED_MAX` of its requests. What a request costs is
 //! known before it is traced, from [probes](Turn::Probe) and slices of its scene; one that costs too
@@ -14,10 +15,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
+use carom_protocol::NodeLoad;
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
-use carom_protocol::{NodeLoad, SceneHash};
 use carom_tracer::{CompiledScene, Tile, TileRange};
 
+use super::cost::{Cost, UNDIVIDED_SECS_MAX, too_costly};
 use super::device_quota::DeviceQuota;
 use super::fair_queue::{FairQueue, PlayerId};
 use super::job::{NodeJob, UncompiledJob};
@@ -82,20 +84,10 @@ struct RunningTurn {
     job: Arc<NodeJob>,
     stop: Arc<AtomicBool>,
     begun: Instant,
-    /// Whether a part of it can be left for later.
-    is_divisible: bool,
-}
-
-/// The measured cost of a scene.
-struct Cost {
-    scene: SceneHash,
-    /// The deepest paths that it was measured with.
-    max_depth: u32,
-    secs_per_sample: f64,
-    /// The most samples that were measured at once.
-    samples_max: f64,
-    /// Probes since the last slice.
-    probes: u32,
+    /// The time after which it is stopped while nobody else waits; `None` if it can be divided.
+    secs_max: Option<f64>,
+    /// The time after which it is stopped when another player waits.
+    secs_max_beside_others: f64,
 }
 
 impl JobQueue {
@@ -257,7 +249,7 @@ impl JobQueue {
             .cost(job)
             .map(|cost| (cost.secs_per_sample, cost.probes));
         let before_max = state.cost(job).map_or(0.0, |cost| cost.samples_max);
-        state.costs.retain(|cost| cost.scene != job.request.scene);
+        state.costs.retain(|cost| !cost.is_of(job));
         let (secs_per_sample, probes) = match known {
             // A device that compiles its kernels first, or is disturbed, is slower than it will be.
             Some((before, probes)) if is_probe => (secs_per_sample.min(before), probes + 1),
@@ -265,6 +257,7 @@ impl JobQueue {
         };
         state.costs.push_front(Cost {
             scene: job.request.scene,
+            is_denoised: job.is_denoised(),
             max_depth,
             secs_per_sample,
             samples_max: samples.max(before_max),
@@ -310,15 +303,23 @@ impl QueueState {
         let work = self.work(&job, next)?;
         let stop = Arc::new(AtomicBool::new(job.cancelled.load(Ordering::Relaxed)));
         let is_divisible = match work {
-            TurnWork::Trace(tiles) => tiles.count > 1 || job.has_divisible_tiles(),
-            TurnWork::TracePart(_, part) => part.pixels() > 1,
+            TurnWork::Trace(tiles) => {
+                tiles.count > 1 || job.is_divisible(job.request.grid.tile(tiles.first))
+            }
+            TurnWork::TracePart(_, part) => job.is_divisible(part),
             TurnWork::Probe | TurnWork::Refuse(_) => false,
         };
+        let is_block = work != TurnWork::Probe && job.is_denoised();
         self.running.push(RunningTurn {
             job: Arc::clone(&job),
             stop: Arc::clone(&stop),
             begun: Instant::now(),
-            is_divisible,
+            secs_max: (!is_divisible).then_some(UNDIVIDED_SECS_MAX),
+            secs_max_beside_others: match is_divisible {
+                true => SLICE_SECS_MAX,
+                false if is_block => BLOCK_SECS_MAX,
+                false => UNDIVIDED_SECS_MAX,
+            },
         });
         Some(Turn { job, work, stop })
     }
@@ -345,22 +346,34 @@ impl QueueState {
             if probes < PROBES_BEFORE_REFUSAL {
                 return Some(TurnWork::Probe);
             }
-            self.costs.retain(|cost| cost.scene != job.request.scene);
+            self.costs.retain(|cost| !cost.is_of(job));
             self.jobs.next_mut()?.pop_front();
             return Some(TurnWork::Refuse(why));
         }
         let fitting = SLICE_SECS / secs_per_sample.max(1e-12);
-        let pixels = (fitting.min(samples_max) / job.samples_per_pixel()) as u32;
-        let is_whole = fitting >= job.samples(1);
-        if let Some(part) = job.next_part(next.first, (!is_whole).then_some(pixels)) {
+        let is_whole = fitting >= job.samples(TileRange { count: 1, ..next });
+        let divides = !is_whole && (!job.is_denoised() || self.is_shared(job.client.player));
+        let fitting = fitting.min(samples_max);
+        let pixels = match is_whole {
+            true => u32::MAX,
+            false => (fitting / job.samples_per_pixel()) as u32,
+        };
+        if let Some(part) = job.next_part(next.first, divides, pixels) {
             self.take(1)?;
             return Some(TurnWork::TracePart(next.first, part));
         }
-        let fitting = (fitting.min(samples_max) / job.samples(1)) as u32;
+        let fitting = job.tiles_within(next, fitting);
         // Whole messages, unless one takes too long.
         let whole = fitting - fitting % TILES_PER_MESSAGE_MAX;
         let count = if whole > 0 { whole } else { fitting.max(1) };
         self.take(count.min(next.count))
+    }
+
+    /// Whether other players wait, or have had the device lately and will probably come back.
+    fn is_shared(&self, player: PlayerId) -> bool {
+        let running = self.running.iter().map(|turn| turn.job.client.player);
+        let waiting = running.chain(self.jobs.waiting());
+        self.load.load(Instant::now(), player, waiting).players > 0
     }
 
     /// Takes the first tiles of the next job.
@@ -386,12 +399,14 @@ impl QueueState {
         let mut next = None::<Instant>;
         for turn in &self.running {
             let player = turn.job.client.player;
-            let secs_max = match turn.is_divisible {
-                _ if player == PlayerId::LOCAL || turn.stop.load(Ordering::Relaxed) => continue,
-                true if self.jobs.others_wait(player) => SLICE_SECS_MAX,
-                true => continue,
-                false => UNDIVIDED_SECS_MAX,
+            if player == PlayerId::LOCAL || turn.stop.load(Ordering::Relaxed) {
+                continue;
+            }
+            let secs_max = match self.jobs.others_wait(player) {
+                true => Some(turn.secs_max_beside_others),
+                false => turn.secs_max,
             };
+            let Some(secs_max) = secs_max else { continue };
             let due = turn.begun + Duration::from_secs_f64(secs_max);
             match due <= now {
                 true => turn.stop.store(true, Ordering::Relaxed),
@@ -406,28 +421,8 @@ impl QueueState {
         let settings = job.request.settings;
         self.costs
             .iter()
-            .find(|cost| cost.scene == job.request.scene && cost.max_depth >= settings.max_depth)
+            .find(|cost| cost.is_of(job) && cost.max_depth >= settings.max_depth)
     }
-}
-
-/// What to do about a request that is refused for its cost.
-pub(super) const COST_ADVICE: &str = "ask for fewer samples, shallower paths or smaller tiles";
-
-/// The sentence for a request that takes longer than any may.
-fn too_costly(job: &NodeJob, secs_per_sample: f64) -> Option<String> {
-    let tile_secs = secs_per_sample * job.samples(1);
-    let all_secs = secs_per_sample * job.samples(job.request.tiles.count);
-    if tile_secs > UNDIVIDED_SECS_MAX && !job.has_divisible_tiles() {
-        return Some(format!(
-            "a denoised tile of it takes some {tile_secs:.0} s here, of at most {UNDIVIDED_SECS_MAX:.0} s: \
-             {COST_ADVICE}"
-        ));
-    }
-    (all_secs > REQUEST_SECS_MAX).then(|| {
-        format!(
-            "it takes some {all_secs:.0} s here, of at most {REQUEST_SECS_MAX:.0} s: {COST_ADVICE}"
-        )
-    })
 }
 
 /// Swaps the newest job with those of the same client that are of later frames; jobs of the
@@ -453,22 +448,24 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// Jobs that keep their copies of scenes: those that are traced, and those whose turns come next.
 const UPDATED_KEPT_MAX: usize = 16;
-/// Scenes whose cost a node remembers.
+/// Scenes, denoised or not, whose cost a node remembers.
 const COSTS_KEPT_MAX: usize = 32;
-/// Device time of a slice: what another player's frame waits for. Denoised tiles are not divided.
+/// Device time of a slice: what another player's frame waits for. Denoised tiles that take longer are divided where
+/// others use the node: a part has a guard band of a block on each side, so that quarters of a tile of 32 × 32 pixels
+/// take 1.8 times as long as the whole. The least part is a block, for which 24 × 24 pixels are traced.
 const SLICE_SECS: f64 = 0.05;
 /// Device time after which a slice is cut if another player waits.
 const SLICE_SECS_MAX: f64 = 2.0 * SLICE_SECS;
 /// A slice has at most so many times the samples of any that was measured: where a probe's pixels were
 /// cheap, the rest of the picture may be dear.
 const GROWTH: f64 = 8.0;
-/// Device time of what cannot be divided: a denoised tile, a pixel, a probe.
-pub(super) const UNDIVIDED_SECS_MAX: f64 = 10.0;
+/// Device time of a denoised block after which it is stopped if another player waits. Only thousands of samples a pixel
+/// take so long, of which the denoiser leaves the picture as it is.
+pub(super) const BLOCK_SECS_MAX: f64 = 2.0;
+/// Stops of a denoised block after which its request is refused: the first may have been while a device compiled.
+pub(super) const BLOCK_STOPS_MAX: u32 = 2;
 /// The longest pause of [`JobQueue::watch`].
 const WATCH_PAUSE_MAX: Duration = Duration::from_secs(3600);
-/// Device time of a request. A 4K picture of 4,096 samples takes an H200 a minute and four slow
-/// cores the hour, but its requests are parts of it.
-const REQUEST_SECS_MAX: f64 = 3600.0;
 /// A probe may have been disturbed.
 const PROBES_BEFORE_REFUSAL: u32 = 2;
 

@@ -17,8 +17,9 @@ use carom_tracer::{
 };
 
 use super::client_connection::TileSharing;
+use super::cost::{COST_ADVICE, UNDIVIDED_SECS_MAX};
 use super::job::NodeJob;
-use super::queue::{COST_ADVICE, JobQueue, Turn, TurnWork, UNDIVIDED_SECS_MAX};
+use super::queue::{BLOCK_SECS_MAX, BLOCK_STOPS_MAX, JobQueue, Turn, TurnWork};
 
 /// Starts a worker thread; it ends when the queue is closed.
 pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
@@ -113,9 +114,15 @@ fn give_up(queue: &JobQueue, job: &NodeJob, why: RefusalReason) {
 }
 
 /// Refuses a job of which what cannot be divided takes too long.
-fn give_up_piece(queue: &JobQueue, job: &NodeJob, piece: &str) {
-    let why = format!("{piece} of it takes longer than {UNDIVIDED_SECS_MAX} s here: {COST_ADVICE}");
+fn give_up_piece(queue: &JobQueue, job: &NodeJob, piece: &str, secs_max: f64) {
+    let why = format!("{piece} of it takes longer than {secs_max} s here: {COST_ADVICE}");
     give_up(queue, job, RefusalReason::Invalid(why));
+}
+
+/// Whether a tile or its part that was stopped can be traced all the same: in smaller parts, or again.
+fn may_resume(job: &NodeJob, tile: u32, part: Tile) -> bool {
+    let stops = job.note_stop(tile);
+    job.is_divisible(part) || (job.is_denoised() && stops < BLOCK_STOPS_MAX)
 }
 
 /// Traces a slice: tiles, or a part of one. What it leaves is queued again.
@@ -132,11 +139,14 @@ fn trace(
     let is_cancelled = job.cancelled.load(Ordering::Relaxed);
     let left = slice.left();
     if !is_cancelled && !left.is_empty() {
-        let is_stopped = turn.stop.load(Ordering::Relaxed);
-        if is_stopped && part.is_some_and(|part| part.pixels() == 1) {
-            give_up_piece(queue, job, "a pixel");
-        } else if is_stopped && tiles.count == 1 && !job.has_divisible_tiles() {
-            give_up_piece(queue, job, "a tile");
+        let is_part_done = slice.part_is_done.load(Ordering::Relaxed);
+        let is_stopped = turn.stop.load(Ordering::Relaxed) && !is_part_done;
+        let lone = part.or((tiles.count == 1).then_some(slice.tiles[0]));
+        if is_stopped && lone.is_some_and(|part| !may_resume(job, tiles.first, part)) {
+            match job.is_denoised() {
+                true => give_up_piece(queue, job, "a block of 8x8 pixels", BLOCK_SECS_MAX),
+                false => give_up_piece(queue, job, "a pixel", UNDIVIDED_SECS_MAX),
+            }
         } else {
             let left_tiles = left.iter().map(|range| range.count).sum::<u32>();
             job.finish(tiles.count - left_tiles);
@@ -178,7 +188,7 @@ fn probe(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) -> Result<(), Error
     match turn.stop.load(Ordering::Relaxed) {
         false => queue.set_cost(job, tile.pixels() as f64, begun.elapsed(), true),
         true if job.cancelled.load(Ordering::Relaxed) => {}
-        true => give_up_piece(queue, job, "a probe"),
+        true => give_up_piece(queue, job, "a probe", UNDIVIDED_SECS_MAX),
     }
     Ok(())
 }
@@ -304,7 +314,7 @@ impl<'a> ActiveSlice<'a> {
             tracer.trace(&scene, &job, &sink).map(drop)?;
             let is_wanted = !self.job.cancelled.load(Ordering::Relaxed);
             if is_wanted && !self.stalled.load(Ordering::Relaxed) {
-                let samples = self.pixels_done() as f64 * self.job.samples_per_pixel();
+                let samples = self.samples_done();
                 self.queue
                     .set_cost(self.job, samples, begun.elapsed(), false);
             }
@@ -335,24 +345,33 @@ impl<'a> ActiveSlice<'a> {
         }
     }
 
-    /// What all the time was spent on, in pixels: of a slice that was stopped, what has come, or a piece of what
-    /// was begun.
-    fn pixels_done(&self) -> usize {
-        let piece = |tile: Tile| (tile.pixels() / STOPPED_PIECES).max(1);
-        match self.part {
-            Some(part) if self.part_is_done.load(Ordering::Relaxed) => part.pixels(),
-            Some(part) => piece(part),
-            None => {
-                let finished: usize = self.finished().map(|tile| tile.pixels()).sum();
-                let is_lone = self.tiles.len() == 1;
-                let begun = self.tiles[0];
-                finished.max(if is_lone {
-                    piece(begun)
-                } else {
-                    begun.pixels()
-                })
-            }
+    /// Samples that all the time was spent on.
+    fn samples_done(&self) -> f64 {
+        let count = self.tiles.len() as u32;
+        let all = match self.part {
+            Some(part) => self.job.samples_of_part(part),
+            None => self.job.samples(TileRange {
+                first: self.first,
+                count,
+            }),
+        };
+        (all * self.share_done()).max(self.job.samples_per_pixel())
+    }
+
+    /// The share of the slice that has been traced: of one that was stopped, what has come, or a piece of what was begun.
+    fn share_done(&self) -> f64 {
+        if self.part.is_some() {
+            let is_done = self.part_is_done.load(Ordering::Relaxed);
+            return if is_done { 1.0 } else { STOPPED_SHARE };
         }
+        let pixels = |tile: &Tile| tile.pixels() as f64;
+        let finished: f64 = self.finished().map(pixels).sum();
+        let all: f64 = self.tiles.iter().map(pixels).sum();
+        let begun = match self.tiles.len() {
+            1 => STOPPED_SHARE * all,
+            _ => pixels(&self.tiles[0]),
+        };
+        finished.max(begun) / all
     }
 
     /// Adds a tile to its group; returns the group when it is complete, with the index of its first
@@ -467,7 +486,7 @@ fn panic_message(panic: &(dyn Any + Send)) -> &str {
 }
 
 const GROUP_TILES: usize = TILES_PER_MESSAGE_MAX as usize;
-/// Pieces of a stopped tile of which one is taken to have been traced: its price rises so quickly.
-const STOPPED_PIECES: usize = 8;
+/// The share of a stopped tile that is taken to have been traced: its price rises so quickly.
+const STOPPED_SHARE: f64 = 0.125;
 /// Pixels along the edge of a probe: a quarter of a millisecond of one core at most scenes.
 const PROBE_EDGE: u32 = 16;

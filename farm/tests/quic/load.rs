@@ -74,6 +74,19 @@ fn with_pool(mut farm: Farm) -> Farm {
 
 #[test]
 fn a_tile_that_takes_seconds_keeps_no_other_player_waiting() {
+    keeps_no_other_player_waiting(picture(ImageSize::new(64, 64), 4096));
+}
+
+#[test]
+fn a_denoised_tile_that_takes_seconds_keeps_no_other_player_waiting() {
+    // With the guard bands of its parts.
+    let mut dear = picture(ImageSize::new(64, 64), 512);
+    dear.settings.denoise = true;
+    keeps_no_other_player_waiting(dear);
+}
+
+/// A picture of one tile that takes a second at least is traced between another player's pictures, and right.
+fn keeps_no_other_player_waiting(dear: FrameSpec) {
     const PATIENCE: Duration = Duration::from_secs(120);
     let folder = tempfile::tempdir().unwrap();
     create_farm(folder.path()).unwrap();
@@ -88,7 +101,6 @@ fn a_tile_that_takes_seconds_keeps_no_other_player_waiting() {
         farm.submit(small.clone()).unwrap();
         farm.wait_frame(PATIENCE).expect("a first picture");
     }
-    let dear = picture(ImageSize::new(64, 64), 4096);
     greedy.submit(dear.clone()).unwrap();
     let mut frames = 0;
     let whole = loop {
@@ -99,7 +111,7 @@ fn a_tile_that_takes_seconds_keeps_no_other_player_waiting() {
             break whole;
         }
     };
-    // One tile of a second at least, between slices of 50 ms.
+    // Slices of 50 ms.
     assert!(frames > 5, "{frames} frames beside a tile that takes long");
     let tracer = Arc::new(CpuTracer::with_threads(1).unwrap());
     let mut local = with_pool(Farm::with_tracers(FarmConfig::default(), vec![tracer]).unwrap());

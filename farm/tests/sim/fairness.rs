@@ -14,8 +14,8 @@ const fn is_hostile(player: usize) -> bool {
     player % 10 == 9
 }
 
-/// Device time of the next slice of a player. A hostile one asks for tiles that cannot be divided, up to
-/// the dearest that is admitted.
+/// Device time of the next slice of a player. A hostile one asks for pixels that cannot be divided, up to
+/// the dearest that are admitted.
 fn slice_secs(random: &mut SplitMix64, player: usize) -> f64 {
     match is_hostile(player) {
         true => 10.0 * random.uniform(),

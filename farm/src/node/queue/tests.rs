@@ -3,7 +3,7 @@
 use carom_protocol::session::ClientSession;
 use carom_protocol::{
     CodedParticles, EncodedScene, FrameId, NodeInfo, PixelFormat, PrecisionRange, RequestId,
-    TraceRequest,
+    SceneHash, TraceRequest,
 };
 use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
@@ -71,6 +71,12 @@ impl Requester {
 
     /// Asks for a picture of one sample in so many tiles.
     fn request_with(&mut self, frame: u64, tiles: u32, settings: RenderSettings) {
+        let size = ImageSize::new(8 * tiles.min(64), 8 * tiles.div_ceil(64));
+        self.request_grid(frame, TileGrid::new(size, 8), tiles, settings);
+    }
+
+    /// Asks for the first tiles of a picture of one sample.
+    fn request_grid(&mut self, frame: u64, grid: TileGrid, tiles: u32, settings: RenderSettings) {
         let scene = include_str!("../../../../assets/scenes/pool.json");
         let scene = Scene::from_json(scene).unwrap();
         let request = TraceRequest {
@@ -78,7 +84,7 @@ impl Requester {
             id: RequestId(self.runs),
             scene: SceneHash::of(&scene),
             update: SceneUpdate::default(),
-            grid: TileGrid::new(ImageSize::new(8 * tiles.min(64), 8 * tiles.div_ceil(64)), 8),
+            grid,
             tiles: TileRange {
                 first: 0,
                 count: tiles,
@@ -246,7 +252,8 @@ fn a_request_that_takes_days_is_refused() {
     greedy.request_with(0, 32, DENOISED);
     price(&queue, 1.0, PROBES_BEFORE_REFUSAL);
     let why = refused(&queue);
-    let expected = "a denoised tile of it takes some 64 s here, of at most 10 s";
+    // The guard band of the first block is the one beside it.
+    let expected = "8x8 denoised pixels of it take some 128 s here, of at most 10 s";
     assert!(why.contains(expected), "{why}");
     greedy.request(1, 4096);
     price(&queue, 0.1, PROBES_BEFORE_REFUSAL);
@@ -298,6 +305,25 @@ fn a_slice_that_takes_longer_than_its_price_is_cut_when_somebody_waits() {
     assert_eq!(traced(&queue).2.first, 64);
 }
 
+/// Ends a turn as if its tiles had been traced.
+fn end_traced(queue: &JobQueue, turn: &Turn) {
+    if let TurnWork::TracePart(tile, part) = turn.work {
+        let mut partial = turn.job.take_partial(tile).unwrap();
+        let traced = carom_tracer::TileRadiance {
+            index: 0,
+            radiance: vec![[0.0; 3]; part.pixels()],
+            dropped_samples: 0,
+        };
+        partial.put(part, &traced);
+        if let Err(partial) = partial.whole() {
+            turn.job.keep_partial(partial);
+            let (first, count) = (tile, 1);
+            queue.put_back(&turn.job, vec![TileRange { first, count }]);
+        }
+    }
+    queue.finish(turn, Duration::from_secs_f64(SLICE_SECS));
+}
+
 #[test]
 fn a_tile_longer_than_a_slice_is_traced_in_parts() {
     let queue = Arc::new(JobQueue::new());
@@ -312,27 +338,114 @@ fn a_tile_longer_than_a_slice_is_traced_in_parts() {
             panic!("{:?}", turn.work);
         };
         parts.push((tile, part.x, part.width, part.height));
-        let mut partial = turn.job.take_partial(tile).unwrap();
-        let radiance = vec![[0.0; 3]; part.pixels()];
-        let traced = carom_tracer::TileRadiance {
-            index: 0,
-            radiance,
-            dropped_samples: 0,
-        };
-        partial.put(part, &traced);
-        if let Err(partial) = partial.whole() {
-            turn.job.keep_partial(partial);
-            let range = TileRange {
-                first: tile,
-                count: 1,
-            };
-            queue.put_back(&turn.job, vec![range]);
-        }
-        queue.finish(&turn, Duration::from_secs_f64(SLICE_SECS));
+        end_traced(&queue, &turn);
     }
     let columns =
         |tile: u32| [(0, 3), (3, 3), (6, 2)].map(|(x, width)| (tile, 8 * tile + x, width, 8));
     assert_eq!(parts, [columns(0), columns(1)].concat());
+}
+
+/// Tiles of 64 × 64 pixels, for which 80 × 80 are traced where they are denoised.
+const LARGE_TILES: TileGrid = TileGrid::new(ImageSize::new(640, 640), 64);
+/// Device time of such a tile, in seconds.
+const DENOISED_SECS: f64 = 5.0;
+
+/// Two players, the first of whom has asked for a picture of denoised tiles that take [`DENOISED_SECS`] each.
+fn greedy_and_honest(queue: &Arc<JobQueue>) -> [Requester; 2] {
+    let mut players = [b"a", b"b"].map(|key| Requester::new(queue, PlayerId::of_key(key)));
+    players[0].request_grid(0, LARGE_TILES, LARGE_TILES.len(), DENOISED);
+    price(queue, DENOISED_SECS / (80.0 * 80.0), 1);
+    players
+}
+
+#[test]
+fn dear_denoised_tiles_are_whole_while_nobody_waits_and_slices_otherwise() {
+    let queue = Arc::new(JobQueue::new());
+    let [_greedy, mut honest] = greedy_and_honest(&queue);
+    let first = TileRange { first: 0, count: 1 };
+    let alone = queue.next().unwrap();
+    assert_eq!(alone.work, TurnWork::Trace(first));
+    end_traced(&queue, &alone);
+    // Non-denoised samples of the same scene have a price of their own.
+    honest.request(9, 4096);
+    let probe = queue.next().unwrap();
+    assert_eq!(probe.work, TurnWork::Probe);
+    queue.set_cost(&probe.job, SAMPLES, Duration::from_secs(10), true);
+    queue.finish(&probe, Duration::from_millis(1));
+    let (mut parts, mut of_honest) = (0, 0);
+    for _ in 0..40 {
+        let turn = queue.next().unwrap();
+        match turn.work {
+            TurnWork::TracePart(_, part) => {
+                let secs = turn.job.samples_of_part(part) * DENOISED_SECS / (80.0 * 80.0);
+                let is_least = part.width == 8 && part.height == 8;
+                assert!(secs <= SLICE_SECS || is_least, "{part:?} takes {secs} s");
+                assert!(secs <= 10.0 * SLICE_SECS, "{part:?} takes {secs} s");
+                parts += 1;
+            }
+            TurnWork::Trace(_) => {
+                assert_eq!(turn.job.client.player, PlayerId::of_key(b"b"));
+                of_honest += 1;
+            }
+            _ => panic!("{:?}", turn.work),
+        }
+        end_traced(&queue, &turn);
+    }
+    assert!(parts >= 15 && of_honest >= 15, "{parts} and {of_honest}");
+}
+
+#[test]
+fn a_denoised_tile_stopped_for_another_player_goes_on_in_parts() {
+    let queue = Arc::new(JobQueue::new());
+    let [_greedy, mut honest] = greedy_and_honest(&queue);
+    let turn = queue.next().unwrap();
+    assert_eq!(turn.work, TurnWork::Trace(TileRange { first: 0, count: 1 }));
+    let begun = lock(&queue.state).running[0].begun;
+    let stops_at = |secs: f64| {
+        lock(&queue.state).stop_overdue(begun + Duration::from_secs_f64(secs));
+        turn.stop.load(Ordering::Relaxed)
+    };
+    assert!(!stops_at(2.0 * UNDIVIDED_SECS_MAX), "nobody waits");
+    honest.request(9, 1);
+    assert!(!stops_at(0.9 * SLICE_SECS_MAX));
+    assert!(stops_at(1.1 * SLICE_SECS_MAX));
+    assert_eq!(turn.job.note_stop(0), 1);
+    queue.put_back(&turn.job, vec![TileRange { first: 0, count: 1 }]);
+    queue.finish(&turn, Duration::from_secs_f64(SLICE_SECS_MAX));
+    // Even when the other player has left, what has been traced is not to be lost again.
+    drop(honest);
+    queue.drop_cancelled();
+    lock(&queue.state)
+        .jobs
+        .retain(|queued| queued.job.is_denoised());
+    lock(&queue.state).load = LoadMeter::default();
+    for _ in 0..4 {
+        let turn = queue.next().unwrap();
+        assert!(
+            matches!(turn.work, TurnWork::TracePart(0, _)),
+            "{:?}",
+            turn.work
+        );
+        end_traced(&queue, &turn);
+    }
+}
+
+#[test]
+fn a_denoised_block_beside_others_is_stopped_in_seconds() {
+    let queue = Arc::new(JobQueue::new());
+    let [greedy_id, honest_id] = [b"a", b"b"].map(|key| PlayerId::of_key(key));
+    let mut greedy = Requester::new(&queue, greedy_id);
+    greedy.request_with(0, 1, DENOISED);
+    price(&queue, 1e-6, 1);
+    let turn = queue.next().unwrap();
+    let mut honest = Requester::new(&queue, honest_id);
+    honest.request(9, 1);
+    let state = lock(&queue.state);
+    let begun = state.running[0].begun;
+    state.stop_overdue(begun + Duration::from_secs_f64(0.9 * BLOCK_SECS_MAX));
+    assert!(!turn.stop.load(Ordering::Relaxed));
+    state.stop_overdue(begun + Duration::from_secs_f64(BLOCK_SECS_MAX));
+    assert!(turn.stop.load(Ordering::Relaxed));
 }
 
 #[test]

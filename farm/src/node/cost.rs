@@ -1,0 +1,54 @@
+//! Cost of scenes as it was measured, and the requests that are refused for theirs.
+
+use carom_protocol::SceneHash;
+
+use super::guard_band::{BLOCK, first_block};
+use super::job::NodeJob;
+
+/// The measured cost of a scene.
+pub(super) struct Cost {
+    pub(super) scene: SceneHash,
+    /// Whether it was denoised, which takes a part of the time.
+    pub(super) is_denoised: bool,
+    /// The deepest paths that it was measured with.
+    pub(super) max_depth: u32,
+    pub(super) secs_per_sample: f64,
+    /// The most samples that were measured at once.
+    pub(super) samples_max: f64,
+    /// Probes since the last slice.
+    pub(super) probes: u32,
+}
+
+impl Cost {
+    /// Whether it is the cost of a job's scene.
+    pub(super) fn is_of(&self, job: &NodeJob) -> bool {
+        self.scene == job.request.scene && self.is_denoised == job.is_denoised()
+    }
+}
+
+/// What to do about a request that is refused for its cost.
+pub(super) const COST_ADVICE: &str = "ask for fewer samples, shallower paths or smaller tiles";
+
+/// The sentence for a request that takes longer than any may.
+pub(super) fn too_costly(job: &NodeJob, secs_per_sample: f64) -> Option<String> {
+    let (grid, tiles) = (job.request.grid, job.request.tiles);
+    let all_secs = secs_per_sample * job.samples(tiles);
+    let block_secs = secs_per_sample * job.samples_of_part(first_block(grid.tile(tiles.first)));
+    if block_secs > UNDIVIDED_SECS_MAX && job.is_denoised() {
+        return Some(format!(
+            "{BLOCK}x{BLOCK} denoised pixels of it take some {block_secs:.0} s here, of at most \
+             {UNDIVIDED_SECS_MAX:.0} s: {COST_ADVICE}"
+        ));
+    }
+    (all_secs > REQUEST_SECS_MAX).then(|| {
+        format!(
+            "it takes some {all_secs:.0} s here, of at most {REQUEST_SECS_MAX:.0} s: {COST_ADVICE}"
+        )
+    })
+}
+
+/// Device time of what cannot be divided: a block of a denoised tile, a pixel, a probe.
+pub(super) const UNDIVIDED_SECS_MAX: f64 = 10.0;
+/// Device time of a request. A 4K picture of 4,096 samples takes an H200 a minute and four slow
+/// cores the hour, but its requests are parts of it.
+const REQUEST_SECS_MAX: f64 = 3600.0;
