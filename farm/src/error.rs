@@ -301,6 +301,9 @@ pub enum Error {
         HANDSHAKE_TIMEOUT.as_secs()
     )]
     NoControlStream,
+    /// The address of a player's connection changed more often than a NAT or a person has it change.
+    #[error("its address changes too often")]
+    MovesTooOften,
     /// A player was turned away because the node has no place for it.
     #[error("refused: {reason}")]
     NodeFull {

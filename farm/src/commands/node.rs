@@ -211,6 +211,7 @@ impl NodeEvents {
             ServerEvent::Paired { player } => {
                 format!("{} with {player}", NodeState::Paired.word())
             }
+            ServerEvent::Moved { player, to } => format!("{player} goes on from {to}"),
             ServerEvent::Left { player } => format!("left by {player}"),
             ServerEvent::Lost { player, why } => format!("lost {player}: {why}"),
             ServerEvent::Draining => {

@@ -90,3 +90,29 @@ impl DeniedKeys {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_that_changes_is_read_whatever_the_clock_says() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(DENY_LIST_FILE);
+        let year = Duration::from_secs(365 * 86_400);
+        let now = SystemTime::now();
+        let mut denied = DeniedKeys::default();
+        for (key, written) in [
+            ("one", now),
+            ("two", now + year),
+            ("six", now - year),
+            ("ten", now),
+        ] {
+            std::fs::write(&path, format!("{key} node oak\n")).unwrap();
+            let file = std::fs::File::options().write(true).open(&path).unwrap();
+            file.set_modified(written).unwrap();
+            denied.refresh(&path);
+            assert!(denied.key_ids.contains(key), "{key}");
+        }
+    }
+}

@@ -180,7 +180,10 @@ pub(crate) fn server_config(
 ) -> Result<quinn::ServerConfig, Error> {
     let tls = tls::server(credentials).map_err(unusable)?;
     let crypto = QuicServerConfig::try_from(tls).map_err(unusable)?;
-    Ok(bounded(crypto, server_transport(options)))
+    let mut config = bounded(crypto, server_transport(options));
+    // What a change of address costs is counted: `net::migration`.
+    config.migration(true);
+    Ok(config)
 }
 
 /// The configuration with which an authority answers nodes: one stream each.

@@ -90,8 +90,8 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
 }
 
 /// Asks the authority that a node has joined for its deny list and, when two thirds of the
-/// certificate's life are over, for the next certificate. Nothing is asked where the folder was not
-/// made by a join.
+/// certificate's life are over, for the next certificate; the list comes even if that is refused. Nothing is asked
+/// where the folder was not made by a join.
 ///
 /// # Errors
 /// [`Error::JoinUrl`] or a file's error if the folder is damaged; an error of the connection;
@@ -111,8 +111,17 @@ pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<()
         false => None,
     };
     let request = EnrolmentRequest::Renew { request_pem };
-    let answer = ask(&url, Some(credentials), &request).await?;
-    answer.save_renewed(credentials, folder)
+    match ask(&url, Some(credentials), &request).await {
+        // By another clock than the authority's. The deny list is for this node all the same.
+        Err(refusal @ Error::EnrolmentRefused { .. }) if credentials.is_due() => {
+            let request = EnrolmentRequest::Renew { request_pem: None };
+            if let Ok(answer) = ask(&url, Some(credentials), &request).await {
+                answer.save(folder)?;
+            }
+            Err(refusal)
+        }
+        answer => answer?.save_renewed(credentials, folder),
+    }
 }
 
 /// What the authority has certified.

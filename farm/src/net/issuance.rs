@@ -66,13 +66,10 @@ impl IssuanceRecord {
         certificate_fields::day(self.not_after_unix_secs)
     }
 
-    fn is_current(&self) -> bool {
-        self.lasts_until(SystemTime::now())
-    }
-
     fn lasts_until(&self, time: SystemTime) -> bool {
         let time = time.duration_since(SystemTime::UNIX_EPOCH);
-        time.is_ok_and(|time| time.as_secs() <= self.not_after_unix_secs)
+        // A clock that has not been set may show a time before 1970, when everything lasts.
+        time.map_or(true, |time| time.as_secs() <= self.not_after_unix_secs)
     }
 }
 
@@ -176,21 +173,32 @@ impl IssuanceLog {
     /// # Errors
     /// As [`IssuanceLog::records`].
     pub(crate) fn current(&self, name: &str) -> Result<Vec<IssuanceRecord>, Error> {
+        self.lasting_until(name, SystemTime::now())
+    }
+
+    fn lasting_until(&self, name: &str, time: SystemTime) -> Result<Vec<IssuanceRecord>, Error> {
         let denied = self.deny_list_text()?;
         let mut records = self.records()?;
         records.retain(|record| {
-            record.name == name && record.is_current() && !denied.contains(&record.key_id)
+            let is_denied = denied.contains(&record.key_id);
+            record.name == name && record.lasts_until(time) && !is_denied
         });
         Ok(records)
     }
 
-    /// Puts the keys of `name` on the deny list, and returns what they had been certified for.
+    /// Puts the keys of `name` on the deny list, and returns what they had been certified for. Certificates that have
+    /// expired within a year count: by other machines' clocks they may be valid.
     ///
     /// # Errors
-    /// [`Error::NothingToRevoke`] if `name` has no valid certificate; as [`IssuanceLog::records`].
+    /// [`Error::NothingToRevoke`] if `name` has no such certificate; as [`IssuanceLog::records`].
     pub(crate) fn revoke(&self, name: &str) -> Result<Vec<IssuanceRecord>, Error> {
+        self.revoke_at(name, SystemTime::now())
+    }
+
+    fn revoke_at(&self, name: &str, now: SystemTime) -> Result<Vec<IssuanceRecord>, Error> {
         let _lock = self.lock()?;
-        let revoked = self.current(name)?;
+        let long_ago = now - CLOCK_ERROR_MAX;
+        let revoked = self.lasting_until(name, long_ago)?;
         if revoked.is_empty() {
             let mut known: Vec<String> = self.records()?.into_iter().map(|one| one.name).collect();
             known.sort_unstable();
@@ -200,7 +208,7 @@ impl IssuanceLog {
                 known,
             });
         }
-        let mut text = self.without_expired(&self.deny_list_text()?)?;
+        let mut text = self.without_expired(&self.deny_list_text()?, long_ago)?;
         for record in &revoked {
             if !text.contains(&record.key_id) {
                 text.push_str(&format!("{} {} {name}\n", record.key_id, record.role));
@@ -212,9 +220,8 @@ impl IssuanceLog {
 
     /// A deny list without the keys whose certificates expired long ago, which nobody accepts anyhow: nodes fetch the
     /// list whole, and it must not grow for ever.
-    fn without_expired(&self, deny_list: &str) -> Result<String, Error> {
+    fn without_expired(&self, deny_list: &str, long_ago: SystemTime) -> Result<String, Error> {
         let mut is_current: HashMap<String, bool> = HashMap::new();
-        let long_ago = SystemTime::now() - CLOCK_ERROR_MAX;
         for record in self.records()? {
             let current = record.lasts_until(long_ago);
             *is_current.entry(record.key_id).or_default() |= current;
@@ -354,6 +361,28 @@ mod tests {
             "{left}"
         );
         assert_eq!(left.lines().count(), 3, "{left}");
+    }
+
+    #[test]
+    fn a_clock_that_is_set_neither_keeps_anybody_from_being_revoked_nor_forgets_who_was() {
+        let dir = tempfile::tempdir().unwrap();
+        let farm = dir.path();
+        create_farm(farm).unwrap();
+        let log = IssuanceLog::open(farm).unwrap();
+        let now = SystemTime::now();
+        let year = Duration::from_secs(365 * 86_400);
+        let clocks = [
+            ("oak", now),
+            ("elm", now + year),
+            ("ash", now - year),
+            ("yew", SystemTime::UNIX_EPOCH),
+            ("fir", now),
+        ];
+        for (name, clock) in clocks {
+            add_node(farm, name, None, false).unwrap();
+            assert_eq!(log.revoke_at(name, clock).unwrap().len(), 1, "{name}");
+        }
+        assert_eq!(log.deny_list_text().unwrap().lines().count(), clocks.len());
     }
 
     #[test]

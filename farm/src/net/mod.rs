@@ -66,6 +66,7 @@ mod handshakes;
 mod issuance;
 mod join_url;
 mod listener;
+mod migration;
 pub(crate) mod peer;
 mod places;
 mod player_account;

@@ -211,6 +211,12 @@ pub enum NoPlace {
         /// Players in line.
         waiting: usize,
     },
+    /// The player's address has changed too often.
+    #[error("its address has changed too often: call again in {secs} s")]
+    Moves {
+        /// Until then.
+        secs: u64,
+    },
     /// The player has as many connections as it may have.
     #[error("this player has {max} of at most {max} connections: close another of its programs")]
     Connections {

@@ -142,6 +142,12 @@ pub(crate) struct Place {
 impl Places {
     pub(crate) fn enter(&self, now: Instant, player: PlayerId) -> Result<Place, NoPlace> {
         let mut seating = self.lock();
+        let known = seating.accounts.get(&player);
+        let pause = known.map_or(Duration::ZERO, |account| account.path_probes_pause(now));
+        if !pause.is_zero() {
+            let secs = pause.as_secs().max(1);
+            return Err(NoPlace::Moves { secs });
+        }
         let yielded = seating.enter(now, player)?;
         let account = seating.account(now, player);
         account.work(now);
@@ -241,6 +247,20 @@ mod tests {
         let more: Vec<Place> = (1..max).map(|_| enter(63, 0).unwrap()).collect();
         assert_eq!(enter(64, 0).unwrap_err(), NoPlace::Connections { max });
         drop((again, more));
+    }
+
+    #[test]
+    fn a_player_whose_address_changes_too_often_is_turned_away_for_a_minute() {
+        let (places, start) = (Places::default(), Instant::now());
+        let place = places.enter(start, player(0)).unwrap();
+        assert!(!place.account.spend_path_probes(start, 10_000));
+        drop(place);
+        let refusal = places.enter(start, player(0)).unwrap_err();
+        assert_eq!(refusal, NoPlace::Moves { secs: 60 });
+        places.enter(start, player(1)).unwrap();
+        places
+            .enter(start + Duration::from_secs(61), player(0))
+            .unwrap();
     }
 
     #[test]

@@ -13,7 +13,6 @@ use tokio::sync::watch;
 use tokio::time::timeout;
 
 use crate::Error;
-use crate::net::close_code;
 use crate::net::connection_driver::{self, ConnectionStreams, PacketHandler};
 use crate::net::credentials::Credentials;
 use crate::net::deny_list::DenyList;
@@ -22,6 +21,7 @@ use crate::net::enrolment;
 use crate::net::listener::Listener;
 use crate::net::peer::{CertificateFault, DisconnectReason, Role};
 use crate::net::signals::Signals;
+use crate::net::{close_code, migration};
 use crate::node::{ConnectionDrain, NodeConnection, PlayerId};
 
 /// A change in a node's connections.
@@ -37,14 +37,21 @@ pub enum ServerEvent {
         /// Its address.
         player: SocketAddr,
     },
+    /// A player's packets come from another address: its NAT has changed its port, or it has changed its network.
+    Moved {
+        /// The address from which it has called.
+        player: SocketAddr,
+        /// Its address from now on.
+        to: SocketAddr,
+    },
     /// A player has closed its connection.
     Left {
-        /// Its address.
+        /// The address from which it has called.
         player: SocketAddr,
     },
     /// A player's connection has failed.
     Lost {
-        /// Its address.
+        /// The address from which it has called.
         player: SocketAddr,
         /// The reason, for a person to read.
         why: String,
@@ -182,12 +189,14 @@ impl NodeServer {
                 let player = streams.connection.remote_address();
                 events(ServerEvent::Paired { player });
                 let (connection, mut session) = (streams.connection.clone(), connect(id, player));
-                let drain = session.drain();
+                let (account, drain) = (Arc::clone(&streams.account), session.drain());
+                let moved = |to| events(ServerEvent::Moved { player, to });
                 let error = tokio::select! {
                     error = connection_driver::drive(streams, &mut session) => error,
                     () = denied.close_if_denied(&connection) => Error::PeerCertificate {
                         fault: CertificateFault::Revoked,
                     },
+                    error = migration::watch(&connection, &account, moved) => error,
                     () = drained(stops, drain, &connection) => Error::ControlStreamEnded,
                 };
                 events(ended(player, &error));

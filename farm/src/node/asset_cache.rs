@@ -2,14 +2,15 @@
 //!
 //! A chunk is a file, named by the hash of its bytes and written whole, so nodes that share the folder need no
 //! agreement: whoever writes a chunk writes the same. When a file was last used stands in its time of modification;
-//! what was not used for longest goes first. A file that does not hash to its name is removed.
+//! what was not used for longest goes first, and before it what was used in the future, by a clock that has been set
+//! since. A file that does not hash to its name is removed.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 use carom_protocol::ChunkKey;
 use carom_protocol::session::ChunkStore;
@@ -46,7 +47,7 @@ impl AssetCache {
             written: Mutex::new(0),
             has_failed: AtomicBool::new(false),
         };
-        cache.evict(0)?;
+        cache.evict(0, SystemTime::now())?;
         Ok(cache)
     }
 
@@ -68,14 +69,15 @@ impl AssetCache {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         *written += bytes;
         if *written > self.bytes_max / SCAN_PARTS {
-            self.evict(bytes)?;
+            self.evict(bytes, SystemTime::now())?;
             *written = bytes;
         }
         Ok(())
     }
 
     /// Removes the chunks that were not used for longest until with so many bytes more three quarters are taken.
-    fn evict(&self, bytes: u64) -> io::Result<()> {
+    fn evict(&self, bytes: u64, now: SystemTime) -> io::Result<()> {
+        let latest = now + CLOCK_DIFFERENCE_MAX;
         let mut files = Vec::new();
         for entry in fs::read_dir(&self.folder)? {
             let entry = entry?;
@@ -87,7 +89,7 @@ impl AssetCache {
                 continue;
             };
             if found.is_file() {
-                let used = found.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+                let used = found.modified().ok().filter(|used| *used <= latest);
                 files.push((used, entry.path(), found.len()));
             }
         }
@@ -159,6 +161,8 @@ fn is_of_cache(name: &str) -> bool {
 }
 
 const EXTENSION: &str = "chunk";
+/// How far the clock of a file server may be ahead of this machine's.
+const CLOCK_DIFFERENCE_MAX: Duration = Duration::from_secs(3600);
 /// The folder is looked through when one of so many parts of it has been written.
 const SCAN_PARTS: u64 = 32;
 
@@ -218,6 +222,32 @@ mod tests {
         let smaller = AssetCache::open(folder.path(), 8_000).unwrap();
         assert!(bytes_in(folder.path()) <= 6_000);
         assert!(has(&smaller, 0));
+    }
+
+    #[test]
+    fn chunks_of_a_clock_that_was_ahead_make_room() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = AssetCache::open(folder.path(), 32_000).unwrap();
+        let now = SystemTime::now();
+        let year = Duration::from_secs(365 * 86_400);
+        let last_used = |index: u8, time: SystemTime| {
+            let (key, bytes) = chunk(index);
+            cache.write(&key, &bytes);
+            let file = OpenOptions::new().write(true).open(cache.path(&key));
+            file.unwrap().set_modified(time).unwrap();
+        };
+        (0..10).for_each(|index| last_used(index, now + year));
+        (10..20).for_each(|index| last_used(index, now));
+        // Half of the chunks are to go.
+        cache.evict(14_000, now).unwrap();
+        let is_there = |index: &u8| cache.path(&chunk(*index).0).exists();
+        assert_eq!(
+            (0..20).filter(is_there).collect::<Vec<_>>(),
+            (10..20).collect::<Vec<_>>()
+        );
+        // By a clock that is a year behind all of them are of the future.
+        cache.evict(14_000, now - year).unwrap();
+        assert_eq!((0..20).filter(is_there).count(), 10);
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod drain;
 mod farms;
 mod greeter;
 mod load;
+mod nat_rebinding;
 #[cfg(feature = "nats")]
 mod nats;
 mod running_node;

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use carom_farm::net::{Authority, NodeServer, Role, StopHandle};
+use carom_farm::net::{Authority, NodeServer, Role, ServerEvent, StopHandle};
 use carom_farm::node::Node;
 use carom_tracer::{CpuTracer, Tracer};
 
@@ -33,13 +33,23 @@ impl RunningNode {
     }
 
     pub(crate) fn serve(authority: &Authority, address: SocketAddr, node: Arc<Node>) -> Self {
+        Self::serve_and_tell(authority, address, node, |_| {})
+    }
+
+    /// A node that hands over what becomes of its connections.
+    pub(crate) fn serve_and_tell(
+        authority: &Authority,
+        address: SocketAddr,
+        node: Arc<Node>,
+        events: impl Fn(ServerEvent) + Clone + Send + Sync + 'static,
+    ) -> Self {
         let credentials = authority.credentials(Role::Node, "oak", today()).unwrap();
         let server = NodeServer::bind(address, &credentials).unwrap();
         let address = server.local_addr().unwrap();
         let stop = StopHandle::default();
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
-            server.serve(&stopped, move |player, _| node.connect(player), |_| {});
+            server.serve(&stopped, move |player, _| node.connect(player), events);
         });
         Self {
             address,

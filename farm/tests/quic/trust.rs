@@ -197,6 +197,51 @@ fn renewals_are_of_the_key_that_joined_and_only_when_they_are_due() {
     assert_eq!(issued(), before + 1);
 }
 
+/// Its clock is ahead, so that it takes its certificate to be old, and the authority does not.
+#[test]
+fn a_node_that_is_refused_a_certificate_gets_the_deny_list() {
+    let dir = tempfile::tempdir().unwrap();
+    let (farm, oak) = (dir.path().join("farm"), dir.path().join("oak"));
+    create_farm(&farm).unwrap();
+    let (url, served) = service(&farm, 1, TIMEOUT);
+    join(&url, "oak", &oak).unwrap();
+    served.join().unwrap();
+    let issuer = AuthorityFolder::open(&farm, None).unwrap();
+    issuer.add(Role::Node, "elm", None, false).unwrap();
+    revoke(&farm, "elm").unwrap();
+    let (url, _served) = service(&farm, 0, TIMEOUT);
+    let kept = url.to_string();
+    fs::write(oak.join("farm.url"), &kept[..kept.len() - 32]).unwrap();
+    // An earlier certificate of the key, in its last day: the authority has the later one on record.
+    let now = SystemTime::now();
+    let day = Duration::from_secs(24 * 3600);
+    let key_pem = fs::read_to_string(oak.join("node.key")).unwrap();
+    let key = rcgen::KeyPair::from_pem(&key_pem).unwrap();
+    let request = rcgen::CertificateParams::default().serialize_request(&key);
+    let request_pem = request.unwrap().pem().unwrap();
+    let days = now - 29 * day..now + day;
+    let authority = Authority::load(&farm).unwrap();
+    let earlier = authority.sign_request(Role::Node, "oak", days, &request_pem);
+    fs::write(oak.join("node.pem"), earlier.unwrap().pem()).unwrap();
+    let credentials = Credentials::load(&oak, Role::Node).unwrap();
+    assert!(credentials.is_due());
+    let mut server = NodeServer::bind(any_port(), &credentials).unwrap();
+    server.keep_renewed(credentials, oak.clone());
+    let stop = StopHandle::default();
+    let stopped = stop.clone();
+    let node = Node::new("oak", Arc::new(CpuTracer::with_threads(1).unwrap()));
+    let running = std::thread::spawn(move || {
+        server.serve(&stopped, move |player, _| node.connect(player), |_| {});
+    });
+    let list = || fs::read_to_string(oak.join("revoked.txt")).unwrap_or_default();
+    while !list().contains(" node elm") {
+        assert!(now.elapsed().unwrap() < TIMEOUT, "no list has come");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    stop.stop();
+    running.join().unwrap();
+}
+
 #[test]
 fn a_running_node_renews_its_certificate() {
     let dir = tempfile::tempdir().unwrap();
