@@ -84,12 +84,15 @@ impl Geometry {
         let csg_boxes = csg_boxes
             .map(|c| CsgBox::new(c, &scene.csg_faces, csg_faces_first))
             .collect();
+        let far = |bounds: Bounds| bounds.min.abs().max(bounds.max.abs()).element_sum();
+        let far = scene.area_lights.iter().map(|light| far(light.into()));
+        let area_lights_reach = far.fold(reach, |reach, far| reach.max(2.0 * far));
         let area_lights = scene.area_lights.iter().zip(area_lights_first..);
         let area_lights = area_lights.map(|(data, id)| {
             let light = PackedPrimitive::new(Rectangle::area_light_numbers(data), id, false);
             Some((light, Bounds::from(data)))
         });
-        let area_lights = PrimitiveSet::new(None, reach, area_lights);
+        let area_lights = PrimitiveSet::new(None, area_lights_reach, area_lights);
         let has_dielectric = has_dielectric(scene);
         Self {
             spheres,
@@ -98,7 +101,7 @@ impl Geometry {
             rectangles,
             csg_boxes,
             csg_bounds: BoundsGroups::new(scene.csg_boxes.iter().map(Bounds::from), reach),
-            triangles: Triangles::new(scene, triangles_first),
+            triangles: Triangles::new(scene, triangles_first, reach),
             area_lights,
             area_lights_first,
             has_dielectric,
@@ -130,7 +133,7 @@ impl Geometry {
             }
         }
         if !self.triangles.is_empty() {
-            self.triangles.nearest(simd, rays, &mut nearest);
+            self.triangles.nearest(simd, rays, beam, &mut nearest);
         }
         self.area_lights.nearest(simd, rays, beam, &mut nearest);
         if self.has_dielectric {
@@ -174,7 +177,8 @@ impl Geometry {
             }
         }
         if !self.triangles.is_empty() {
-            self.triangles.occlude(simd, rays, distance, &mut dark);
+            self.triangles
+                .occlude(simd, rays, beam, distance, &mut dark);
         }
         for light in &self.area_lights.each {
             let met = Rectangle::intersect(rays, &(), &light.splat(simd), distance);

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use fearless_simd::prelude::*;
 
+use super::beam::{Beam, BoundsGroups};
 use super::bvh16::{Bvh16, HitFilter, Solid};
 use super::image_texture::{LaneHit, LayerColumns, TextureColumns, TextureLanes, TriangleTextures};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
@@ -11,6 +12,7 @@ use super::rays::{HitMask, INSIDE, Nearest, Rays};
 use super::sampling::basis;
 use super::shapes::{PackedPrimitive, Primitives, Shape, join};
 use crate::CompiledScene;
+use crate::bvh::Bounds;
 use crate::compiled::{
     AlphaTest, CompiledTextures, KIND_DIELECTRIC, MaterialData, ShapeKind, TriangleColors,
     TriangleData, TriangleNormals, TriangleUvs, corner_weights,
@@ -138,6 +140,7 @@ impl Shape<9> for Triangle {
 pub(super) struct Triangles {
     /// Empty if they are in the BVH.
     each: Vec<PackedPrimitive<Triangle, 9>>,
+    bounds: BoundsGroups,
     bvh: Option<Arc<Bvh16<Triangle, 9>>>,
     /// Where some are not opaque.
     alpha_filter: Option<AlphaFilter>,
@@ -223,8 +226,8 @@ impl HitFilter for AlphaFilter {
 }
 
 impl Triangles {
-    /// Of ids from `first` on. The BVH is kept with the scene.
-    pub(super) fn new(scene: &CompiledScene, first: u32) -> Self {
+    /// Of ids from `first` on; `reach` as of [`BoundsGroups::new`]. The BVH is kept with the scene.
+    pub(super) fn new(scene: &CompiledScene, first: u32, reach: f32) -> Self {
         let each = || {
             let triangles = scene.meshes.triangles.iter().zip(first..);
             triangles.map(|(data, id)| {
@@ -234,8 +237,10 @@ impl Triangles {
             })
         };
         let Some(bvh) = scene.bvh(ShapeKind::Triangle, Triangle::BVH_MIN) else {
+            let bounds = scene.meshes.triangles.iter().map(Bounds::from);
             return Self {
                 each: each().collect(),
+                bounds: BoundsGroups::new(bounds, reach),
                 bvh: None,
                 alpha_filter: AlphaFilter::new(scene, first),
             };
@@ -246,6 +251,7 @@ impl Triangles {
         });
         Self {
             each: Vec::new(),
+            bounds: BoundsGroups::new([], reach),
             bvh: Some(bvh),
             alpha_filter: AlphaFilter::new(scene, first),
         }
@@ -257,7 +263,13 @@ impl Triangles {
 
     /// Takes what rays meet before what they have met. Out of line: scenes without meshes are not to pay for it.
     #[inline(never)]
-    pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>, nearest: &mut Nearest<S>) {
+    pub(super) fn nearest<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        beam: Option<&Beam>,
+        nearest: &mut Nearest<S>,
+    ) {
         if let Some(bvh) = &self.bvh {
             match &self.alpha_filter {
                 None => bvh.nearest(simd, rays, nearest, &Solid),
@@ -268,13 +280,16 @@ impl Triangles {
             #[inline(always)]
             || {
                 let axes = Triangle::frame(simd, rays);
-                for one in &self.each {
-                    let triangle = one.splat(simd);
-                    let mut met = Triangle::intersect(rays, &axes, &triangle, nearest.distance);
-                    if let (Some(filter), Some((hit, _))) = (&self.alpha_filter, &mut met) {
-                        *hit = filter.met(simd, rays, *hit, one.id);
+                for group in 0..self.bounds.len() {
+                    for index in self.bounds.met(simd, group, beam) {
+                        let one = &self.each[index];
+                        let triangle = one.splat(simd);
+                        let mut met = Triangle::intersect(rays, &axes, &triangle, nearest.distance);
+                        if let (Some(filter), Some((hit, _))) = (&self.alpha_filter, &mut met) {
+                            *hit = filter.met(simd, rays, *hit, one.id);
+                        }
+                        nearest.update(met, one.id);
                     }
-                    nearest.update(met, one.id);
                 }
             },
         );
@@ -286,6 +301,7 @@ impl Triangles {
         &self,
         simd: S,
         rays: &Rays<S>,
+        beam: Option<&Beam>,
         distance: Float<S>,
         dark: &mut Mask<S>,
     ) {
@@ -299,9 +315,14 @@ impl Triangles {
             #[inline(always)]
             || {
                 let axes = Triangle::frame(simd, rays);
-                for one in &self.each {
-                    let triangle = one.splat(simd);
-                    if let Some((hit, _)) = Triangle::intersect(rays, &axes, &triangle, distance) {
+                for group in 0..self.bounds.len() {
+                    for index in self.bounds.met(simd, group, beam) {
+                        let one = &self.each[index];
+                        let triangle = one.splat(simd);
+                        let met = Triangle::intersect(rays, &axes, &triangle, distance);
+                        let Some((hit, _)) = met else {
+                            continue;
+                        };
                         *dark |= match &self.alpha_filter {
                             None => hit,
                             Some(filter) => filter.met(simd, rays, hit, one.id),
