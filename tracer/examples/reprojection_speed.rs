@@ -22,19 +22,21 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = CompiledScene::new(&Scene::load(path)?)?;
     for (name, step) in [("camera turns", turn as Step), ("balls move", roll)] {
         let mut scene = scene.clone();
-        let mut from = View::new(&scene, size);
+        let (mut from, mut to) = (View::new(&scene, size), View::new(&scene, size));
+        let mut memory = Vec::new();
         let pixels = vec![[90_u8, 120, 160, 255]; size.pixels()];
         let (mut views, mut moves, mut guessed) = (Duration::ZERO, Duration::ZERO, 0);
         for _ in 0..frames {
             scene.apply(&step(&scene))?;
             let clock = Instant::now();
-            let to = View::new(&scene, size);
+            to.update(&scene, size);
             views += clock.elapsed();
             let clock = Instant::now();
-            let moved = black_box(from.reproject(&pixels, &to));
+            let moved = black_box(from.reproject_into(&pixels, &to, memory));
             moves += clock.elapsed();
             guessed += moved.guessed;
-            from = to;
+            std::mem::swap(&mut from, &mut to);
+            memory = moved.pixels;
         }
         let pixels = f64::from(frames) * size.pixels() as f64;
         let nanos = |time: Duration| time.as_secs_f64() * 1e9 / pixels;

@@ -15,7 +15,7 @@ use std::ops::Range;
 use std::sync::LazyLock;
 
 use crate::compiled::{CSG_FACE_APEX_CONE, CameraFrame, SphereData};
-use crate::cpu::{FirstHits, Motion, MotionVectors, first_triangle};
+use crate::cpu::{FirstHits, Footprint, Motion, MotionVectors, first_triangle};
 use crate::simd::{Level, dispatch};
 use crate::{CompiledScene, ImageSize, ObjectPose};
 use glam::{Mat3, Quat, Vec3};
@@ -53,6 +53,15 @@ impl View {
         }
     }
 
+    /// Looks again at the same scene, as its last update left it, and keeps the memory.
+    pub fn update(&mut self, scene: &CompiledScene, size: ImageSize) {
+        self.camera = scene.camera_frame(size);
+        self.spheres.clone_from(&scene.spheres);
+        self.cones = cones(scene);
+        self.meshes = meshes(scene);
+        self.hits.update(scene, size);
+    }
+
     /// Pixels across and down.
     pub fn size(&self) -> ImageSize {
         self.hits.size
@@ -67,18 +76,31 @@ impl View {
         pixels: &[[T; N]],
         to: &Self,
     ) -> Reprojected<[T; N]> {
+        self.reproject_into(pixels, to, Vec::new())
+    }
+
+    /// The same in the memory of `moved`, whatever it holds.
+    ///
+    /// # Panics
+    /// If `pixels` are not those of a picture of this view's size.
+    pub fn reproject_into<T: Channel, const N: usize>(
+        &self,
+        pixels: &[[T; N]],
+        to: &Self,
+        mut moved: Vec<[T; N]>,
+    ) -> Reprojected<[T; N]> {
         assert_eq!(pixels.len(), self.size().pixels(), "pixels of the picture");
         let width = (to.size().width as usize).max(1);
-        let mut moved = vec![[T::default(); N]; to.size().pixels()];
+        moved.resize(to.size().pixels(), [T::default(); N]);
         let (level, vectors) = (Level::new(), to.motion_vectors(self));
         let means = LazyLock::new(|| PrimitiveMeans::new(&self.hits, pixels));
         let rows = moved.par_chunks_mut(width).enumerate();
         let guessed = rows.map_init(
-            || vec![[0.0; 2]; width],
-            |places, (y, row)| {
-                vectors.row(level, &to.hits, y, places);
+            || vec![Footprint::default(); width],
+            |footprints, (y, row)| {
+                vectors.row(level, &to.hits, y, footprints);
                 let primitives = &to.hits.primitive[y * width..][..row.len()];
-                self.fill_row(level, pixels, (places, primitives), &means, row)
+                self.fill_row(level, pixels, (footprints, primitives), &means, row)
             },
         );
         let guessed = guessed.sum();
@@ -88,20 +110,20 @@ impl View {
         }
     }
 
-    /// Fills a row with what the picture shows at places of primitives; how many pixels it does not show.
+    /// Fills a row with what the picture shows of primitives in footprints; how many pixels it does not show.
     fn fill_row<T: Channel, const N: usize>(
         &self,
         level: Level,
         pixels: &[[T; N]],
-        (places, primitives): (&[[f32; 2]], &[u32]),
+        (footprints, primitives): (&[Footprint], &[u32]),
         means: &LazyLock<PrimitiveMeans<T, N>, impl FnOnce() -> PrimitiveMeans<T, N>>,
         row: &mut [[T; N]],
     ) -> usize {
         let mut missing = Vec::new();
         dispatch!(level, _simd => {
-            let of_row = row.iter_mut().zip(places.iter().zip(primitives));
-            for (x, (pixel, (place, primitive))) in of_row.enumerate() {
-                match self.look_up(pixels, *place, *primitive) {
+            let of_row = row.iter_mut().zip(footprints.iter().zip(primitives));
+            for (x, (pixel, (footprint, primitive))) in of_row.enumerate() {
+                match self.look_up(pixels, footprint, *primitive) {
                     Some(found) => *pixel = found,
                     None => missing.push(x),
                 }
@@ -142,47 +164,40 @@ impl View {
             }
         });
         let motions = spheres.chain(cones).chain(meshes).collect();
-        MotionVectors::new(self.camera, &before.camera, motions)
+        MotionVectors::new(self.camera, (&before.camera, before.size()), motions)
     }
 
-    /// The picture at a place of its film, bilinear over those of its four pixels that show
-    /// `primitive`.
+    /// The picture in a footprint, bilinear over those of its four pixels that show `primitive`.
     #[inline(always)]
     fn look_up<T: Channel, const N: usize>(
         &self,
         pixels: &[[T; N]],
-        [x, y]: [f32; 2],
+        footprint: &Footprint,
         primitive: u32,
     ) -> Option<[T; N]> {
-        let ImageSize { width, height } = self.size();
-        let inside = x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32;
-        if !inside {
+        if footprint.first == Footprint::OUTSIDE {
             return None;
         }
-        let (x, y) = (x - 0.5, y - 0.5);
-        // Rounded down: both are above -1, and `f32::floor` is a call on processors without SSE4.1.
-        let (left, above) = ((x + 1.0) as i32 - 1, (y + 1.0) as i32 - 1);
-        let (right_share, lower_share) = (x - left as f32, y - above as f32);
-        let last = [width as i32 - 1, height as i32 - 1];
-        let column = |at: i32| at.clamp(0, last[0]) as usize;
-        let line = |at: i32| at.clamp(0, last[1]) as usize * width as usize;
-        let (columns, lines) = (
-            [column(left), column(left + 1)],
-            [line(above), line(above + 1)],
+        // Of a film of one column or row each pixel is its own neighbour.
+        let ImageSize { width, height } = self.size();
+        let (right, below) = (
+            usize::from(width > 1),
+            width as usize * usize::from(height > 1),
         );
+        let first = footprint.first as usize;
+        let [right_share, lower_share] = footprint.shares;
         let (left_share, upper_share) = (1.0 - right_share, 1.0 - lower_share);
         let corners = [
-            (lines[0] + columns[0], left_share * upper_share),
-            (lines[0] + columns[1], right_share * upper_share),
-            (lines[1] + columns[0], left_share * lower_share),
-            (lines[1] + columns[1], right_share * lower_share),
+            (first, left_share * upper_share),
+            (first + right, right_share * upper_share),
+            (first + below, left_share * lower_share),
+            (first + below + right, right_share * lower_share),
         ];
         // Loops, since closures are not compiled for the caller's instruction set.
         let (mut sum, mut weights) = ([0.0; N], 0.0);
         for (corner, share) in corners {
-            if self.hits.primitive[corner] != primitive {
-                continue;
-            }
+            let is_same = self.hits.primitive[corner] == primitive;
+            let share = if is_same { share } else { 0.0 };
             weights += share;
             for (sum, channel) in sum.iter_mut().zip(pixels[corner]) {
                 *sum += share * channel.to_f32();
@@ -192,8 +207,9 @@ impl View {
             return None;
         }
         let mut found = [T::default(); N];
+        let per_weight = 1.0 / weights;
         for (found, sum) in found.iter_mut().zip(sum) {
-            *found = T::from_f32(sum / weights);
+            *found = T::from_f32(sum * per_weight);
         }
         Some(found)
     }
@@ -327,7 +343,8 @@ impl Channel for u8 {
 
     #[inline(always)]
     fn from_f32(value: f32) -> Self {
-        (value + 0.5) as Self
+        // Ends in the units of a number of 2^23 or more, which `as` would find a channel at a time.
+        (value + 8_388_608.0).to_bits() as Self
     }
 }
 

@@ -1,11 +1,11 @@
 //! Reprojection of the newest frame to the present: between pictures, and while one is still on its way,
 //! camera and balls move on by [`carom_tracer::reproject`].
 
-use std::thread::available_parallelism;
-
+use anyhow::Context as _;
 use carom_tracer::reproject::View;
-use carom_tracer::{CompiledScene, Error, ImageSize, Scene, SceneUpdate, Tile};
+use carom_tracer::{CompiledScene, ImageSize, Scene, SceneUpdate, Tile};
 use carom_window::display::DisplayFrame;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// Moves pictures. Costs [`NEW_PIXEL_NANOS`] and [`MOVED_PIXEL_NANOS`] of processor time, on all threads, and nothing
 /// while the newest picture is of the present.
@@ -14,10 +14,12 @@ pub struct Reprojector {
     scene: CompiledScene,
     /// What the picture of that serial number was taken of.
     from: Option<(u64, View)>,
+    /// The last view that a picture was moved to, for its memory.
+    to: Option<View>,
     moved: Option<ReprojectedFrame>,
     count: u64,
-    /// Of this machine.
-    threads: usize,
+    /// Apart from those of the tracer, whose work is waited for longer than a frame is shown.
+    threads: ThreadPool,
 }
 
 #[derive(Debug)]
@@ -32,14 +34,16 @@ impl Reprojector {
     /// For pictures of `scene`.
     ///
     /// # Errors
-    /// [`Error::InvalidScene`] with the first rule that the scene breaks.
-    pub fn new(scene: &Scene) -> Result<Self, Error> {
+    /// The first rule that the scene breaks, or the system's reason for giving no threads.
+    pub fn new(scene: &Scene) -> anyhow::Result<Self> {
+        let threads = ThreadPoolBuilder::new().thread_name(|_| "reprojection".into());
         Ok(Self {
             scene: CompiledScene::new(scene)?,
             from: None,
+            to: None,
             moved: None,
             count: 0,
-            threads: available_parallelism().map_or(1, usize::from),
+            threads: threads.build().context("threads for reprojection")?,
         })
     }
 
@@ -59,7 +63,8 @@ impl Reprojector {
         let done =
             |moved: &ReprojectedFrame| moved.of == picture.serial && is_now(&moved.picture.update);
         if !self.moved.as_ref().is_some_and(done) {
-            self.moved = self.moved(picture, now);
+            let memory = self.moved.take().map(|moved| moved.picture.rgba);
+            self.moved = self.moved(picture, now, memory.unwrap_or_default());
         }
         self.reprojected(picture)
     }
@@ -74,7 +79,7 @@ impl Reprojector {
     /// Puts what the picture `before` shows into the `missing` tiles of `picture`, moved to where it
     /// is now; leaves them if either does not fit the scene.
     pub fn fill(&mut self, picture: &mut DisplayFrame, missing: &[Tile], before: &DisplayFrame) {
-        let Some(moved) = self.moved(before, &picture.update) else {
+        let Some(moved) = self.moved(before, &picture.update, Vec::new()) else {
             return;
         };
         let (from, width) = (moved.picture.size, picture.size.width as usize);
@@ -100,21 +105,30 @@ impl Reprojector {
         self.count
     }
 
-    fn moved(&mut self, picture: &DisplayFrame, now: &SceneUpdate) -> Option<ReprojectedFrame> {
-        if self
-            .from
-            .as_ref()
-            .is_none_or(|(of, _)| *of != picture.serial)
-        {
-            self.scene.apply(&bodies(&picture.update)).ok()?;
-            self.from = Some((picture.serial, View::new(&self.scene, picture.size)));
-        }
+    /// `picture` moved to `now`, in whatever `memory` there is.
+    fn moved(
+        &mut self,
+        picture: &DisplayFrame,
+        now: &SceneUpdate,
+        memory: Vec<[u8; 4]>,
+    ) -> Option<ReprojectedFrame> {
+        let Self {
+            scene, from, to, ..
+        } = self;
         let now = bodies(now);
-        self.scene.apply(&now).ok()?;
-        let size = moved_size(picture.size, self.threads);
-        let to = View::new(&self.scene, size);
-        let (_, from) = self.from.as_ref()?;
-        let reprojected = from.reproject(&picture.rgba, &to);
+        let size = moved_size(picture.size, self.threads.current_num_threads());
+        let reprojected = self.threads.install(|| {
+            if from.as_ref().is_none_or(|(of, _)| *of != picture.serial) {
+                scene.apply(&bodies(&picture.update)).ok()?;
+                let earlier = from.take().map(|(_, view)| view);
+                *from = Some((picture.serial, view(scene, picture.size, earlier)));
+            }
+            scene.apply(&now).ok()?;
+            let earlier = to.take();
+            let to = to.insert(view(scene, size, earlier));
+            let (_, from) = from.as_ref()?;
+            Some(from.reproject_into(&picture.rgba, to, memory))
+        })?;
         self.count += 1;
         Some(ReprojectedFrame {
             of: picture.serial,
@@ -127,6 +141,15 @@ impl Reprojector {
             },
         })
     }
+}
+
+/// What `scene` looks like in `size`, in the memory of an earlier view.
+fn view(scene: &CompiledScene, size: ImageSize, earlier: Option<View>) -> View {
+    let Some(mut view) = earlier else {
+        return View::new(scene, size);
+    };
+    view.update(scene, size);
+    view
 }
 
 /// An update without its particles: they stay where they were on what is behind them.
@@ -149,10 +172,10 @@ fn moved_size(size: ImageSize, threads: usize) -> ImageSize {
 
 /// What a new picture and its first move may take of each thread.
 const MOVE_NANOS: f64 = 4e6;
-/// Time of a thread a pixel of a new picture, and a pixel of a moved one: the example `reprojection_speed` of
-/// `carom-tracer`.
-const NEW_PIXEL_NANOS: f64 = 30.0;
-const MOVED_PIXEL_NANOS: f64 = 60.0;
+/// Time of a thread a pixel of a new picture, and a pixel of a moved one, with all threads of 16 busy: the example
+/// `reprojection_speed` of `carom-tracer`.
+const NEW_PIXEL_NANOS: f64 = 20.0;
+const MOVED_PIXEL_NANOS: f64 = 50.0;
 /// 640 × 360, however long that takes.
 const PIXELS_MIN: usize = 640 * 360;
 /// Reprojected frames are numbered from here: traced ones never get so far.

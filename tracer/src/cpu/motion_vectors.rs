@@ -1,12 +1,13 @@
-//! Backward motion vectors: where on an earlier film the points were that pixels see now.
+//! Backward motion vectors: between which pixels of an earlier film the points were that pixels see now.
 
 use std::ops::Range;
 
-use fearless_simd::prelude::*;
+use fearless_simd::{i32x16, prelude::*};
 use glam::{Mat3, Vec3};
 
 use super::first_hit::FirstHits;
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+use crate::ImageSize;
 use crate::compiled::CameraFrame;
 use crate::simd::{Level, dispatch};
 
@@ -22,32 +23,52 @@ pub(crate) struct Motion {
     pub(crate) center: Option<Vec3>,
 }
 
+/// The four pixels of a film around a place of it, for bilinear interpolation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Footprint {
+    /// Index of the upper left one, row-major; [`Footprint::OUTSIDE`] of places beyond the film.
+    pub(crate) first: u32,
+    /// What those on the right and those below count, 0 to 1.
+    pub(crate) shares: [f32; 2],
+}
+
+impl Footprint {
+    /// The index of no pixel.
+    pub(crate) const OUTSIDE: u32 = u32::MAX;
+}
+
 /// The way back from what a camera sees to the film of an earlier one.
 #[derive(Debug)]
 pub(crate) struct MotionVectors {
     camera: CameraFrame,
+    size_before: ImageSize,
     before: FilmProjection,
     /// By their numbers; all other primitives stay.
     motions: Vec<Motion>,
 }
 
 impl MotionVectors {
-    /// From what `camera` sees to where `before` saw it. `motions` are by their numbers.
-    pub(crate) fn new(camera: CameraFrame, before: &CameraFrame, motions: Vec<Motion>) -> Self {
+    /// From what `camera` sees to where `before` saw it, on a film of `size_before`. `motions` are by their numbers.
+    pub(crate) fn new(
+        camera: CameraFrame,
+        (before, size_before): (&CameraFrame, ImageSize),
+        motions: Vec<Motion>,
+    ) -> Self {
         Self {
             camera,
+            size_before,
             before: FilmProjection::new(before),
             motions,
         }
     }
 
-    /// For each pixel of row `y` of `hits` the place on the earlier film, in pixels from the top left; not a number if
-    /// the point was behind the eye, or on the far side of its ball.
-    pub(crate) fn row(&self, level: Level, hits: &FirstHits, y: usize, places: &mut [[f32; 2]]) {
-        let first = y * places.len();
-        let distance = &hits.distance[first..first + places.len()];
-        let primitive = &hits.primitive[first..first + places.len()];
-        dispatch!(level, simd => self.row_lanes(simd, y, distance, primitive, places));
+    /// For each pixel of row `y` of `hits` where its point was on the earlier film; outside of it if that was behind the
+    /// eye, or on the far side of its ball.
+    pub(crate) fn row(&self, level: Level, hits: &FirstHits, y: usize, row: &mut [Footprint]) {
+        let first = y * row.len();
+        let distance = &hits.distance[first..first + row.len()];
+        let primitive = &hits.primitive[first..first + row.len()];
+        dispatch!(level, simd => self.row_lanes(simd, y, distance, primitive, row));
     }
 
     #[inline(always)]
@@ -57,7 +78,7 @@ impl MotionVectors {
         y: usize,
         distance: &[f32],
         primitive: &[u32],
-        places: &mut [[f32; 2]],
+        row: &mut [Footprint],
     ) {
         let camera = &self.camera;
         let steps: [f32; LANES] = std::array::from_fn(|lane| lane as f32 + 0.5);
@@ -68,22 +89,45 @@ impl MotionVectors {
             Vec3x::splat(simd, camera.corner),
         );
         let pixels = distance.chunks(LANES).zip(primitive.chunks(LANES));
-        let packets = pixels.zip(places.chunks_mut(LANES)).enumerate();
-        for (packet, ((distances, primitives), places)) in packets {
+        let packets = pixels.zip(row.chunks_mut(LANES)).enumerate();
+        for (packet, ((distances, primitives), row)) in packets {
             let (mut distance, mut ids) = ([0.0; LANES], [FirstHits::ESCAPED; LANES]);
-            distance[..distances.len()].copy_from_slice(distances);
-            ids[..primitives.len()].copy_from_slice(primitives);
+            match (distances.try_into(), primitives.try_into()) {
+                (Ok(all), Ok(all_ids)) => (distance, ids) = (all, all_ids),
+                _ => {
+                    distance[..distances.len()].copy_from_slice(distances);
+                    ids[..primitives.len()].copy_from_slice(primitives);
+                }
+            }
             let direction = dx.mul_add(steps + (packet * LANES) as f32, left);
             let distance = Float::load_array(simd, distance);
-            let [x, y] = self.places(simd, direction, distance, &ids);
-            let (x, y) = (x.to_array(), y.to_array());
-            for (place, at) in places.iter_mut().zip(x.into_iter().zip(y)) {
-                *place = at.into();
+            let place = self.places(simd, direction, distance, &ids);
+            let (first, [right, below]) = self.footprints(simd, place);
+            let (first, right, below) = (first.to_array(), right.to_array(), below.to_array());
+            let lanes = first.iter().zip(right.iter().zip(&below));
+            for (footprint, (first, (right, below))) in row.iter_mut().zip(lanes) {
+                *footprint = Footprint {
+                    first: *first,
+                    shares: [*right, *below],
+                };
             }
         }
     }
 
-    /// For points that are `distance` metres along directions of any length.
+    /// The pixels around places of the earlier film, and what those on the right and below count.
+    #[inline(always)]
+    fn footprints<S: Simd>(&self, simd: S, [x, y]: [Float<S>; 2]) -> (Word<S>, [Float<S>; 2]) {
+        let ImageSize { width, height } = self.size_before;
+        let is_inside =
+            x.simd_ge(0.0) & y.simd_ge(0.0) & x.simd_lt(width as f32) & y.simd_lt(height as f32);
+        let (column, right) = neighbours(simd, x, width);
+        let (line, below) = neighbours(simd, y, height);
+        let first = line * width + column;
+        let outside = Word::splat(simd, Footprint::OUTSIDE);
+        (is_inside.select(first, outside), [right, below])
+    }
+
+    /// Places on the earlier film of points that are `distance` metres along directions of any length.
     #[inline(always)]
     fn places<S: Simd>(
         &self,
@@ -134,6 +178,17 @@ impl MotionVectors {
         let motion = self.motions[..after].last()?;
         motion.ids.contains(&id).then_some(motion)
     }
+}
+
+/// The first of the two pixels of a row or column whose centres are around `at`, and what the second counts.
+#[inline(always)]
+fn neighbours<S: Simd>(simd: S, at: Float<S>, count: u32) -> (Word<S>, Float<S>) {
+    let last = count.saturating_sub(1) as f32;
+    let zero = Float::splat(simd, 0.0);
+    let at = zero.max((at - 0.5).min(last));
+    let first: i32x16<S> = at.min((last - 1.0).max(0.0)).to_int();
+    let whole: Float<S> = first.to_float();
+    (first.bitcast(), at - whole)
 }
 
 /// A camera turned round: from directions to places on its film, in pixels from the top left.
