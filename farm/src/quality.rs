@@ -154,7 +154,7 @@ impl Quality {
         };
     }
 
-    /// Makes moving pictures of this level, however long they take: for measurements.
+    /// Makes moving pictures of this level, as many a second as the farm can: for measurements.
     pub fn fix(&mut self, level: QualityLevel) {
         self.fixed = Some(level);
     }
@@ -197,7 +197,7 @@ impl Quality {
     }
 
     /// Seconds from one moving picture to the next: 60 a second where the farm can make them fine
-    /// enough, else 30.
+    /// enough, else 30; as long as one takes where all are of a fixed level.
     pub fn period_secs(&self) -> f64 {
         self.period_secs
     }
@@ -215,6 +215,10 @@ impl Quality {
     }
 
     fn pace(&mut self, window: ImageSize) {
+        if let Some(level) = self.fixed {
+            self.period_secs = self.secs(level, window).unwrap_or(self.period_secs);
+            return;
+        }
         if self.preference != QualityPreference::Balanced {
             return;
         }

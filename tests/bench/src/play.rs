@@ -55,6 +55,8 @@ struct PlayReport {
     frames: u32,
     size: ImageSize,
     frames_per_sec: f64,
+    /// By the farm, of which not all are shown.
+    traced_per_sec: f64,
     /// Of all threads, a frame.
     cpu_ms: f64,
     /// Of the main thread, a frame.
@@ -78,11 +80,12 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         return Ok(());
     }
     println!(
-        "{} frames of a {}x{} window: {:.1} frames/s, CPU ms a frame: {:.2}, of the main thread {:.2}",
+        "{} frames of a {}x{} window: {:.1} frames/s ({:.1} traced), CPU ms a frame: {:.2}, of the main thread {:.2}",
         report.frames,
         report.size.width,
         report.size.height,
         report.frames_per_sec,
+        report.traced_per_sec,
         report.cpu_ms,
         report.main_cpu_ms
     );
@@ -159,6 +162,7 @@ impl PlayLoop {
         let (wall, cpu, main_cpu) = (Instant::now(), ProcessTime::now(), ThreadTime::now());
         self.show(args.frames, &interrupted)?;
         let frames = f64::from(args.frames);
+        let wall_secs = wall.elapsed().as_secs_f64();
         let per_frame = |(stage, secs): (usize, &f64)| match stage < FARM_STAGES {
             true => 1e3 * secs / f64::from(self.traced.max(1)),
             false => 1e3 * secs / frames,
@@ -173,7 +177,8 @@ impl PlayLoop {
         Ok(PlayReport {
             frames: args.frames,
             size: args.size,
-            frames_per_sec: frames / wall.elapsed().as_secs_f64(),
+            frames_per_sec: frames / wall_secs,
+            traced_per_sec: f64::from(self.traced) / wall_secs,
             cpu_ms: 1e3 * cpu.elapsed().as_secs_f64() / frames,
             main_cpu_ms: 1e3 * main_cpu.elapsed().as_secs_f64() / frames,
             stages: STAGES.iter().zip(ms).map(stage).collect(),
