@@ -61,4 +61,4 @@ pub use scene::{
 };
 pub use settings::{Preset, RenderSettings};
 pub use tile::{ImageSize, Tile, TileGrid, TileRange};
-pub use tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, Tracer};
+pub use tracer::{DeviceInfo, DeviceKind, TileRadiance, TileSrgb8, TraceJob, TraceStats, Tracer};

@@ -43,8 +43,8 @@ fn shoulder(rgb: [f32; 3], peak: f32) -> [f32; 3] {
 }
 
 /// What is darker is shown as it is.
-const SHOULDER: f32 = 0.7;
-const DESATURATION: f32 = 0.15;
+pub(crate) const SHOULDER: f32 = 0.7;
+pub(crate) const DESATURATION: f32 = 0.15;
 
 /// The linear light that an 8-bit sRGB step shows, 0 to 1.
 #[inline]
@@ -76,14 +76,14 @@ fn step(x: f32) -> u8 {
 }
 
 /// Below the first threshold, 1.5e-4.
-const X_MIN: f32 = 1.0 / 8192.0;
+pub(crate) const X_MIN: f32 = 1.0 / 8192.0;
 /// The greatest f32 below 1.
-const X_MAX: f32 = 1.0 - f32::EPSILON / 2.0;
-const FIRST_BUCKET: u32 = X_MIN.to_bits() >> 16;
+pub(crate) const X_MAX: f32 = 1.0 - f32::EPSILON / 2.0;
+pub(crate) const FIRST_BUCKET: u32 = X_MIN.to_bits() >> 16;
 /// 13 octaves of 128 buckets, rounded up to a power of two so that an index needs no check.
-const BUCKETS: usize = 2048;
+pub(crate) const BUCKETS: usize = 2048;
 
-static STEPS: [u32; BUCKETS] = steps();
+pub(crate) static STEPS: [u32; BUCKETS] = steps();
 
 const fn steps() -> [u32; BUCKETS] {
     let mut steps = [0; BUCKETS];

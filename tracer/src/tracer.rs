@@ -4,6 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
+use crate::tonemap::srgb8;
 use crate::{CompiledScene, Error, ImageSize, RenderSettings, SettingsError, Tile, TileAovs};
 
 /// A device that traces tiles. It keeps nothing between calls but caches, so that any number of
@@ -24,6 +25,21 @@ pub trait Tracer: Send + Sync {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error>;
+
+    /// Traces like [`Tracer::trace`], and hands tiles over as they are shown: by [`crate::tonemap::srgb8`] of
+    /// `exposure`, up to a step where a device rounds otherwise.
+    ///
+    /// # Errors
+    /// As those of [`Tracer::trace`].
+    fn trace_srgb8(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        exposure: f32,
+        sink: &(dyn Fn(TileSrgb8) + Sync),
+    ) -> Result<TraceStats, Error> {
+        self.trace(scene, job, &|tile| sink(tile.srgb8(exposure)))
+    }
 
     /// Finds what the camera rays of `job`'s samples meet first, and hands it over like
     /// [`Tracer::trace`].
@@ -88,6 +104,30 @@ pub struct TileRadiance {
     pub index: usize,
     /// Mean radiance per pixel over the job's samples, row-major: `tile.width × tile.height`.
     pub radiance: Vec<[f32; 3]>,
+    /// Samples that were not finite and count as black.
+    pub dropped_samples: u32,
+}
+
+impl TileRadiance {
+    /// The tile as it is shown: by [`srgb8`] of `exposure`.
+    pub fn srgb8(&self, exposure: f32) -> TileSrgb8 {
+        let mut pixels = Vec::with_capacity(self.radiance.len());
+        pixels.extend(self.radiance.iter().map(|light| srgb8(*light, exposure)));
+        TileSrgb8 {
+            index: self.index,
+            pixels,
+            dropped_samples: self.dropped_samples,
+        }
+    }
+}
+
+/// A finished tile as it is shown.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TileSrgb8 {
+    /// Index into [`TraceJob::tiles`].
+    pub index: usize,
+    /// 8-bit sRGB, row-major: `tile.width × tile.height`.
+    pub pixels: Vec<[u8; 3]>,
     /// Samples that were not finite and count as black.
     pub dropped_samples: u32,
 }

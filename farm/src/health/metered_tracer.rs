@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use carom_tracer::{
-    CompiledScene, DeviceInfo, Error, TileAovs, TileRadiance, TraceJob, TraceStats, Tracer,
+    CompiledScene, DeviceInfo, Error, TileAovs, TileRadiance, TileSrgb8, TraceJob, TraceStats,
+    Tracer,
 };
 
 use super::NodeCounters;
@@ -36,6 +37,17 @@ impl MeteredTracer {
     pub const fn new(tracer: Arc<dyn Tracer>, counters: Arc<NodeCounters>) -> Self {
         Self { tracer, counters }
     }
+
+    /// Counts a tile of a job.
+    fn count(&self, job: &TraceJob<'_>, pixels: usize, dropped_samples: u32) {
+        let samples = pixels as u64 * u64::from(job.settings.samples);
+        let counters = &self.counters;
+        counters.tiles.fetch_add(1, Ordering::Relaxed);
+        counters.samples.fetch_add(samples, Ordering::Relaxed);
+        counters
+            .dropped_samples
+            .fetch_add(u64::from(dropped_samples), Ordering::Relaxed);
+    }
 }
 
 impl Tracer for MeteredTracer {
@@ -51,17 +63,25 @@ impl Tracer for MeteredTracer {
     ) -> Result<TraceStats, Error> {
         let _call = DeviceCall::begin(&self.counters);
         let counted = |tile: TileRadiance| {
-            let samples = tile.radiance.len() as u64 * u64::from(job.settings.samples);
-            let dropped = u64::from(tile.dropped_samples);
-            let counters = &self.counters;
-            counters.tiles.fetch_add(1, Ordering::Relaxed);
-            counters.samples.fetch_add(samples, Ordering::Relaxed);
-            counters
-                .dropped_samples
-                .fetch_add(dropped, Ordering::Relaxed);
+            self.count(job, tile.radiance.len(), tile.dropped_samples);
             sink(tile);
         };
         self.tracer.trace(scene, job, &counted)
+    }
+
+    fn trace_srgb8(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        exposure: f32,
+        sink: &(dyn Fn(TileSrgb8) + Sync),
+    ) -> Result<TraceStats, Error> {
+        let _call = DeviceCall::begin(&self.counters);
+        let counted = |tile: TileSrgb8| {
+            self.count(job, tile.pixels.len(), tile.dropped_samples);
+            sink(tile);
+        };
+        self.tracer.trace_srgb8(scene, job, exposure, &counted)
     }
 
     fn aovs(

@@ -20,7 +20,8 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::NODE_NAME_BYTES_MAX;
 use carom_tracer::{
-    CompiledScene, DeviceInfo, Error, Tile, TileAovs, TileRadiance, TraceJob, TraceStats, Tracer,
+    CompiledScene, DeviceInfo, Error, Tile, TileAovs, TileRadiance, TileSrgb8, TraceJob,
+    TraceStats, Tracer,
 };
 use device_model::{DeviceTiming, JobClass, JobModels};
 
@@ -71,6 +72,47 @@ impl MultiDeviceTracer {
             models,
             absent,
         }
+    }
+
+    fn trace_into(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: JobSink<'_>,
+    ) -> Result<TraceStats, Error> {
+        job.validate()?;
+        let work = JobProgress {
+            scene,
+            job,
+            sink,
+            done: job.tiles.iter().map(|_| AtomicBool::new(false)).collect(),
+        };
+        if job.tiles.is_empty() {
+            return Ok(TraceStats::default());
+        }
+        let usable = self.usable();
+        if usable.is_empty() {
+            return Err(self.all_failed());
+        }
+        let mut parts = self.parts(&work, &usable);
+        let together = parts.len() > 1;
+        let begun = Instant::now();
+        let mut stats = TraceStats::default();
+        while !parts.is_empty() {
+            stats = sum(stats, self.trace_parts(&work, &mut parts)?);
+            let left: Vec<usize> = parts.into_iter().flat_map(|part| part.tiles).collect();
+            if left.is_empty() {
+                break;
+            }
+            parts = vec![self.retrace_failed(left)?];
+        }
+        if !job.cancelled.load(Ordering::Relaxed) {
+            let secs = begun.elapsed().as_secs_f64();
+            self.lock()
+                .get_mut(work.class())
+                .judge(work.total(), secs, together);
+        }
+        Ok(stats)
     }
 
     /// The devices that may be used now.
@@ -177,11 +219,19 @@ impl MultiDeviceTracer {
     }
 }
 
+/// Where tiles of a job go, and as what.
+#[derive(Clone, Copy)]
+enum JobSink<'a> {
+    Radiance(&'a (dyn Fn(TileRadiance) + Sync)),
+    /// Of that exposure.
+    Srgb8(f32, &'a (dyn Fn(TileSrgb8) + Sync)),
+}
+
 /// A job and what has been done of it.
 struct JobProgress<'a> {
     scene: &'a CompiledScene,
     job: &'a TraceJob<'a>,
-    sink: &'a (dyn Fn(TileRadiance) + Sync),
+    sink: JobSink<'a>,
     /// By a tile's place in the job.
     done: Vec<AtomicBool>,
 }
@@ -243,39 +293,17 @@ impl Tracer for MultiDeviceTracer {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
-        job.validate()?;
-        let work = JobProgress {
-            scene,
-            job,
-            sink,
-            done: job.tiles.iter().map(|_| AtomicBool::new(false)).collect(),
-        };
-        if job.tiles.is_empty() {
-            return Ok(TraceStats::default());
-        }
-        let usable = self.usable();
-        if usable.is_empty() {
-            return Err(self.all_failed());
-        }
-        let mut parts = self.parts(&work, &usable);
-        let together = parts.len() > 1;
-        let begun = Instant::now();
-        let mut stats = TraceStats::default();
-        while !parts.is_empty() {
-            stats = sum(stats, self.trace_parts(&work, &mut parts)?);
-            let left: Vec<usize> = parts.into_iter().flat_map(|part| part.tiles).collect();
-            if left.is_empty() {
-                break;
-            }
-            parts = vec![self.retrace_failed(left)?];
-        }
-        if !job.cancelled.load(Ordering::Relaxed) {
-            let secs = begun.elapsed().as_secs_f64();
-            self.lock()
-                .get_mut(work.class())
-                .judge(work.total(), secs, together);
-        }
-        Ok(stats)
+        self.trace_into(scene, job, JobSink::Radiance(sink))
+    }
+
+    fn trace_srgb8(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        exposure: f32,
+        sink: &(dyn Fn(TileSrgb8) + Sync),
+    ) -> Result<TraceStats, Error> {
+        self.trace_into(scene, job, JobSink::Srgb8(exposure, sink))
     }
 
     /// The first device that can finds all of them.
@@ -314,15 +342,24 @@ impl Device {
             tiles: &tiles,
             ..*work.job
         };
-        let sink = |tile: TileRadiance| {
-            let index = places[tile.index];
-            // A device that hands a tile over twice, or has failed after it did: the first counts.
-            if !work.done[index].swap(true, Ordering::Relaxed) {
-                (work.sink)(TileRadiance { index, ..tile });
+        // A device that hands a tile over twice, or has failed after it did: the first counts.
+        let is_first = |index: usize| !work.done[index].swap(true, Ordering::Relaxed);
+        let traced = catch_unwind(AssertUnwindSafe(|| match work.sink {
+            JobSink::Radiance(sink) => self.tracer.trace(work.scene, &job, &|tile| {
+                let index = places[tile.index];
+                if is_first(index) {
+                    sink(TileRadiance { index, ..tile });
+                }
+            }),
+            JobSink::Srgb8(exposure, sink) => {
+                let sink = |tile: TileSrgb8| {
+                    let index = places[tile.index];
+                    if is_first(index) {
+                        sink(TileSrgb8 { index, ..tile });
+                    }
+                };
+                self.tracer.trace_srgb8(work.scene, &job, exposure, &sink)
             }
-        };
-        let traced = catch_unwind(AssertUnwindSafe(|| {
-            self.tracer.trace(work.scene, &job, &sink)
         }));
         traced.unwrap_or_else(|_| {
             Err(Error::Device {

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
 use carom_protocol::tile_codec::{Encoder, TilePixels};
-use carom_protocol::{NodeTimes, RefusalReason, RequestReport, TilesDone};
+use carom_protocol::{NodeTimes, PixelFormat, RefusalReason, RequestReport, TilesDone};
 use carom_tracer::{
     CompiledScene, Error, RenderSettings, SceneUpdate, Tile, TileRadiance, TileRange, TraceJob,
     Tracer,
@@ -249,9 +249,16 @@ struct ActiveSlice<'a> {
 
 /// The tiles of one message.
 struct TileGroup {
-    radiance: Vec<Option<Vec<[f32; 3]>>>,
+    pixels: Vec<Option<TracedPixels>>,
     missing: usize,
     dropped_samples: u32,
+}
+
+/// Pixels of a tile: as they are shown where the client takes them so, out of this process's memory.
+#[derive(Clone)]
+enum TracedPixels {
+    Radiance(Vec<[f32; 3]>),
+    Srgb8(Vec<[u8; 3]>),
 }
 
 impl<'a> ActiveSlice<'a> {
@@ -260,7 +267,7 @@ impl<'a> ActiveSlice<'a> {
         let tiles: Vec<Tile> = job.request.grid.tiles(tiles).collect();
         let group = |tiles: &[Tile]| {
             Mutex::new(TileGroup {
-                radiance: vec![None; tiles.len()],
+                pixels: vec![None; tiles.len()],
                 missing: tiles.len(),
                 dropped_samples: 0,
             })
@@ -297,9 +304,8 @@ impl<'a> ActiveSlice<'a> {
         let begun = Instant::now();
         // The tracer stays on this thread; only encoding goes to rayon's.
         rayon::in_place_scope(|encoders| {
-            let sink = |tile: TileRadiance| {
-                let complete = self.completed(tile).and_then(|tile| self.collect(tile));
-                if let Some((first, group)) = complete {
+            let take = |index: usize, pixels: TracedPixels, dropped_samples: u32| {
+                if let Some((first, group)) = self.collect(index, pixels, dropped_samples) {
                     let traced = Instant::now();
                     // Backpressure: blocks the tracer, so that traced pixels cannot pile up.
                     if self.job.client.wait_for_room(&self.job.cancelled) {
@@ -311,7 +317,24 @@ impl<'a> ActiveSlice<'a> {
                     encoders.spawn(move |_| self.send(first, &group, traced));
                 }
             };
-            tracer.trace(&scene, &job, &sink).map(drop)?;
+            let traced = match (request.format, self.job.client.sharing) {
+                (PixelFormat::Srgb8 { exposure }, TileSharing::InMemory) if self.part.is_none() => {
+                    tracer.trace_srgb8(&scene, &job, exposure, &|tile| {
+                        take(
+                            tile.index,
+                            TracedPixels::Srgb8(tile.pixels),
+                            tile.dropped_samples,
+                        );
+                    })
+                }
+                _ => tracer.trace(&scene, &job, &|tile| {
+                    if let Some(tile) = self.completed(tile) {
+                        let pixels = TracedPixels::Radiance(tile.radiance);
+                        take(tile.index, pixels, tile.dropped_samples);
+                    }
+                }),
+            };
+            traced?;
             let is_wanted = !self.job.cancelled.load(Ordering::Relaxed);
             if is_wanted && !self.stalled.load(Ordering::Relaxed) {
                 let samples = self.samples_done();
@@ -376,23 +399,28 @@ impl<'a> ActiveSlice<'a> {
 
     /// Adds a tile to its group; returns the group when it is complete, with the index of its first
     /// tile.
-    fn collect(&self, tile: TileRadiance) -> Option<(usize, TileGroup)> {
-        let index = tile.index / GROUP_TILES;
+    fn collect(
+        &self,
+        tile: usize,
+        pixels: TracedPixels,
+        dropped_samples: u32,
+    ) -> Option<(usize, TileGroup)> {
+        let index = tile / GROUP_TILES;
         let mut group = self.groups[index]
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
-        let slot = &mut group.radiance[tile.index % GROUP_TILES];
+        let slot = &mut group.pixels[tile % GROUP_TILES];
         if slot.is_some() {
             return None; // a tracer that delivers a tile twice: the first one counts
         }
-        *slot = Some(tile.radiance);
+        *slot = Some(pixels);
         group.missing -= 1;
-        group.dropped_samples = group.dropped_samples.saturating_add(tile.dropped_samples);
+        group.dropped_samples = group.dropped_samples.saturating_add(dropped_samples);
         if group.missing > 0 {
             return None;
         }
         let complete = TileGroup {
-            radiance: std::mem::take(&mut group.radiance),
+            pixels: std::mem::take(&mut group.pixels),
             ..*group
         };
         Some((index * GROUP_TILES, complete))
@@ -436,21 +464,29 @@ impl<'a> ActiveSlice<'a> {
         }
         let begun = Instant::now();
         let request = &self.job.request;
-        let tiles = self.tiles[first..].iter().copied();
-        let radiance = group
-            .radiance
-            .iter()
-            .map(|tile| tile.as_deref().unwrap_or_default());
-        let tiles: Vec<(Tile, &[[f32; 3]])> = tiles.zip(radiance).collect();
         let part = TileRange {
             first: self.first + first as u32,
-            count: tiles.len() as u32,
+            count: group.pixels.len() as u32,
         };
         let client = &self.job.client;
-        let encode = |encoder: &mut Encoder| client.encode(encoder, request, part, &tiles);
+        let (mut radiance, mut shown) = (Vec::new(), Vec::new());
+        for (tile, pixels) in self.tiles[first..].iter().zip(&group.pixels) {
+            match pixels {
+                Some(TracedPixels::Radiance(pixels)) => radiance.push((*tile, &pixels[..])),
+                Some(TracedPixels::Srgb8(pixels)) => shown.push(&pixels[..]),
+                None => {}
+            }
+        }
+        let encode = |encoder: &mut Encoder| client.encode(encoder, request, part, &radiance);
         let (pixels, shared) = match client.sharing {
             TileSharing::Encoded => (ENCODER.with_borrow_mut(encode), None),
-            TileSharing::InMemory => (Vec::new(), Some(TilePixels::of(request.format, &tiles))),
+            TileSharing::InMemory if radiance.is_empty() => {
+                (Vec::new(), Some(TilePixels::Srgb8(shown.concat())))
+            }
+            TileSharing::InMemory => {
+                let pixels = TilePixels::of(request.format, &radiance);
+                (Vec::new(), Some(pixels))
+            }
         };
         let nanos = begun.elapsed().as_nanos() as u64;
         self.job.encode_nanos.fetch_add(nanos, Ordering::Relaxed);

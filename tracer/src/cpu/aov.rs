@@ -138,10 +138,15 @@ impl Prepared {
         mut emitted: Vec3x<S>,
     ) -> AovLanes<S> {
         let reflectance = bsdf.mirror(simd);
-        let mirror = met & reflectance.length_squared().simd_gt(0.0);
+        let mut mirror = met & reflectance.length_squared().simd_gt(0.0);
+        let mirrored = bsdf.mirrored();
+        let rays = Rays::new(simd, hit.position, mirrored, id);
+        if mirror.any_true() && self.environment.is_black() {
+            // What is in the way matters only where there is light behind it.
+            let light = self.geometry.nearest_area_light(simd, &rays);
+            mirror &= light.id.simd_ne(NONE);
+        }
         if mirror.any_true() {
-            let mirrored = bsdf.mirrored();
-            let rays = Rays::new(simd, hit.position, mirrored, id);
             let nearest = self.geometry.nearest(simd, &rays, None);
             let lit = mirror & nearest.id.simd_ge(self.geometry.area_lights_first);
             let emission = self.emission(simd, mirrored, &nearest, lit);

@@ -42,6 +42,11 @@ impl Environment {
         self.map.as_ref().map_or(0.0, |map| map.probability)
     }
 
+    /// Whether no light comes from it.
+    pub(super) fn is_black(&self) -> bool {
+        self.map.is_none() && self.constant == [0.0; 3]
+    }
+
     /// Light from the directions in `lanes`.
     #[inline(always)]
     pub(super) fn radiance<S: Simd>(

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::edge_supersampling::SupersampledEdges;
 use super::filter::{Filter, FilterMemory};
-use super::guard_band::{GuardedRegion, leading};
+use super::guard_band::{GuardedRegion, REGION_SAMPLES, RegionLimits, leading};
 use super::input::DenoiseSource;
 use crate::simd::Level;
 use crate::{CompiledScene, Error, TileRadiance, TraceJob, TraceStats};
@@ -21,31 +21,33 @@ pub(crate) fn trace_denoised(
     job: &TraceJob<'_>,
     sink: &(dyn Fn(TileRadiance) + Sync),
 ) -> Result<TraceStats, Error> {
-    in_parts(job, u64::MAX, sink, |part, sink| {
-        trace_together(tracer, level, memory, scene, part, sink)
+    let limits = RegionLimits {
+        samples: REGION_SAMPLES,
+        pixels: u64::MAX,
+    };
+    in_parts(job, limits, |first, part| {
+        trace_together(tracer, level, memory, scene, part, &|tile| {
+            let index = first + tile.index;
+            sink(TileRadiance { index, ..tile });
+        })
     })
 }
 
-/// Gives `trace` as many of the job's tiles at a time as may be filtered together, in a region of at
-/// most `pixels_max` where it has more than one.
+/// Gives `trace` as many of the job's tiles at a time as may be filtered together, and the place of the first.
 pub(crate) fn in_parts(
     job: &TraceJob<'_>,
-    pixels_max: u64,
-    sink: &(dyn Fn(TileRadiance) + Sync),
-    trace: impl Fn(&TraceJob<'_>, &(dyn Fn(TileRadiance) + Sync)) -> Result<TraceStats, Error>,
+    limits: RegionLimits,
+    trace: impl Fn(usize, &TraceJob<'_>) -> Result<TraceStats, Error>,
 ) -> Result<TraceStats, Error> {
     let mut stats = TraceStats::default();
     let mut first = 0;
     while first < job.tiles.len() {
-        let count = leading(&job.tiles[first..], job.settings.samples, pixels_max);
+        let count = leading(&job.tiles[first..], job.settings.samples, limits);
         let part = TraceJob {
             tiles: &job.tiles[first..first + count],
             ..*job
         };
-        stats += trace(&part, &|tile| {
-            let index = first + tile.index;
-            sink(TileRadiance { index, ..tile });
-        })?;
+        stats += trace(first, &part)?;
         first += count;
     }
     Ok(stats)

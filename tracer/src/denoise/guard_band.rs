@@ -71,9 +71,16 @@ impl GuardedRegion {
     }
 }
 
-/// How many of the first tiles may be filtered together, at least 1: a node that waited for all of a
-/// long run would seem dead, and the planes of the filter, a hundred bytes a pixel, would be large.
-pub(crate) fn leading(tiles: &[Tile], samples: u32, pixels_max: u64) -> usize {
+/// What may be filtered together, if it is more than a tile: a node that waited for all of a long run would seem dead,
+/// and the planes of the filter, a hundred bytes a pixel, would be large.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RegionLimits {
+    pub(crate) samples: u64,
+    pub(crate) pixels: u64,
+}
+
+/// How many of the first tiles may be filtered together, at least 1.
+pub(crate) fn leading(tiles: &[Tile], samples: u32, limits: RegionLimits) -> usize {
     let mut bounds = EMPTY;
     let within = |tile: &&Tile| {
         bounds = if bounds.width == 0 {
@@ -82,14 +89,14 @@ pub(crate) fn leading(tiles: &[Tile], samples: u32, pixels_max: u64) -> usize {
             joined(bounds, **tile)
         };
         let pixels = bounds.pixels() as u64;
-        pixels * u64::from(samples) <= SAMPLES_MAX && pixels <= pixels_max
+        pixels * u64::from(samples) <= limits.samples && pixels <= limits.pixels
     };
     tiles.iter().take_while(within).count().max(1)
 }
 
-/// Samples traced before their tiles are handed out: a frame of 1280×720 at 4 samples, some seconds of
-/// a slow processor. Fewer would cost more guard bands.
-const SAMPLES_MAX: u64 = 1 << 22;
+/// Samples traced before their tiles are handed out, of a device that is not quicker: a frame of 1280×720 at 4 samples,
+/// some seconds of a slow processor. Fewer would cost more guard bands.
+pub(crate) const REGION_SAMPLES: u64 = 1 << 22;
 
 pub(super) const EMPTY: Tile = Tile {
     x: 0,
@@ -201,19 +208,23 @@ mod tests {
     fn what_is_filtered_together_is_bounded() {
         let grid = TileGrid::new(ImageSize::new(16_384, 16_384), 128);
         let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-        let count = leading(&tiles, 1, u64::MAX);
+        let limits = RegionLimits {
+            samples: REGION_SAMPLES,
+            pixels: u64::MAX,
+        };
+        let count = leading(&tiles, 1, limits);
         assert!(
             GuardedRegion::around(&tiles[..count], grid.size)
                 .bounds
                 .pixels()
                 < 1 << 23
         );
-        assert_eq!(leading(&tiles, u32::MAX, u64::MAX), 1);
-        assert_eq!(leading(&[tiles[0], tiles[tiles.len() - 1]], 1, u64::MAX), 1);
+        assert_eq!(leading(&tiles, u32::MAX, limits), 1);
+        assert_eq!(leading(&[tiles[0], tiles[tiles.len() - 1]], 1, limits), 1);
         let grid = TileGrid::new(ImageSize::new(1280, 720), 32);
         let tiles: Vec<Tile> = grid.tiles(grid.all()).collect();
-        assert_eq!(leading(&tiles, 4, u64::MAX), tiles.len());
-        assert!((1..tiles.len() / 10).contains(&leading(&tiles, 64, u64::MAX)));
+        assert_eq!(leading(&tiles, 4, limits), tiles.len());
+        assert!((1..tiles.len() / 10).contains(&leading(&tiles, 64, limits)));
     }
 
     #[test]

@@ -18,10 +18,12 @@ mod variance;
 pub(crate) mod weights;
 
 pub(crate) use filter::FilterMemory;
-pub(crate) use frame::trace_denoised;
-pub(crate) use input::{DenoiseInput, DenoiseInputTile, DenoiseSource, SampleSums};
 #[cfg(feature = "gpu")]
-pub(crate) use {frame::in_parts, guard_band::GuardedRegion};
+pub(crate) use frame::in_parts;
+pub(crate) use frame::trace_denoised;
+#[cfg(feature = "gpu")]
+pub(crate) use guard_band::{GuardedRegion, REGION_SAMPLES, RegionLimits};
+pub(crate) use input::{DenoiseInput, DenoiseInputTile, DenoiseSource, SampleSums};
 
 /// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average
 /// and costs every run of tiles a wider guard band.

@@ -15,8 +15,8 @@ use crate::gpu::mesh_buffer::SceneUpload;
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
 
-/// Passes of one submission at most: halves of the samples, two sets of first hits, five of the
-/// filter, and three more where samples are cut.
+/// Passes of one submission at most: the samples, two sets of first hits, five of the filter, and four more
+/// where samples are cut.
 pub(crate) const PASSES_MAX: usize = 12;
 /// Two 64-bit timestamps of each pass: before and after it.
 const TIMESTAMPS_BYTES: u64 = 16 * PASSES_MAX as u64;

@@ -32,6 +32,8 @@ pub(crate) struct DispatchData {
     pub(crate) sample_begin: u32,
     pub(crate) sample_end: u32,
     pub(crate) samples: u32,
+    pub(crate) first_half: u32,
+    pub(crate) pixels: u32,
     pub(crate) first_sample: u32,
     pub(crate) seed: u32,
     pub(crate) max_depth: u32,

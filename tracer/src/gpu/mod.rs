@@ -41,8 +41,8 @@ use rayon::prelude::*;
 pub use adapter::{AdapterChoice, AdapterDescription, adapters};
 
 use crate::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileAovs, TileRadiance, TraceJob,
-    TraceStats, Tracer,
+    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileAovs, TileRadiance, TileSrgb8,
+    TraceJob, TraceStats, Tracer,
 };
 use denoise::FilterKernels;
 use device::Device;
@@ -195,6 +195,8 @@ impl GpuTracer {
                 sample_begin: begin,
                 sample_end: end,
                 samples: settings.samples,
+                first_half: 0,
+                pixels: chunk.pixels as u32,
                 first_sample: settings.first_sample,
                 seed: settings.seed,
                 max_depth: settings.max_depth,
@@ -241,9 +243,34 @@ impl Tracer for GpuTracer {
             job,
             KernelOutput::Radiance,
             &|chunk, dropped, film| {
-                deliver(chunk, dropped, film, sink);
+                deliver(
+                    chunk,
+                    dropped,
+                    cast_slice(film),
+                    |index, radiance, dropped_samples| {
+                        sink(TileRadiance {
+                            index,
+                            radiance: radiance.to_vec(),
+                            dropped_samples,
+                        });
+                    },
+                );
             },
         )
+    }
+
+    fn trace_srgb8(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        exposure: f32,
+        sink: &(dyn Fn(TileSrgb8) + Sync),
+    ) -> Result<TraceStats, Error> {
+        if !job.settings.denoise {
+            return self.trace(scene, job, &|tile| sink(tile.srgb8(exposure)));
+        }
+        self.check(job)?;
+        self.trace_denoised_srgb8(scene, job, exposure, sink)
     }
 
     fn aovs(
@@ -314,18 +341,19 @@ impl GpuTracer {
     }
 }
 
-/// Hands a chunk's tiles over, on all of rayon's threads: a single one copies 3–5 GB/s, which is
-/// slower than a large GPU traces.
-fn deliver(chunk: &Chunk, dropped: &[u32], film: &[f32], sink: &(dyn Fn(TileRadiance) + Sync)) {
-    let film: &[[f32; 3]] = cast_slice(film);
+/// Hands a chunk's tiles over, their pixels and dropped samples, on all of rayon's threads: a single one copies
+/// 3–5 GB/s, which is slower than a large GPU traces.
+fn deliver<P: Sync>(
+    chunk: &Chunk,
+    dropped: &[u32],
+    film: &[P],
+    sink: impl Fn(usize, &[P], u32) + Sync,
+) {
     let deliver = |(place, entry): (usize, &TileEntry)| {
         let begin = entry.first_pixel as usize;
         let pixels = entry.width as usize * entry.height as usize;
-        sink(TileRadiance {
-            index: chunk.tiles.start + place,
-            radiance: film[begin..begin + pixels].to_vec(),
-            dropped_samples: dropped[place],
-        });
+        let pixels = &film[begin..begin + pixels];
+        sink(chunk.tiles.start + place, pixels, dropped[place]);
     };
     let entries = chunk.entries.par_iter().with_min_len(DELIVERED_TOGETHER);
     entries.enumerate().for_each(deliver);
@@ -385,6 +413,54 @@ mod tests {
             (cut_stats.samples, cut_stats.rays),
             (stats.samples, stats.rays)
         );
+    }
+
+    #[test]
+    fn pictures_as_they_are_shown_are_those_of_the_radiance() {
+        let Some(tracer) = tracer() else { return };
+        let scene = CompiledScene::new(&probe::scene()).unwrap();
+        let tiles: Vec<_> = GRID.tiles(GRID.all()).collect();
+        // Dark, and far up the shoulder of the tone curve.
+        for (exposure, denoise) in [(0.05, true), (1.0, true), (40.0, true), (1.0, false)] {
+            let job = TraceJob {
+                size: GRID.size,
+                tiles: &tiles,
+                settings: RenderSettings {
+                    samples: 3,
+                    denoise,
+                    ..RenderSettings::default()
+                },
+                cancelled: &AtomicBool::new(false),
+            };
+            let [expected, shown] = [(), ()].map(|()| Mutex::new(Vec::new()));
+            let stats = tracer.trace(&scene, &job, &|tile| {
+                expected.lock().unwrap().push(tile.srgb8(exposure));
+            });
+            let shown_stats = tracer.trace_srgb8(&scene, &job, exposure, &|tile| {
+                shown.lock().unwrap().push(tile);
+            });
+            assert_eq!(shown_stats.unwrap().rays, stats.unwrap().rays);
+            let [expected, shown] = [expected, shown].map(|tiles| {
+                let mut tiles = tiles.into_inner().unwrap();
+                tiles.sort_by_key(|tile: &TileSrgb8| tile.index);
+                let indices: Vec<usize> = tiles.iter().map(|tile| tile.index).collect();
+                assert_eq!(indices, (0..GRID.len() as usize).collect::<Vec<_>>());
+                tiles
+                    .into_iter()
+                    .flat_map(|tile| tile.pixels)
+                    .flatten()
+                    .collect::<Vec<u8>>()
+            });
+            let apart = expected.iter().zip(&shown).map(|(a, b)| a.abs_diff(*b));
+            assert_eq!(expected.len(), shown.len());
+            assert!(apart.clone().all(|steps| steps <= 1), "exposure {exposure}");
+            let different = apart.filter(|steps| *steps > 0).count();
+            assert!(
+                different * 100 < shown.len(),
+                "exposure {exposure}: {different}"
+            );
+            assert!(shown.iter().any(|step| *step > 20), "exposure {exposure}");
+        }
     }
 
     #[test]

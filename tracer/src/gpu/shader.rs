@@ -1003,8 +1003,8 @@ mod tests {
             layout!(CameraFrame, eye lens_steps corner lens_film dx dy),
             layout!(SceneHeader, camera environment zero),
             layout!(DispatchData,
-                tile_count block_count sample_begin sample_end samples first_sample seed
-                max_depth),
+                tile_count block_count sample_begin sample_end samples first_half pixels
+                first_sample seed max_depth),
             layout!(TileEntry, x y width height first_block first_pixel),
         ]
     }

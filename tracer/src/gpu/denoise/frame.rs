@@ -10,19 +10,19 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use bytemuck::bytes_of;
+use bytemuck::{bytes_of, cast_slice};
 
 use super::kernels::{FilterBuffers, FilterJob, FilterKernels};
 use crate::aov::smooth;
 use crate::denoise::weights::STEPS;
-use crate::denoise::{GuardedRegion, in_parts};
+use crate::denoise::{GuardedRegion, REGION_SAMPLES, RegionLimits, in_parts};
 use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTES, groups};
 use crate::gpu::layout::DispatchData;
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::{self, Chunk, ChunkLimits};
-use crate::gpu::{GpuTracer, deliver};
-use crate::{CompiledScene, Error, RenderSettings, TileRadiance, TraceJob, TraceStats};
+use crate::gpu::{ChunkSink, GpuTracer, deliver};
+use crate::{CompiledScene, Error, RenderSettings, TileRadiance, TileSrgb8, TraceJob, TraceStats};
 
 /// Samples of every pixel that are traced into a buffer of their own.
 struct TracedPart {
@@ -34,7 +34,7 @@ struct TracedPart {
 /// Of [`FilterBuffers`].
 #[derive(Clone, Copy)]
 enum PartTarget {
-    Half(usize),
+    Halves,
     Hits(usize),
 }
 
@@ -77,11 +77,60 @@ impl GpuTracer {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
-        // The guard band is a part of what is traced: half of the room is for it.
-        let pixels_max = self.filtered_pixels_max() / 2;
-        in_parts(job, pixels_max, sink, |part, sink| {
-            self.trace_region(scene, part, sink)
+        in_parts(job, self.region_limits(scene, job), |first, part| {
+            self.trace_region(scene, part, None, &|chunk, dropped, film| {
+                deliver(
+                    chunk,
+                    dropped,
+                    cast_slice(film),
+                    |index, radiance, dropped_samples| {
+                        sink(TileRadiance {
+                            index: first + index,
+                            radiance: radiance.to_vec(),
+                            dropped_samples,
+                        });
+                    },
+                );
+            })
         })
+    }
+
+    /// The same, handing tiles over as they are shown.
+    pub(in crate::gpu) fn trace_denoised_srgb8(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        exposure: f32,
+        sink: &(dyn Fn(TileSrgb8) + Sync),
+    ) -> Result<TraceStats, Error> {
+        in_parts(job, self.region_limits(scene, job), |first, part| {
+            self.trace_region(scene, part, Some(exposure), &|chunk, dropped, film| {
+                deliver(
+                    chunk,
+                    dropped,
+                    cast_slice(film),
+                    |index, shown, dropped_samples| {
+                        let pixels = shown.iter().map(|&[r, g, b, _]: &[u8; 4]| [r, g, b]);
+                        sink(TileSrgb8 {
+                            index: first + index,
+                            pixels: pixels.collect(),
+                            dropped_samples,
+                        });
+                    },
+                );
+            })
+        })
+    }
+
+    /// What is filtered together: as much as a dispatch traces of a device that is quick.
+    fn region_limits(&self, scene: &CompiledScene, job: &TraceJob<'_>) -> RegionLimits {
+        let features = self.features(scene, KernelOutput::Reflected);
+        let work_per_sample = schedule::work_per_sample(&job.settings, features.primitives());
+        RegionLimits {
+            samples: REGION_SAMPLES.max(self.pacer.samples_per_dispatch(work_per_sample)),
+            // The guard band is a part of what is traced: half of the room is for it.
+            pixels: self.filtered_pixels_max() / 2,
+        }
     }
 
     fn filtered_pixels_max(&self) -> u64 {
@@ -92,7 +141,8 @@ impl GpuTracer {
         &self,
         scene: &CompiledScene,
         job: &TraceJob<'_>,
-        sink: &(dyn Fn(TileRadiance) + Sync),
+        exposure: Option<f32>,
+        sink: &ChunkSink<'_>,
     ) -> Result<TraceStats, Error> {
         let region = GuardedRegion::around(job.tiles, job.size);
         let (traced, wanted) = (Chunk::new(&region.tiles), Chunk::new(job.tiles));
@@ -107,12 +157,17 @@ impl GpuTracer {
         let filter_job = FilterJob {
             bounds: region.bounds,
             samples: job.settings.samples,
+            exposure,
             traced: &traced,
             wanted: &wanted,
         };
+        let film = match exposure {
+            None => KernelOutput::Radiance.pixel_bytes(),
+            Some(_) => SRGB8_BYTES,
+        };
         let layout = ReadbackLayout {
             tiles: traced.entries.len() as u64,
-            ..ReadbackLayout::new(&wanted, KernelOutput::Radiance)
+            film_bytes: film * wanted.pixels,
         };
         let mut buffers = self.pool.take(&self.device)?;
         let upload = self.meshes.upload(&self.device, scene, job.size)?;
@@ -147,7 +202,7 @@ impl GpuTracer {
         } = shot;
         if is_done {
             stats.rays = buffers.results(&self.device, &layout, |rays, dropped, film| {
-                deliver(&wanted, dropped, film, sink);
+                sink(&wanted, dropped, film);
                 rays
             })?;
         }
@@ -159,12 +214,6 @@ impl GpuTracer {
     /// What the filter needs of each pixel.
     fn parts(&self, scene: &CompiledScene, job: &TraceJob<'_>) -> Result<Vec<TracedPart>, Error> {
         let settings = job.settings;
-        let half = settings.samples / 2;
-        let range = |begin: u32, end: u32| RenderSettings {
-            first_sample: settings.first_sample.wrapping_add(begin),
-            samples: end - begin,
-            ..settings
-        };
         let kernel = |output: KernelOutput| {
             let features = self.features(scene, output);
             self.kernels.kernel(&self.device, features)
@@ -178,15 +227,10 @@ impl GpuTracer {
             settings,
             target,
         };
-        let mut parts = vec![part(
-            &paths,
-            range(half, settings.samples),
-            PartTarget::Half(0),
-        )];
-        if half > 0 {
-            parts.push(part(&paths, range(0, half), PartTarget::Half(1)));
-        }
-        parts.push(part(&aovs, settings, PartTarget::Hits(0)));
+        let mut parts = vec![
+            part(&paths, settings, PartTarget::Halves),
+            part(&aovs, settings, PartTarget::Hits(0)),
+        ];
         if let Some(smoother) = smooth(settings) {
             parts.push(part(&aovs, smoother, PartTarget::Hits(1)));
         }
@@ -251,9 +295,12 @@ impl RegionFrame<'_> {
     ) -> Result<(), Error> {
         let traced = self.filter_job.traced;
         let samples = u64::from(sample_end - sample_begin) * traced.pixels;
-        let (film, kind) = match part.target {
-            PartTarget::Half(half) => (&self.filter.halves[half], PassKind::Paths(samples)),
-            PartTarget::Hits(hits) => (&self.filter.hits[hits], PassKind::FirstHits),
+        let (film, kind, first_half) = match part.target {
+            PartTarget::Halves => {
+                let first_half = part.settings.samples / 2;
+                (&self.filter.halves, PassKind::Paths(samples), first_half)
+            }
+            PartTarget::Hits(hits) => (&self.filter.hits[hits], PassKind::FirstHits, 0),
         };
         let data = DispatchData {
             tile_count: traced.entries.len() as u32,
@@ -261,6 +308,8 @@ impl RegionFrame<'_> {
             sample_begin,
             sample_end,
             samples: part.settings.samples,
+            first_half,
+            pixels: traced.pixels as u32,
             first_sample: part.settings.first_sample,
             seed: part.settings.seed,
             max_depth: part.settings.max_depth,
@@ -302,5 +351,7 @@ impl RegionFrame<'_> {
     }
 }
 
+/// Of a pixel as it is shown.
+const SRGB8_BYTES: u64 = 4;
 /// Of a picture: taking in, the variance, the steps and the result.
 const FILTER_PASSES: usize = STEPS.len() + 3;

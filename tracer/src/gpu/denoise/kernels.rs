@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use bytemuck::{Pod, Zeroable, bytes_of};
+use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
 use crate::aov::SMOOTH_RAYS;
 use crate::denoise::weights::{
@@ -18,6 +18,7 @@ use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, Pass, SLOT_BYTES, buffer, groups, reserve, whole};
 use crate::gpu::schedule::Chunk;
 use crate::gpu::shader::{BLOCK_EDGE, workgroup_constants};
+use crate::tonemap::{self, DESATURATION, FIRST_BUCKET, SHOULDER, X_MAX, X_MIN};
 use crate::{Error, Tile};
 
 /// The kernels, which are the same for all scenes.
@@ -26,12 +27,15 @@ pub(crate) struct FilterKernels {
     estimate_variance: wgpu::ComputePipeline,
     smooth_light: wgpu::ComputePipeline,
     resolve: wgpu::ComputePipeline,
+    resolve_srgb8: wgpu::ComputePipeline,
+    /// [`STEPS`](crate::tonemap::STEPS) of the transfer function.
+    srgb_steps: wgpu::Buffer,
 }
 
 /// What is traced for the filter, and what lies between its passes. It never leaves the device.
 pub(crate) struct FilterBuffers {
-    /// Means of the second and of the first half of the samples.
-    pub(in crate::gpu) halves: [wgpu::Buffer; 2],
+    /// Means of the second half of each pixel's samples, then of the first.
+    pub(in crate::gpu) halves: wgpu::Buffer,
     /// First hits of the same samples, and of more.
     pub(in crate::gpu) hits: [wgpu::Buffer; 2],
     /// To be cleared before each picture.
@@ -55,6 +59,8 @@ struct FilterData {
     half_share: f32,
     half_ratio: f32,
     is_mixed: u32,
+    pixels: u32,
+    exposure: f32,
 }
 
 /// What is filtered: all of a chunk is traced, its first tiles are wanted.
@@ -62,6 +68,8 @@ struct FilterData {
 pub(crate) struct FilterJob<'a> {
     pub(crate) bounds: Tile,
     pub(crate) samples: u32,
+    /// Of pictures that are handed over as they are shown.
+    pub(crate) exposure: Option<f32>,
     pub(crate) traced: &'a Chunk,
     pub(crate) wanted: &'a Chunk,
 }
@@ -90,6 +98,8 @@ impl FilterKernels {
                 estimate_variance: pipeline("estimate_variance"),
                 smooth_light: pipeline("smooth_light"),
                 resolve: pipeline("resolve"),
+                resolve_srgb8: pipeline("resolve_srgb8"),
+                srgb_steps: srgb_steps(device, wgpu),
             }
         })
     }
@@ -106,7 +116,7 @@ impl FilterKernels {
         let slots = first_slot..;
         let steps = filter_job.steps(self);
         let encode = |(slot, step): (usize, Step<'a>)| {
-            let entries = filter.bindings(buffers, slot, &step);
+            let entries = filter.bindings(buffers, &self.srgb_steps, slot, &step);
             let bindings = wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some("filter"),
                 layout: &step.pipeline.get_bind_group_layout(0),
@@ -142,7 +152,7 @@ impl FilterJob<'_> {
                 pipeline: &kernels.take_in,
                 data,
                 groups: groups(data.block_count, 1),
-                uses: &[TILES, SECOND_HALF, FIRST_HALF, HITS, GUIDES, LIGHT_TO],
+                uses: &[TILES, HALVES, HITS, GUIDES, LIGHT_TO],
                 light_from: 1,
             },
             Step {
@@ -172,11 +182,29 @@ impl FilterJob<'_> {
             block_count: self.wanted.blocks,
             ..data
         };
+        let (pipeline, uses): (_, &[u32]) = match self.exposure {
+            None => (
+                &kernels.resolve,
+                &[TILES, HITS, SMOOTH_HITS, GUIDES, LIGHT_FROM, FILM],
+            ),
+            Some(_) => (
+                &kernels.resolve_srgb8,
+                &[
+                    TILES,
+                    HITS,
+                    SMOOTH_HITS,
+                    GUIDES,
+                    LIGHT_FROM,
+                    SHOWN,
+                    SRGB_STEPS,
+                ],
+            ),
+        };
         steps.push(Step {
-            pipeline: &kernels.resolve,
+            pipeline,
             data,
             groups: groups(data.block_count, 1),
-            uses: &[TILES, HITS, SMOOTH_HITS, GUIDES, LIGHT_FROM, FILM],
+            uses,
             light_from: (STEPS.len() + 1) % 2,
         });
         steps
@@ -196,6 +224,8 @@ impl FilterJob<'_> {
             half_share: (self.samples / 2) as f32 / self.samples as f32,
             half_ratio: half_ratio(self.samples),
             is_mixed: u32::from(self.samples < SMOOTH_RAYS),
+            pixels: self.traced.pixels as u32,
+            exposure: self.exposure.unwrap_or(1.0),
         }
     }
 }
@@ -207,7 +237,7 @@ impl FilterBuffers {
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         let empty = || buffer(device, VECTOR_BYTES, USAGE);
         Self {
-            halves: [empty(), empty()],
+            halves: empty(),
             hits: [empty(), empty()],
             guides: empty(),
             light: [empty(), empty()],
@@ -219,13 +249,10 @@ impl FilterBuffers {
         let samples = filter_job.samples;
         let traced = |output: KernelOutput| output.pixel_bytes() * filter_job.traced.pixels;
         let dense = VECTOR_BYTES * filter_job.bounds.pixels() as u64;
-        let [second, first] = &mut self.halves;
+        let halves = traced(KernelOutput::Reflected) * u64::from(samples.min(2));
         let [hits, smooth] = &mut self.hits;
-        reserve(device, second, traced(KernelOutput::Reflected), USAGE);
+        reserve(device, &mut self.halves, halves, USAGE);
         reserve(device, hits, traced(KernelOutput::Aovs), USAGE);
-        if samples > 1 {
-            reserve(device, first, traced(KernelOutput::Reflected), USAGE);
-        }
         if samples < SMOOTH_RAYS {
             reserve(device, smooth, traced(KernelOutput::Aovs), USAGE);
         }
@@ -238,6 +265,7 @@ impl FilterBuffers {
     fn bindings<'a>(
         &'a self,
         frame: &'a FrameBuffers,
+        srgb_steps: &'a wgpu::Buffer,
         slot: usize,
         step: &Step<'_>,
     ) -> Vec<wgpu::BindGroupEntry<'a>> {
@@ -245,13 +273,13 @@ impl FilterBuffers {
         let entry = |&binding: &u32| {
             let buffer = match binding {
                 TILES => &frame.tiles,
-                SECOND_HALF => &self.halves[0],
-                FIRST_HALF => &self.halves[1],
+                HALVES => &self.halves,
                 HITS => &self.hits[0],
                 SMOOTH_HITS => &self.hits[usize::from(is_mixed)],
                 GUIDES => &self.guides,
                 LIGHT_FROM => &self.light[step.light_from],
                 LIGHT_TO => &self.light[1 - step.light_from],
+                SRGB_STEPS => srgb_steps,
                 _ => &frame.film,
             };
             whole(binding, buffer)
@@ -260,6 +288,13 @@ impl FilterBuffers {
         let buffers = step.uses.iter().map(entry);
         std::iter::once(data).chain(buffers).collect()
     }
+}
+
+fn srgb_steps(device: &Device, wgpu: &wgpu::Device) -> wgpu::Buffer {
+    let steps: &[u8] = cast_slice(&tonemap::STEPS);
+    let steps_buffer = buffer(wgpu, steps.len() as u64, USAGE);
+    device.queue.write_buffer(&steps_buffer, 0, steps);
+    steps_buffer
 }
 
 /// The kernels as text.
@@ -274,12 +309,18 @@ fn source() -> String {
          const DEPTH_FACTOR: f32 = {DEPTH_FACTOR:?};\n\
          const MIXED_MIN: f32 = {MIXED_MIN:?};\n\
          const EDGE_MIN: f32 = {EDGE_MIN:?};\n\
-         const BRIGHTNESS_SHARE: f32 = {BRIGHTNESS_SHARE:?};\n",
+         const BRIGHTNESS_SHARE: f32 = {BRIGHTNESS_SHARE:?};\n\
+         const SHOULDER: f32 = {SHOULDER:?};\n\
+         const DESATURATION: f32 = {DESATURATION:?};\n\
+         const STEP_MIN: f32 = {X_MIN:?};\n\
+         const STEP_MAX: f32 = {X_MAX:?};\n\
+         const FIRST_BUCKET: u32 = {FIRST_BUCKET}u;\n",
         KernelOutput::Aovs.floats(),
         STEPS[0]
     );
     text += include_str!("../shaders/structs.wgsl");
     text += include_str!("../shaders/block.wgsl");
+    text += include_str!("../shaders/tonemap.wgsl");
     text += include_str!("../shaders/denoise.wgsl");
     text += "fn add_taps(p: vec2i, here: ptr<function, Look>) {\n";
     for (dx, dy, weight) in TAPS {
@@ -294,14 +335,15 @@ fn source() -> String {
 /// Bindings in `shaders/denoise.wgsl`.
 const DATA: u32 = 0;
 const TILES: u32 = 2;
-const SECOND_HALF: u32 = 3;
-const FIRST_HALF: u32 = 4;
+const HALVES: u32 = 3;
 const HITS: u32 = 5;
 const SMOOTH_HITS: u32 = 6;
 const GUIDES: u32 = 7;
 const LIGHT_FROM: u32 = 8;
 const LIGHT_TO: u32 = 9;
 const FILM: u32 = 10;
+const SHOWN: u32 = 11;
+const SRGB_STEPS: u32 = 12;
 
 /// Bytes of a `vec4f`.
 const VECTOR_BYTES: u64 = 16;
@@ -344,7 +386,7 @@ mod tests {
         assert_eq!(
             fields,
             offsets!(x y width height tile_count block_count samples step variances half_share
-                half_ratio is_mixed)
+                half_ratio is_mixed pixels exposure)
         );
     }
 }

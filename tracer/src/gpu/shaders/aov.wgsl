@@ -49,8 +49,9 @@ fn first_hit(ray: Ray) -> Aovs {
     met.normal = surface.normal;
     let cos_o = dot(surface.normal, wo);
     let mirror = bsdf_mirror(bsdf, cos_o);
-    if (any(mirror != vec3f(0.0))) {
-        let mirrored = Ray(surface.position, 2.0 * cos_o * surface.normal - wo);
+    let mirrored = Ray(surface.position, 2.0 * cos_o * surface.normal - wo);
+    // What is in the way matters only where there is light behind it.
+    if (any(mirror != vec3f(0.0)) && (environment_is_lit() || meets_area_light(mirrored))) {
         met.emission = mirror * emission(mirrored, nearest(mirrored, hit.primitive));
     }
     return met;

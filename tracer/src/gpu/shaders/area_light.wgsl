@@ -45,6 +45,13 @@ fn nearest_coplanar_area_light(ray: Ray, hit: ptr<function, Hit>) {
     }
 }
 
+// Whether there is an area light along a ray, whatever is in the way.
+fn meets_area_light(ray: Ray) -> bool {
+    var hit = Hit(T_MISS, NO_PRIMITIVE);
+    nearest_area_light(prepare_ray(ray), NO_PRIMITIVE, &hit);
+    return hit.primitive != NO_PRIMITIVE;
+}
+
 // Whether another area light than the one that is asked for is in the way.
 fn area_light_occludes(ray: Ray, target_light: u32, t_max: f32) -> bool {
     for (var i = 0u; i < AREA_LIGHT_COUNT; i++) {

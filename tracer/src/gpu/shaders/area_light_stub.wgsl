@@ -4,6 +4,10 @@ fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     return vec3f(0.0);
 }
 
+fn meets_area_light(ray: Ray) -> bool {
+    return false;
+}
+
 fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f, start: u32) -> ShadowRay {
     return NO_SHADOW_RAY;
 }

@@ -22,12 +22,15 @@ struct FilterData {
     half_ratio: f32,
     // Whether `smooth_hits` are of more rays than `hits`.
     is_mixed: u32,
+    // Traced ones.
+    pixels: u32,
+    // Of pictures that are shown.
+    exposure: f32,
 }
 
 @group(0) @binding(0) var<uniform> job: FilterData;
-// Means of the second and the first half of the samples; of a single sample the second alone.
-@group(0) @binding(3) var<storage, read> second_half: array<f32>;
-@group(0) @binding(4) var<storage, read> first_half: array<f32>;
+// Means of the second half of the samples of all traced pixels, then of the first; of a single sample the second alone.
+@group(0) @binding(3) var<storage, read> halves: array<f32>;
 // First hits: `Aovs`.
 @group(0) @binding(5) var<storage, read> hits: array<f32>;
 @group(0) @binding(6) var<storage, read> smooth_hits: array<f32>;
@@ -38,6 +41,8 @@ struct FilterData {
 @group(0) @binding(8) var<storage, read> light_from: array<vec4f>;
 @group(0) @binding(9) var<storage, read_write> light_to: array<vec4f>;
 @group(0) @binding(10) var<storage, read_write> film: array<f32>;
+// sRGB of each pixel, a byte a channel, in the film's place.
+@group(0) @binding(11) var<storage, read_write> shown: array<u32>;
 
 fn is_inside(p: vec2i) -> bool {
     return all(p >= vec2i(0)) && all(vec2u(p) < vec2u(job.width, job.height));
@@ -77,17 +82,20 @@ fn take_in(
     guides[2u * i] = vec4f(albedo, hits[first + 6u]);
     let brightness = hits[first + 7u] + hits[first + 8u] + hits[first + 9u];
     guides[2u * i + 1u] = vec4f(normal, 1.0 + brightness);
-    let pixel = 3u * place.pixel;
-    var light = vec3f(second_half[pixel], second_half[pixel + 1u], second_half[pixel + 2u]);
+    var light = half_at(place.pixel);
     let divisor = albedo + ALBEDO_MIN;
     var variance = 0.0;
     if (job.samples > 1u) {
-        let early = vec3f(first_half[pixel], first_half[pixel + 1u], first_half[pixel + 2u]);
+        let early = half_at(job.pixels + place.pixel);
         light += job.half_share * (early - light);
         let apart = job.half_ratio * (early - light) / divisor;
         variance = dot(apart, apart);
     }
     light_to[i] = vec4f(light / divisor, variance);
+}
+
+fn half_at(pixel: u32) -> vec3f {
+    return vec3f(halves[3u * pixel], halves[3u * pixel + 1u], halves[3u * pixel + 2u]);
 }
 
 @compute @workgroup_size(BLOCK_EDGE, BLOCK_EDGE)
@@ -211,6 +219,22 @@ fn resolve(
         light = result(place_in_region(place), place.pixel);
     }
     set_block(place, true, local, light);
+}
+
+@compute @workgroup_size(BLOCK_EDGE * BLOCK_EDGE)
+fn resolve_srgb8(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let block = group.y * groups.x + group.x;
+    if (block >= job.block_count) {
+        return;
+    }
+    let place = place_of(block, local);
+    if (place.is_inside) {
+        shown[place.pixel] = srgb8(job.exposure * result(place_in_region(place), place.pixel));
+    }
 }
 
 fn result(p: vec2i, pixel: u32) -> vec3f {

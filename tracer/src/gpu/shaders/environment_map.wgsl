@@ -17,6 +17,10 @@ fn environment_radiance(direction: vec3f) -> vec3f {
     return environment_at(environment_place(direction));
 }
 
+fn environment_is_lit() -> bool {
+    return true;
+}
+
 fn environment_with_mis(direction: vec3f) -> vec3f {
     let place = environment_place(direction);
     let radiance = environment_at(place);

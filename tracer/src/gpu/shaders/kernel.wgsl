@@ -1,7 +1,8 @@
 // One thread per pixel of a run of tiles, in blocks of 8 x 8, some of them a workgroup.
 
 @group(0) @binding(1) var<uniform> job: DispatchData;
-// The mean of each pixel's samples: red, green, blue, or its `Aovs`, whose sum lies here before.
+// The mean of each pixel's samples: red, green, blue, or those of their halves, the second first; or its `Aovs`, whose
+// sum lies here before.
 @group(0) @binding(3) var<storage, read_write> film: array<f32>;
 // Rays (low and high word), then the dropped samples of each tile.
 @group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
@@ -39,7 +40,7 @@ fn trace(
     }
 }
 
-// Takes the samples in order and returns their mean after the last. A thread whose path has ended begins its next
+// Takes the samples in order and returns their mean, or that of the second half, after the last. A thread whose path has ended begins its next
 // sample while its neighbours go on with theirs, so that long paths keep no lanes idle.
 fn trace_pixel(place: Place, thread: u32) -> vec3f {
     let x = place.x;
@@ -66,6 +67,10 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
                     dropped += 1u;
                 }
                 index += 1u;
+                if (OUTPUT == OUTPUT_REFLECTED && index == job.first_half) {
+                    set_film_numbers(3u * (job.pixels + pixel), sum.value / f32(index));
+                    sum = Sum(vec3f(0.0), vec3f(0.0));
+                }
                 path = camera_path(x, y, job.first_sample + index);
                 state = TRACE;
             }
@@ -83,7 +88,7 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
         atomicAdd(&counters[2u + place.tile], dropped);
     }
     if (job.sample_end == job.samples) {
-        return sum.value / f32(job.samples);
+        return sum.value / f32(job.samples - job.first_half);
     }
     if (place.is_inside) {
         set_sums(6u * pixel, sum.value);

@@ -112,6 +112,9 @@ struct DispatchData {
     sample_begin: u32,
     sample_end: u32,
     samples: u32,
+    // Of these the first ones, whose mean is apart and lies after those of all `pixels`; 0 if there is one mean.
+    first_half: u32,
+    pixels: u32,
     first_sample: u32,
     seed: u32,
     max_depth: u32,
