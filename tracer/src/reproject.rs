@@ -185,18 +185,35 @@ impl View {
             width as usize * usize::from(height > 1),
         );
         let first = footprint.first as usize;
+        let primitives = &self.hits.primitive;
         let [right_share, lower_share] = footprint.shares;
+        let corners = [first, first + right, first + below, first + below + right];
+        let mut is_whole = true;
+        for corner in corners {
+            is_whole &= primitives[corner] == primitive;
+        }
+        if is_whole {
+            let [upper_left, upper_right] = [&pixels[first], &pixels[first + right]];
+            let [lower_left, lower_right] = [&pixels[corners[2]], &pixels[corners[3]]];
+            let mut found = [T::default(); N];
+            for (channel, found) in found.iter_mut().enumerate() {
+                let upper = lerp(upper_left[channel], upper_right[channel], right_share);
+                let lower = lerp(lower_left[channel], lower_right[channel], right_share);
+                *found = T::from_f32(lower_share.mul_add(lower - upper, upper));
+            }
+            return Some(found);
+        }
         let (left_share, upper_share) = (1.0 - right_share, 1.0 - lower_share);
-        let corners = [
-            (first, left_share * upper_share),
-            (first + right, right_share * upper_share),
-            (first + below, left_share * lower_share),
-            (first + below + right, right_share * lower_share),
+        let shares = [
+            left_share * upper_share,
+            right_share * upper_share,
+            left_share * lower_share,
+            right_share * lower_share,
         ];
         // Loops, since closures are not compiled for the caller's instruction set.
         let (mut sum, mut weights) = ([0.0; N], 0.0);
-        for (corner, share) in corners {
-            let is_same = self.hits.primitive[corner] == primitive;
+        for (corner, share) in corners.into_iter().zip(shares) {
+            let is_same = primitives[corner] == primitive;
             let share = if is_same { share } else { 0.0 };
             weights += share;
             for (sum, channel) in sum.iter_mut().zip(pixels[corner]) {
@@ -325,6 +342,12 @@ fn add<const N: usize>(sum: &mut [f32; N], pixel: &[f32; N]) {
     for (sum, channel) in sum.iter_mut().zip(pixel) {
         *sum += channel;
     }
+}
+
+#[inline(always)]
+fn lerp<T: Channel>(from: T, to: T, share: f32) -> f32 {
+    let (from, to) = (from.to_f32(), to.to_f32());
+    share.mul_add(to - from, from)
 }
 
 /// A channel of a pixel.

@@ -27,7 +27,10 @@ use crate::BenchError;
 /// begins, "trace", "tone map" to sRGB or the encoding for a network, "hand over" from the node to the
 /// frame's buffer. The steps of the main thread follow: "poll" takes frames in, "choose" puts one on
 /// show, "reproject" moves it to the present view, "present" copies it as a texture's upload does,
-/// "request" asks for the next ones. The first tenth of the frames is not counted.
+/// "request" asks for the next ones. The first tenth of the frames is not counted in these.
+///
+/// Of the start are told when the first frame was there, from before the farm was started, and how long the slowest
+/// twentieth of the first 60 frames took over their median.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON in place of a table
@@ -61,6 +64,11 @@ struct PlayReport {
     cpu_ms: f64,
     /// Of the main thread, a frame.
     main_cpu_ms: f64,
+    /// From before the farm was started until the first frame.
+    first_frame_ms: f64,
+    /// Median and 95th percentile of the times between the first 60 frames.
+    start_median_ms: f64,
+    start_p95_ms: f64,
     stages: Vec<PlayStage>,
 }
 
@@ -89,6 +97,13 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         report.cpu_ms,
         report.main_cpu_ms
     );
+    println!(
+        "first frame after {:.0} ms; the first {START_FRAMES}: median {:.1} ms, 95th percentile {:.1} ms ({:.1} medians)",
+        report.first_frame_ms,
+        report.start_median_ms,
+        report.start_p95_ms,
+        report.start_p95_ms / report.start_median_ms
+    );
     println!("{:<10} {:>9} {:>7}", "stage", "ms", "share");
     for PlayStage { name, ms, share } in &report.stages {
         println!("{name:<10} {ms:9.3} {:5.1} %", 100.0 * share);
@@ -106,6 +121,8 @@ struct PlayLoop {
     secs: [f64; STAGES.len()],
     /// Frames that the farm has finished.
     traced: u32,
+    /// When each of the first frames was shown, in seconds since the begin.
+    start: Vec<f64>,
 }
 
 const STAGES: [&str; 9] = [
@@ -124,6 +141,7 @@ const FARM_STAGES: usize = 4;
 
 impl PlayLoop {
     fn new(args: &Args) -> Result<Self, BenchError> {
+        let begun = Instant::now();
         if args.backend == LocalNode::None {
             return Err(BenchError::Input("--backend none traces nothing".into()));
         }
@@ -146,10 +164,11 @@ impl PlayLoop {
         Ok(Self {
             pipeline,
             table_scene,
-            begun: Instant::now(),
+            begun,
             texture: vec![[0; 4]; args.size.pixels()],
             secs: [0.0; STAGES.len()],
             traced: 0,
+            start: Vec::new(),
         })
     }
 
@@ -169,6 +188,12 @@ impl PlayLoop {
         };
         let ms: Vec<f64> = self.secs.iter().enumerate().map(per_frame).collect();
         let sum: f64 = ms.iter().sum();
+        let mut intervals: Vec<f64> = self.start.windows(2).map(|two| two[1] - two[0]).collect();
+        intervals.sort_by(f64::total_cmp);
+        let interval_ms = |share: f64| match intervals.len() {
+            0 => f64::NAN,
+            count => 1e3 * intervals[((count as f64 * share).ceil() as usize).clamp(1, count) - 1],
+        };
         let stage = |(name, ms): (&&'static str, f64)| PlayStage {
             name,
             ms,
@@ -181,6 +206,9 @@ impl PlayLoop {
             traced_per_sec: f64::from(self.traced) / wall_secs,
             cpu_ms: 1e3 * cpu.elapsed().as_secs_f64() / frames,
             main_cpu_ms: 1e3 * main_cpu.elapsed().as_secs_f64() / frames,
+            first_frame_ms: 1e3 * self.start[0],
+            start_median_ms: interval_ms(0.5),
+            start_p95_ms: interval_ms(0.95),
             stages: STAGES.iter().zip(ms).map(stage).collect(),
         })
     }
@@ -193,7 +221,12 @@ impl PlayLoop {
                 return Err(BenchError::Interrupted);
             }
             match self.frame() {
-                true => shown += 1,
+                true => {
+                    shown += 1;
+                    if self.start.len() < START_FRAMES {
+                        self.start.push(self.begun.elapsed().as_secs_f64());
+                    }
+                }
                 // As in the game, which polls less often still: a device is not kept from its work.
                 false => std::thread::sleep(POLL_PERIOD),
             }
@@ -263,6 +296,7 @@ fn count_farm_stages(secs: &mut [f64], stats: &FrameStats) {
     secs[3] += split.network_secs + split.decode_secs;
 }
 
+const START_FRAMES: usize = 60;
 /// Of the camera around the table.
 const TURN_SECS: f64 = 10.0;
 /// Between two looks at the farm while nothing is new.

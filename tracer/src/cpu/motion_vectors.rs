@@ -66,9 +66,9 @@ impl MotionVectors {
     /// eye, or on the far side of its ball.
     pub(crate) fn row(&self, level: Level, hits: &FirstHits, y: usize, row: &mut [Footprint]) {
         let first = y * row.len();
-        let distance = &hits.distance[first..first + row.len()];
+        let inverse_depth = &hits.inverse_depth[first..first + row.len()];
         let primitive = &hits.primitive[first..first + row.len()];
-        dispatch!(level, simd => self.row_lanes(simd, y, distance, primitive, row));
+        dispatch!(level, simd => self.row_lanes(simd, y, inverse_depth, primitive, row));
     }
 
     #[inline(always)]
@@ -76,7 +76,7 @@ impl MotionVectors {
         &self,
         simd: S,
         y: usize,
-        distance: &[f32],
+        inverse_depth: &[f32],
         primitive: &[u32],
         row: &mut [Footprint],
     ) {
@@ -88,20 +88,20 @@ impl MotionVectors {
             Float::splat(simd, y as f32 + 0.5),
             Vec3x::splat(simd, camera.corner),
         );
-        let pixels = distance.chunks(LANES).zip(primitive.chunks(LANES));
+        let pixels = inverse_depth.chunks(LANES).zip(primitive.chunks(LANES));
         let packets = pixels.zip(row.chunks_mut(LANES)).enumerate();
-        for (packet, ((distances, primitives), row)) in packets {
-            let (mut distance, mut ids) = ([0.0; LANES], [FirstHits::ESCAPED; LANES]);
-            match (distances.try_into(), primitives.try_into()) {
-                (Ok(all), Ok(all_ids)) => (distance, ids) = (all, all_ids),
+        for (packet, ((depths, primitives), row)) in packets {
+            let (mut depth, mut ids) = ([0.0; LANES], [FirstHits::ESCAPED; LANES]);
+            match (depths.try_into(), primitives.try_into()) {
+                (Ok(all), Ok(all_ids)) => (depth, ids) = (all, all_ids),
                 _ => {
-                    distance[..distances.len()].copy_from_slice(distances);
+                    depth[..depths.len()].copy_from_slice(depths);
                     ids[..primitives.len()].copy_from_slice(primitives);
                 }
             }
             let direction = dx.mul_add(steps + (packet * LANES) as f32, left);
-            let distance = Float::load_array(simd, distance);
-            let place = self.places(simd, direction, distance, &ids);
+            let inverse_depth = Float::load_array(simd, depth);
+            let place = self.places(simd, direction, inverse_depth, &ids);
             let (first, [right, below]) = self.footprints(simd, place);
             let (first, right, below) = (first.to_array(), right.to_array(), below.to_array());
             let lanes = first.iter().zip(right.iter().zip(&below));
@@ -127,18 +127,17 @@ impl MotionVectors {
         (is_inside.select(first, outside), [right, below])
     }
 
-    /// Places on the earlier film of points that are `distance` metres along directions of any length.
+    /// Places on the earlier film of points along directions, at depths as of [`FirstHits::inverse_depth`].
     #[inline(always)]
     fn places<S: Simd>(
         &self,
         simd: S,
         direction: Vec3x<S>,
-        distance: Float<S>,
+        inverse_depth: Float<S>,
         ids: &[u32; LANES],
     ) -> [Float<S>; 2] {
         let eye = Vec3x::splat(simd, self.camera.eye);
-        let reach = distance / direction.length_squared().sqrt();
-        let point = direction.mul_add(reach, eye);
+        let point = direction.mul_add(1.0 / inverse_depth, eye);
         let eye_before = Vec3x::splat(simd, self.before.eye.to_array());
         let mut seen = point - eye_before;
         let mut hidden = Mask::splat(simd, false);
