@@ -88,6 +88,7 @@ fn layers_specular_and_scale_of_normals_are_read() {
         sheen_roughness: 0.5,
         specular: 0.25,
         specular_color: Vec3::new(1.0, 2.0, 0.0),
+        transmission: 0.0,
     };
     assert_eq!(layers(read), expected);
     let textures = read.textures();
