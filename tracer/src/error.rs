@@ -121,6 +121,11 @@ pub enum SceneError {
     /// Particles are of a material with a pattern.
     #[error("its material has a pattern, which only objects can have: give it a plain one")]
     PatternedParticles,
+    /// Particles are balls of a material with transmission.
+    #[error(
+        "its material has transmission, which makes it a thin wall, but its particles are balls: make it a dielectric"
+    )]
+    ThinWallParticles,
     /// The box of a cloud is too large for the smoothing radius of its surface.
     #[error(
         "an edge of its box is {edge_m} m, but its smoothing radius {smoothing_m} m: the edge may be at most {max} times \
@@ -372,6 +377,12 @@ pub enum SceneError {
     /// A material through which rays pass is on another shape than a mesh.
     #[error("its material `{0}` is not opaque, which only meshes can be of")]
     TransparentShape(String),
+    /// A material with transmission is on a shape that has an inside.
+    #[error(
+        "its material `{0}` has transmission, which makes it a thin wall: give it to a mesh, a disc or a rectangle, or make \
+         it a dielectric"
+    )]
+    ThinWallShape(String),
     /// A mesh has another number of vertex colours than of vertices.
     #[error("its mesh has {colors} colours for {vertices} vertices: give it one each, or none")]
     VertexColors {

@@ -221,7 +221,7 @@ impl SurfaceVertex {
 
     /// Whether a triangle that is shaded with another normal than its own lets `wi` go to another side than that does.
     fn is_below(&self, wi: DVec3) -> bool {
-        let is_passed = self.bsdf.is_dielectric() && wi.dot(self.n) < 0.0;
+        let is_passed = self.bsdf.lets_light_pass() && wi.dot(self.n) < 0.0;
         let side = wi.dot(self.hit.n) * self.wo.dot(self.hit.n);
         let is_far = if is_passed { side >= 0.0 } else { side <= 0.0 };
         let is_flat = self.hit.shading_n == self.hit.n && !self.bsdf.has_clearcoat_normal();

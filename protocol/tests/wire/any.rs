@@ -11,7 +11,7 @@ use carom_protocol::{
     message::VERSION,
 };
 use carom_tracer::{
-    Camera, DeviceInfo, DeviceKind, Environment, ImageSize, ImageTexture, Lens, Material,
+    Camera, DeviceInfo, DeviceKind, Environment, ImageSize, ImageTexture, Layers, Lens, Material,
     MaterialTextures, Mesh, Object, ObjectPose, Opacity, RenderSettings, Scene, SceneUpdate, Shape,
     TileGrid, TileRange,
 };
@@ -215,10 +215,15 @@ fn scene() -> impl Strategy<Value = Scene> {
             sheen: base_color,
             clearcoat_normal: base_color,
             clearcoat_normal_scale: -0.5,
+            transmission: base_color,
             ..MaterialTextures::default()
         };
         let veil = Opacity::Blend { alpha: 0.5 };
         let material = Material::rough([0.5; 3], 0.4).textured(textures);
+        let material = material.layered(Layers {
+            transmission: 0.5,
+            ..Layers::NONE
+        });
         scene.add(mesh, material.with_opacity(veil));
         scene
     })

@@ -308,7 +308,8 @@ pub struct MaterialData {
     pub albedo: [f32; 3],
     /// Index of refraction of the coat or the body; 0 for none.
     pub ior: f32,
-    /// Albedo inside the stripe. Of glTF's material the strength of its clear coat and the coat's GGX width.
+    /// Albedo inside the stripe. Of glTF's material the strength of its clear coat, the coat's GGX width and the share of light
+    /// that passes the base.
     pub stripe_albedo: [f32; 3],
     /// The stripe is where `|n · stripe_axis|` is below this; 0 for none.
     pub stripe_half_width: f32,

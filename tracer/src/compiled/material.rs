@@ -112,6 +112,11 @@ impl MaterialData {
         let has_some = self.stripe_albedo[0] > 0.0 || self.sheen != [0.0; 3];
         self.kind == KIND_METALLIC_ROUGHNESS && has_some
     }
+
+    /// Whether it is a thin wall of glTF's material.
+    pub(crate) fn is_thin_wall(&self) -> bool {
+        self.kind == KIND_METALLIC_ROUGHNESS && self.stripe_albedo[2] > 0.0
+    }
 }
 
 /// A clear coat and a sheen over glTF's material.
@@ -128,7 +133,7 @@ fn with_layers(base: MaterialData, layers: &Layers) -> MaterialData {
     };
     let [a, b, c, d, e, f] = reflected;
     MaterialData {
-        stripe_albedo: [layers.clearcoat, alpha, 0.0],
+        stripe_albedo: [layers.clearcoat, alpha, layers.transmission],
         sheen: (layers.sheen / (2.0 * std::f32::consts::PI)).to_array(),
         sheen_roughness: width,
         extinction: [a, b, c],

@@ -25,6 +25,8 @@ pub struct CompiledTextures {
     pub materials: Arc<Vec<MaterialTextureData>>,
     /// The same for layers and specular reflection; empty if none has a texture there.
     pub layers: Arc<Vec<LayerTextureData>>,
+    /// The texture of each material's transmission, or [`MaterialTextureData::NONE`]; empty if no material of a thin wall has one.
+    pub transmission: Arc<Vec<u32>>,
     /// Red, green, blue and alpha, red in the lowest byte: level by level, row by row.
     pub texels: Arc<Vec<u32>>,
 }
@@ -130,11 +132,19 @@ impl CompiledTextures {
         if !layers.iter().any(LayerTextureData::is_some) {
             layers.clear();
         }
+        let mut transmission: Vec<u32> = materials.clone().map(transmission_texture).collect();
+        if transmission
+            .iter()
+            .all(|image| *image == MaterialTextureData::NONE)
+        {
+            transmission.clear();
+        }
         let materials = materials.map(|material| MaterialTextureData::new(material.textures()));
         Ok(Self {
             images: Arc::new(images),
             materials: Arc::new(materials.collect()),
             layers: Arc::new(layers),
+            transmission: Arc::new(transmission),
             texels: Arc::new(texels),
         })
     }
@@ -193,6 +203,12 @@ impl CompiledTextures {
             }
         }
     }
+}
+
+fn transmission_texture(material: &Material) -> u32 {
+    let texture = material.textures().transmission;
+    let texture = texture.filter(|_| material.is_thin_wall());
+    texture.unwrap_or(MaterialTextureData::NONE)
 }
 
 /// The view of a texture's alpha as colour, which is added if need be.

@@ -139,7 +139,7 @@ impl Prepared {
     ) -> AovLanes<S> {
         let reflectance = bsdf.mirror(simd);
         let mut mirror = met & reflectance.length_squared().simd_gt(0.0);
-        let mirrored = bsdf.mirrored();
+        let mirrored = bsdf.shown();
         let rays = Rays::new(simd, hit.position, mirrored, id);
         if mirror.any_true() && self.environment.is_black() {
             // What is in the way matters only where there is light behind it.

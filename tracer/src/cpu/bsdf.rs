@@ -75,6 +75,11 @@ impl<S: Simd> Bsdf<S> {
         {
             faces |= coat_faces;
         }
+        if let Some(surface) = &self.metallic_roughness
+            && let Some(behind) = surface.spreads_behind()
+        {
+            faces |= behind;
+        }
         match &self.microfacet {
             Some(microfacet) => (faces & !microfacet.lanes()) | microfacet.sees(cos_i),
             None => faces,
@@ -113,11 +118,22 @@ impl<S: Simd> Bsdf<S> {
     pub(super) fn is_above(&self, wi: Vec3x<S>) -> Option<Mask<S>> {
         let height = self.geometric?.dot(wi);
         let above = height.simd_ge(0.0);
-        let Some(microfacet) = &self.microfacet else {
+        let Some(transmissive) = self.is_transmissive() else {
             return Some(above);
         };
-        let passed = microfacet.is_transmissive() & self.normal.dot(wi).simd_lt(0.0);
+        let passed = transmissive & self.normal.dot(wi).simd_lt(0.0);
         Some((passed & height.simd_le(0.0)) | (!passed & above))
+    }
+
+    /// Where light can pass; none if the packet met nothing that lets it.
+    #[inline(always)]
+    fn is_transmissive(&self) -> Option<Mask<S>> {
+        let walls = (self.metallic_roughness.as_ref()).and_then(MetallicRoughness::lets_pass);
+        match (&self.microfacet, walls) {
+            (Some(microfacet), Some(walls)) => Some(microfacet.is_transmissive() | walls),
+            (Some(microfacet), None) => Some(microfacet.is_transmissive()),
+            (None, walls) => walls,
+        }
     }
 
     /// Draws a direction by `u[1]` and `u[2]`, which choose between coat and base too; `u[0]` chooses
@@ -225,10 +241,15 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// Reflectance of the mirror that the surface is or has.
+    /// Reflectance of the mirror that the surface is or has, or what it lets pass if it is a smooth thin wall.
     #[inline(always)]
     pub(super) fn mirror(&self, simd: S) -> Vec3x<S> {
-        let coat = Vec3x::new(self.fresnel, self.fresnel, self.fresnel);
+        let mut coat = Vec3x::new(self.fresnel, self.fresnel, self.fresnel);
+        if let Some(surface) = &self.metallic_roughness
+            && let Some((smooth, passed)) = surface.straight_passed(self.normal, self.wo)
+        {
+            coat = Vec3x::select(smooth, passed, coat);
+        }
         match &self.microfacet {
             Some(microfacet) => Vec3x::select(
                 microfacet.lanes(),
@@ -236,6 +257,17 @@ impl<S: Simd> Bsdf<S> {
                 coat,
             ),
             None => coat,
+        }
+    }
+
+    /// What the mirror shows, or what lies straight behind a thin wall.
+    #[inline(always)]
+    pub(super) fn shown(&self) -> Vec3x<S> {
+        let mirrored = self.mirrored();
+        let walls = (self.metallic_roughness.as_ref()).and_then(MetallicRoughness::lets_pass);
+        match walls {
+            Some(walls) => Vec3x::select(walls, -self.wo, mirrored),
+            None => mirrored,
         }
     }
 

@@ -26,6 +26,8 @@ pub(super) struct TextureLanes<S: Simd> {
     pub(super) clearcoat_roughness: Float<S>,
     /// Of scenes where some have textures there.
     pub(super) layers: Option<LayerTextureLanes<S>>,
+    /// Of scenes where some thin wall has a texture of it.
+    pub(super) transmission: Option<Float<S>>,
 }
 
 /// The same of layers and of the specular reflection.
@@ -56,6 +58,7 @@ pub(super) struct TextureColumns {
     /// A bit for each lane that has a normal map.
     pub(super) mapped: u64,
     pub(super) layers: Option<LayerColumns>,
+    transmission: Option<[f32; LANES]>,
 }
 
 /// By channel what [`LayerTextureLanes`] has by lane, and the normals of clear coats.
@@ -111,6 +114,12 @@ impl TriangleTextures {
             store_normal(&mut columns.normals, lane, normal);
             columns.mapped |= 1 << lane;
         }
+        if let (Some(column), Some(image)) = (
+            columns.transmission.as_mut(),
+            self.textures.transmission.get(material),
+        ) {
+            store(std::slice::from_mut(column), *image, &[0]);
+        }
         let Some((columns, textures)) =
             (columns.layers.as_mut()).zip(self.textures.layers.get(material))
         else {
@@ -140,6 +149,7 @@ impl TriangleTextures {
                 normals: [[0.0; LANES]; 3],
                 coated: 0,
             }),
+            transmission: (!self.textures.transmission.is_empty()).then_some([1.0; LANES]),
         }
     }
 
@@ -184,6 +194,7 @@ impl TextureColumns {
             clearcoat: number(8),
             clearcoat_roughness: number(9),
             layers: self.layers.as_ref().map(|layers| layers.lanes(simd)),
+            transmission: (self.transmission).map(|column| Float::load_array(simd, column)),
         }
     }
 }

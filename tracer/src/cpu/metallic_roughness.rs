@@ -2,10 +2,13 @@
 //!
 //! Only packets that met such a surface come here, out of line: other scenes are not to pay for it.
 
+mod thin_wall;
+
 use std::f32::consts::{FRAC_1_PI, TAU};
 
 use fearless_simd::prelude::*;
 
+use self::thin_wall::WallLanes;
 use super::image_texture::TextureLanes;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::microfacet::{ggx, normalize, sample_visible, visibility};
@@ -25,9 +28,11 @@ pub(super) struct MetallicRoughnessTable {
     rows: Vec<MetallicRoughnessRow>,
     /// Some have a clear coat or a sheen.
     has_layers: bool,
+    /// Some are thin walls.
+    has_walls: bool,
 }
 
-type MetallicRoughnessRow = [f32; 26];
+type MetallicRoughnessRow = [f32; 27];
 
 const IS_SUCH: usize = 0;
 const DIELECTRIC_F0: usize = 1;
@@ -45,6 +50,7 @@ const SHEEN_ROUGHNESS: usize = 18;
 const SHEEN_REFLECTED: usize = 19;
 /// With which light sampling draws points on triangles, m⁻²; 0 of other shapes.
 const POINT_DENSITY: usize = 25;
+const TRANSMISSION: usize = 26;
 
 impl MetallicRoughnessTable {
     /// `materials` are those of all rows.
@@ -62,6 +68,7 @@ impl MetallicRoughnessTable {
                 false => Vec::new(),
             },
             has_layers: scene.materials.iter().any(MaterialData::has_layers),
+            has_walls: scene.materials.iter().any(MaterialData::is_thin_wall),
         }
     }
 
@@ -71,7 +78,7 @@ impl MetallicRoughnessTable {
 }
 
 fn metallic_roughness_row(material: &MaterialData, is_of_triangles: bool) -> MetallicRoughnessRow {
-    let mut row = [0.0; 26];
+    let mut row = [0.0; 27];
     if material.kind != KIND_METALLIC_ROUGHNESS {
         return row;
     }
@@ -83,6 +90,7 @@ fn metallic_roughness_row(material: &MaterialData, is_of_triangles: bool) -> Met
     row[BASE_COLOR..][..3].copy_from_slice(&material.albedo);
     row[EMISSION..][..3].copy_from_slice(&material.k);
     row[CLEARCOAT..][..2].copy_from_slice(&material.stripe_albedo[..2]);
+    row[TRANSMISSION] = material.stripe_albedo[2];
     row[SHEEN..][..3].copy_from_slice(&material.sheen);
     row[SHEEN_ROUGHNESS] = material.sheen_roughness;
     row[SHEEN_REFLECTED..][..3].copy_from_slice(&material.extinction);
@@ -108,6 +116,8 @@ pub(super) struct MetallicRoughness<S: Simd> {
     alpha: Float<S>,
     /// Of scenes where some have any.
     layers: Option<LayerLanes<S>>,
+    /// Of scenes where some let light pass.
+    wall: Option<WallLanes<S>>,
 }
 
 /// Clear coat and sheen.
@@ -125,7 +135,7 @@ impl<S: Simd> LayerLanes<S> {
     #[inline(always)]
     fn new(
         simd: S,
-        rows: &Rows<'_, 26>,
+        rows: &Rows<'_, 27>,
         lanes: Mask<S>,
         textures: Option<&TextureLanes<S>>,
         normal: Option<Vec3x<S>>,
@@ -243,17 +253,29 @@ impl<S: Simd> MetallicRoughness<S> {
                     let normal = triangles.and_then(|triangles| triangles.clearcoat_normal);
                     layers = Some(LayerLanes::new(simd, &rows, lanes, textures, normal));
                 }
+                let mut diffuse = base * (1.0 - metallic);
+                let mut wall = None;
+                if table.has_walls {
+                    let mut transmission = rows.number(simd, TRANSMISSION);
+                    if let Some(factor) = textures.and_then(|textures| textures.transmission) {
+                        transmission *= factor;
+                    }
+                    let alpha = alpha.max(ALPHA_LEAST);
+                    wall = Some(WallLanes::new(diffuse * transmission, specular, alpha));
+                    diffuse = diffuse * (1.0 - transmission);
+                }
                 Some(Self {
                     lanes,
                     emission,
                     point_density: rows.number(simd, POINT_DENSITY),
-                    diffuse: base * (1.0 - metallic),
+                    diffuse,
                     f0: (base - even).mul_add(metallic, even),
                     f90: (1.0 - specular).mul_add(metallic, specular),
                     dielectric_f0,
                     base_f90: ((1.0 - alpha) * (1.0 - alpha) * specular).max(dielectric_f0),
                     alpha: alpha.max(ALPHA_LEAST),
                     layers,
+                    wall,
                 })
             },
         )
@@ -286,6 +308,22 @@ impl<S: Simd> MetallicRoughness<S> {
 
     #[inline(always)]
     fn evaluate_inline(
+        &self,
+        simd: S,
+        normal: Vec3x<S>,
+        wo: Vec3x<S>,
+        wi: Vec3x<S>,
+    ) -> (Vec3x<S>, Float<S>) {
+        let above = self.evaluate_above(simd, normal, wo, wi);
+        match &self.wall {
+            Some(wall) => self.with_wall(simd, wall, normal, wo, wi, above),
+            None => above,
+        }
+    }
+
+    /// Without what passes.
+    #[inline(always)]
+    fn evaluate_above(
         &self,
         simd: S,
         normal: Vec3x<S>,
@@ -362,9 +400,15 @@ impl<S: Simd> MetallicRoughness<S> {
                 let share = self.reflected_share(simd, normal.dot(wo));
                 let (mut u0, mut alpha, mut coated) = (u[0], self.alpha, Mask::splat(simd, false));
                 let mut mirror_normal = normal;
+                let (mut passes, mut passed_share) = (coated, Float::splat(simd, 0.0));
+                if let Some(wall) = &self.wall {
+                    passed_share = self.passed_share(simd, wall, normal, wo);
+                    passes = u0.simd_lt(passed_share);
+                    u0 = (u0 - passed_share) / (1.0 - passed_share);
+                }
                 if let Some(layers) = &self.layers {
                     let coat = self.clearcoat_share(simd, normal, wo);
-                    coated = u0.simd_lt(coat);
+                    coated = u0.simd_lt(coat) & !passes;
                     u0 = (u0 - coat) / (1.0 - coat);
                     alpha = coated.select(layers.clearcoat_alpha, alpha);
                     mirror_normal = Vec3x::select(coated, layers.normal(normal), normal);
@@ -372,32 +416,47 @@ impl<S: Simd> MetallicRoughness<S> {
                 let h = sample_visible(simd, alpha, mirror_normal, wo, u[1], u[2]);
                 let mirrored = h.mul_add(wo.dot(h) * 2.0, -wo);
                 let even = cosine_hemisphere(simd, normal, u[1], u[2]);
-                let wi = Vec3x::select(coated | u0.simd_lt(share), mirrored, even);
-                let (f_cos, pdf) = self.evaluate_inline(simd, normal, wo, wi);
+                let mut wi = Vec3x::select(coated | u0.simd_lt(share), mirrored, even);
+                if let Some(wall) = &self.wall {
+                    let passed = Self::passed_direction(wall, normal, wo, h);
+                    wi = Vec3x::select(passes, passed, wi);
+                }
+                let (f_cos, mut pdf) = self.evaluate_inline(simd, normal, wo, wi);
                 let mut is_some = pdf.simd_gt(0.0);
                 if self
                     .layers
                     .as_ref()
                     .is_some_and(|layers| layers.normal.is_some())
                 {
-                    is_some &= mirror_normal.dot(wi).simd_gt(0.0);
+                    is_some &= passes | mirror_normal.dot(wi).simd_gt(0.0);
+                }
+                if let Some(wall) = &self.wall {
+                    // What a lobe draws on the other side than its own has no weight.
+                    let behind = normal.dot(wi).simd_lt(0.0);
+                    is_some &= !wall.lanes | !(behind ^ passes);
                 }
                 let one = Float::splat(simd, 1.0);
                 let weight = f_cos * (one / is_some.select(pdf, one));
                 let black = Vec3x::splat(simd, [0.0; 3]);
-                BsdfSample {
-                    wi,
-                    weight: Vec3x::select(is_some, weight, black),
-                    pdf,
+                let mut weight = Vec3x::select(is_some, weight, black);
+                if let Some(wall) = &self.wall {
+                    let (straight, passed) =
+                        self.straight_weight(wall, normal, wo, passes, passed_share);
+                    weight = Vec3x::select(straight, passed, weight);
+                    pdf = straight.select(Float::splat(simd, f32::INFINITY), pdf);
                 }
+                BsdfSample { wi, weight, pdf }
             },
         )
     }
 
-    /// About what it reflects of even light.
+    /// About what it reflects of even light and lets pass.
     #[inline(always)]
     pub(super) fn albedo(&self) -> Vec3x<S> {
-        let sum = self.diffuse + self.f0;
+        let mut sum = self.diffuse + self.f0;
+        if let Some(wall) = &self.wall {
+            sum = sum + wall.color;
+        }
         Vec3x::new(sum.x.min(1.0), sum.y.min(1.0), sum.z.min(1.0))
     }
 

@@ -196,6 +196,10 @@ pub(crate) struct Features {
     pub(crate) has_metallic_roughness: bool,
     /// Some of that has a clear coat or a sheen.
     pub(crate) has_layers: bool,
+    /// Some of that is a thin wall.
+    pub(crate) has_thin_walls: bool,
+    /// Some thin wall has a texture of its transmission.
+    pub(crate) has_transmission_textures: bool,
     /// Some ball may allow refracted NEE: its material is a smooth dielectric and scatters light inside.
     pub(crate) has_refracted_nee: bool,
     pub(crate) output: KernelOutput,
@@ -264,6 +268,8 @@ impl Features {
             has_dielectric: any(|material| material.kind == KIND_DIELECTRIC),
             has_metallic_roughness: any(|m| m.kind == KIND_METALLIC_ROUGHNESS),
             has_layers: any(MaterialData::has_layers),
+            has_thin_walls: any(MaterialData::is_thin_wall),
+            has_transmission_textures: has_textures && !scene.textures.transmission.is_empty(),
             has_refracted_nee: has_refracted_nee(scene),
             output: KernelOutput::Radiance,
             is_compensated: needs_compensation(scene),

@@ -115,6 +115,7 @@ fn create_textures(device: &Device, textures: &CompiledTextures) -> Result<wgpu:
             cast_slice::<TextureData, u8>(&textures.images),
             cast_slice::<MaterialTextureData, u8>(&textures.materials),
             cast_slice::<LayerTextureData, u8>(&textures.layers),
+            cast_slice::<u32, u8>(&textures.transmission),
             cast_slice::<f32, u8>(&SRGB_LINEAR[..]),
             cast_slice::<u32, u8>(&textures.texels),
         ],

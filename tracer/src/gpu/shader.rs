@@ -122,7 +122,7 @@ fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("shaders/csg_copy.wgsl"),
         false => include_str!("shaders/csg_copy_stub.wgsl"),
     });
-    parts.push(include_str!("shaders/aov.wgsl"));
+    parts.push(AOV);
     parts.push(include_str!("shaders/path.wgsl"));
     parts.push(include_str!("shaders/block.wgsl"));
     parts.push(include_str!("shaders/kernel.wgsl"));
@@ -156,6 +156,9 @@ fn metallic_roughness_parts(features: &Features) -> Vec<&'static str> {
             false => include_str!("shaders/coat_normal_stub.wgsl"),
         });
     }
+    if features.has_thin_walls {
+        parts.extend(thin_wall_parts(features));
+    }
     if !features.has_shading_normals() {
         parts.push(include_str!("shaders/own_normal_stub.wgsl"));
     }
@@ -171,6 +174,22 @@ fn metallic_roughness_parts(features: &Features) -> Vec<&'static str> {
     if !features.has_opacity {
         parts.push(include_str!("shaders/opacity_stub.wgsl"));
     }
+    parts
+}
+
+fn thin_wall_parts(features: &Features) -> Vec<&'static str> {
+    let mut parts = vec![THIN_WALL];
+    parts.push(match features.has_layers {
+        true => include_str!("shaders/thin_wall_layers.wgsl"),
+        false => include_str!("shaders/thin_wall_layers_stub.wgsl"),
+    });
+    if !features.has_coat_normals {
+        parts.push(include_str!("shaders/lit_cosine_stub.wgsl"));
+    }
+    parts.push(match features.has_transmission_textures {
+        true => TRANSMISSION_TEXTURE,
+        false => include_str!("shaders/transmission_texture_stub.wgsl"),
+    });
     parts
 }
 
@@ -217,6 +236,9 @@ const LAYERS: &str = include_str!("shaders/layers.wgsl");
 const IMAGE_TEXTURE: &str = include_str!("shaders/image_texture.wgsl");
 const LAYER_TEXTURES: &str = include_str!("shaders/layer_textures.wgsl");
 const COAT_NORMAL: &str = include_str!("shaders/coat_normal.wgsl");
+const THIN_WALL: &str = include_str!("shaders/thin_wall.wgsl");
+const TRANSMISSION_TEXTURE: &str = include_str!("shaders/transmission_texture.wgsl");
+const AOV: &str = include_str!("shaders/aov.wgsl");
 const OPACITY: &str = include_str!("shaders/opacity.wgsl");
 const VERTEX_COLOR: &str = include_str!("shaders/vertex_color.wgsl");
 const ENVIRONMENT_MAP: &str = include_str!("shaders/environment_map.wgsl");
@@ -536,6 +558,10 @@ fn texture_declaration(features: &Features) -> String {
         true => format!("    layers: array<LayerTextureData, {textured_materials}>,\n"),
         false => String::new(),
     };
+    let transmission = match features.has_transmission_textures {
+        true => format!("    transmission: array<u32, {textured_materials}>,\n"),
+        false => String::new(),
+    };
     let text = format!(
         "const NO_TEXTURE: u32 = {}u;\n\
          const WRAP_REPEAT: u32 = {WRAP_REPEAT}u;\n\
@@ -543,7 +569,7 @@ fn texture_declaration(features: &Features) -> String {
          struct TextureMemory {{\n    \
          images: array<TextureData, {textures}>,\n    \
          materials: array<MaterialTextureData, {textured_materials}>,\n\
-         {layers}    srgb: array<f32, 256>,\n    \
+         {layers}{transmission}    srgb: array<f32, 256>,\n    \
          texels: array<u32>,\n}}\n\
          @group(0) @binding({TEXTURE_BINDING}) var<storage, read> textures: TextureMemory;\n",
         MaterialTextureData::NONE
@@ -601,6 +627,9 @@ fn environment_declaration(features: &Features) -> String {
 /// `opacity.wgsl` and of `vertex_color.wgsl`; and around those of all lights those of `mesh_light.wgsl`.
 fn with_wrappers(features: &Features, part: &str) -> String {
     let mut text = part.to_owned();
+    if features.has_thin_walls {
+        text = with_thin_walls(features, part, text);
+    }
     if features.has_layers && part == METALLIC_ROUGHNESS {
         for name in ["metallic_roughness_at", "mean_passed", "reflected_share"] {
             text = text.replace(&format!("fn {name}("), &format!("fn base_{name}("));
@@ -625,13 +654,16 @@ fn with_wrappers(features: &Features, part: &str) -> String {
     if features.has_coat_normals {
         text = with_coat_normals(part, text);
     }
+    if features.has_coat_normals || features.has_thin_walls {
+        text = with_lit_cosine(part, text);
+    }
     if features.has_opacity && part != OPACITY {
         text = text.replace("fn triangle_t(", "fn solid_triangle_t(");
     }
     if features.colored_triangles > 0 && part != VERTEX_COLOR {
         text = text.replace("fn triangle_surface(", "fn plain_triangle_surface(");
     }
-    let is_outer = [METALLIC_ROUGHNESS, SHADING_NORMAL, COAT_NORMAL].contains(&part);
+    let is_outer = [METALLIC_ROUGHNESS, SHADING_NORMAL, COAT_NORMAL, THIN_WALL].contains(&part);
     if features.has_metallic_roughness && !is_outer {
         for name in [
             "bsdf_at",
@@ -648,6 +680,20 @@ fn with_wrappers(features: &Features, part: &str) -> String {
             text = text.replace(&format!("fn {name}("), &format!("fn plain_{name}("));
         }
     }
+    text = with_lights(features, part, text);
+    if features.mesh_lights > 0 && part != MESH_LIGHT {
+        text = text.replace("fn note_density(", "fn lamp_note_density(");
+    }
+    if features.has_shading_normals() && part != SHADING_NORMAL {
+        for name in ["direct_light", "bsdf_sample"] {
+            text = text.replace(&format!("fn {name}("), &format!("fn bare_{name}("));
+        }
+    }
+    text
+}
+
+/// A part of a kernel with the functions of each kind of lights around those of the others.
+fn with_lights(features: &Features, part: &str, mut text: String) -> String {
     // The innermost first.
     let wrappers = [
         (features.has_environment_map(), ENVIRONMENT_MAP, "area"),
@@ -660,15 +706,55 @@ fn with_wrappers(features: &Features, part: &str) -> String {
             text = text.replace("fn direct_light(", &format!("fn {name}_direct_light("));
         }
     }
-    if features.mesh_lights > 0 && part != MESH_LIGHT {
-        text = text.replace("fn note_density(", "fn lamp_note_density(");
-    }
-    if features.has_shading_normals() && part != SHADING_NORMAL {
-        for name in ["direct_light", "bsdf_sample"] {
-            text = text.replace(&format!("fn {name}("), &format!("fn bare_{name}("));
-        }
-    }
     text
+}
+
+/// A part of a kernel where some surfaces are thin walls: functions of `thin_wall.wgsl` and `transmission_texture.wgsl` are round
+/// those of other parts.
+fn with_thin_walls(features: &Features, part: &str, text: String) -> String {
+    let outermost =
+        |is_wrapped: bool, wrapper: &'static str, wrapped: &'static str| match is_wrapped {
+            true => wrapper,
+            false => wrapped,
+        };
+    let lookup = outermost(features.has_layer_textures(), LAYER_TEXTURES, IMAGE_TEXTURE);
+    let material = outermost(features.has_layers, LAYERS, METALLIC_ROUGHNESS);
+    let evaluation = outermost(features.has_coat_normals, COAT_NORMAL, METALLIC_ROUGHNESS);
+    let mut renamed = vec![
+        (material, "metallic_roughness_at"),
+        (evaluation, "bsdf_eval"),
+        (METALLIC_ROUGHNESS, "bsdf_sample"),
+        (METALLIC_ROUGHNESS, "bsdf_mirror"),
+        (METALLIC_ROUGHNESS, "bsdf_albedo"),
+        (COAT_NORMAL, "lit_cosine"),
+    ];
+    if features.has_transmission_textures {
+        renamed.push((lookup, "triangle_shading_normal"));
+    }
+    let names = renamed.iter().filter(|(wrapped, _)| *wrapped == part);
+    let text = names.fold(text, |text, (_, name)| {
+        text.replace(&format!("fn {name}("), &format!("fn opaque_{name}("))
+    });
+    match part {
+        THIN_WALL if features.has_layer_factors => text.replace(
+            "scene_storage.materials[material].diffuse_scale",
+            "textured_specular(material)",
+        ),
+        SHADING_NORMAL => text.replace(
+            "HAS_DIELECTRIC && bsdf_is_transmissive(bsdf) &&",
+            "(lets_light_pass() || bsdf_is_transmissive(bsdf)) &&",
+        ),
+        AOV => text
+            .replace(
+                "bsdf_mirror(bsdf, cos_o)",
+                "bsdf_mirror(bsdf, surface.normal, wo)",
+            )
+            .replace(
+                "2.0 * cos_o * surface.normal - wo",
+                "mirror_direction(surface.normal, wo)",
+            ),
+        _ => text,
+    }
 }
 
 /// A part of a kernel where clear coats have normals of their own: light falls in at the cosine to either.
@@ -685,16 +771,23 @@ fn with_coat_normals(part: &str, text: String) -> String {
         LAYERS => text
             .replace("fn with_layers(", "fn coaxial_layers(")
             .replace(REFLECTED, "reflected_above(coat_n, sample_visible("),
-        _ => text
-            .replace(
-                "let cos_i = dot(surface.normal, ",
-                "let cos_i = lit_cosine(surface.normal, ",
-            )
-            .replace(
-                "dot(wi, surface.normal) < 0.0",
-                "lit_cosine(surface.normal, wi) < 0.0",
-            ),
+        _ => text,
     }
+}
+
+/// A part of a kernel where light falls in at other cosines than those to the normal of the surface.
+fn with_lit_cosine(part: &str, text: String) -> String {
+    if [METALLIC_ROUGHNESS, LAYERS].contains(&part) {
+        return text;
+    }
+    text.replace(
+        "let cos_i = dot(surface.normal, ",
+        "let cos_i = lit_cosine(surface.normal, ",
+    )
+    .replace(
+        "dot(wi, surface.normal) < 0.0",
+        "lit_cosine(surface.normal, wi) < 0.0",
+    )
 }
 
 /// The nearest surface along a ray, and whether anything is in the way of one to an area light.
@@ -733,6 +826,9 @@ fn surface_at(features: &Features) -> String {
     }
     if features.textures > 0 {
         text += "    texture_factors = NO_TEXTURES;\n";
+    }
+    if features.has_transmission_textures {
+        text += "    transmission_factor = 1.0;\n";
     }
     if features.has_layer_textures() {
         text += "    layer_factors = NO_LAYER_TEXTURES;\n    coat_normal = vec3f(0.0);\n";
@@ -810,6 +906,8 @@ mod tests {
         colored_triangles: 4,
         has_opacity: true,
         has_layers: true,
+        has_thin_walls: true,
+        has_transmission_textures: true,
         mesh_lights: 3,
         mesh_light_sixteenths: 7,
         has_emission: true,
@@ -867,6 +965,8 @@ mod tests {
                 colored_triangles: if i % 4 < 2 { i / 4 % 3 } else { 0 },
                 has_opacity: i % 4 < 2 && i % 5 > 2 && i % 7 > 1,
                 has_layers: i % 5 > 2 && i % 13 > 5,
+                has_thin_walls: i % 5 > 2 && i % 3 < 2,
+                has_transmission_textures: is_textured && i % 3 < 1,
                 mesh_lights: if i % 4 < 2 && i % 5 > 2 { i % 3 } else { 0 },
                 mesh_light_sixteenths: match (i % 4 < 2 && i % 5 > 2 && i % 3 > 0, i % 7) {
                     (false, _) => 0,
@@ -948,6 +1048,16 @@ mod tests {
                 "image_texture",
                 "texel",
             ] {
+                assert!(!text.contains(word), "{word}: {features:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn kernels_of_scenes_without_thin_walls_have_nothing_of_them() {
+        for features in variants().filter(|features| !features.has_thin_walls) {
+            let text = source(&features);
+            for word in ["thin wall", "thin_wall", "lets_light_pass", "transmission"] {
                 assert!(!text.contains(word), "{word}: {features:?}");
             }
         }

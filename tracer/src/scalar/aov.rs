@@ -58,12 +58,11 @@ impl PathTracer<'_> {
         sum.albedo += vertex.scatter.albedo();
         sum.normal += vertex.n;
         sum.inverse_depth += 1.0 / (hit.t * ray.direction.dot(-axis));
-        let cos_o = vertex.wo.dot(vertex.n);
-        let mirror = vertex.scatter.mirror(cos_o);
+        let mirror = vertex.scatter.mirror(vertex.wo, vertex.n);
         if mirror != DVec3::ZERO {
             let mirrored = Ray {
                 origin: vertex.point,
-                direction: 2.0 * cos_o * vertex.n - vertex.wo,
+                direction: vertex.scatter.mirrored(vertex.wo, vertex.n),
             };
             let left = RayOrigin {
                 primitive: vertex.primitive,

@@ -15,13 +15,18 @@
 //! diffuse base is divided by the mean of what passes both, and so a white one reflects all under a smooth coat, too; what a
 //! metal loses between itself and the coat is lost.
 //!
+//! Part of the light in the base may pass it: see [`ThinWall`].
+//!
 //! A coat with normals of its own sees both directions at its own cosines. Light from a direction that only one of both normals
 //! faces is met by the coat or by what is below alone, and the triangle itself decides what is outside ([`super::triangle`]).
+
+mod thin_wall;
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
+pub use self::thin_wall::ThinWall;
 use super::bsdf::{BsdfSample, basis};
 use super::intersect::vector;
 use super::microfacet::{ggx, reflect, sample_visible, visibility};
@@ -32,7 +37,7 @@ use crate::sheen::{interpolated, sheen, sheen_reflectances};
 /// One point of such a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetallicRoughness {
-    /// Albedo of the base.
+    /// Albedo of what the base reflects.
     pub diffuse: DVec3,
     /// Reflectance towards the normal.
     pub f0: DVec3,
@@ -58,6 +63,8 @@ pub struct MetallicRoughness {
     pub sheen_roughness: f64,
     /// What the sheen would reflect at most: see [`sheen_reflectances`].
     pub sheen_reflected: [f64; 6],
+    /// Of a surface whose base lets light pass.
+    pub wall: Option<ThinWall>,
 }
 
 /// What textures multiply a material's numbers by.
@@ -83,6 +90,8 @@ pub struct TextureFactors {
     pub specular: f64,
     /// Of its colour towards the normal.
     pub specular_color: DVec3,
+    /// Of the share of light that passes the base.
+    pub transmission: f64,
 }
 
 impl TextureFactors {
@@ -98,6 +107,7 @@ impl TextureFactors {
         sheen_roughness: 1.0,
         specular: 1.0,
         specular_color: DVec3::ONE,
+        transmission: 1.0,
     };
 }
 
@@ -116,14 +126,21 @@ impl MetallicRoughness {
         let f0 = f0.min(DVec3::splat(specular));
         let dielectric_f0 = f0.max_element();
         let alpha = f64::from(material.alpha) * factors.roughness * factors.roughness;
-        let [clearcoat, clearcoat_alpha, _] = material.stripe_albedo.map(f64::from);
+        let [clearcoat, clearcoat_alpha, transmission] = material.stripe_albedo.map(f64::from);
+        let transmission = transmission * factors.transmission;
+        let dielectric = base * (1.0 - metallic);
+        let wall = ThinWall {
+            color: dielectric * transmission,
+            f90: specular,
+            is_smooth: alpha <= f64::from(ALPHA_LEAST),
+        };
         let clearcoat_alpha = clearcoat_alpha * factors.clearcoat_roughness.powi(2);
         let sheen = vector(material.sheen) * factors.sheen;
         let width = f64::from(material.sheen_roughness) * factors.sheen_roughness.powi(2);
         let width = width.max(f64::from(*SHEEN_ROUGHNESS.start()));
         let strength = 2.0 * PI * sheen.max_element();
         Self {
-            diffuse: base * (1.0 - metallic),
+            diffuse: dielectric * (1.0 - transmission),
             f0: f0.lerp(base, metallic),
             f90: specular + (1.0 - specular) * metallic,
             dielectric_f0,
@@ -136,12 +153,22 @@ impl MetallicRoughness {
             sheen,
             sheen_roughness: width,
             sheen_reflected: sheen_reflectances(width).map(|share| strength * share),
+            wall: (wall.color != DVec3::ZERO).then_some(wall),
         }
     }
 
     /// `f` in sr⁻¹ for light that falls in at [`MetallicRoughness::cosine`], and the density per solid angle with which
-    /// [`MetallicRoughness::sample`] draws `wi`.
+    /// [`MetallicRoughness::sample`] draws `wi`; 0 of what goes straight on through a smooth wall.
     pub fn eval(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
+        if self.is_passed(wi, n) {
+            return self.eval_passed(wo, wi, n);
+        }
+        let (f, pdf) = self.eval_above(wo, wi, n);
+        (f, (1.0 - self.passed_share(wo, n)) * pdf)
+    }
+
+    /// [`MetallicRoughness::eval`] without what passes.
+    fn eval_above(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
         let (f, pdf) = self.eval_below_coat(wo, wi, n);
         if self.clearcoat == 0.0 {
             return (f, pdf);
@@ -167,10 +194,11 @@ impl MetallicRoughness {
     }
 
     /// The cosine at which light falls in from `wi`: that to the base's normal `n`, or to the coat's own where it is larger.
+    /// Below 0 on the other side of a wall.
     pub fn cosine(&self, wi: DVec3, n: DVec3) -> f64 {
         let cos_i = wi.dot(n);
-        self.clearcoat_n
-            .map_or(cos_i, |coat_n| cos_i.max(wi.dot(coat_n)))
+        let coat_n = self.clearcoat_n.filter(|_| !self.is_passed(wi, n));
+        coat_n.map_or(cos_i, |coat_n| cos_i.max(wi.dot(coat_n)))
     }
 
     /// [`MetallicRoughness::eval`] without the coat, for light that falls in at the cosine to `n`.
@@ -198,8 +226,25 @@ impl MetallicRoughness {
         (f, pdf)
     }
 
-    /// Draws a direction: `u[0]` chooses between coat, reflection and base, `u[1]` and `u[2]` the direction.
+    /// Draws a direction: `u[0]` chooses between what passes, coat, reflection and base, `u[1]` and `u[2]` the direction.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
+        let Some(wall) = &self.wall else {
+            return self.sample_above(wo, n, u);
+        };
+        let share = self.passed_share(wo, n);
+        if u[0] < share {
+            return self.sample_passed(wall, wo, n, u);
+        }
+        let [u0, u1, u2, u3] = u;
+        let mut sample = self.sample_above(wo, n, [(u0 - share) / (1.0 - share), u1, u2, u3]);
+        if sample.wi.dot(n) <= 0.0 {
+            sample.weight = DVec3::ZERO;
+        }
+        sample
+    }
+
+    /// [`MetallicRoughness::sample`] without what passes.
+    fn sample_above(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         let coat = self.clearcoat_share(wo, n);
         let mut lobe_n = n;
         let wi = if u[0] < coat {
@@ -224,9 +269,16 @@ impl MetallicRoughness {
         BsdfSample { wi, weight, pdf }
     }
 
-    /// About what it reflects of even light.
+    /// About what it reflects of even light and lets pass.
     pub fn albedo(&self) -> DVec3 {
-        (self.diffuse + self.f0).min(DVec3::ONE)
+        let passed = self.wall.map_or(DVec3::ZERO, |wall| wall.color);
+        (self.diffuse + self.f0 + passed).min(DVec3::ONE)
+    }
+
+    /// What a smooth wall lets pass, straight on.
+    pub fn straight(&self, wo: DVec3, n: DVec3) -> DVec3 {
+        let wall = self.wall.as_ref().filter(|wall| wall.is_smooth);
+        wall.map_or(DVec3::ZERO, |wall| self.straight_passed(wall, wo, n))
     }
 
     /// The share of light that passes into the base or out of it.
@@ -303,7 +355,7 @@ mod tests {
     use super::*;
     use crate::sampling::uniforms;
 
-    fn surface(metallic: f64, roughness: f64, base: DVec3) -> MetallicRoughness {
+    pub(super) fn surface(metallic: f64, roughness: f64, base: DVec3) -> MetallicRoughness {
         MetallicRoughness {
             diffuse: base * (1.0 - metallic),
             f0: DVec3::splat(0.04).lerp(base, metallic),
@@ -318,11 +370,12 @@ mod tests {
             sheen: DVec3::ZERO,
             sheen_roughness: 1.0,
             sheen_reflected: [0.0; 6],
+            wall: None,
         }
     }
 
     /// Under a clear coat and a sheen.
-    fn layered(
+    pub(super) fn layered(
         base: MetallicRoughness,
         coat: f64,
         sheen: f64,
@@ -338,12 +391,12 @@ mod tests {
         }
     }
 
-    fn direction(cos: f64, turn: f64) -> DVec3 {
+    pub(super) fn direction(cos: f64, turn: f64) -> DVec3 {
         let sine = (1.0 - cos * cos).sqrt();
         DVec3::new(sine * turn.cos(), sine * turn.sin(), cos)
     }
 
-    fn random(i: u32) -> [f64; 4] {
+    pub(super) fn random(i: u32) -> [f64; 4] {
         uniforms(i, 3, 5, 7).map(f64::from)
     }
 

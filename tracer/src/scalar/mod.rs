@@ -43,6 +43,8 @@
 //! chance alone after the mirror, 7.5e-4; the balance heuristic, 1.1e-3. What would cost more than
 //! it is worth: every area light at each scattering, 2.6e-4 for 3.75 rays.
 //!
+//! What goes straight on through a smooth thin wall has no density, as behind smooth glass.
+//!
 //! A constant environment is found by scattering alone. An environment map is aimed at instead of an area light with
 //! probability [`CompiledEnvironment::probability`] by `u[0]` of `block_light(k)`, which is then stretched to [0, 1) again, and
 //! weighed in the same way; what coats and media lead to it counts in full. Before both, [`mod@punctual_light`]s have their
@@ -843,7 +845,7 @@ impl Vertex {
     /// Whether `wi` is on the other side of a surface than of the normal that it is shaded with; what lets no light pass
     /// has only one.
     fn is_below(&self, wi: DVec3) -> bool {
-        let is_passed = self.scatter.is_dielectric() && wi.dot(self.n) < 0.0;
+        let is_passed = self.scatter.lets_light_pass() && wi.dot(self.n) < 0.0;
         let height = wi.dot(self.geometric_n) * if is_passed { -1.0 } else { 1.0 };
         let is_smooth = self.n != self.geometric_n || self.scatter.has_clearcoat_normal();
         is_smooth && height <= 0.0

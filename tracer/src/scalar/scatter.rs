@@ -117,8 +117,9 @@ impl Scatter {
         }
     }
 
-    /// Reflectance of the mirror that the surface is or has, at a cosine of `wo`.
-    pub(super) fn mirror(&self, cos_o: f64) -> DVec3 {
+    /// Reflectance of the mirror that the surface is or has, or what it lets pass if it is a smooth thin wall.
+    pub(super) fn mirror(&self, wo: DVec3, n: DVec3) -> DVec3 {
+        let cos_o = wo.dot(n);
         match *self {
             Self::Layered(bsdf) => DVec3::splat(bsdf.fresnel(cos_o)),
             Self::Conductor(metal) if metal.alpha == 0.0 => {
@@ -127,7 +128,16 @@ impl Scatter {
             Self::Dielectric(glass) if glass.alpha == 0.0 => {
                 DVec3::splat(fresnel_dielectric(cos_o, glass.eta))
             }
-            Self::Conductor(_) | Self::Dielectric(_) | Self::MetallicRoughness(_) => DVec3::ZERO,
+            Self::MetallicRoughness(surface) => surface.straight(wo, n),
+            Self::Conductor(_) | Self::Dielectric(_) => DVec3::ZERO,
+        }
+    }
+
+    /// What the mirror shows, or what lies straight behind a thin wall.
+    pub(super) fn mirrored(&self, wo: DVec3, n: DVec3) -> DVec3 {
+        match self {
+            Self::MetallicRoughness(surface) if surface.wall.is_some() => -wo,
+            _ => 2.0 * wo.dot(n) * n - wo,
         }
     }
 
@@ -144,8 +154,17 @@ impl Scatter {
         }
     }
 
-    /// Whether light can pass.
+    /// Whether light that passes it goes on inside a body.
     pub fn is_dielectric(&self) -> bool {
         matches!(self, Self::Dielectric(_))
+    }
+
+    /// Whether light can pass.
+    pub fn lets_light_pass(&self) -> bool {
+        match self {
+            Self::Dielectric(_) => true,
+            Self::MetallicRoughness(surface) => surface.wall.is_some(),
+            Self::Layered(_) | Self::Conductor(_) => false,
+        }
     }
 }

@@ -47,6 +47,11 @@ pub(super) fn texture_factors(
         clearcoat_roughness,
         ..TextureFactors::ONE
     };
+    let transmission = scene.textures.transmission.get(triangle.material as usize);
+    let factors = TextureFactors {
+        transmission: transmission.map_or(1.0, |image| color(*image).x),
+        ..factors
+    };
     layers.map_or(factors, |layers| TextureFactors {
         sheen: color(layers.sheen),
         sheen_roughness: color(layers.sheen_roughness).x,

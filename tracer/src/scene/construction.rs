@@ -508,6 +508,11 @@ impl Material {
         matches!(self, Self::MetallicRoughness { layers, .. } if layers.clearcoat > 0.0)
     }
 
+    /// Whether light passes it without bending.
+    pub(crate) fn is_thin_wall(&self) -> bool {
+        matches!(self, Self::MetallicRoughness { layers, .. } if layers.transmission > 0.0)
+    }
+
     /// The textures that it has.
     pub fn textures(&self) -> MaterialTextures {
         match self {

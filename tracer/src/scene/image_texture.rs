@@ -151,6 +151,9 @@ pub struct MaterialTextures {
     /// Red, green and blue multiply its colour towards the normal.
     #[serde(default)]
     pub specular_color: Option<u32>,
+    /// Red multiplies the transmission; to be [`ColorSpace::Linear`].
+    #[serde(default)]
+    pub transmission: Option<u32>,
 }
 
 fn one() -> f32 {
@@ -179,6 +182,7 @@ impl MaterialTextures {
         sheen_roughness: None,
         specular: None,
         specular_color: None,
+        transmission: None,
     };
 
     /// The same behind so many other textures.
@@ -195,6 +199,7 @@ impl MaterialTextures {
             &mut self.sheen_roughness,
             &mut self.specular,
             &mut self.specular_color,
+            &mut self.transmission,
         ]
         .into_iter()
         .flatten()
@@ -218,6 +223,7 @@ impl MaterialTextures {
             self.sheen_roughness,
             self.specular,
             self.specular_color,
+            self.transmission,
         ];
         all.into_iter().flatten()
     }

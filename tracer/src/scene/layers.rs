@@ -1,4 +1,4 @@
-//! Opacity, clear coat and sheen of glTF's material.
+//! Opacity, clear coat, sheen and transmission of glTF's material.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -31,8 +31,9 @@ pub enum Opacity {
     },
 }
 
-/// A clear coat and a sheen over [`super::Material::MetallicRoughness`], and how strongly that itself reflects: glTF's
-/// `KHR_materials_clearcoat`, `KHR_materials_sheen` and `KHR_materials_specular`.
+/// A clear coat and a sheen over [`super::Material::MetallicRoughness`], and how strongly that itself reflects and how much it
+/// lets pass: glTF's `KHR_materials_clearcoat`, `KHR_materials_sheen`, `KHR_materials_specular` and
+/// `KHR_materials_transmission`.
 ///
 /// The coat lies on top. Both dim what is below by what they reflect, in both directions, so that no light is gained. Textures
 /// multiply each of the numbers, and the coat may have normals of its own: see [`super::MaterialTextures`].
@@ -57,6 +58,11 @@ pub struct Layers {
     /// Its colour towards the normal, at least 0; where it would reflect more than comes, it reflects all.
     #[serde(default = "white")]
     pub specular_color: Vec3,
+    /// Share of the light in the base of what is no metal that passes to the other side, coloured by the base colour, rather
+    /// than being reflected diffusely, in [0, 1]. Such a surface is a thin wall: it bends no light, and spreads it as far as its
+    /// roughness says. Its objects are meshes, discs or rectangles.
+    #[serde(default)]
+    pub transmission: f32,
 }
 
 impl Layers {
@@ -68,6 +74,7 @@ impl Layers {
         sheen_roughness: 0.0,
         specular: 1.0,
         specular_color: Vec3::ONE,
+        transmission: 0.0,
     };
 }
 

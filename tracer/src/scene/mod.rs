@@ -373,7 +373,7 @@ pub enum Material {
         /// Where rays pass the surface as if it were not there; other shapes than meshes are opaque.
         #[serde(default)]
         opacity: Opacity,
-        /// A clear coat and a sheen over it, and the strength of its reflection.
+        /// A clear coat and a sheen over it, the strength of its reflection, and how much of the rest passes.
         #[serde(default)]
         layers: Layers,
     },

@@ -143,6 +143,13 @@ impl Scene {
         if material.opacity() != Opacity::Opaque && !matches!(object.shape, Shape::Mesh(_)) {
             return Err(SceneError::TransparentShape(name.clone()));
         }
+        let is_solid = !matches!(
+            object.shape,
+            Shape::Mesh(_) | Shape::Disc { .. } | Shape::Rectangle { .. }
+        );
+        if material.is_thin_wall() && is_solid {
+            return Err(SceneError::ThinWallShape(name.clone()));
+        }
         if !matches!(material, Material::Dielectric { .. }) {
             return Ok(());
         }
@@ -201,6 +208,9 @@ impl Scene {
             match self.materials.get(material) {
                 Some(Material::Dielectric { .. }) => {
                     return Err(place(SceneError::DielectricSurface(material.clone())));
+                }
+                Some(found) if found.is_thin_wall() => {
+                    return Err(place(SceneError::ThinWallShape(material.clone())));
                 }
                 Some(found) if found.textures().indices().next().is_some() => {
                     return Err(place(SceneError::TexturedShape(material.clone())));
@@ -319,7 +329,10 @@ impl ParticleCloud {
             floor_m,
         } = self.form
         else {
-            return Ok(());
+            return match self.material.is_thin_wall() {
+                true => Err(SceneError::ThinWallParticles),
+                false => Ok(()),
+            };
         };
         extent("its smoothing radius", smoothing_m)?;
         position("its floor", Vec3::Z * floor_m)?;

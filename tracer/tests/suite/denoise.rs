@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
+use crate::thin_walls::thin_wall_still_life;
 use crate::tracers::tracers;
 use carom_tracer::film::{trace_image, trace_tiles};
 use carom_tracer::metrics::rel_mse;
@@ -19,6 +20,10 @@ fn repository(path: &str) -> PathBuf {
 
 fn pool() -> CompiledScene {
     CompiledScene::new(&Scene::load(repository("assets/scenes/pool.json")).unwrap()).unwrap()
+}
+
+fn thin_walls() -> CompiledScene {
+    CompiledScene::new(&thin_wall_still_life()).unwrap()
 }
 
 fn reference() -> RadianceImage {
@@ -69,15 +74,20 @@ fn apart(a: &Aovs, b: &Aovs) -> f32 {
 
 #[test]
 fn aovs_agree_between_all_tracers() {
-    let scene = pool();
-    let truth = aovs(&ScalarTracer, &scene, 3);
+    for scene in [pool(), thin_walls()] {
+        assert_aovs_agree(&scene);
+    }
+}
+
+fn assert_aovs_agree(scene: &CompiledScene) {
+    let truth = aovs(&ScalarTracer, scene, 3);
     let shines = |hit: &&Aovs| hit.emission[0] > 0.1 && hit.albedo != [0.0; 3];
     assert!(
         truth.iter().any(|hit| shines(&hit)),
         "no area light is reflected"
     );
     for tracer in tracers() {
-        let found = aovs(&**tracer, &scene, 3);
+        let found = aovs(&**tracer, scene, 3);
         assert_eq!(found.len(), truth.len());
         // Rounding sends a ray past the other side of an edge now and then.
         let off = truth
@@ -95,7 +105,12 @@ fn aovs_agree_between_all_tracers() {
 
 #[test]
 fn paths_and_aovs_add_up_to_the_whole_picture() {
-    let scene = pool();
+    for scene in [pool(), thin_walls()] {
+        assert_paths_and_aovs_add_up(&scene);
+    }
+}
+
+fn assert_paths_and_aovs_add_up(scene: &CompiledScene) {
     let size = ImageSize::new(96, 54);
     for tracer in tracers() {
         let settings = denoised(256);
@@ -103,10 +118,10 @@ fn paths_and_aovs_add_up_to_the_whole_picture() {
             denoise: false,
             ..settings
         };
-        let a = trace_image(&**tracer, &scene, size, settings)
+        let a = trace_image(&**tracer, scene, size, settings)
             .unwrap()
             .image();
-        let b = trace_image(&**tracer, &scene, size, plain).unwrap().image();
+        let b = trace_image(&**tracer, scene, size, plain).unwrap().image();
         let mean = |image: &RadianceImage| {
             image
                 .pixels

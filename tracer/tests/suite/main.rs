@@ -19,5 +19,6 @@ mod punctual_lights;
 mod reference;
 mod scenes;
 mod textures;
+mod thin_walls;
 mod tracers;
 mod vectors;

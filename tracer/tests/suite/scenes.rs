@@ -14,6 +14,7 @@ use crate::layers::layered_still_life;
 use crate::meshes::mesh_still_life;
 use crate::punctual_lights::punctual_still_life;
 use crate::textures::image_textured_still_life;
+use crate::thin_walls::{thin_wall_still_life, thin_walls_among_lamps};
 
 pub(crate) fn diffuse(albedo: f32) -> Material {
     Material::Diffuse {
@@ -433,6 +434,8 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
     scenes.push(("still life of meshes", mesh_still_life()));
     scenes.push(("still life of image textures", image_textured_still_life()));
     scenes.push(("still life of masks and layers", layered_still_life()));
+    scenes.push(("still life of thin walls", thin_wall_still_life()));
+    scenes.push(("thin walls among lamps", thin_walls_among_lamps()));
     for has_area_lights in [true, false] {
         let scene = surrounded_still_life(has_area_lights);
         scenes.push(("still life among surroundings", scene));

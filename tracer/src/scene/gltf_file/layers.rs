@@ -1,4 +1,4 @@
-//! Alpha modes, clear coats and sheens of a glTF file's materials.
+//! Alpha modes, clear coats, sheens and transmission of a glTF file's materials.
 
 use glam::Vec3;
 use gltf_json::material::{AlphaMode, NormalTexture};
@@ -49,7 +49,7 @@ pub(super) fn opacity(from: &gltf_json::Material, what: &str) -> Result<Opacity,
     }
 }
 
-/// What lies over it, and clear coat and sheen for their textures.
+/// What lies over it and what it lets pass, and clear coat and sheen for their textures.
 pub(super) fn layers(
     from: &gltf_json::Material,
     what: &str,
@@ -67,6 +67,9 @@ pub(super) fn layers(
     if let Some(specular) = extensions.and_then(|all| all.specular.as_ref()) {
         layers.specular = specular.specular_factor.0;
         layers.specular_color = Vec3::from(specular.specular_color_factor.0);
+    }
+    if let Some(transmission) = extensions.and_then(|all| all.transmission.as_ref()) {
+        layers.transmission = transmission.transmission_factor.0;
     }
     Ok((layers, coat, sheen))
 }

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use glam::{Mat2, Vec2, Vec3};
+use glam::{Mat2, Vec2, Vec3, Vec4};
+use gltf_json::extensions::material::Volume;
 use gltf_json::extensions::texture::TextureTransform;
 use gltf_json::material::NormalTexture;
 use gltf_json::root::Index;
@@ -20,7 +21,7 @@ use crate::text::printable;
 #[derive(Debug)]
 pub(super) struct MaterialEntry {
     pub(super) name: String,
-    /// That of a body that is filled with it, if it transmits light.
+    /// That of a body that is filled with it, if it transmits light and has a volume.
     pub(super) body: Option<String>,
     /// The texture coordinates that its textures use, if it has any.
     pub(super) uvs: Option<UvSet>,
@@ -65,9 +66,11 @@ pub(super) fn read(
         let given = material.name.as_deref().unwrap_or("material");
         let name = printable(&format!("{index} {given}"), NAME_BYTES_MAX);
         let what = format!("material {index} `{given}`");
-        let body = match textures.transmission(material, &what)? < TRANSMISSION_MIN {
-            true => None,
-            false => Some(dielectric(material, &what)?),
+        let body = match volume(material) {
+            Some(volume) if textures.transmission(material, &what)? >= TRANSMISSION_MIN => {
+                Some(dielectric(material, volume, &what)?)
+            }
+            _ => None,
         };
         let (material, uvs) = textures.material(material, &what, scene)?;
         scene.materials.insert(name.clone(), material);
@@ -90,36 +93,54 @@ pub(super) fn read(
     Ok(entries)
 }
 
-/// What fills a closed mesh of a material that transmits light.
-fn dielectric(from: &gltf_json::Material, what: &str) -> Result<Material, Refusal> {
+/// 0 stands for a surface that reflects as a whole, in models of another kind.
+fn index_of_refraction(from: &gltf_json::Material) -> f32 {
     let extensions = from.extensions.as_ref();
-    let volume = extensions.and_then(|all| all.volume.as_ref());
-    let volume = volume.filter(|volume| volume.thickness_factor.0 > 0.0);
-    let medium = volume.map(|volume| {
-        let (distance_m, color) = (volume.attenuation_distance.0, volume.attenuation_color.0);
-        if !(distance_m > 0.0 && color.iter().all(|channel| (0.0..=1.0).contains(channel))) {
-            return Err(format!(
-                "{what}: it attenuates light to {color:?} in {distance_m} m: they must be from 0 to 1, and above 0"
-            ));
-        }
-        let color = Vec3::from(color).max(Vec3::splat(ATTENUATION_MIN));
-        Ok(Medium {
-            // +0, also of white.
-            extinction: (Vec3::from(color.to_array().map(f32::ln)) / -distance_m).max(Vec3::ZERO),
-            albedo: Vec3::ZERO,
-        })
-    });
-    let medium = medium.transpose()?;
     let ior = extensions.and_then(|all| all.ior.as_ref());
+    ior.map_or(1.5, |ior| ior.ior.0)
+}
+
+fn emitted(from: &gltf_json::Material) -> Vec3 {
+    let extensions = from.extensions.as_ref();
+    let strength = extensions.and_then(|all| all.emissive_strength.as_ref());
+    let strength = strength.map_or(1.0, |strength| strength.emissive_strength.0);
+    strength * Vec3::from(from.emissive_factor.0)
+}
+
+/// The volume of a material, if it has a thickness: without, surfaces are thin walls.
+fn volume(from: &gltf_json::Material) -> Option<&Volume> {
+    let volume = from.extensions.as_ref()?.volume.as_ref();
+    volume.filter(|volume| volume.thickness_factor.0 > 0.0)
+}
+
+/// What fills a closed mesh of a material that transmits light.
+fn dielectric(
+    from: &gltf_json::Material,
+    volume: &Volume,
+    what: &str,
+) -> Result<Material, Refusal> {
+    let (distance_m, color) = (volume.attenuation_distance.0, volume.attenuation_color.0);
+    if !(distance_m > 0.0 && color.iter().all(|channel| (0.0..=1.0).contains(channel))) {
+        return Err(format!(
+            "{what}: it attenuates light to {color:?} in {distance_m} m: they must be from 0 to 1, and above 0"
+        ));
+    }
+    let color = Vec3::from(color).max(Vec3::splat(ATTENUATION_MIN));
+    // +0, also of white.
+    let extinction = (Vec3::from(color.to_array().map(f32::ln)) / -distance_m).max(Vec3::ZERO);
+    let medium = Medium {
+        extinction,
+        albedo: Vec3::ZERO,
+    };
     let roughness = from.pbr_metallic_roughness.roughness_factor.0;
     Ok(Material::Dielectric {
-        ior: ior.map_or(1.5, |ior| ior.ior.0),
+        ior: index_of_refraction(from),
         alpha: roughness * roughness,
-        medium: medium.filter(|medium| medium.extinction != Vec3::ZERO),
+        medium: (extinction != Vec3::ZERO).then_some(medium),
     })
 }
 
-/// What transmits less is opaque.
+/// A body of what transmits less is a thin wall, too.
 const TRANSMISSION_MIN: f32 = 0.5;
 /// Black is as dark as this, since no medium is opaque.
 const ATTENUATION_MIN: f32 = 1e-6;
@@ -176,6 +197,9 @@ impl<'a> Textures<'a> {
         let specular = at(strength, colors, self, scene)?;
         let color = reflection.and_then(|part| part.specular_color_texture.as_ref());
         let specular_color = at(color, colors, self, scene)?;
+        let passing = extensions.and_then(|all| all.transmission.as_ref());
+        let share = passing.and_then(|part| part.transmission_texture.as_ref());
+        let transmission = at(share, numbers, self, scene)?;
         let mut normals =
             |map: Option<&NormalTexture>, name: &str, textures: &mut Self, scene: &mut Scene| {
                 let Some(map) = map else {
@@ -190,17 +214,12 @@ impl<'a> Textures<'a> {
         let coat_normals = coat.clearcoat_normal_texture.as_ref();
         let (clearcoat_normal, clearcoat_normal_scale) =
             normals(coat_normals, "clearcoatNormalTexture", self, scene)?;
-        let ior = extensions.and_then(|all| all.ior.as_ref());
-        let strength = extensions.and_then(|all| all.emissive_strength.as_ref());
-        let strength = strength.map_or(1.0, |strength| strength.emissive_strength.0);
-        let [r, g, b, _] = base.base_color_factor.0;
         let material = Material::MetallicRoughness {
-            base_color: Vec3::new(r, g, b),
+            base_color: Vec4::from(base.base_color_factor.0).truncate(),
             metallic: base.metallic_factor.0,
             roughness: base.roughness_factor.0,
-            // 0 stands for a surface that reflects as a whole, in models of another kind.
-            ior: ior.map_or(1.5, |ior| ior.ior.0),
-            emission: strength * Vec3::from(from.emissive_factor.0),
+            ior: index_of_refraction(from),
+            emission: emitted(from),
             textures: MaterialTextures {
                 base_color,
                 metallic_roughness,
@@ -215,6 +234,7 @@ impl<'a> Textures<'a> {
                 sheen_roughness,
                 specular,
                 specular_color,
+                transmission,
             },
             opacity: layers::opacity(from, what)?,
             layers,

@@ -3,7 +3,7 @@ use serde_json::{Value, json};
 
 use super::tests::{glb, mesh, sample};
 use super::*;
-use crate::scene::{Layers, Material, Opacity};
+use crate::scene::{ColorSpace, Layers, Material, Opacity};
 use crate::texture_file::{Texels, encode_png};
 
 /// The material of the sample's first object.
@@ -88,6 +88,7 @@ fn layers_specular_and_scale_of_normals_are_read() {
         sheen_roughness: 0.5,
         specular: 0.25,
         specular_color: Vec3::new(1.0, 2.0, 0.0),
+        transmission: 0.0,
     };
     assert_eq!(layers(read), expected);
     let textures = read.textures();
@@ -217,6 +218,13 @@ fn faults_of_layers_are_sentences() {
         ),
         (
             |json| {
+                json["materials"][0]["extensions"]["KHR_materials_transmission"] =
+                    json!({ "transmissionFactor": 1.5 });
+            },
+            "`0 paint`: its transmission is 1.5",
+        ),
+        (
+            |json| {
                 json["materials"][0]["extensions"]["KHR_materials_sheen"] =
                     json!({ "sheenColorFactor": "red" });
             },
@@ -261,9 +269,16 @@ fn bodies_transmit_by_the_mean_of_their_texture() {
         images.push(json!({ "mimeType": "image/png", "bufferView": view }));
         let textures = json["textures"].as_array_mut().unwrap();
         textures.push(json!({ "source": 1 }));
-        json["materials"][0]["extensions"]["KHR_materials_transmission"] = json!({
-            "transmissionFactor": factor, "transmissionTexture": { "index": 1 } });
+        json["materials"][0]["extensions"] = json!({
+            "KHR_materials_transmission": {
+                "transmissionFactor": factor, "transmissionTexture": { "index": 1 } },
+            "KHR_materials_volume": { "thicknessFactor": 0.1 } });
         let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+        // As a thin wall its surface has the texture.
+        let surface = scene.materials[&scene.objects[0].material];
+        let map = surface.textures().transmission.unwrap();
+        assert_eq!(scene.textures[map as usize].color_space, ColorSpace::Linear);
+        assert_eq!(layers(surface).transmission, factor);
         let materials = scene.materials.values();
         let glass = |material: &&Material| matches!(material, Material::Dielectric { .. });
         materials.filter(glass).count()

@@ -4,10 +4,10 @@
 //! their textures, alpha modes and vertex colours (`COLOR_0`); lights (`KHR_lights_punctual`); and the first perspective
 //! camera. Its +y is this tracer's +z. The extensions `KHR_materials_clearcoat`, `KHR_materials_emissive_strength`,
 //! `KHR_materials_ior`, `KHR_materials_sheen`, `KHR_materials_specular` and `KHR_texture_transform` are read too. Animations,
-//! skins and morph targets give the scene at a time ([`AnimatedScene`]). Closed meshes of a material that transmits half of its
-//! light or more, on average over its texture (`KHR_materials_transmission`), are dielectrics that absorb as
-//! `KHR_materials_volume` says; open ones let no light pass but what their alpha mode does, and the base colour does not tint
-//! what is transmitted.
+//! skins and morph targets give the scene at a time ([`AnimatedScene`]). Surfaces of a material that transmits light
+//! (`KHR_materials_transmission`) are thin walls, whose base colour tints what passes. Closed meshes of one that has a thickness too
+//! (`KHR_materials_volume`) and transmits half of its light or more, on average over its texture, are dielectrics instead, which
+//! absorb as the volume says and which the base colour does not tint.
 //!
 //! All meshes are seen from both sides, as Blender and Mitsuba have them: `doubleSided` is passed over, since a path tracer's
 //! light comes to the back of a wall as well, and one that only the camera looks through would still cast its shadow. Passed

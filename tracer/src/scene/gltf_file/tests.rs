@@ -401,7 +401,7 @@ fn each_fault_is_a_sentence_with_its_place() {
 
 /// A tetrahedron and a triangle of glass, of which only the former has an inside.
 #[test]
-fn closed_meshes_that_transmit_are_dielectrics() {
+fn closed_meshes_with_a_volume_that_transmit_are_dielectrics() {
     let corners = [
         [0.0f32, 0.0, 0.0],
         [1.0, 0.0, 0.0],
@@ -463,12 +463,24 @@ fn closed_meshes_that_transmit_are_dielectrics() {
     let extensions = &mut json["materials"][0]["extensions"];
     extensions["KHR_materials_transmission"]["transmissionFactor"] = json!(0.25);
     let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
-    assert!(
-        scene
-            .objects
-            .iter()
-            .all(|object| object.material == surface)
-    );
+    assert_thin_walls(&scene, surface, 0.25);
+
+    // Without a thickness closed meshes are thin walls, too.
+    let extensions = &mut json["materials"][0]["extensions"];
+    extensions["KHR_materials_transmission"]["transmissionFactor"] = json!(1.0);
+    extensions["KHR_materials_volume"]["thicknessFactor"] = json!(0.0);
+    let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
+    assert_thin_walls(&scene, surface, 1.0);
+}
+
+/// All objects are of a surface that lets so much light pass.
+fn assert_thin_walls(scene: &Scene, surface: &str, transmission: f32) {
+    let mut objects = scene.objects.iter();
+    assert!(objects.all(|object| object.material == surface));
+    let Material::MetallicRoughness { layers, .. } = scene.materials[surface] else {
+        panic!("{:?}", scene.materials);
+    };
+    assert_eq!(layers.transmission, transmission);
 }
 
 #[test]

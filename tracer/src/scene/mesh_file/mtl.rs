@@ -229,6 +229,7 @@ impl MtlMaterial {
                     true => specular / strength,
                     false => Vec3::ONE,
                 },
+                transmission: 0.0,
             },
         }
     }

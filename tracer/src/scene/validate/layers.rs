@@ -40,6 +40,7 @@ pub(super) fn check_layers(layers: &Layers) -> Check {
     check_albedo("its sheen", layers.sheen)?;
     in_range("its sheen_roughness", layers.sheen_roughness, &share)?;
     in_range("its specular", layers.specular, &share)?;
+    in_range("its transmission", layers.transmission, &share)?;
     let (value, max) = (layers.specular_color, *IOR.end());
     match value.cmpge(Vec3::ZERO).all() && value.cmple(Vec3::splat(max)).all() {
         true => Ok(()),
