@@ -29,8 +29,8 @@ use crate::BenchError;
 /// show, "reproject" moves it to the present view, "present" copies it as a texture's upload does,
 /// "request" asks for the next ones. The first tenth of the frames is not counted in these.
 ///
-/// Of the start are told when the first frame was there, from before the farm was started, and how long the slowest
-/// twentieth of the first 60 frames took over their median.
+/// Of the start it prints the time until the first frame, the farm's own start included, and median and 95th percentile of the
+/// times between the first 60 frames.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Print JSON in place of a table

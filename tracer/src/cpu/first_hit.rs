@@ -41,8 +41,8 @@ impl FirstHits {
     /// The number of no primitive.
     pub const ESCAPED: u32 = NONE;
 
-    /// Looks at `scene` through its camera, on all threads of the current pool: about 5 ns of
-    /// processor time a pixel of the pool room.
+    /// Looks at `scene` through its camera, on all threads of the current pool: 7 to 11 ns of
+    /// processor time a pixel of the pool room, by the example `reprojection_speed`.
     pub fn new(scene: &CompiledScene, size: ImageSize) -> Self {
         let mut hits = Self {
             size,
