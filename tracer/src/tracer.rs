@@ -13,6 +13,12 @@ pub trait Tracer: Send + Sync {
     /// What the device is.
     fn info(&self) -> DeviceInfo;
 
+    /// Whether a job of `settings` can begin at once. A device that has to prepare itself first says no, as a GPU does
+    /// that takes seconds to compile the kernels for such a scene; its next job prepares it.
+    fn is_ready(&self, _scene: &CompiledScene, _settings: &RenderSettings) -> bool {
+        true
+    }
+
     /// Traces every tile of `job`, handing each to `sink` as it is finished, in any order and
     /// perhaps from several threads at once. Returns when the last has been handed over, or early
     /// when [`TraceJob::cancelled`] turns true.

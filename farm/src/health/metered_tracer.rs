@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use carom_tracer::{
-    CompiledScene, DeviceInfo, Error, TileAovs, TileRadiance, TileSrgb8, TraceJob, TraceStats,
-    Tracer,
+    CompiledScene, DeviceInfo, Error, RenderSettings, TileAovs, TileRadiance, TileSrgb8, TraceJob,
+    TraceStats, Tracer,
 };
 
 use super::NodeCounters;
@@ -53,6 +53,10 @@ impl MeteredTracer {
 impl Tracer for MeteredTracer {
     fn info(&self) -> DeviceInfo {
         self.tracer.info()
+    }
+
+    fn is_ready(&self, scene: &CompiledScene, settings: &RenderSettings) -> bool {
+        self.tracer.is_ready(scene, settings)
     }
 
     fn trace(

@@ -9,20 +9,24 @@
 //! y = A + B·w, learned from its own shares, and the earliest common finish over these costs. A
 //! device that does not make frames shorter is left out ([`device_model`]). A device that fails rests,
 //! and its name says why, so that a fallback is seen wherever the device is named.
+//!
+//! A device that is not ready, as a GPU whose kernels for such a scene are not compiled, is prepared in a thread
+//! of its own with a tile of the job, while one that is ready traces; what is then left of a job goes to the others.
 
+mod device;
 mod device_model;
 
 use std::ops::Range;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::NODE_NAME_BYTES_MAX;
 use carom_tracer::{
-    CompiledScene, DeviceInfo, Error, Tile, TileAovs, TileRadiance, TileSrgb8, TraceJob,
-    TraceStats, Tracer,
+    CompiledScene, DeviceInfo, Error, RenderSettings, Tile, TileAovs, TileRadiance, TileSrgb8,
+    TraceJob, TraceStats, Tracer,
 };
+use device::Device;
 use device_model::{DeviceTiming, JobClass, JobModels};
 
 /// Traces with several devices at once.
@@ -31,18 +35,6 @@ pub struct MultiDeviceTracer {
     models: Mutex<JobModels>,
     /// Why devices that the machine has are not among these.
     absent: Vec<String>,
-}
-
-struct Device {
-    tracer: Arc<dyn Tracer>,
-    fault: Mutex<Option<DeviceFault>>,
-}
-
-/// Why a device is not used now.
-struct DeviceFault {
-    why: String,
-    since: Instant,
-    rest: Duration,
 }
 
 /// Tiles of a job that one device is to trace, by their places in the job.
@@ -63,12 +55,8 @@ impl MultiDeviceTracer {
     pub fn new(devices: Vec<Arc<dyn Tracer>>, absent: Vec<String>) -> Self {
         assert!(!devices.is_empty(), "a tracer of no device");
         let models = Mutex::new(JobModels::new(devices.len()));
-        let device = |tracer| Device {
-            tracer,
-            fault: Mutex::new(None),
-        };
         Self {
-            devices: devices.into_iter().map(device).collect(),
+            devices: devices.into_iter().map(Device::new).collect(),
             models,
             absent,
         }
@@ -94,10 +82,26 @@ impl MultiDeviceTracer {
         if usable.is_empty() {
             return Err(self.all_failed());
         }
-        let mut parts = self.parts(&work, &usable);
-        let together = parts.len() > 1;
+        let is_ready = |&index: &usize| self.devices[index].tracer.is_ready(scene, &job.settings);
+        let (ready, unready): (Vec<_>, Vec<_>) = usable.iter().partition(|index| is_ready(index));
+        let is_meanwhile = !ready.is_empty() && !unready.is_empty();
         let begun = Instant::now();
         let mut stats = TraceStats::default();
+        let mut parts = if is_meanwhile {
+            let left;
+            (stats, left) = self.trace_meanwhile(&work, ready[0], &unready)?;
+            match self.usable().first() {
+                Some(&device) if !left.is_empty() => vec![DeviceShare {
+                    device,
+                    tiles: left,
+                }],
+                Some(_) => Vec::new(),
+                None => return Err(self.all_failed()),
+            }
+        } else {
+            self.parts(&work, &usable)
+        };
+        let together = parts.len() > 1;
         while !parts.is_empty() {
             stats = sum(stats, self.trace_parts(&work, &mut parts)?);
             let left: Vec<usize> = parts.into_iter().flat_map(|part| part.tiles).collect();
@@ -106,7 +110,7 @@ impl MultiDeviceTracer {
             }
             parts = vec![self.retrace_failed(left)?];
         }
-        if !job.cancelled.load(Ordering::Relaxed) {
+        if !is_meanwhile && !job.cancelled.load(Ordering::Relaxed) {
             let secs = begun.elapsed().as_secs_f64();
             self.lock()
                 .get_mut(work.class())
@@ -119,6 +123,45 @@ impl MultiDeviceTracer {
     fn usable(&self) -> Vec<usize> {
         let usable = |index: &usize| self.devices[*index].is_usable();
         (0..self.devices.len()).filter(usable).collect()
+    }
+
+    /// Traces with `device` until the `unready` ones are prepared for the job. Returns the tiles that are left then; of
+    /// a cancelled job there are none. Nothing is learned from it: jobs are divided otherwise once all are ready.
+    fn trace_meanwhile(
+        &self,
+        work: &JobProgress<'_>,
+        device: usize,
+        unready: &[usize],
+    ) -> Result<(TraceStats, Vec<usize>), Error> {
+        for &index in unready {
+            self.devices[index].prepare(work.scene, work.job);
+        }
+        let are_prepared = || {
+            let mut settled = unready
+                .iter()
+                .map(|&index| self.devices[index].is_prepared());
+            settled.all(|is_prepared| is_prepared)
+        };
+        let is_cancelled = || work.job.cancelled.load(Ordering::Relaxed);
+        let [interrupted, finished] = [(), ()].map(|()| AtomicBool::new(false));
+        let mut part = DeviceShare {
+            device,
+            tiles: (0..work.job.tiles.len()).collect(),
+        };
+        let stats = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !finished.load(Ordering::Relaxed) && !is_cancelled() && !are_prepared() {
+                    std::thread::sleep(PREPARATION_PAUSE);
+                }
+                interrupted.store(true, Ordering::Relaxed);
+            });
+            let stats = self.attempt(work, &mut part, &interrupted);
+            finished.store(true, Ordering::Relaxed);
+            stats
+        })?;
+        let mut left = part.tiles;
+        left.retain(|&tile| !is_cancelled() && !work.done[tile].load(Ordering::Relaxed));
+        Ok((stats.unwrap_or_default(), left))
     }
 
     /// Traces each part with its device, all at once. What a device has failed to trace is left
@@ -150,31 +193,41 @@ impl MultiDeviceTracer {
         work: &JobProgress<'_>,
         part: &mut DeviceShare,
     ) -> Result<TraceStats, Error> {
-        let device = &self.devices[part.device];
         let begun = Instant::now();
-        let traced = device.trace(work, &part.tiles);
-        let secs = begun.elapsed().as_secs_f64();
-        match traced {
-            Ok(stats) => {
-                if !work.job.cancelled.load(Ordering::Relaxed) {
-                    let done = work.of(&part.tiles);
-                    let timing = DeviceTiming::new(done, secs, stats.device_nanos);
-                    self.lock()
-                        .get_mut(work.class())
-                        .learn(part.device, &timing);
-                    device.recover();
-                }
-                part.tiles.clear();
-                Ok(stats)
-            }
-            Err(Error::Device {
-                device: name,
-                message,
-            }) => {
-                device.fail(format!("{name}: {message}"));
+        let Some(stats) = self.attempt(work, part, work.job.cancelled)? else {
+            return Ok(TraceStats::default());
+        };
+        if !work.job.cancelled.load(Ordering::Relaxed) {
+            let secs = begun.elapsed().as_secs_f64();
+            let timing = DeviceTiming::new(work.of(&part.tiles), secs, stats.device_nanos);
+            self.lock()
+                .get_mut(work.class())
+                .learn(part.device, &timing);
+            self.devices[part.device].recover();
+        }
+        part.tiles.clear();
+        Ok(stats)
+    }
+
+    /// Traces a part with its device until `cancelled`. `None` if the device fails: what it has not traced is then
+    /// left in the part.
+    ///
+    /// # Errors
+    /// What is no fault of the device.
+    fn attempt(
+        &self,
+        work: &JobProgress<'_>,
+        part: &mut DeviceShare,
+        cancelled: &AtomicBool,
+    ) -> Result<Option<TraceStats>, Error> {
+        let device = &self.devices[part.device];
+        match device.trace(work, &part.tiles, cancelled) {
+            Ok(stats) => Ok(Some(stats)),
+            Err(why @ Error::Device { .. }) => {
+                device.fail(&why);
                 part.tiles
                     .retain(|&tile| !work.done[tile].load(Ordering::Relaxed));
-                Ok(TraceStats::default())
+                Ok(None)
             }
             Err(error) => Err(error),
         }
@@ -287,6 +340,12 @@ impl Tracer for MultiDeviceTracer {
         }
     }
 
+    /// Whether all devices that are used are.
+    fn is_ready(&self, scene: &CompiledScene, settings: &RenderSettings) -> bool {
+        let is_ready = |index: usize| self.devices[index].tracer.is_ready(scene, settings);
+        self.usable().into_iter().all(is_ready)
+    }
+
     fn trace(
         &self,
         scene: &CompiledScene,
@@ -323,86 +382,11 @@ impl Tracer for MultiDeviceTracer {
                     found.into_iter().for_each(sink);
                     return Ok(());
                 }
-                Err(Error::Device {
-                    device: name,
-                    message,
-                }) => device.fail(format!("{name}: {message}")),
+                Err(why @ Error::Device { .. }) => device.fail(&why),
                 Err(error) => return Err(error),
             }
         }
         Err(self.all_failed())
-    }
-}
-
-impl Device {
-    /// Traces some tiles of a job. A panic is the device's fault.
-    fn trace(&self, work: &JobProgress<'_>, places: &[usize]) -> Result<TraceStats, Error> {
-        let tiles: Vec<Tile> = places.iter().map(|&place| work.job.tiles[place]).collect();
-        let job = TraceJob {
-            tiles: &tiles,
-            ..*work.job
-        };
-        // A device that hands a tile over twice, or has failed after it did: the first counts.
-        let is_first = |index: usize| !work.done[index].swap(true, Ordering::Relaxed);
-        let traced = catch_unwind(AssertUnwindSafe(|| match work.sink {
-            JobSink::Radiance(sink) => self.tracer.trace(work.scene, &job, &|tile| {
-                let index = places[tile.index];
-                if is_first(index) {
-                    sink(TileRadiance { index, ..tile });
-                }
-            }),
-            JobSink::Srgb8(exposure, sink) => {
-                let sink = |tile: TileSrgb8| {
-                    let index = places[tile.index];
-                    if is_first(index) {
-                        sink(TileSrgb8 { index, ..tile });
-                    }
-                };
-                self.tracer.trace_srgb8(work.scene, &job, exposure, &sink)
-            }
-        }));
-        traced.unwrap_or_else(|_| {
-            Err(Error::Device {
-                device: self.tracer.info().name,
-                message: "its tracer panicked".to_owned(),
-            })
-        })
-    }
-
-    /// A device that has rested is tried again: memory may be free again. A lost device fails at
-    /// once, and its tiles are traced elsewhere again.
-    fn is_usable(&self) -> bool {
-        let fault = self.lock();
-        fault
-            .as_ref()
-            .is_none_or(|fault| fault.since.elapsed() >= fault.rest)
-    }
-
-    fn fail(&self, why: String) {
-        let mut fault = self.lock();
-        let rest = match &*fault {
-            Some(before) => (2 * before.rest).min(REST_MAX),
-            None => {
-                tracing::warn!("a device is left out: {why}");
-                REST_MIN
-            }
-        };
-        let since = Instant::now();
-        *fault = Some(DeviceFault { why, since, rest });
-    }
-
-    fn recover(&self) {
-        if self.lock().take().is_some() {
-            tracing::info!("{} is used again", self.tracer.info().name);
-        }
-    }
-
-    fn fault(&self) -> Option<String> {
-        self.lock().as_ref().map(|fault| fault.why.clone())
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Option<DeviceFault>> {
-        lock(&self.fault)
     }
 }
 
@@ -438,6 +422,5 @@ fn sum(mut a: TraceStats, b: TraceStats) -> TraceStats {
     a
 }
 
-/// How long a device rests after its first failure; it doubles with each further one.
-const REST_MIN: Duration = Duration::from_secs(1);
-const REST_MAX: Duration = Duration::from_secs(64);
+/// Between two looks at whether devices are prepared.
+const PREPARATION_PAUSE: Duration = Duration::from_millis(1);

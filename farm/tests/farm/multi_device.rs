@@ -1,18 +1,18 @@
 //! Several devices of one node: what one of them leaves is traced by the others.
 
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use carom_farm::Farm;
 use carom_farm::multi_device::MultiDeviceTracer;
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{
-    CompiledScene, CpuTracer, Error, GpuTracer, ImageSize, RenderSettings, Scene, TileGrid,
-    TraceJob, Tracer,
+    CompiledScene, CpuTracer, DeviceInfo, Error, GpuTracer, ImageSize, RenderSettings, Scene,
+    TileGrid, TileRadiance, TraceJob, TraceStats, Tracer,
 };
 
 use crate::{assert_right, config, trace};
-use carom_testkit::pattern_tracer::{DeviceFault, PatternTracer, scene};
+use carom_testkit::pattern_tracer::{DeviceFault, Gate, PatternTracer, scene};
 
 const GRID: TileGrid = TileGrid::new(ImageSize::new(96, 64), 8);
 
@@ -101,6 +101,107 @@ fn a_farm_s_frames_are_whole_while_a_device_of_its_node_fails() {
     assert!(farm.nodes().into_iter().all(is_ready), "{:?}", farm.nodes());
 }
 
+/// A device that is ready when a job of it has ended, and counts its tiles.
+struct Unready {
+    tracer: PatternTracer,
+    is_ready: AtomicBool,
+    tiles: AtomicUsize,
+}
+
+impl Unready {
+    fn new(tracer: PatternTracer) -> Arc<Self> {
+        Arc::new(Self {
+            tracer,
+            is_ready: AtomicBool::new(false),
+            tiles: AtomicUsize::new(0),
+        })
+    }
+
+    fn tiles(&self) -> usize {
+        self.tiles.load(Ordering::Relaxed)
+    }
+}
+
+impl Tracer for Unready {
+    fn info(&self) -> DeviceInfo {
+        self.tracer.info()
+    }
+
+    fn is_ready(&self, _scene: &CompiledScene, _settings: &RenderSettings) -> bool {
+        self.is_ready.load(Ordering::Relaxed)
+    }
+
+    fn trace(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
+        let stats = self.tracer.trace(scene, job, &|tile| {
+            self.tiles.fetch_add(1, Ordering::Relaxed);
+            sink(tile);
+        })?;
+        self.is_ready.store(true, Ordering::Relaxed);
+        Ok(stats)
+    }
+}
+
+fn is_ready(tracer: &dyn Tracer) -> bool {
+    let scene = CompiledScene::new(&scene()).unwrap();
+    tracer.is_ready(&scene, &RenderSettings::default())
+}
+
+#[test]
+fn a_device_that_is_not_ready_is_prepared_while_another_traces() {
+    let expected = tiles(&PatternTracer::new(), &scene(), 1).unwrap();
+    let gate = Gate::closed();
+    let hangs = DeviceFault::Hang(gate.clone());
+    let gpu = Unready::new(PatternTracer::new().with_fault(hangs, 0));
+    let hybrid = MultiDeviceTracer::new(
+        vec![gpu.clone(), Arc::new(PatternTracer::new())],
+        Vec::new(),
+    );
+    // No job waits for it,
+    for _ in 0..3 {
+        assert_eq!(tiles(&hybrid, &scene(), 1).unwrap(), expected);
+        assert!(!is_ready(&hybrid));
+    }
+    gate.wait_until_reached();
+    assert_eq!(gpu.tiles(), 0);
+    gate.open();
+    while !is_ready(&hybrid) {
+        assert_eq!(tiles(&hybrid, &scene(), 1).unwrap(), expected);
+    }
+    // and it is first as if the other were not known.
+    let before = gpu.tiles();
+    assert_eq!(tiles(&hybrid, &scene(), 1).unwrap(), expected);
+    assert_eq!(gpu.tiles(), before + expected.len());
+}
+
+#[test]
+fn a_job_goes_over_to_a_device_that_has_become_ready() {
+    let expected = tiles(&PatternTracer::new(), &scene(), 1).unwrap();
+    let gpu = Unready::new(PatternTracer::new());
+    let slow = Arc::new(PatternTracer::new().with_pace(100_000));
+    let hybrid = MultiDeviceTracer::new(vec![gpu.clone(), slow], Vec::new());
+    assert_eq!(tiles(&hybrid, &scene(), 1).unwrap(), expected);
+    // One tile prepares it.
+    assert!(gpu.tiles() > 1, "{}", gpu.tiles());
+}
+
+#[test]
+fn a_device_that_cannot_be_prepared_is_named_with_its_reason() {
+    let expected = tiles(&PatternTracer::new(), &scene(), 1).unwrap();
+    for fault in [DeviceFault::Error, DeviceFault::Panic] {
+        let gpu = Unready::new(PatternTracer::new().with_fault(fault, 0));
+        let cpu = Arc::new(PatternTracer::new().with_pace(1000));
+        let hybrid = MultiDeviceTracer::new(vec![gpu, cpu], Vec::new());
+        while !hybrid.info().name.contains("not used: pattern:") {
+            assert_eq!(tiles(&hybrid, &scene(), 1).unwrap(), expected);
+        }
+    }
+}
+
 #[test]
 fn a_lost_gpu_s_tiles_are_traced_by_the_cpu() {
     let gpu = match GpuTracer::new(&AdapterChoice::Any) {
@@ -111,7 +212,10 @@ fn a_lost_gpu_s_tiles_are_traced_by_the_cpu() {
     let cpu = Arc::new(CpuTracer::with_threads(1).unwrap());
     let truth = tiles(&*cpu, &scene(), 2).unwrap();
     let hybrid = MultiDeviceTracer::new(vec![gpu.clone(), cpu], Vec::new());
-    // The first device is used alone until the others are tried.
+    // The first device is used alone, as soon as it is ready, until the others are tried.
+    while !is_ready(&hybrid) {
+        tiles(&hybrid, &scene(), 2).unwrap();
+    }
     tiles(&hybrid, &scene(), 2).unwrap();
     gpu.destroy();
     assert_eq!(tiles(&hybrid, &scene(), 2).unwrap(), truth);

@@ -9,8 +9,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_tracer::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileAovs, TileRadiance, TraceJob,
-    TraceStats, Tracer,
+    CompiledScene, DeviceInfo, DeviceKind, Error, RenderSettings, Tile, TileAovs, TileRadiance,
+    TraceJob, TraceStats, Tracer,
 };
 use cpu_time::ProcessTime;
 
@@ -126,6 +126,10 @@ impl Tracer for ThrottledTracer {
             info.name = format!("{} % of {}", percent(share), info.name);
         }
         info
+    }
+
+    fn is_ready(&self, scene: &CompiledScene, settings: &RenderSettings) -> bool {
+        self.tracer.is_ready(scene, settings)
     }
 
     fn trace(

@@ -41,8 +41,8 @@ use rayon::prelude::*;
 pub use adapter::{AdapterChoice, AdapterDescription, adapters};
 
 use crate::{
-    CompiledScene, DeviceInfo, DeviceKind, Error, Tile, TileAovs, TileRadiance, TileSrgb8,
-    TraceJob, TraceStats, Tracer,
+    CompiledScene, DeviceInfo, DeviceKind, Error, RenderSettings, Tile, TileAovs, TileRadiance,
+    TileSrgb8, TraceJob, TraceStats, Tracer,
 };
 use denoise::FilterKernels;
 use device::Device;
@@ -56,6 +56,8 @@ use schedule::{Chunk, ChunkLimits, Pacer};
 /// Traces on a GPU.
 pub struct GpuTracer {
     device: Device,
+    /// What the start-up probe has shown, once it has been traced.
+    proof: OnceLock<Result<(), String>>,
     kernels: KernelCache,
     /// Compiled for the first picture that is denoised.
     filter: OnceLock<FilterKernels>,
@@ -89,31 +91,47 @@ impl GpuTracer {
     /// # Errors
     /// [`Error::Device`] if there is none of that choice, it refuses, or it traces wrongly.
     pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
-        Self::on(&adapter::find(choice)?)
+        let tracer = Self::open(&adapter::find(choice)?)?;
+        tracer.prove()?;
+        Ok(tracer)
     }
 
-    /// Every real GPU of this machine, the most capable first, or why it cannot be used.
+    /// Every real GPU of this machine, the most capable first, or why it cannot be used. Each proves itself before
+    /// its first job, which fails if it cannot: that takes seconds where a driver has not compiled the kernels before.
     pub fn all() -> Vec<Result<Self, Error>> {
-        adapter::real().iter().map(Self::on).collect()
+        adapter::real().iter().map(Self::open).collect()
     }
 
-    fn on(adapter: &wgpu::Adapter) -> Result<Self, Error> {
+    fn open(adapter: &wgpu::Adapter) -> Result<Self, Error> {
         let device = Device::open(adapter)?;
         let limits = device.device.limits();
         let film_bytes_max = limits
             .max_storage_buffer_binding_size
             .min(limits.max_buffer_size / 2);
-        let tracer = Self {
+        Ok(Self {
             device,
+            proof: OnceLock::new(),
             kernels: KernelCache::default(),
             filter: OnceLock::new(),
             pool: BufferPool::default(),
             meshes: MeshBuffers::default(),
             pacer: Pacer::new(),
             pixels_max: film_bytes_max / SUM_BYTES,
+        })
+    }
+
+    /// Traces the start-up probe, if that has not been done.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device refuses or traces it wrongly.
+    fn prove(&self) -> Result<(), Error> {
+        let message = |error| match error {
+            Error::Device { message, .. } => message,
+            other => other.to_string(),
         };
-        probe::prove(&tracer)?;
-        Ok(tracer)
+        let proof =
+            (self.proof).get_or_init(|| probe::prove(&UnprovenTracer(self)).map_err(message));
+        proof.clone().map_err(|message| self.device.error(message))
     }
 
     /// Ends the device as a driver that loses it does: all work fails from now on. For tests of
@@ -124,6 +142,7 @@ impl GpuTracer {
 
     fn check(&self, job: &TraceJob<'_>) -> Result<(), Error> {
         job.validate()?;
+        self.prove()?;
         let is_too_large = |tile: &&Tile| tile.pixels() as u64 > self.pixels_max;
         job.tiles.iter().find(is_too_large).map_or(Ok(()), |tile| {
             Err(self.device.error(format!(
@@ -228,6 +247,21 @@ impl Tracer for GpuTracer {
         }
     }
 
+    fn is_ready(&self, scene: &CompiledScene, settings: &RenderSettings) -> bool {
+        match self.proof.get() {
+            None => return false,
+            Some(Err(_)) => return true, // to say why it fails
+            Some(Ok(())) => {}
+        }
+        let is_compiled = |output| self.kernels.has(&self.features(scene, output));
+        if settings.denoise {
+            let outputs = [KernelOutput::Reflected, KernelOutput::Aovs];
+            self.filter.get().is_some() && outputs.into_iter().all(is_compiled)
+        } else {
+            is_compiled(KernelOutput::Radiance)
+        }
+    }
+
     fn trace(
         &self,
         scene: &CompiledScene,
@@ -238,25 +272,7 @@ impl Tracer for GpuTracer {
         if job.settings.denoise {
             return self.trace_denoised(scene, job, sink);
         }
-        self.trace_output(
-            scene,
-            job,
-            KernelOutput::Radiance,
-            &|chunk, dropped, film| {
-                deliver(
-                    chunk,
-                    dropped,
-                    cast_slice(film),
-                    |index, radiance, dropped_samples| {
-                        sink(TileRadiance {
-                            index,
-                            radiance: radiance.to_vec(),
-                            dropped_samples,
-                        });
-                    },
-                );
-            },
-        )
+        self.trace_radiance(scene, job, sink)
     }
 
     fn trace_srgb8(
@@ -284,7 +300,45 @@ impl Tracer for GpuTracer {
     }
 }
 
+/// A GPU that is tracing its start-up probe.
+struct UnprovenTracer<'a>(&'a GpuTracer);
+
+impl Tracer for UnprovenTracer<'_> {
+    fn info(&self) -> DeviceInfo {
+        self.0.info()
+    }
+
+    fn trace(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
+        self.0.trace_radiance(scene, job, sink)
+    }
+}
+
 impl GpuTracer {
+    /// Traces pictures that are not denoised.
+    fn trace_radiance(
+        &self,
+        scene: &CompiledScene,
+        job: &TraceJob<'_>,
+        sink: &(dyn Fn(TileRadiance) + Sync),
+    ) -> Result<TraceStats, Error> {
+        let sink: &ChunkSink<'_> = &|chunk, dropped, film| {
+            let film = cast_slice(film);
+            deliver(chunk, dropped, film, |index, radiance, dropped_samples| {
+                sink(TileRadiance {
+                    index,
+                    radiance: radiance.to_vec(),
+                    dropped_samples,
+                });
+            });
+        };
+        self.trace_output(scene, job, KernelOutput::Radiance, sink)
+    }
+
     /// Traces `output` chunk by chunk.
     fn trace_output(
         &self,
@@ -468,6 +522,43 @@ mod tests {
         let Some(tracer) = tracer() else { return };
         let (_, stats) = trace(&tracer).unwrap();
         assert_eq!(stats.device_nanos > 0, tracer.device.tick_nanos.is_some());
+    }
+
+    #[test]
+    fn it_is_ready_for_what_its_kernels_are_compiled_for() {
+        let Some(tracer) = tracer() else { return };
+        let scene = CompiledScene::new(&probe::scene()).unwrap();
+        let denoised = RenderSettings {
+            denoise: true,
+            ..RenderSettings::default()
+        };
+        // The probe has compiled the plain ones of its scene.
+        assert!(tracer.is_ready(&scene, &RenderSettings::default()));
+        assert!(!tracer.is_ready(&scene, &denoised));
+        let tiles: Vec<_> = GRID.tiles(GRID.all()).take(1).collect();
+        let job = TraceJob {
+            size: GRID.size,
+            tiles: &tiles,
+            settings: denoised,
+            cancelled: &AtomicBool::new(false),
+        };
+        tracer.trace(&scene, &job, &|_| {}).unwrap();
+        assert!(tracer.is_ready(&scene, &denoised));
+    }
+
+    #[test]
+    fn a_device_that_has_not_proved_itself_does_so_with_its_first_job() {
+        let Some(mut tracer) = tracer() else { return };
+        let scene = CompiledScene::new(&probe::scene()).unwrap();
+        tracer.proof = OnceLock::new();
+        assert!(!tracer.is_ready(&scene, &RenderSettings::default()));
+        trace(&tracer).unwrap();
+        assert_eq!(tracer.proof.get(), Some(&Ok(())));
+        tracer.proof = OnceLock::from(Err("it traces the probe wrongly".to_owned()));
+        let error = trace(&tracer).unwrap_err().to_string();
+        assert!(error.contains("the probe wrongly"), "{error}");
+        // A job has to say so.
+        assert!(tracer.is_ready(&scene, &RenderSettings::default()));
     }
 
     #[test]

@@ -33,6 +33,12 @@ impl KernelCache {
     /// Scenes come and go; kernels of this many kinds of scene are kept.
     const KERNELS_MAX: usize = 32;
 
+    /// Whether the kernel for `features` is compiled.
+    pub(crate) fn has(&self, features: &Features) -> bool {
+        let kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        kernels.contains_key(features)
+    }
+
     /// The kernel for `features`, compiled if need be. Two threads that need the same new kernel
     /// compile it twice rather than make a third wait.
     ///

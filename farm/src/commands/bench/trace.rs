@@ -196,6 +196,9 @@ fn warm_up(
         Backend::Cpu | Backend::Gpu | Backend::Scalar => (1, 1),
     };
     for settings in [settings(samples), camera_rays(samples)] {
+        while !opened.tracer.is_ready(scene, &settings) {
+            trace(opened.tracer.as_ref(), scene, args.size, settings)?;
+        }
         for _ in 0..jobs {
             trace(opened.tracer.as_ref(), scene, args.size, settings)?;
         }
