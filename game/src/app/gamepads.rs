@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use gilrs::{Axis, Button, EventType, Gilrs};
 use winit::event_loop::EventLoopProxy;
 
-use crate::input::{Event, GamepadControl};
+use crate::input::{Event, GamepadControl, Sticks};
 
 /// All gamepads that are connected, now or later; they count as one.
 pub(super) struct Gamepads {
@@ -62,7 +62,7 @@ fn read(sender: &Sender<GamepadEvent>, wake: &EventLoopProxy<()>) {
                 ));
             }
             Some((event, _)) => {
-                let inputs = sticks.translate(event).into_iter();
+                let inputs = translate(event, &mut sticks).into_iter();
                 events.extend(inputs.map(|event| GamepadEvent::Input(event, now)));
             }
             None => {}
@@ -75,56 +75,24 @@ fn read(sender: &Sender<GamepadEvent>, wake: &EventLoopProxy<()>) {
     }
 }
 
-/// Directions of the sticks that count as pressed.
-#[derive(Default)]
-struct Sticks {
-    pressed: Vec<GamepadControl>,
-}
-
-impl Sticks {
-    /// What an event of a gamepad is to the game.
-    fn translate(&mut self, event: EventType) -> Vec<Event> {
-        let button = |button, pressed| {
-            let control = control_of(button);
-            control.map(|control| Event::Gamepad { control, pressed })
-        };
-        match event {
-            EventType::ButtonPressed(of, _) => button(of, true).into_iter().collect(),
-            EventType::ButtonReleased(of, _) => button(of, false).into_iter().collect(),
-            EventType::AxisChanged(axis, value, _) => self.push(axis, f64::from(value)),
-            EventType::Disconnected => {
-                self.pressed.clear();
-                vec![Event::FocusLost]
-            }
-            _ => Vec::new(),
+/// What an event of a gamepad is to the game.
+fn translate(event: EventType, sticks: &mut Sticks) -> Vec<Event> {
+    let button = |button, pressed| {
+        let control = control_of(button);
+        control.map(|control| Event::Gamepad { control, pressed })
+    };
+    match event {
+        EventType::ButtonPressed(of, _) => button(of, true).into_iter().collect(),
+        EventType::ButtonReleased(of, _) => button(of, false).into_iter().collect(),
+        EventType::AxisChanged(axis, value, _) => {
+            let directions = directions(axis);
+            directions.map_or_else(Vec::new, |of| sticks.push(of, f64::from(value)))
         }
-    }
-
-    fn push(&mut self, axis: Axis, value: f64) -> Vec<Event> {
-        let Some([negative, positive]) = directions(axis) else {
-            return Vec::new();
-        };
-        let mut events = Vec::new();
-        for (control, deflection) in [(negative, -value), (positive, value)] {
-            let deflection = deflection.max(0.0);
-            events.push(Event::Stick {
-                control,
-                deflection,
-            });
-            let was_pressed = self.pressed.contains(&control);
-            if !was_pressed && deflection > PRESSED_FROM {
-                self.pressed.push(control);
-            } else if was_pressed && deflection < RELEASED_BELOW {
-                self.pressed.retain(|held| *held != control);
-            } else {
-                continue;
-            }
-            events.push(Event::Gamepad {
-                control,
-                pressed: !was_pressed,
-            });
+        EventType::Disconnected => {
+            *sticks = Sticks::default();
+            vec![Event::FocusLost]
         }
-        events
+        _ => Vec::new(),
     }
 }
 
@@ -167,55 +135,10 @@ fn directions(axis: Axis) -> Option<[GamepadControl; 2]> {
 const WAIT: Duration = Duration::from_millis(500);
 /// Letters of a gamepad's name that are shown.
 const NAME_LETTERS_MAX: usize = 40;
-/// How far a stick is pushed in a direction that counts as pressed, and from where it is released again.
-const PRESSED_FROM: f64 = 0.5;
-const RELEASED_BELOW: f64 = 0.4;
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn presses(events: &[Event]) -> Vec<(GamepadControl, bool)> {
-        let of = |event: &Event| match event {
-            Event::Gamepad { control, pressed } => Some((*control, *pressed)),
-            _ => None,
-        };
-        events.iter().filter_map(of).collect()
-    }
-
-    #[test]
-    fn a_stick_is_pressed_once_and_does_not_flutter() {
-        let mut sticks = Sticks::default();
-        let up = GamepadControl::LEFT_STICK_TO[2];
-        for (value, expected) in [
-            (0.45, vec![]),
-            (0.55, vec![(up, true)]),
-            (0.45, vec![]),
-            (0.9, vec![]),
-            (0.3, vec![(up, false)]),
-        ] {
-            let events = sticks.push(Axis::LeftStickY, value);
-            assert_eq!(presses(&events), expected, "{value}");
-            assert!(events.contains(&Event::Stick {
-                control: up,
-                deflection: value
-            }));
-        }
-    }
-
-    #[test]
-    fn a_stick_that_flips_over_leaves_one_direction_for_the_other() {
-        let mut sticks = Sticks::default();
-        let [left, right, ..] = GamepadControl::RIGHT_STICK_TO;
-        sticks.push(Axis::RightStickX, -1.0);
-        let events = sticks.push(Axis::RightStickX, 1.0);
-        assert_eq!(presses(&events), [(left, false), (right, true)]);
-        assert_eq!(
-            sticks.translate(EventType::Disconnected),
-            [Event::FocusLost]
-        );
-        assert!(sticks.pressed.is_empty());
-    }
 
     #[test]
     fn every_control_is_a_button_or_a_direction_of_a_stick() {

@@ -17,6 +17,8 @@ mod modal_synthesis;
 pub mod playback;
 mod reverb;
 mod rolling;
+#[cfg(any(feature = "cpal", test))]
+mod voice;
 
 pub use events::of_shot;
 pub use playback::{Playback, installed_program};

@@ -1,6 +1,6 @@
 //! Buttons and sticks of gamepads, and what they do at first.
 
-use super::{Action, BindingContext, Trigger};
+use super::{Action, BindingContext, Event, Trigger};
 
 /// A button of a gamepad, or a direction of one of its sticks: its label as settings and help show it, one of
 /// [`GamepadControl::all`]. Buttons are named as on an Xbox controller, whatever is printed on them.
@@ -87,6 +87,39 @@ impl GamepadControl {
     }
 }
 
+/// Sticks of gamepads, whose directions count as pressed while they are pushed far enough.
+#[derive(Debug, Default)]
+pub struct Sticks {
+    pressed: Vec<GamepadControl>,
+}
+
+impl Sticks {
+    /// Moves an axis to `value`, from −1 to 1, along its negative and positive `directions`.
+    pub fn push(&mut self, directions: [GamepadControl; 2], value: f64) -> Vec<Event> {
+        let mut events = Vec::new();
+        for (control, deflection) in directions.into_iter().zip([-value, value]) {
+            let deflection = deflection.max(0.0);
+            events.push(Event::Stick {
+                control,
+                deflection,
+            });
+            let was_pressed = self.pressed.contains(&control);
+            if !was_pressed && deflection > PRESSED_FROM {
+                self.pressed.push(control);
+            } else if was_pressed && deflection < RELEASED_BELOW {
+                self.pressed.retain(|held| *held != control);
+            } else {
+                continue;
+            }
+            events.push(Event::Gamepad {
+                control,
+                pressed: !was_pressed,
+            });
+        }
+        events
+    }
+}
+
 impl Action {
     /// What a gamepad does it with at first.
     pub(super) fn gamepad_default(self) -> Option<Trigger> {
@@ -104,6 +137,10 @@ impl Action {
         }
     }
 }
+
+/// How far a stick is pushed in a direction that counts as pressed, and from where it is released again.
+const PRESSED_FROM: f64 = 0.5;
+const RELEASED_BELOW: f64 = 0.4;
 
 type Pad = GamepadControl;
 
@@ -141,3 +178,45 @@ const DEFAULTS: &[(Action, GamepadControl)] = &[
     (Action::ReplayEventBefore, Pad::LEFT_BUMPER),
     (Action::ReplayEventNext, Pad::RIGHT_BUMPER),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn presses(events: &[Event]) -> Vec<(GamepadControl, bool)> {
+        let of = |event: &Event| match event {
+            Event::Gamepad { control, pressed } => Some((*control, *pressed)),
+            _ => None,
+        };
+        events.iter().filter_map(of).collect()
+    }
+
+    #[test]
+    fn a_stick_is_pressed_once_and_does_not_flutter() {
+        let mut sticks = Sticks::default();
+        let [_, _, up, down] = Pad::LEFT_STICK_TO;
+        for (value, expected) in [
+            (0.45, vec![]),
+            (0.55, vec![(up, true)]),
+            (0.45, vec![]),
+            (0.9, vec![]),
+            (0.3, vec![(up, false)]),
+        ] {
+            let events = sticks.push([down, up], value);
+            assert_eq!(presses(&events), expected, "{value}");
+            assert!(events.contains(&Event::Stick {
+                control: up,
+                deflection: value
+            }));
+        }
+    }
+
+    #[test]
+    fn a_stick_that_flips_over_leaves_one_direction_for_the_other() {
+        let mut sticks = Sticks::default();
+        let [left, right, ..] = Pad::RIGHT_STICK_TO;
+        sticks.push([left, right], -1.0);
+        let events = sticks.push([left, right], 1.0);
+        assert_eq!(presses(&events), [(left, false), (right, true)]);
+    }
+}

@@ -23,7 +23,7 @@ use glam::DVec2;
 
 pub use action::{ACTIONS, Action, ActionSpec, BindingContext, Group};
 pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
-pub use gamepad::GamepadControl;
+pub use gamepad::{GamepadControl, Sticks};
 pub use intent::{
     AimIntent, AppIntent, Intent, MatchIntent, PracticeIntent, ReplayControl, ReplayIntent,
     StrokeIntent,
