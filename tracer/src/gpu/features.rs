@@ -2,9 +2,9 @@
 
 use crate::bvh::Bvh;
 use crate::compiled::{
-    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CompiledScene, CsgBoxData, CsgFaceData, KIND_CONDUCTOR,
-    KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, LayerTextureData, MaterialData,
-    PATTERN_NONE, PATTERN_NUMBER, ShapeKind, SphereData,
+    BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CompiledScene, CsgBoxData, CsgFaceData,
+    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, LayerTextureData,
+    MaterialData, PATTERN_NONE, PATTERN_NUMBER, ShapeKind, SphereData,
 };
 use crate::gpu::coplanar;
 
@@ -292,13 +292,15 @@ impl Features {
         }
     }
 
-    /// Whether a workgroup keeps CSG boxes in its own memory: at most half of the 16 KiB that are everywhere,
-    /// beside its pixels.
-    pub(crate) const fn copies_csg(&self) -> bool {
-        const BYTES_MAX: usize = 8 << 10;
+    /// Whether a workgroup of several blocks keeps primitives in its own memory, of which it has 32 KiB: 12 KiB are
+    /// its pixels'.
+    pub(crate) const fn copies_primitives(&self) -> bool {
+        const BYTES_MAX: usize = 16 << 10;
         let bytes = self.csg_faces as usize * size_of::<CsgFaceData>()
-            + self.csg_boxes as usize * size_of::<CsgBoxData>();
-        self.workgroup_blocks > 1 && self.csg_boxes > 0 && bytes <= BYTES_MAX
+            + self.csg_boxes as usize * size_of::<CsgBoxData>()
+            + self.boxes as usize * size_of::<BoxData>()
+            + self.spheres as usize * size_of::<SphereData>();
+        self.workgroup_blocks > 1 && bytes <= BYTES_MAX
     }
 
     /// How many primitives of a shape there are.

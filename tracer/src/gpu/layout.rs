@@ -158,8 +158,8 @@ impl SphereLeaf {
 }
 
 impl BoxBound {
-    fn new(data: &BoxData, farthest: f32) -> Self {
-        let (min, max) = (Vec3::from(data.min), Vec3::from(data.max));
+    fn new((min, max): ([f32; 3], [f32; 3]), farthest: f32) -> Self {
+        let (min, max) = (Vec3::from(min), Vec3::from(max));
         let center = 0.5 * (min + max);
         let half = (max - center).max(center - min) + BOX_SLACK * farthest;
         Self {
@@ -204,7 +204,10 @@ pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
 
 /// Of what rays find the primitives of a shape by.
 fn finders_bytes(features: &Features, shape: ShapeKind) -> usize {
-    let count = features.count(shape) as usize;
+    let count = match shape {
+        ShapeKind::CsgFace => features.csg_boxes,
+        _ => features.count(shape),
+    } as usize;
     if features.has_bvh(shape) {
         let leaves = leaves(count);
         let leaf_bytes = match shape {
@@ -216,8 +219,8 @@ fn finders_bytes(features: &Features, shape: ShapeKind) -> usize {
     count
         * match shape {
             ShapeKind::Sphere => size_of::<SphereBound>(),
-            ShapeKind::Box => size_of::<BoxBound>(),
-            ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::CsgFace | ShapeKind::Triangle => 0,
+            ShapeKind::Box | ShapeKind::CsgFace => size_of::<BoxBound>(),
+            ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Triangle => 0,
         }
 }
 
@@ -315,16 +318,23 @@ fn finders(scene: &CompiledScene, shape: ShapeKind) -> Vec<u8> {
             let bounds: Vec<_> = scene.spheres.iter().map(SphereBound::new).collect();
             cast_slice(&bounds).to_vec()
         }
-        ShapeKind::Box => {
-            let farthest = coplanar::farthest(scene);
-            let boxes = scene.boxes.iter();
-            let bounds: Vec<_> = boxes.map(|data| BoxBound::new(data, farthest)).collect();
-            cast_slice(&bounds).to_vec()
-        }
-        ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::CsgFace | ShapeKind::Triangle => {
-            Vec::new()
-        }
+        ShapeKind::Box => box_bounds(scene, scene.boxes.iter().map(|data| (data.min, data.max))),
+        ShapeKind::CsgFace => box_bounds(
+            scene,
+            scene.csg_boxes.iter().map(|data| (data.min, data.max)),
+        ),
+        ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Triangle => Vec::new(),
     }
+}
+
+/// The [`BoxBound`]s of boxes with these corners.
+fn box_bounds(
+    scene: &CompiledScene,
+    corners: impl Iterator<Item = ([f32; 3], [f32; 3])>,
+) -> Vec<u8> {
+    let farthest = coplanar::farthest(scene);
+    let bounds: Vec<_> = corners.map(|of| BoxBound::new(of, farthest)).collect();
+    cast_slice(&bounds).to_vec()
 }
 
 fn check_materials(scene: &CompiledScene) -> Result<(), Error> {

@@ -6,7 +6,7 @@ use glam::{DVec2, Vec2, Vec3};
 
 use super::pockets::bores;
 use super::pockets::trimmed;
-use super::{APRON_M, POCKET_DEPTH_M, SceneBuilder, beyond, corners, subtraction};
+use super::{APRON_M, POCKET_DEPTH_M, SceneBuilder, around, beyond, corners, subtraction};
 
 impl SceneBuilder {
     /// The slate under its cloth, with the pockets' holes.
@@ -21,11 +21,11 @@ impl SceneBuilder {
         self.add("bed", "cloth", shape);
     }
 
-    /// The wooden frame: bevelled outside, open inside, bored for the pockets.
+    /// The wooden frame of four boxes, which few rays meet: bevelled outside, bored for the pockets.
     pub(super) fn rails(&mut self, table: &Table) {
-        let (outer, top) = (self.frame.outer, self.frame.rail_height);
-        let mut subtractions = vec![self.opening()];
-        subtractions.extend(bores(table));
+        let (inside, outer) = (self.frame.inside, self.frame.outer);
+        let top = self.frame.rail_height;
+        let mut subtractions: Vec<_> = bores(table).collect();
         for (side, normal) in [(outer.x, Vec3::X), (outer.y, Vec3::Y)] {
             for sign in [-1.0, 1.0] {
                 let edge = sign * normal * (side - BEVEL_M) + Vec3::Z * top;
@@ -33,12 +33,16 @@ impl SceneBuilder {
             }
         }
         subtractions.extend(corners().map(|corner| trimmed(corner, outer)));
-        let shape = Shape::CsgBox {
-            min: (-outer).extend(-APRON_M),
-            max: outer.extend(top),
-            subtractions,
-        };
-        self.add("rails", "rail wood", shape);
+        for (near, far) in around(inside, outer) {
+            let (min, max) = (near.extend(-APRON_M), far.extend(top));
+            let reaching = subtractions.iter().filter(|cut| reaches(cut, min, max));
+            let shape = Shape::CsgBox {
+                min,
+                max,
+                subtractions: reaching.cloned().collect(),
+            };
+            self.add("rail", "rail wood", shape);
+        }
     }
 
     /// A cushion between two facings, under-cut below the nose and rising to the rail; its tips are
@@ -81,6 +85,21 @@ impl SceneBuilder {
             min: (-inside).extend(-1.0),
             max: inside.extend(1.0),
         })
+    }
+}
+
+/// Whether a subtraction takes something from a box.
+fn reaches(cut: &Subtraction, min: Vec3, max: Vec3) -> bool {
+    match cut.solid {
+        CsgSolid::Cylinder { center, radius } => {
+            let nearest = center.clamp(min, max);
+            nearest.truncate().distance(center.truncate()) < radius
+        }
+        CsgSolid::HalfSpace { point, normal } => {
+            let corner = Vec3::select(normal.cmpgt(Vec3::ZERO), max, min);
+            (corner - point).dot(normal) > 0.0
+        }
+        _ => true,
     }
 }
 

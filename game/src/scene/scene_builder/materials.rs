@@ -72,7 +72,6 @@ fn furniture() -> Vec<(&'static str, Material)> {
         ("carpet", soft(Vec3::new(0.085, 0.09, 0.115), 0.06)),
         ("bench leather", soft(Vec3::new(0.2, 0.06, 0.036), 0.05)),
         ("dark wood", WALNUT.wood(Axis::Z, None)),
-        ("panelling", OAK.wood(Axis::Z, None)),
         (
             "floor",
             Material::Coated {
@@ -173,9 +172,4 @@ const WALNUT: Wood = Wood {
     light: Vec3::new(0.085, 0.045, 0.024),
     dark: Vec3::new(0.04, 0.02, 0.011),
     scale: 0.4,
-};
-const OAK: Wood = Wood {
-    light: Vec3::new(0.3, 0.18, 0.09),
-    dark: Vec3::new(0.21, 0.118, 0.057),
-    scale: 1.3,
 };

@@ -150,6 +150,16 @@ fn corners() -> impl Iterator<Item = Vec2> {
         .map(Vec2::from)
 }
 
+/// Four boxes between two rectangles round the table's middle, as their smallest and largest corners.
+fn around(inner: Vec2, outer: Vec2) -> [(Vec2, Vec2); 4] {
+    [
+        (-outer, Vec2::new(outer.x, -inner.y)),
+        (Vec2::new(-outer.x, inner.y), outer),
+        (Vec2::new(-outer.x, -inner.y), Vec2::new(-inner.x, inner.y)),
+        (Vec2::new(inner.x, -inner.y), Vec2::new(outer.x, inner.y)),
+    ]
+}
+
 fn subtraction(solid: CsgSolid) -> Subtraction {
     Subtraction {
         solid,

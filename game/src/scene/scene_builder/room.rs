@@ -73,26 +73,20 @@ impl SceneBuilder {
             max: half.extend(floor),
         };
         self.add("floor", "floor", ground);
-        let carpet = Shape::Rectangle {
-            center: Vec3::Z * (floor + 0.006),
-            half_u: Vec3::X * (outer.x + 0.9),
-            half_v: Vec3::Y * (outer.y + 0.8),
+        let rug = outer + Vec2::new(0.9, 0.8);
+        let carpet = Shape::Box {
+            min: (-rug).extend(floor),
+            max: rug.extend(floor + 0.006),
         };
         self.add("carpet", "carpet", carpet);
         self.ring("wall", "wall", half, 0.1, ROOM_HEIGHT_M);
+        let panels = half - 0.05;
         self.ring(
             "panelling",
-            "panelling",
-            half - 0.03,
-            0.04,
-            floor + PANEL_HEIGHT_M,
-        );
-        self.ring(
-            "panel rail",
             "dark wood",
-            half - 0.05,
+            panels,
             0.06,
-            floor + PANEL_HEIGHT_M + 0.04,
+            floor + PANEL_HEIGHT_M,
         );
         for (index, x) in [-1.8f32, 1.8].into_iter().enumerate() {
             for side in [-1.0, 1.0] {
@@ -145,17 +139,13 @@ impl SceneBuilder {
         thickness: f32,
         top: f32,
     ) {
-        let floor = self.frame.floor;
-        let hollow = subtraction(CsgSolid::Box {
-            min: (-inner).extend(floor - 1.0),
-            max: inner.extend(top + 1.0),
-        });
-        let shape = Shape::CsgBox {
-            min: (-inner - thickness).extend(floor),
-            max: (inner + thickness).extend(top),
-            subtractions: vec![hollow],
-        };
-        self.add(name, material, shape);
+        for (near, far) in around(inner, inner + thickness) {
+            let wall = Shape::Box {
+                min: near.extend(self.frame.floor),
+                max: far.extend(top),
+            };
+            self.add(name, material, wall);
+        }
     }
 
     /// A framed picture on a wall that runs `along`.
@@ -215,6 +205,6 @@ const SHADE_SLOPE: f32 = 0.9;
 /// From the table to the walls: more than the player's farthest eye.
 const ROOM_MARGIN_M: f32 = 5.2;
 const ROOM_HEIGHT_M: f32 = 2.4;
-const PANEL_HEIGHT_M: f32 = 1.0;
+const PANEL_HEIGHT_M: f32 = 1.04;
 /// Middle and half the extent of the window in the far wall, as y and z.
 const WINDOW_M: (Vec2, Vec2) = (Vec2::new(-2.1, 0.98), Vec2::new(0.85, 0.62));

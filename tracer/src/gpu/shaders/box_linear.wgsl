@@ -1,15 +1,11 @@
 // Few boxes: each ray meets each of them.
 
-// Bit i is set if the ray may meet box `first + i` before `t_max`: three products of each slab are
-// the ray's own, which rounds worse, so that the bounds are a little wider than the boxes.
+// Bit i is set if the ray may meet box `first + i` before `t_max`.
 fn box_candidates(prepared: PreparedRay, first: u32, t_max: f32) -> u32 {
     var candidates = 0u;
     for (var i = 0u; i < min(BOX_COUNT - first, 32u); i++) {
-        let bound = scene.box_bounds[first + i];
-        let middle = fma(bound.center, prepared.inverse, -prepared.origin_inverse);
-        let enter = largest(fma(-bound.half, prepared.inverse_abs, middle));
-        let leave = smallest(fma(bound.half, prepared.inverse_abs, middle));
-        candidates |= select(0u, 1u << i, max(enter, 0.0) <= min(leave, t_max));
+        let may_meet = may_meet_box(prepared, scene.box_bounds[first + i], t_max);
+        candidates |= select(0u, 1u << i, may_meet);
     }
     return candidates;
 }

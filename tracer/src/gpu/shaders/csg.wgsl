@@ -151,27 +151,26 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
     if (t >= end) {
         return miss;
     }
-    // Each turn of the loop leaves a subtraction, for good but for those that are turned: the ray may go through
-    // their round body, and out of what is left of it.
-    for (var turn = 0u; turn < select(count, 2u * count, HAS_CSG_CONE); turn++) {
-        let before = t;
-        for (var subtraction = first + 1u; subtraction < first + count; subtraction++) {
-            if (!subtraction_contains(subtraction, fma(vec3f(t), ray.direction, ray.origin))) {
-                continue;
-            }
-            // Not above `t` where rounding has put the point just outside: then it stays where it
-            // is.
-            let leaves = exit_subtraction(subtraction, ray, inverse, t);
-            if (leaves > t) {
-                t = leaves;
-                face = subtraction;
-            }
-            if (t >= end) {
-                return miss;
-            }
+    // Round the subtractions until the ray is in none of them since it left the last. Each is left for good but for
+    // those that are turned: the ray may go through their round body, and out of what is left of it.
+    let rounds = select(count, 2u * count, HAS_CSG_CONE);
+    var subtraction = first;
+    var others = count - 1u;
+    for (var turn = 0u; others > 0u && turn < rounds * count; turn++) {
+        subtraction = select(subtraction + 1u, first + 1u, subtraction + 1u == first + count);
+        others -= 1u;
+        if (!subtraction_contains(subtraction, fma(vec3f(t), ray.direction, ray.origin))) {
+            continue;
         }
-        if (t == before) {
-            break;
+        // Not above `t` where rounding has put the point just outside: then it stays where it is.
+        let leaves = exit_subtraction(subtraction, ray, inverse, t);
+        if (leaves > t) {
+            t = leaves;
+            face = subtraction;
+            others = count - 2u;
+        }
+        if (t >= end) {
+            return miss;
         }
     }
     if ((face == first && (is_left || span.x <= 0.0)) || t <= 0.0) {
@@ -181,10 +180,19 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
 }
 
 fn nearest_csg_face(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
-    for (var i = 0u; i < CSG_BOX_COUNT; i++) {
-        let met = intersect_csg_box(prepared.ray, prepared.inverse, i, start, (*hit).t);
-        if (met.t < (*hit).t) {
-            *hit = Hit(met.t, CSG_FACE_FIRST + met.face);
+    for (var first = 0u; first < CSG_BOX_COUNT; first += 32u) {
+        var candidates = 0u;
+        for (var i = 0u; i < min(CSG_BOX_COUNT - first, 32u); i++) {
+            let may_meet = may_meet_box(prepared, scene.csg_box_bounds[first + i], (*hit).t);
+            candidates |= select(0u, 1u << i, may_meet);
+        }
+        while (candidates != 0u) {
+            let i = first + firstTrailingBit(candidates);
+            candidates &= candidates - 1u;
+            let met = intersect_csg_box(prepared.ray, prepared.inverse, i, start, (*hit).t);
+            if (met.t < (*hit).t) {
+                *hit = Hit(met.t, CSG_FACE_FIRST + met.face);
+            }
         }
     }
 }

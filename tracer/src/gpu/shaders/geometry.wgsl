@@ -31,6 +31,15 @@ fn prepare_ray(ray: Ray) -> PreparedRay {
     );
 }
 
+// Whether a ray may meet a box before `t_max`: three products of each slab are the ray's own, which rounds worse, so
+// that bounds are a little wider than their boxes.
+fn may_meet_box(prepared: PreparedRay, bound: BoxBound, t_max: f32) -> bool {
+    let middle = fma(bound.center, prepared.inverse, -prepared.origin_inverse);
+    let enter = largest(fma(-bound.half, prepared.inverse_abs, middle));
+    let leave = smallest(fma(bound.half, prepared.inverse_abs, middle));
+    return max(enter, 0.0) <= min(leave, t_max);
+}
+
 // Distance to a plane; not above 0, or NaN, if the ray leads away from it or along it.
 fn plane_t(ray: Ray, point: vec3f, normal: vec3f) -> f32 {
     return dot(point - ray.origin, normal) / dot(ray.direction, normal);

@@ -19,7 +19,7 @@ fn trace(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    copy_csg(thread);
+    copy_primitives(thread);
     let block = (group.y * groups.x + group.x) * WORKGROUP_BLOCKS + thread / BLOCK_PIXELS;
     let is_block = block < job.block_count;
     var place = place_of(min(block, job.block_count - 1u), thread % BLOCK_PIXELS);
