@@ -1,14 +1,14 @@
 //! The room round the table: stand, lampshade, walls, and what stands there.
 
 use carom_billiards::physics::Table;
-use carom_tracer::{AreaLight, CsgSolid, Shape};
+use carom_tracer::{AreaLight, Shape};
 use glam::{DVec3, Vec2, Vec3};
 
 use crate::scene::cue_stick::{CUE_NAME, CuePose};
 
 use super::{
     APRON_M, LAMP_GAP_M, LAMP_HALF_M, LAMP_Z_M, POCKET_DEPTH_M, SHADE_HEIGHT_M, SHADE_RIM_M,
-    SceneBuilder, beyond, corners, subtraction,
+    SceneBuilder, around, beyond, corners,
 };
 
 impl SceneBuilder {
