@@ -872,12 +872,13 @@ fn traverse(features: &Features) -> String {
              if (is_shadow && hit.t < t_max) {{ return hit; }}"
         );
     }
-    if features.area_lights_occlude {
-        text += "    if (is_shadow && area_light_occludes(ray, target_light, t_max)) { hit.t = 0.0; }\n";
-    }
-    if features.area_lights > 0 {
-        text += "    if (!is_shadow) { nearest_area_light(prepared, start, &hit); }\n";
-    }
+    text += match features.area_lights {
+        0 => "",
+        _ if features.area_lights_occlude => {
+            "    nearest_area_light(prepared, select(NO_PRIMITIVE, target_light, is_shadow), &hit);\n"
+        }
+        _ => "    if (!is_shadow) { nearest_area_light(prepared, NO_PRIMITIVE, &hit); }\n",
+    };
     text + "    return hit;\n}\n\
             fn nearest(ray: Ray, start: u32) -> Hit {\n    \
             return traverse(ray, start, T_MISS, false, 0u);\n}\n\

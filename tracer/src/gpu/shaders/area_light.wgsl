@@ -14,15 +14,15 @@ fn area_light_t(ray: Ray, index: u32) -> f32 {
     return select(T_MISS, t, t > 0.0 && u <= scene.area_lights[index].length_u && v <= scene.area_lights[index].length_v);
 }
 
-// No ray starts on an area light, so that there is none to skip.
-fn nearest_area_light(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
+// No ray starts on an area light; `target_light` is the one that a shadow ray asks for, which is not in its way.
+fn nearest_area_light(prepared: PreparedRay, target_light: u32, hit: ptr<function, Hit>) {
     if (AREA_LIGHTS_COPLANAR) {
         nearest_coplanar_area_light(prepared.ray, hit);
         return;
     }
     for (var i = 0u; i < AREA_LIGHT_COUNT; i++) {
         let t = area_light_t(prepared.ray, i);
-        if (t < (*hit).t) {
+        if (t < (*hit).t && i != target_light) {
             *hit = Hit(t, AREA_LIGHT_FIRST + i);
         }
     }
@@ -52,16 +52,6 @@ fn meets_area_light(ray: Ray) -> bool {
     return hit.primitive != NO_PRIMITIVE;
 }
 
-// Whether another area light than the one that is asked for is in the way.
-fn area_light_occludes(ray: Ray, target_light: u32, t_max: f32) -> bool {
-    for (var i = 0u; i < AREA_LIGHT_COUNT; i++) {
-        if (i != target_light && area_light_t(ray, i) < t_max) {
-            return true;
-        }
-    }
-    return false;
-}
-
 // What a ray that meets an area light brings back: `pdf` is that of `Path`.
 fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     let index = hit.primitive - AREA_LIGHT_FIRST;
@@ -80,7 +70,7 @@ fn mirrored(n: vec3f, wo: vec3f) -> vec3f {
 }
 
 // The ray to the area light that a coat reflects.
-fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f, start: u32) -> ShadowRay {
+fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f) -> ShadowRay {
     let reflectance = bsdf_coat(bsdf);
     if (reflectance == 0.0) {
         return NO_SHADOW_RAY;
@@ -88,7 +78,7 @@ fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f, start: u32) -> 
     let wi = mirrored(surface.normal, wo);
     let ray = Ray(surface.position, wi);
     var hit = Hit(T_MISS, NO_PRIMITIVE);
-    nearest_area_light(prepare_ray(ray), start, &hit);
+    nearest_area_light(prepare_ray(ray), NO_PRIMITIVE, &hit);
     if (hit.primitive == NO_PRIMITIVE) {
         return NO_SHADOW_RAY;
     }

@@ -8,7 +8,7 @@ fn meets_area_light(ray: Ray) -> bool {
     return false;
 }
 
-fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f, start: u32) -> ShadowRay {
+fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f) -> ShadowRay {
     return NO_SHADOW_RAY;
 }
 

@@ -165,7 +165,7 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
         (*path).direct = direct_light(surface, bsdf, wo, u, cone_density, &light_weight_sum);
         (*path).direct.light *= (*path).beta;
         if (HAS_COAT && !is_regularised && (OUTPUT != OUTPUT_REFLECTED || depth > 0u)) {
-            (*path).coat = coat_reflected_light(surface, bsdf, wo, primitive);
+            (*path).coat = coat_reflected_light(surface, bsdf, wo);
             (*path).coat.light *= (*path).beta;
         }
     }
