@@ -158,7 +158,13 @@ impl FramePipeline {
                 }
                 SchedulerAction::Trace(request) => {
                     match farm.submit_with(request.spec.clone(), request.submission()) {
-                        Ok(id) => self.scheduler.submitted(id, &request),
+                        Ok(id) => {
+                            self.scheduler.submitted(id, &request);
+                            if request.is_reprojected() {
+                                let spec = &request.spec;
+                                self.reprojector.expect(&spec.update, spec.size);
+                            }
+                        }
                         Err(error) => return self.farm.fail(error.to_string()),
                     }
                 }

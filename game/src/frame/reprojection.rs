@@ -1,6 +1,9 @@
 //! Reprojection of the newest frame to the present: between pictures, and while one is still on its way,
 //! camera and balls move on by [`carom_tracer::reproject`].
 
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, channel};
+
 use anyhow::Context as _;
 use carom_tracer::reproject::View;
 use carom_tracer::{CompiledScene, ImageSize, Scene, SceneUpdate, Tile};
@@ -12,14 +15,26 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 #[derive(Debug)]
 pub struct Reprojector {
     scene: CompiledScene,
+    /// Views of pictures that are still being traced, the newest first.
+    expected: VecDeque<ExpectedView>,
     /// What the picture of that serial number was taken of.
     from: Option<(u64, View)>,
+    /// A view that is not needed any more, for its memory.
+    spare: Option<View>,
     /// The last view that a picture was moved to, for its memory.
     to: Option<View>,
     moved: Option<ReprojectedFrame>,
     count: u64,
     /// Apart from those of the tracer, whose work is waited for longer than a frame is shown.
     threads: ThreadPool,
+}
+
+/// What a picture will show, found while it is traced.
+#[derive(Debug)]
+struct ExpectedView {
+    update: SceneUpdate,
+    size: ImageSize,
+    view: Receiver<View>,
 }
 
 #[derive(Debug)]
@@ -39,12 +54,41 @@ impl Reprojector {
         let threads = ThreadPoolBuilder::new().thread_name(|_| "reprojection".into());
         Ok(Self {
             scene: CompiledScene::new(scene)?,
+            expected: VecDeque::new(),
             from: None,
+            spare: None,
             to: None,
             moved: None,
             count: 0,
             threads: threads.build().context("threads for reprojection")?,
         })
+    }
+
+    /// Begins to find what a picture of `size` after `update` will show, so that it can be moved as soon as it is there.
+    pub fn expect(&mut self, update: &SceneUpdate, size: ImageSize) {
+        let update = bodies(update);
+        let (sender, found) = channel();
+        let (mut scene, of, earlier) = (self.scene.clone(), update.clone(), self.spare.take());
+        self.threads.spawn(move || {
+            if scene.apply(&of).is_ok() {
+                // Nobody waits for a picture that was given up.
+                _ = sender.send(view(&scene, size, earlier));
+            }
+        });
+        self.expected.truncate(EXPECTED_MAX - 1);
+        self.expected.push_front(ExpectedView {
+            update,
+            size,
+            view: found,
+        });
+    }
+
+    /// What `picture` shows, if that was asked for.
+    fn expected(&mut self, picture: &DisplayFrame) -> Option<View> {
+        let update = bodies(&picture.update);
+        let is_of = |view: &ExpectedView| (view.size, &view.update) == (picture.size, &update);
+        let place = self.expected.iter().position(is_of)?;
+        self.expected.remove(place)?.view.recv().ok()
     }
 
     /// `picture` as the scene looks after `now`; itself if it was taken of that, or if either
@@ -112,16 +156,29 @@ impl Reprojector {
         now: &SceneUpdate,
         memory: Vec<[u8; 4]>,
     ) -> Option<ReprojectedFrame> {
+        if self
+            .from
+            .as_ref()
+            .is_none_or(|(of, _)| *of != picture.serial)
+        {
+            let earlier = self.from.take().map(|(_, view)| view);
+            self.spare = earlier.or_else(|| self.spare.take());
+            let view = self.expected(picture);
+            self.from = view.map(|view| (picture.serial, view));
+        }
         let Self {
-            scene, from, to, ..
+            scene,
+            from,
+            spare,
+            to,
+            ..
         } = self;
         let now = bodies(now);
         let size = moved_size(picture.size, self.threads.current_num_threads());
         let reprojected = self.threads.install(|| {
-            if from.as_ref().is_none_or(|(of, _)| *of != picture.serial) {
+            if from.is_none() {
                 scene.apply(&bodies(&picture.update)).ok()?;
-                let earlier = from.take().map(|(_, view)| view);
-                *from = Some((picture.serial, view(scene, picture.size, earlier)));
+                *from = Some((picture.serial, view(scene, picture.size, spare.take())));
             }
             scene.apply(&now).ok()?;
             let earlier = to.take();
@@ -170,6 +227,8 @@ fn moved_size(size: ImageSize, threads: usize) -> ImageSize {
     ImageSize::new(edge(size.width), edge(size.height))
 }
 
+/// Views that are held for pictures on their way.
+const EXPECTED_MAX: usize = 3;
 /// What a new picture and its first move may take of each thread.
 const MOVE_NANOS: f64 = 4e6;
 /// Time of a thread a pixel of a new picture, and a pixel of a moved one, with all threads of 16 busy: the example
@@ -246,6 +305,26 @@ mod tests {
         );
         assert_eq!(reprojector.count(), 2);
         assert!(reprojector.disocclusion_fraction().unwrap() < 0.1);
+    }
+
+    #[test]
+    fn a_picture_that_was_expected_is_moved_like_any_other() {
+        let table_scene = TableScene::room(BallSet::Classic);
+        let picture = picture(turned(&table_scene, 0.0));
+        let view = turned(&table_scene, 0.02);
+        let moved = |expected: &[f32]| {
+            let mut reprojector = Reprojector::new(table_scene.scene()).unwrap();
+            for radians in expected {
+                reprojector.expect(&turned(&table_scene, *radians), picture.size);
+            }
+            let moved = reprojector.reproject_to(&picture, &view).rgba.clone();
+            (moved, reprojector.expected.len())
+        };
+        let (unexpected, _) = moved(&[]);
+        assert_eq!(moved(&[0.0]), (unexpected.clone(), 0));
+        assert_eq!(moved(&[0.0, 0.1, 0.2]), (unexpected.clone(), 2));
+        // Given up, as more than are held have been asked for since.
+        assert_eq!(moved(&[0.0, 0.1, 0.2, 0.3]), (unexpected, EXPECTED_MAX));
     }
 
     #[test]

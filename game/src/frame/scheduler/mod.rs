@@ -50,6 +50,11 @@ pub struct FrameRequest {
 }
 
 impl FrameRequest {
+    /// Whether the picture is shown while things move, and so reprojected until the next one is there.
+    pub fn is_reprojected(&self) -> bool {
+        self.role != RequestKind::Accumulation
+    }
+
     /// Its terms: what refines a picture comes after what answers the player.
     pub fn submission(&self) -> Submission {
         let priority = match self.role {
