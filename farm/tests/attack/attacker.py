@@ -24,6 +24,10 @@ from quic_client import DAY, NODE_ROLE, PLAYER, Attack, Client, address, varint,
 from rogue_node import NodeAttacks
 
 
+# Half of what a link of a gigabit a second carries.
+FLOOD_PACKETS_PER_SEC = 50_000
+
+
 class PlayerAttacks(Attack):
     # 1: certificates
 
@@ -115,6 +119,8 @@ class PlayerAttacks(Attack):
         begun, sent, received, packets = time.monotonic(), 0, 0, 0
         identifiers = os.urandom(1 << 16)
         while not self.ends():
+            # Not as fast as it can: on a machine of two cores its own work would be what disturbs the player.
+            time.sleep(max(0.0, begun + packets / FLOOD_PACKETS_PER_SEC - time.monotonic()))
             for at, data in enumerate(flights):
                 # Other connection identifiers each time: nothing of an earlier one is met again.
                 place = packets * 8 % len(identifiers)
