@@ -120,7 +120,9 @@ class PlayerAttacks(Attack):
         identifiers = os.urandom(1 << 16)
         while not self.ends():
             # Not as fast as it can: on a machine of two cores its own work would be what disturbs the player.
-            time.sleep(max(0.0, begun + packets / FLOOD_PACKETS_PER_SEC - time.monotonic()))
+            early = begun + packets / FLOOD_PACKETS_PER_SEC - time.monotonic()
+            if early > 0.0:
+                time.sleep(early)
             for at, data in enumerate(flights):
                 # Other connection identifiers each time: nothing of an earlier one is met again.
                 place = packets * 8 % len(identifiers)
