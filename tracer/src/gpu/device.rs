@@ -10,7 +10,7 @@ use crate::gpu::adapter;
 use crate::gpu::shader::BLOCK_EDGE;
 
 /// Blocks of pixels that a workgroup of the path tracer takes: 16 where that was measured to pay, on an H100 from
-/// 34.4 to 23.1 ms for the room that is played, 1920x1080 pixels of 16 samples (`example gpu_speed`).
+/// 34.4 to 23.1 ms for the room that was played then, 1920x1080 pixels of 16 samples (`example gpu_speed`).
 fn workgroup_blocks(info: &wgpu::AdapterInfo, limits: &wgpu::Limits) -> u32 {
     const NVIDIA: u32 = 0x10de;
     const BLOCKS: u32 = 16;
