@@ -311,11 +311,24 @@ impl<T: Channel, const N: usize> PrimitiveMeans<T, N> {
         let mut sums: HashMap<u32, ([f32; N], f32)> = HashMap::new();
         let width = (hits.size.width as usize).max(1);
         for row in (0..pixels.len()).step_by(width * MEAN_STRIDE) {
-            for index in (row..row + width).step_by(MEAN_STRIDE) {
-                let (sum, count) = sums.entry(hits.primitive[index]).or_insert(([0.0; N], 0.0));
-                add(sum, &pixels[index].map(Channel::to_f32));
-                *count += 1.0;
+            let (primitives, pixels) = (&hits.primitive[row..][..width], &pixels[row..][..width]);
+            let of_row = primitives.iter().zip(pixels).step_by(MEAN_STRIDE);
+            // Looked up once a run of pixels of one primitive: threads wait for this.
+            let mut run = (primitives[0], [0.0; N], 0.0);
+            let mut end = |(primitive, of_run, pixels): (u32, [f32; N], f32)| {
+                let (sum, count) = sums.entry(primitive).or_insert(([0.0; N], 0.0));
+                add(sum, &of_run);
+                *count += pixels;
+            };
+            for (primitive, pixel) in of_row {
+                if *primitive != run.0 {
+                    end(run);
+                    run = (*primitive, [0.0; N], 0.0);
+                }
+                add(&mut run.1, &pixel.map(Channel::to_f32));
+                run.2 += 1.0;
             }
+            end(run);
         }
         let (mut whole, mut count) = ([0.0; N], 0.0);
         for (sum, pixels) in sums.values() {
