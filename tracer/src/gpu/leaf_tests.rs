@@ -14,7 +14,7 @@ use crate::sampling::{pcg4d, uniforms};
 use crate::scalar::area_light::sample_light;
 use crate::scalar::bsdf::basis;
 use crate::scalar::{Ray, intersect};
-use crate::{CompiledScene, ImageSize};
+use crate::{CompiledScene, ImageSize, PunctualEmitter, PunctualLight};
 
 /// A device, or none and a reason.
 fn device() -> Option<Device> {
@@ -364,6 +364,56 @@ fn rays_hit_what_scalar_rays_hit() {
         );
         compare_rays(&scene, area_lights_occlude);
     }
+}
+
+/// Where light is looked for elsewhere too, area lights are in its way, of which one may be all there are.
+#[test]
+fn the_light_that_a_shadow_ray_asks_for_is_not_in_its_way() {
+    const COUNT: usize = 4096;
+    let mut scene = probe::scene();
+    scene.area_lights.truncate(1);
+    scene.punctual_lights.push(PunctualLight {
+        name: "point".to_owned(),
+        emitter: PunctualEmitter::Point {
+            center: Vec3::Z,
+            intensity: Vec3::ONE,
+        },
+    });
+    let lit = CompiledScene::new(&scene).unwrap();
+    let features = layout::features(&lit, 65_536);
+    assert!(features.area_lights_coplanar && features.area_lights_occlude);
+    let light = scene.area_lights.pop().unwrap();
+    let unlit = CompiledScene::new(&scene).unwrap();
+    // From a metre off, at the light and past its edges.
+    let ray = |i: usize| {
+        let [a, b, c, d] = random(i).map(|v| 2.0 * v as f32 - 1.0);
+        let aim = light.center + 1.2 * (a * light.half_u + b * light.half_v);
+        let direction = Vec3::new(c, d, [0.7, -0.7][i % 2]).normalize();
+        let (o, d) = ((aim - direction).to_array(), direction.to_array());
+        [o[0], o[1], o[2], d[0], d[1], d[2]]
+    };
+    let rays: Vec<_> = (0..COUNT).map(ray).collect();
+    let input: Vec<u32> = rays.as_flattened().iter().map(|v| v.to_bits()).collect();
+    let body = "
+        let ray = Ray(triple(6u * i), triple(6u * i + 3u));
+        let asked = occluded(ray, NO_PRIMITIVE, 0u, 1.25);
+        let other = occluded(ray, NO_PRIMITIVE, NO_PRIMITIVE, 1.25);
+        result(i, vec4u(u32(asked), u32(other), 0u, 0u));";
+    let Some(results) = run(&lit, body, &input, COUNT) else {
+        return;
+    };
+    let (mut differing, mut met) = (0, 0);
+    for (ray, [asked, other, ..]) in rays.iter().zip(results) {
+        let vector = |at: usize| Vec3::from_slice(&ray[at..]).as_dvec3();
+        let (origin, direction) = (vector(0), vector(3));
+        let is_hit = |scene| {
+            let hit = intersect(scene, &Ray { origin, direction });
+            u32::from(hit.is_some_and(|hit| hit.t < 1.25))
+        };
+        differing += u32::from((asked, other) != (is_hit(&unlit), is_hit(&lit)));
+        met += u32::from(asked != other);
+    }
+    assert!(differing <= 2 && met > 1000, "{differing}, {met}");
 }
 
 fn compare_rays(scene: &CompiledScene, area_lights_occlude: bool) {

@@ -71,8 +71,8 @@ struct WorkgroupCopy {
     count: u32,
 }
 
-/// What each thread reads at its own places, which is nearer in a workgroup's memory than in buffers; constants that
-/// threads read at different places they would read in turn.
+/// The arrays that threads of a workgroup read at different indices: its own memory serves them at once, constants
+/// one after the other.
 fn workgroup_copies(features: &Features) -> Vec<WorkgroupCopy> {
     let copy = |source, array, element, count| WorkgroupCopy {
         source,

@@ -17,7 +17,7 @@ fn area_light_t(ray: Ray, index: u32) -> f32 {
 // No ray starts on an area light; `target_light` is the one that a shadow ray asks for, which is not in its way.
 fn nearest_area_light(prepared: PreparedRay, target_light: u32, hit: ptr<function, Hit>) {
     if (AREA_LIGHTS_COPLANAR) {
-        nearest_coplanar_area_light(prepared.ray, hit);
+        nearest_coplanar_area_light(prepared.ray, target_light, hit);
         return;
     }
     for (var i = 0u; i < AREA_LIGHT_COUNT; i++) {
@@ -28,7 +28,7 @@ fn nearest_area_light(prepared: PreparedRay, target_light: u32, hit: ptr<functio
     }
 }
 
-fn nearest_coplanar_area_light(ray: Ray, hit: ptr<function, Hit>) {
+fn nearest_coplanar_area_light(ray: Ray, target_light: u32, hit: ptr<function, Hit>) {
     let t = plane_t(ray, scene.area_lights[0].center, scene.area_lights[0].normal);
     if (!(t > 0.0 && t < (*hit).t)) {
         return;
@@ -38,7 +38,7 @@ fn nearest_coplanar_area_light(ray: Ray, hit: ptr<function, Hit>) {
         let q = point - scene.area_lights[i].center;
         let u = abs(dot(q, scene.area_lights[i].axis_u));
         let v = abs(dot(q, scene.area_lights[i].axis_v));
-        if (u <= scene.area_lights[i].length_u && v <= scene.area_lights[i].length_v) {
+        if (i != target_light && u <= scene.area_lights[i].length_u && v <= scene.area_lights[i].length_v) {
             *hit = Hit(t, AREA_LIGHT_FIRST + i);
             return;
         }

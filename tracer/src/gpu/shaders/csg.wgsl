@@ -179,6 +179,7 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
     return Met(t, face);
 }
 
+// Each thread walks through the few CSG boxes that its own ray may meet.
 fn nearest_csg_face(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     for (var first = 0u; first < CSG_BOX_COUNT; first += 32u) {
         var candidates = 0u;
