@@ -10,7 +10,8 @@
 //! primitive stands in, or, where that is far, the primitive's mean in the old picture, and is counted. Mirror images, shadows and
 //! turning numbers stay as they were: the price of no tracing, gone with the next picture.
 
-use std::collections::HashMap;
+mod disocclusion;
+
 use std::ops::Range;
 use std::sync::LazyLock;
 
@@ -20,6 +21,8 @@ use crate::simd::{Level, dispatch};
 use crate::{CompiledScene, ImageSize, ObjectPose};
 use glam::{Mat3, Quat, Vec3};
 use rayon::prelude::*;
+
+use disocclusion::{PrimitiveMeans, stand_in, whole_neighbourhoods};
 
 /// What a picture was, or is to be, taken of: a camera, the balls, and what each pixel sees.
 #[derive(Clone, Debug)]
@@ -276,87 +279,6 @@ fn cones(scene: &CompiledScene) -> Vec<PlacedCone> {
         .collect()
 }
 
-/// The pixels of a row that are there with their neighbours, in order: what lies next to a gap holds some of what was
-/// in it.
-fn whole_neighbourhoods(width: usize, missing: &[usize]) -> Vec<usize> {
-    let mut whole = vec![true; width];
-    for &x in missing {
-        whole[x.saturating_sub(1)..(x + 2).min(width)].fill(false);
-    }
-    (0..width).filter(|x| whole[*x]).collect()
-}
-
-/// The pixel of a row that stands in for the missing one at `x`: the nearest `whole` one of the same primitive, unless
-/// that is far.
-fn stand_in(primitives: &[u32], whole: &[usize], x: usize) -> Option<usize> {
-    let reach = (primitives.len() / STAND_IN_SHARE).max(1);
-    let (before, after) = whole.split_at(whole.partition_point(|at| *at < x));
-    let is_same = |at: &&usize| primitives[**at] == primitives[x];
-    let before = before.iter().rev().take_while(|at| x - **at <= reach);
-    let after = after.iter().take_while(|at| **at - x <= reach);
-    let nearest = before.clone().find(is_same).into_iter();
-    let nearest = nearest.chain(after.clone().find(is_same));
-    nearest.copied().min_by_key(|at| at.abs_diff(x))
-}
-
-/// Mean pixels of a picture by the primitive that they show, of every [`MEAN_STRIDE`]-th row and column.
-struct PrimitiveMeans<T, const N: usize> {
-    by_primitive: HashMap<u32, [T; N]>,
-    /// Of the whole picture.
-    whole: [T; N],
-}
-
-impl<T: Channel, const N: usize> PrimitiveMeans<T, N> {
-    fn new(hits: &FirstHits, pixels: &[[T; N]]) -> Self {
-        let mut sums: HashMap<u32, ([f32; N], f32)> = HashMap::new();
-        let width = (hits.size.width as usize).max(1);
-        for row in (0..pixels.len()).step_by(width * MEAN_STRIDE) {
-            let (primitives, pixels) = (&hits.primitive[row..][..width], &pixels[row..][..width]);
-            let of_row = primitives.iter().zip(pixels).step_by(MEAN_STRIDE);
-            // Looked up once a run of pixels of one primitive: threads wait for this.
-            let mut run = (primitives[0], [0.0; N], 0.0);
-            let mut end = |(primitive, of_run, pixels): (u32, [f32; N], f32)| {
-                let (sum, count) = sums.entry(primitive).or_insert(([0.0; N], 0.0));
-                add(sum, &of_run);
-                *count += pixels;
-            };
-            for (primitive, pixel) in of_row {
-                if *primitive != run.0 {
-                    end(run);
-                    run = (*primitive, [0.0; N], 0.0);
-                }
-                add(&mut run.1, &pixel.map(Channel::to_f32));
-                run.2 += 1.0;
-            }
-            end(run);
-        }
-        let (mut whole, mut count) = ([0.0; N], 0.0);
-        for (sum, pixels) in sums.values() {
-            add(&mut whole, sum);
-            count += pixels;
-        }
-        let mean = |sum: [f32; N], count: f32| sum.map(|sum| T::from_f32(sum / count.max(1.0)));
-        Self {
-            by_primitive: sums
-                .into_iter()
-                .map(|(id, (sum, count))| (id, mean(sum, count)))
-                .collect(),
-            whole: mean(whole, count),
-        }
-    }
-
-    /// The mean of a primitive; of the picture, if it does not show it.
-    fn of(&self, primitive: u32) -> [T; N] {
-        *self.by_primitive.get(&primitive).unwrap_or(&self.whole)
-    }
-}
-
-fn add<const N: usize>(sum: &mut [f32; N], pixel: &[f32; N]) {
-    for (sum, channel) in sum.iter_mut().zip(pixel) {
-        *sum += channel;
-    }
-}
-
 #[inline(always)]
 fn lerp<T: Channel>(from: T, to: T, share: f32) -> f32 {
     let (from, to) = (from.to_f32(), to.to_f32());
@@ -396,10 +318,6 @@ impl Channel for f32 {
 
 /// Less of a pixel than this is its rim alone: another primitive's light.
 const WEIGHT_MIN: f32 = 1e-3;
-/// Stand-ins are at most this share of a row away.
-const STAND_IN_SHARE: usize = 16;
-/// Of rows and columns.
-const MEAN_STRIDE: usize = 3;
 
 #[cfg(test)]
 mod tests {
@@ -415,7 +333,7 @@ mod tests {
     const SIZE: ImageSize = ImageSize::new(192, 108);
 
     fn pool() -> CompiledScene {
-        let scene = Scene::from_json(include_str!("../../assets/scenes/pool.json")).unwrap();
+        let scene = Scene::from_json(include_str!("../../../assets/scenes/pool.json")).unwrap();
         CompiledScene::new(&scene).unwrap()
     }
 
@@ -559,21 +477,5 @@ mod tests {
             error < 0.5 * stale,
             "{error} against {stale} of a stale one"
         );
-    }
-
-    #[test]
-    fn disoccluded_pixels_take_the_nearest_of_their_object() {
-        let found = |primitives: &[u32], missing: &[usize], x| {
-            stand_in(
-                primitives,
-                &whole_neighbourhoods(primitives.len(), missing),
-                x,
-            )
-        };
-        let row = |ids: [u32; 8]| ids.repeat(4);
-        assert_eq!(found(&row([5, 5, 7, 7, 5, 5, 5, 5]), &[4], 4), Some(6));
-        let far = [&[5; 1][..], &[7; 40], &[5; 9]].concat();
-        assert_eq!(found(&far, &[0], 0), None);
-        assert_eq!(found(&[5, 5], &[0, 1], 0), None);
     }
 }
