@@ -1,4 +1,4 @@
-//! Time of reprojecting a picture while the camera turns, or while nothing but balls moves.
+//! Time of reprojecting a picture, and of accumulating it, while the camera turns, or while nothing but balls moves.
 //!
 //! `RAYON_NUM_THREADS=1 cargo run --release -p carom-tracer --example reprojection_speed -- SCENE.json [WIDTHxHEIGHT] [FRAMES]`
 //!
@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use carom_tracer::compiled::Primitive;
 use carom_tracer::reproject::View;
+use carom_tracer::reproject::temporal_accumulation::TemporalAccumulation;
 use carom_tracer::{CompiledScene, ImageSize, ObjectPose, Scene, SceneUpdate};
 use glam::{Quat, Vec3};
 
@@ -25,7 +26,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (mut from, mut to) = (View::new(&scene, size), View::new(&scene, size));
         let mut memory = Vec::new();
         let pixels = vec![[90_u8, 120, 160, 255]; size.pixels()];
-        let (mut views, mut moves, mut guessed) = (Duration::ZERO, Duration::ZERO, 0);
+        let (mut accumulation, mut frame) = (TemporalAccumulation::default(), pixels.clone());
+        accumulation.begin(&from, &frame, 1.0);
+        let [mut views, mut moves, mut blends] = [Duration::ZERO; 3];
+        let mut guessed = 0;
         for _ in 0..frames {
             scene.apply(&step(&scene))?;
             let clock = Instant::now();
@@ -35,15 +39,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let moved = black_box(from.reproject_into(&pixels, &to, memory));
             moves += clock.elapsed();
             guessed += moved.guessed;
+            let clock = Instant::now();
+            accumulation.accumulate(&from, &to, black_box(&mut frame));
+            blends += clock.elapsed();
             std::mem::swap(&mut from, &mut to);
             memory = moved.pixels;
         }
         let pixels = f64::from(frames) * size.pixels() as f64;
         let nanos = |time: Duration| time.as_secs_f64() * 1e9 / pixels;
         println!(
-            "{name}: first hits {:.1} ns, reprojection {:.1} ns a pixel, {:.2} % of pixels disoccluded",
+            "{name}: first hits {:.1} ns, reprojection {:.1} ns, accumulation {:.1} ns a pixel, {:.2} % of pixels disoccluded",
             nanos(views),
             nanos(moves),
+            nanos(blends),
             100.0 * guessed as f64 / pixels,
         );
     }

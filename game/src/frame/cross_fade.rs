@@ -1,10 +1,10 @@
-//! Cross-fade from the last picture of a moving view to the first sharp one of the view at rest.
+//! Cross-fade from the last picture of a moving view to the first one of the view at rest.
 
 use carom_tracer::ImageSize;
 use carom_window::display::DisplayFrame;
 
-/// Blends the picture that was on the screen into the one that replaces it, so that the change of resolution when the
-/// view comes to rest is no jump.
+/// Blends the picture that was on the screen into the one that replaces it, so that the change of resolution and noise when
+/// the view comes to rest is no jump.
 ///
 /// Costs 1 ns of processor time a pixel and redraw while it lasts, and nothing else.
 #[derive(Debug, Default)]
@@ -24,9 +24,9 @@ struct Fade {
 }
 
 impl CrossFade {
-    /// Begins a fade from `before` to `after` if both show the same view, at another resolution.
+    /// Begins a fade from `before` to `after` if both show the same view.
     pub fn begin(&mut self, now_secs: f64, before: &DisplayFrame, after: &DisplayFrame) {
-        if before.update != after.update || before.size == after.size || before.rgba.is_empty() {
+        if before.update != after.update || before.rgba.is_empty() {
             return;
         }
         self.fade = Some(Fade {

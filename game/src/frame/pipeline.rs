@@ -26,8 +26,9 @@ pub struct FramePipeline {
     in_flight_max: usize,
     /// Frames that the farm has finished.
     finished: u64,
-    /// Serial number of the frame that was drawn last.
+    /// Serial number of the frame that was drawn last, and whether it is of a moving view.
     drawn: u64,
+    is_drawn_moving: bool,
 }
 
 /// A frame that has come from the farm, for statistics.
@@ -61,6 +62,7 @@ impl FramePipeline {
             in_flight_max,
             finished: 0,
             drawn: 0,
+            is_drawn_moving: false,
         })
     }
 
@@ -114,19 +116,27 @@ impl FramePipeline {
         self.scheduler.present_due(fill);
     }
 
-    /// Moves the chosen frame to the present view, and fades it in where that view has just come to rest.
+    /// Blends the chosen frame of a moving view with those before it and moves it to the present view; fades in the first
+    /// one of a view at rest.
     pub fn reproject(&mut self, now_secs: f64, now: &SceneUpdate) {
         let replaced = self.scheduler.take_replaced();
+        let moving = self.scheduler.shown_moving();
+        let is_moving = moving.is_some();
+        if let Some(frame) = moving {
+            self.reprojector.accumulate(frame, replaced.as_ref());
+        }
         let Some(frame) = self.scheduler.shown() else {
             return;
         };
         if let Some(replaced) = &replaced
             && replaced.serial == self.drawn
+            && (self.is_drawn_moving || replaced.size != frame.size)
         {
             let before = self.reprojector.reprojected(replaced);
             self.cross_fade.begin(now_secs, before, frame);
         }
         self.drawn = frame.serial;
+        self.is_drawn_moving = is_moving;
         let frame = self.reprojector.reproject_to(frame, now);
         self.cross_fade.advance(now_secs, frame);
     }

@@ -1,17 +1,18 @@
-//! Reprojection of the newest frame to the present: between pictures, and while one is still on its way,
-//! camera and balls move on by [`carom_tracer::reproject`].
+//! Reprojection: of the frames before onto a new one, whose noise their mean takes away, and of the newest frame to the present:
+//! between pictures, and while one is still on its way, camera and balls move on by [`carom_tracer::reproject`].
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, channel};
 
 use anyhow::Context as _;
 use carom_tracer::reproject::View;
+use carom_tracer::reproject::temporal_accumulation::{STILL_FRAMES_MAX, TemporalAccumulation};
 use carom_tracer::{CompiledScene, ImageSize, Scene, SceneUpdate, Tile};
 use carom_window::display::DisplayFrame;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Moves pictures. Costs [`NEW_PIXEL_NANOS`] and [`MOVED_PIXEL_NANOS`] of processor time, on all threads, and nothing
-/// while the newest picture is of the present.
+/// Accumulates and moves pictures. Costs [`NEW_PIXEL_NANOS`], [`ACCUMULATED_PIXEL_NANOS`] and [`MOVED_PIXEL_NANOS`] of
+/// processor time, on all threads, and no more than the first two while the newest picture is of the present.
 #[derive(Debug)]
 pub struct Reprojector {
     scene: CompiledScene,
@@ -24,6 +25,9 @@ pub struct Reprojector {
     /// The last view that a picture was moved to, for its memory.
     to: Option<View>,
     moved: Option<ReprojectedFrame>,
+    accumulation: TemporalAccumulation,
+    /// The serial number of the picture that was accumulated last.
+    accumulated: Option<u64>,
     count: u64,
     /// Apart from those of the tracer, whose work is waited for longer than a frame is shown.
     threads: ThreadPool,
@@ -59,6 +63,8 @@ impl Reprojector {
             spare: None,
             to: None,
             moved: None,
+            accumulation: TemporalAccumulation::default(),
+            accumulated: None,
             count: 0,
             threads: threads.build().context("threads for reprojection")?,
         })
@@ -89,6 +95,56 @@ impl Reprojector {
         let is_of = |view: &ExpectedView| (view.size, &view.update) == (picture.size, &update);
         let place = self.expected.iter().position(is_of)?;
         self.expected.remove(place)?.view.recv().ok()
+    }
+
+    /// Blends `picture`, of a moving view, with those before it; `before` is the one that was on show. Large pictures are left as
+    /// they are where the threads cannot take that in time.
+    pub fn accumulate(&mut self, picture: &mut DisplayFrame, before: Option<&DisplayFrame>) {
+        if self.accumulated == Some(picture.serial) {
+            return;
+        }
+        let threads = self.threads.current_num_threads() as f64;
+        let nanos = picture.size.pixels() as f64 * ACCUMULATED_PIXEL_NANOS;
+        if nanos > threads * ACCUMULATE_NANOS {
+            return;
+        }
+        let earlier = self.from.take();
+        self.look_at(picture);
+        let Some((_, view)) = &self.from else {
+            return;
+        };
+        let accumulation = &mut self.accumulation;
+        let is_accumulated = earlier.as_ref().map(|(of, _)| *of) == self.accumulated;
+        self.threads.install(|| match &earlier {
+            Some((_, earlier)) if is_accumulated => {
+                accumulation.accumulate(earlier, view, &mut picture.rgba);
+            }
+            Some((of, earlier)) if before.is_some_and(|before| before.serial == *of) => {
+                let shown = before.map_or(&[][..], |before| &before.rgba);
+                accumulation.begin(earlier, shown, STILL_FRAMES_MAX);
+                accumulation.accumulate(earlier, view, &mut picture.rgba);
+            }
+            _ => accumulation.begin(view, &picture.rgba, 1.0),
+        });
+        self.accumulated = Some(picture.serial);
+        self.spare = earlier.map(|(_, view)| view).or(self.spare.take());
+    }
+
+    /// Finds what `picture` shows, unless that is known.
+    fn look_at(&mut self, picture: &DisplayFrame) {
+        let is_known = |(of, _): &(u64, View)| *of == picture.serial;
+        if self.from.as_ref().is_some_and(is_known) {
+            return;
+        }
+        let earlier = self.from.take().map(|(_, view)| view);
+        self.spare = earlier.or_else(|| self.spare.take());
+        let found = self.expected(picture).or_else(|| {
+            let Self { scene, spare, .. } = self;
+            scene.apply(&bodies(&picture.update)).ok()?;
+            let size = picture.size;
+            Some(self.threads.install(|| view(scene, size, spare.take())))
+        });
+        self.from = found.map(|view| (picture.serial, view));
     }
 
     /// `picture` as the scene looks after `now`; itself if it was taken of that, or if either
@@ -156,36 +212,19 @@ impl Reprojector {
         now: &SceneUpdate,
         memory: Vec<[u8; 4]>,
     ) -> Option<ReprojectedFrame> {
-        if self
-            .from
-            .as_ref()
-            .is_none_or(|(of, _)| *of != picture.serial)
-        {
-            let earlier = self.from.take().map(|(_, view)| view);
-            self.spare = earlier.or_else(|| self.spare.take());
-            let view = self.expected(picture);
-            self.from = view.map(|view| (picture.serial, view));
-        }
+        self.look_at(picture);
         let Self {
-            scene,
-            from,
-            spare,
-            to,
-            ..
+            scene, from, to, ..
         } = self;
         let now = bodies(now);
         let size = moved_size(picture.size, self.threads.current_num_threads());
+        let (_, from) = from.as_ref()?;
+        scene.apply(&now).ok()?;
         let reprojected = self.threads.install(|| {
-            if from.is_none() {
-                scene.apply(&bodies(&picture.update)).ok()?;
-                *from = Some((picture.serial, view(scene, picture.size, spare.take())));
-            }
-            scene.apply(&now).ok()?;
             let earlier = to.take();
             let to = to.insert(view(scene, size, earlier));
-            let (_, from) = from.as_ref()?;
-            Some(from.reproject_into(&picture.rgba, to, memory))
-        })?;
+            from.reproject_into(&picture.rgba, to, memory)
+        });
         self.count += 1;
         Some(ReprojectedFrame {
             of: picture.serial,
@@ -235,6 +274,9 @@ const MOVE_NANOS: f64 = 4e6;
 /// `reprojection_speed` of `carom-tracer`.
 const NEW_PIXEL_NANOS: f64 = 20.0;
 const MOVED_PIXEL_NANOS: f64 = 50.0;
+/// Time of a thread to accumulate a pixel, by `reprojection_speed` too, and what a picture may take of each thread.
+const ACCUMULATED_PIXEL_NANOS: f64 = 30.0;
+const ACCUMULATE_NANOS: f64 = 3.5e6;
 /// 640 × 360, however long that takes.
 const PIXELS_MIN: usize = 640 * 360;
 /// Reprojected frames are numbered from here: traced ones never get so far.

@@ -6,7 +6,7 @@ use clap::{Parser, Subcommand};
 
 use crate::{
     BenchError, assets, balance, bvh, cluster, codec, faults, first_frames, kernel_specialization,
-    latency, latency_hiding, mitsuba_scene, node, overlay, particles, physics, play, proxy,
+    latency, latency_hiding, mitsuba_scene, motion, node, overlay, particles, physics, play, proxy,
     quality, tradeoff_chart, transport,
 };
 
@@ -30,6 +30,7 @@ enum Command {
     Latency(latency::Args),
     LatencyHiding(latency_hiding::Args),
     Play(play::Args),
+    Motion(motion::MotionArgs),
     KernelSpecialization(kernel_specialization::Args),
     Bvh(bvh::Args),
     Particles(particles::Args),
@@ -69,6 +70,7 @@ impl Command {
             Self::Latency(args) => latency::run(&args),
             Self::LatencyHiding(args) => latency_hiding::run(&args),
             Self::Play(args) => play::run(&args),
+            Self::Motion(args) => Ok(args.run()?),
             Self::KernelSpecialization(args) => kernel_specialization::run(&args),
             Self::Bvh(args) => bvh::run(&args),
             Self::Particles(args) => particles::run(&args),

@@ -18,6 +18,7 @@ mod kernel_specialization;
 mod latency;
 mod latency_hiding;
 pub mod mitsuba_scene;
+mod motion;
 mod node;
 mod overlay;
 mod particles;

@@ -11,6 +11,7 @@
 //! turning numbers stay as they were: the price of no tracing, gone with the next picture.
 
 mod disocclusion;
+pub mod temporal_accumulation;
 
 use std::ops::Range;
 use std::sync::LazyLock;

@@ -146,6 +146,8 @@ pub struct FrameScheduler {
     requests: u64,
     serial: u64,
     shown: Option<DisplayFrame>,
+    /// The frame on show was traced as a draft of a view that moves.
+    is_shown_moving: bool,
     /// What was on show before, until it is taken.
     replaced: Option<DisplayFrame>,
     /// Of the shot, if the picture on show is of it.
@@ -202,6 +204,7 @@ impl FrameScheduler {
             requests: 0,
             serial: 0,
             shown: None,
+            is_shown_moving: false,
             replaced: None,
             shown_moment: None,
             still: None,
@@ -355,6 +358,7 @@ impl FrameScheduler {
             let update = refinement.update.clone();
             self.still = None;
             self.show(frame.size, frame.rgba, frame.samples, update);
+            self.is_shown_moving = false;
         }
     }
 
@@ -372,6 +376,11 @@ impl FrameScheduler {
         self.shown.as_ref()
     }
 
+    /// The frame on show, if it is of a moving view: to be blended with those before it.
+    pub fn shown_moving(&mut self) -> Option<&mut DisplayFrame> {
+        self.shown.as_mut().filter(|_| self.is_shown_moving)
+    }
+
     /// Shows a picture that no farm has traced, until one has.
     pub fn show_still(&mut self, still: OpeningStill) {
         self.still = Some(ShownStill {
@@ -380,6 +389,7 @@ impl FrameScheduler {
             since_secs: None,
         });
         self.show(still.size, still.rgba, 0, still.update);
+        self.is_shown_moving = false;
     }
 
     /// Whether a draft of this size would be coarser than the still, which shows the same.
@@ -589,6 +599,7 @@ impl FrameScheduler {
 
     fn replace_shown(&mut self, picture: DisplayFrame) {
         self.replaced = self.shown.replace(picture);
+        self.is_shown_moving = true;
     }
 
     fn picture_of(
