@@ -3,7 +3,8 @@
 use fearless_simd::prelude::*;
 
 use super::lanes::{Float, LANES, Mask, Vec3x};
-use super::triangle::{TriangleTables, interpolate};
+use super::triangle::TriangleTables;
+use super::triangle_surface::interpolate;
 use crate::CompiledScene;
 use crate::compiled::{MESH_LIGHT_REACH, MeshLights};
 

@@ -51,6 +51,7 @@ mod stream;
 mod surface;
 mod texture;
 mod triangle;
+mod triangle_surface;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};

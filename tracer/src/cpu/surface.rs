@@ -12,7 +12,7 @@ use super::rows::Rows;
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
-use super::triangle::{TriangleHit, TriangleSurfaces};
+use super::triangle_surface::{TriangleHit, TriangleSurfaces};
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
     CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
