@@ -46,6 +46,7 @@ mod regularisation;
 mod rows;
 mod sampling;
 mod shapes;
+mod shared_edges;
 mod sheen;
 mod stream;
 mod surface;

@@ -10,6 +10,7 @@ use super::lanes::{Float, LANES, Mask, Vec3x};
 use super::rays::{HitMask, INSIDE, Nearest, Rays};
 use super::sampling::basis;
 use super::shapes::{PackedPrimitive, Primitives, Shape, join};
+use super::shared_edges::SharedEdges;
 use crate::CompiledScene;
 use crate::bvh::Bounds;
 use crate::compiled::{
@@ -77,7 +78,7 @@ impl<S: Simd> Seen<S> {
 
 /// Whether 0 is within the bounds of three numbers.
 #[inline(always)]
-fn has_zero<S: Simd>([a, b, c]: [Float<S>; 3]) -> Mask<S> {
+pub(super) fn has_zero<S: Simd>([a, b, c]: [Float<S>; 3]) -> Mask<S> {
     a.min(b).min(c).simd_le(0.0) & a.max(b).max(c).simd_ge(0.0)
 }
 
@@ -139,6 +140,8 @@ pub(super) struct Triangles {
     /// Empty if they are in the BVH.
     each: Vec<PackedPrimitive<Triangle, 9>>,
     bounds: BoundsGroups,
+    /// Of the same, for rays that lead everywhere.
+    shared_edges: Option<SharedEdges>,
     bvh: Option<Arc<Bvh16<Triangle, 9>>>,
     /// Where some are not opaque.
     alpha_filter: Option<AlphaFilter>,
@@ -236,11 +239,16 @@ impl Triangles {
         };
         let Some(bvh) = scene.bvh(ShapeKind::Triangle, Triangle::BVH_MIN) else {
             let bounds = scene.meshes.triangles.iter().map(Bounds::from);
+            let alpha_filter = AlphaFilter::new(scene, first);
             return Self {
                 each: each().collect(),
                 bounds: BoundsGroups::new(bounds, reach),
+                shared_edges: match alpha_filter {
+                    None => shared_edges(scene, first),
+                    Some(_) => None,
+                },
                 bvh: None,
-                alpha_filter: AlphaFilter::new(scene, first),
+                alpha_filter,
             };
         };
         let bvh = scene.meshes.layout.get_or_make(|| {
@@ -250,6 +258,7 @@ impl Triangles {
         Self {
             each: Vec::new(),
             bounds: BoundsGroups::new([], reach),
+            shared_edges: None,
             bvh: Some(bvh),
             alpha_filter: AlphaFilter::new(scene, first),
         }
@@ -273,6 +282,11 @@ impl Triangles {
                 None => bvh.nearest(simd, rays, nearest, &Solid),
                 Some(filter) => bvh.nearest(simd, rays, nearest, filter),
             }
+            return;
+        }
+        if let (Some(shared_edges), None) = (&self.shared_edges, beam) {
+            shared_edges.nearest(simd, rays, nearest);
+            return;
         }
         simd.vectorize(
             #[inline(always)]
@@ -308,6 +322,11 @@ impl Triangles {
                 None => bvh.occlude(simd, rays, distance, dark, &Solid),
                 Some(filter) => bvh.occlude(simd, rays, distance, dark, filter),
             }
+            return;
+        }
+        if let (Some(shared_edges), None) = (&self.shared_edges, beam) {
+            shared_edges.occlude(simd, rays, distance, dark);
+            return;
         }
         simd.vectorize(
             #[inline(always)]
@@ -330,6 +349,15 @@ impl Triangles {
             },
         );
     }
+}
+
+fn shared_edges(scene: &CompiledScene, first: u32) -> Option<SharedEdges> {
+    let triangles = scene.meshes.triangles.iter().map(|data| {
+        let material = &scene.materials[data.material as usize];
+        let corners = [data.a, data.b, data.c];
+        (corners, material.kind == KIND_DIELECTRIC)
+    });
+    SharedEdges::new(triangles, first)
 }
 
 #[cfg(test)]
