@@ -232,15 +232,17 @@ impl SharedEdges {
         lanes: u16,
         crossed: &mut Crossed,
     ) -> CrossedTriangles {
-        let (u, v) = basis(simd, rays.direction);
+        // Copies, which stay in registers whatever is stored.
+        let (origin, direction) = (rays.origin, rays.direction);
+        let (u, v) = basis(simd, direction);
         let columns = (crossed.x.iter_mut())
             .zip(&mut crossed.y)
             .zip(&mut crossed.along);
         for (((x, y), along), vertex) in columns.zip(&self.vertices) {
-            let p = Vec3x::splat(simd, *vertex) - rays.origin;
+            let p = Vec3x::splat(simd, *vertex) - origin;
             x.store(u.dot(p));
             y.store(v.dot(p));
-            along.store(rays.direction.dot(p));
+            along.store(direction.dot(p));
         }
         let mut zeros = 0;
         let (forward, backward) = crossed.sides.split_at_mut(EDGES_MAX);
@@ -258,12 +260,12 @@ impl SharedEdges {
             *backward = forward.rotate_left(LANES as u32);
         }
         let mut bits = 0;
-        let all = u32::from(lanes);
-        for ((index, triangle), lanes) in (0..).zip(&self.triangles).zip(&mut crossed.lanes) {
+        for (index, triangle) in self.triangles.iter().take(TRIANGLES_MAX).enumerate() {
             let [a, b, c] = triangle.sides.map(usize::from);
             let same = crossed.sides[a] & crossed.sides[b] & crossed.sides[c];
-            *lanes = (same | same >> LANES) & all;
-            bits |= u64::from(*lanes != 0) << index;
+            let through = (same | same >> LANES) & u32::from(lanes);
+            crossed.lanes[index] = through;
+            bits |= u64::from(through != 0) << index;
         }
         CrossedTriangles {
             bits,

@@ -92,26 +92,18 @@ impl TriangleSurfaces {
         self.ids[1] == 0
     }
 
-    /// The triangles that rays meet, whose ids have no tags; none if they meet other shapes alone. Paths that were
-    /// `scattered` inside a body have the id of the triangle by which they came in, and are on none.
+    /// Whether any of the ids, which have no tags, is a triangle's.
     #[inline(always)]
-    pub(super) fn hit<S: Simd>(
-        &self,
-        simd: S,
-        origin: Vec3x<S>,
-        direction: Vec3x<S>,
-        id: Word<S>,
-        scattered: Option<Mask<S>>,
-        footprint: f32,
-    ) -> Option<TriangleHit<S>> {
+    pub(super) fn are_met<S: Simd>(&self, id: Word<S>) -> bool {
         let [first, count] = self.ids;
         // Those before the first wrap round.
-        let is_met = count > 0 && (id - first).simd_lt(count).any_true();
-        is_met.then(|| self.hit_some(simd, origin, direction, id, scattered, footprint))
+        count > 0 && (id - first).simd_lt(count).any_true()
     }
 
+    /// The triangles that rays meet, whose ids have no tags. Paths that were `scattered` inside a body have the id of the
+    /// triangle by which they came in, and are on none.
     #[inline(never)]
-    fn hit_some<S: Simd>(
+    pub(super) fn hit<S: Simd>(
         &self,
         simd: S,
         origin: Vec3x<S>,
