@@ -77,14 +77,32 @@ struct RayLanes {
     start: [u32; LANES],
 }
 
-/// Parts still to be visited, each with the distance at which the ray enters its box: on every
-/// level of the BVH at most one fewer than lanes.
-struct Stack {
-    parts: [(f32, u32); STACK_PARTS],
-    len: usize,
-}
+/// Parts still to be visited: on every level of the BVH at most one fewer than lanes.
+type Stack = [Entry; STACK_PARTS];
 
 const STACK_PARTS: usize = ((DEPTH_MAX + 1) as usize) * LANES;
+
+/// A part with the distance at which the ray enters its box, whose bits come first: distances are not negative, and their
+/// bits are in the same order.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Entry(u64);
+
+impl Entry {
+    #[inline(always)]
+    fn new(distance: f32, part: u32) -> Self {
+        Self(u64::from(distance.to_bits()) << 32 | u64::from(part))
+    }
+
+    #[inline(always)]
+    fn distance(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
+
+    #[inline(always)]
+    fn part(self) -> u32 {
+        self.0 as u32
+    }
+}
 
 impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
     /// Of what is not hidden of `each`.
@@ -126,7 +144,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         filter: &impl HitFilter,
     ) -> ([f32; LANES], [u32; LANES]) {
         let columns = RayLanes::new(rays);
-        let mut stack = Stack::new();
+        let mut stack = [Entry(0); STACK_PARTS];
         let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
         for lane in 0..LANES {
             if !columns.is_finite(lane) {
@@ -135,32 +153,40 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             let ray = columns.ray(simd, lane);
             let frame = F::frame(simd, &ray);
             let slack = origin_slack(&ray);
-            stack.push(0.0, self.root);
-            while let Some((entry, part)) = stack.pop() {
-                if entry > distance[lane] {
-                    continue;
-                }
+            // Beside the stack, not in it: it stays in a register.
+            let mut waiting = 0;
+            let mut next = Some(Entry::new(0.0, self.root));
+            while let Some(entry) = next {
+                let part = entry.part();
                 if part & LEAF_TAG == 0 {
                     let node = &self.nodes[part as usize];
-                    node.enter(simd, &ray, slack, distance[lane], &mut stack);
-                    continue;
-                }
-                let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
-                // With the distance itself: of primitives as far away the smallest id counts, in
-                // whatever order leaves are visited.
-                let Some((hit, t)) = self.meet(simd, leaf, &ray, &frame, distance[lane].next_up())
-                else {
-                    continue;
-                };
-                let (t, mut hits) = (t.to_array(), hit.to_bitmask());
-                while hits != 0 {
-                    let at = hits.trailing_zeros() as usize % LANES;
-                    hits &= hits - 1;
-                    let met = (t[at], leaf.id[at]);
-                    if met < (distance[lane], id[lane]) && columns.is_met(lane, met.1, filter) {
-                        (distance[lane], id[lane]) = met;
+                    let (entries, hits) = node.enter(simd, &ray, slack, distance[lane]);
+                    if hits != 0 {
+                        let nearest;
+                        (nearest, waiting) = node.queue(&entries, hits, &mut stack, waiting);
+                        next = Some(nearest);
+                        continue;
+                    }
+                } else {
+                    let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
+                    // With the distance itself: of primitives as far away the smallest id counts, in
+                    // whatever order leaves are visited.
+                    let limit = distance[lane].next_up();
+                    if let Some((hit, t)) = self.meet(simd, leaf, &ray, &frame, limit) {
+                        let (t, mut hits) = (t.to_array(), hit.to_bitmask());
+                        while hits != 0 {
+                            let at = hits.trailing_zeros() as usize % LANES;
+                            hits &= hits - 1;
+                            let met = (t[at], leaf.id[at]);
+                            if met < (distance[lane], id[lane])
+                                && columns.is_met(lane, met.1, filter)
+                            {
+                                (distance[lane], id[lane]) = met;
+                            }
+                        }
                     }
                 }
+                (next, waiting) = pop(&stack, waiting, distance[lane]);
             }
         }
         (distance, id)
@@ -194,7 +220,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         filter: &impl HitFilter,
     ) -> u64 {
         let columns = RayLanes::new(rays);
-        let mut stack = Stack::new();
+        let mut stack = [Entry(0); STACK_PARTS];
         for (lane, limit) in distance.to_array().into_iter().enumerate() {
             if limit <= 0.0 || dark >> lane & 1 == 1 || !columns.is_finite(lane) {
                 continue;
@@ -202,24 +228,32 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             let ray = columns.ray(simd, lane);
             let frame = F::frame(simd, &ray);
             let slack = origin_slack(&ray);
-            stack.push(0.0, self.root);
-            while let Some((_, part)) = stack.pop() {
+            let mut waiting = 0;
+            let mut next = Some(Entry::new(0.0, self.root));
+            while let Some(entry) = next {
+                let part = entry.part();
                 if part & LEAF_TAG == 0 {
                     let node = &self.nodes[part as usize];
-                    node.enter(simd, &ray, slack, limit, &mut stack);
-                    continue;
+                    let (entries, hits) = node.enter(simd, &ray, slack, limit);
+                    if hits != 0 {
+                        let nearest;
+                        (nearest, waiting) = node.queue(&entries, hits, &mut stack, waiting);
+                        next = Some(nearest);
+                        continue;
+                    }
+                } else {
+                    let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
+                    let met = self.meet(simd, leaf, &ray, &frame, limit);
+                    let mut hits = met.map_or(0, |(hit, _)| hit.to_bitmask());
+                    if filter.is_some() {
+                        hits = columns.met(lane, hits, &leaf.id, filter);
+                    }
+                    if hits != 0 {
+                        dark |= 1 << lane;
+                        break; // any hit will do
+                    }
                 }
-                let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
-                let met = self.meet(simd, leaf, &ray, &frame, limit);
-                let mut hits = met.map_or(0, |(hit, _)| hit.to_bitmask());
-                if filter.is_some() {
-                    hits = columns.met(lane, hits, &leaf.id, filter);
-                }
-                if hits != 0 {
-                    dark |= 1 << lane;
-                    // Any hit will do.
-                    stack.len = 0;
-                }
+                (next, waiting) = pop(&stack, waiting, limit);
             }
         }
         dark
@@ -250,7 +284,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
 }
 
 impl Bvh16Node {
-    /// Puts the parts whose boxes the ray enters up to `limit` on the stack, the nearest on top.
+    /// Where the ray enters the boxes of parts, and which of them it enters up to `limit`, a bit each.
     #[inline(always)]
     fn enter<S: Simd>(
         &self,
@@ -258,26 +292,50 @@ impl Bvh16Node {
         ray: &Rays<S>,
         slack: Float<S>,
         limit: f32,
-        stack: &mut Stack,
-    ) {
+    ) -> ([f32; LANES], u64) {
         let center = Vec3x::load_arrays(simd, &self.center);
         let half = Vec3x::load_arrays(simd, &self.half);
         let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
         let middle = (center - ray.origin).scale(ray.inverse);
         let near = (-half).scale_add(ray.inverse_abs, middle);
         let far = half.scale_add(ray.inverse_abs, middle);
-        let entry = near.x.max(near.y).max(near.z).max(0.0);
-        let exit = far.x.min(far.y).min(far.z).min(limit);
-        let mut hits = entry.simd_le(exit).to_bitmask() & self.lanes;
-        if hits == 0 {
-            return;
-        }
-        let (entry, bottom) = (entry.to_array(), stack.len);
+        let entry = near.x.max(near.y).max(near.z.max(0.0));
+        let exit = far.x.min(far.y).min(far.z.min(limit));
+        let hits = entry.simd_le(exit).to_bitmask() & self.lanes;
+        (entry.to_array(), hits)
+    }
+
+    /// The nearest of the parts in `hits`, of which there are some; the others are put on the stack above those that are
+    /// `waiting`, the nearest on top. Returns how many are waiting then.
+    #[inline(always)]
+    fn queue(
+        &self,
+        entries: &[f32; LANES],
+        mut hits: u64,
+        stack: &mut Stack,
+        waiting: usize,
+    ) -> (Entry, usize) {
+        let (mut nearest, mut top) = (self.next(entries, &mut hits), waiting);
         while hits != 0 {
-            let lane = hits.trailing_zeros() as usize % LANES;
-            hits &= hits - 1;
-            stack.insert(bottom, entry[lane], self.parts[lane]);
+            let entry = self.next(entries, &mut hits);
+            let farther = nearest.max(entry);
+            nearest = nearest.min(entry);
+            let mut at = top;
+            while at > waiting && stack[at - 1] < farther {
+                stack[at] = stack[at - 1];
+                at -= 1;
+            }
+            stack[at] = farther;
+            top += 1;
         }
+        (nearest, top)
+    }
+
+    #[inline(always)]
+    fn next(&self, entries: &[f32; LANES], hits: &mut u64) -> Entry {
+        let lane = hits.trailing_zeros() as usize % LANES;
+        *hits &= *hits - 1;
+        Entry::new(entries[lane], self.parts[lane])
     }
 }
 
@@ -340,38 +398,17 @@ fn splat<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3], lane: usize) -> Vec3x<
     Vec3x::splat(simd, [x[lane], y[lane], z[lane]])
 }
 
-impl Stack {
-    #[inline(always)]
-    fn new() -> Self {
-        Self {
-            parts: [(0.0, 0); STACK_PARTS],
-            len: 0,
+/// The next part that is entered up to `limit`, and how many are waiting after it.
+#[inline(always)]
+fn pop(stack: &Stack, mut waiting: usize, limit: f32) -> (Option<Entry>, usize) {
+    while waiting > 0 {
+        waiting -= 1;
+        let entry = stack[waiting];
+        if entry.distance() <= limit {
+            return (Some(entry), waiting);
         }
     }
-
-    #[inline(always)]
-    fn push(&mut self, entry: f32, part: u32) {
-        self.parts[self.len] = (entry, part);
-        self.len += 1;
-    }
-
-    #[inline(always)]
-    fn pop(&mut self) -> Option<(f32, u32)> {
-        self.len = self.len.checked_sub(1)?;
-        Some(self.parts[self.len])
-    }
-
-    /// Keeps what lies above `bottom` in order, the nearest on top.
-    #[inline(always)]
-    fn insert(&mut self, bottom: usize, entry: f32, part: u32) {
-        let mut at = self.len;
-        while at > bottom && self.parts[at - 1].0 < entry {
-            self.parts[at] = self.parts[at - 1];
-            at -= 1;
-        }
-        self.parts[at] = (entry, part);
-        self.len += 1;
-    }
+    (None, 0)
 }
 
 /// Inputs of the construction.
