@@ -9,6 +9,7 @@ use std::marker::PhantomData;
 
 use fearless_simd::prelude::*;
 
+use super::beam::{Beam, least};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rays::{HitMask, NONE, Nearest, Rays};
 use super::shapes::{PackedPrimitive, Primitives, Shape};
@@ -163,33 +164,128 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     let (entries, hits) = node.enter(simd, &ray, slack, distance[lane]);
                     if hits != 0 {
                         let nearest;
-                        (nearest, waiting) = node.queue(&entries, hits, &mut stack, waiting);
+                        (nearest, waiting) =
+                            queue(&entries, &node.parts, hits, &mut stack, waiting);
                         next = Some(nearest);
                         continue;
                     }
                 } else {
                     let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
-                    // With the distance itself: of primitives as far away the smallest id counts, in
-                    // whatever order leaves are visited.
-                    let limit = distance[lane].next_up();
-                    if let Some((hit, t)) = self.meet(simd, leaf, &ray, &frame, limit) {
-                        let (t, mut hits) = (t.to_array(), hit.to_bitmask());
-                        while hits != 0 {
-                            let at = hits.trailing_zeros() as usize % LANES;
-                            hits &= hits - 1;
-                            let met = (t[at], leaf.id[at]);
-                            if met < (distance[lane], id[lane])
-                                && columns.is_met(lane, met.1, filter)
-                            {
-                                (distance[lane], id[lane]) = met;
-                            }
-                        }
-                    }
+                    let nearest = (&mut distance[lane], &mut id[lane]);
+                    self.update(simd, leaf, (&ray, &frame), nearest, |id| {
+                        columns.is_met(lane, id, filter)
+                    });
                 }
                 (next, waiting) = pop(&stack, waiting, distance[lane]);
             }
         }
         (distance, id)
+    }
+
+    /// [`Bvh16::nearest`] of rays that are alike: their `beam` finds the leaves, and each ray is tested against those whose
+    /// boxes it enters.
+    #[inline(always)]
+    pub(super) fn nearest_in_beam<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        beam: &Beam,
+        nearest: &mut Nearest<S>,
+        filter: &impl HitFilter,
+    ) {
+        if self.root & LEAF_TAG != 0 {
+            return self.nearest(simd, rays, nearest, filter);
+        }
+        let (distance, id) = simd.vectorize(
+            #[inline(always)]
+            || self.nearest_by_leaf(simd, rays, beam, nearest, filter),
+        );
+        nearest.distance = Float::load_array(simd, distance);
+        nearest.id = Word::load_array(simd, id);
+    }
+
+    #[inline(always)]
+    fn nearest_by_leaf<S: Simd>(
+        &self,
+        simd: S,
+        rays: &Rays<S>,
+        beam: &Beam,
+        nearest: &Nearest<S>,
+        filter: &impl HitFilter,
+    ) -> ([f32; LANES], [u32; LANES]) {
+        let columns = RayLanes::new(rays);
+        let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
+        let (slack, beam_slack) = (origin_slack(rays), beam.origin_max() * SLACK);
+        let all = Mask::splat(simd, true);
+        let mut farthest = f32::INFINITY;
+        let (mut stack, mut waiting) = ([Entry(0); STACK_PARTS], 0);
+        let mut part = self.root;
+        loop {
+            // Places instead of parts: a node's number and a lane of it, where the part's box is too.
+            let places: [u32; LANES] =
+                std::array::from_fn(|lane| part * LANES as u32 + lane as u32);
+            let node = &self.nodes[part as usize];
+            let (entries, hits) = node.overlap(simd, beam, beam_slack, farthest);
+            let mut next;
+            (next, waiting) = match hits {
+                0 => pop(&stack, waiting, farthest),
+                _ => {
+                    let (first, waiting) = queue(&entries, &places, hits, &mut stack, waiting);
+                    (Some(first), waiting)
+                }
+            };
+            part = loop {
+                let Some(entry) = next else {
+                    return (distance, id);
+                };
+                let place = entry.part() as usize;
+                let (node, lane) = (&self.nodes[place / LANES], place % LANES);
+                let part = node.parts[lane];
+                if part & LEAF_TAG == 0 {
+                    break part;
+                }
+                let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
+                let limit = Float::load_array(simd, distance);
+                let mut lanes = node.entered_by(simd, lane, rays, slack, limit);
+                while lanes != 0 {
+                    let lane = lanes.trailing_zeros() as usize % LANES;
+                    lanes &= lanes - 1;
+                    let ray = columns.ray(simd, lane);
+                    let frame = F::frame(simd, &ray);
+                    let nearest = (&mut distance[lane], &mut id[lane]);
+                    self.update(simd, leaf, (&ray, &frame), nearest, |id| {
+                        columns.is_met(lane, id, filter)
+                    });
+                }
+                farthest = -least(simd, -Float::load_array(simd, distance), all);
+                (next, waiting) = pop(&stack, waiting, farthest);
+            };
+        }
+    }
+
+    /// Takes what the ray meets of a leaf if it is nearer, or as far away with a smaller id: so it does not matter in which
+    /// order leaves are visited.
+    #[inline(always)]
+    fn update<S: Simd>(
+        &self,
+        simd: S,
+        leaf: &Bvh16Leaf<F, N>,
+        (ray, frame): (&Rays<S>, &F::Frame<S>),
+        (distance, id): (&mut f32, &mut u32),
+        is_met: impl Fn(u32) -> bool,
+    ) {
+        let Some((hit, t)) = self.meet(simd, leaf, ray, frame, distance.next_up()) else {
+            return;
+        };
+        let (t, mut hits) = (t.to_array(), hit.to_bitmask());
+        while hits != 0 {
+            let at = hits.trailing_zeros() as usize % LANES;
+            hits &= hits - 1;
+            let met = (t[at], leaf.id[at]);
+            if met < (*distance, *id) && is_met(met.1) {
+                (*distance, *id) = met;
+            }
+        }
     }
 
     /// Adds where a primitive that `filter` lets rays meet lies before `distance` to `dark`.
@@ -237,7 +333,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     let (entries, hits) = node.enter(simd, &ray, slack, limit);
                     if hits != 0 {
                         let nearest;
-                        (nearest, waiting) = node.queue(&entries, hits, &mut stack, waiting);
+                        (nearest, waiting) =
+                            queue(&entries, &node.parts, hits, &mut stack, waiting);
                         next = Some(nearest);
                         continue;
                     }
@@ -305,38 +402,76 @@ impl Bvh16Node {
         (entry.to_array(), hits)
     }
 
-    /// The nearest of the parts in `hits`, of which there are some; the others are put on the stack above those that are
-    /// `waiting`, the nearest on top. Returns how many are waiting then.
+    /// The same of the beam of a packet; widened by what its origins ask for.
     #[inline(always)]
-    fn queue(
+    fn overlap<S: Simd>(
         &self,
-        entries: &[f32; LANES],
-        mut hits: u64,
-        stack: &mut Stack,
-        waiting: usize,
-    ) -> (Entry, usize) {
-        let (mut nearest, mut top) = (self.next(entries, &mut hits), waiting);
-        while hits != 0 {
-            let entry = self.next(entries, &mut hits);
-            let farther = nearest.max(entry);
-            nearest = nearest.min(entry);
-            let mut at = top;
-            while at > waiting && stack[at - 1] < farther {
-                stack[at] = stack[at - 1];
-                at -= 1;
-            }
-            stack[at] = farther;
-            top += 1;
-        }
-        (nearest, top)
+        simd: S,
+        beam: &Beam,
+        slack: f32,
+        limit: f32,
+    ) -> ([f32; LANES], u64) {
+        let center = Vec3x::load_arrays(simd, &self.center);
+        let half = Vec3x::load_arrays(simd, &self.half);
+        let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
+        let (begin, end) = beam.overlap(center - half, center + half);
+        let hits = begin.simd_le(end.min(limit)).to_bitmask() & self.lanes;
+        (begin.to_array(), hits)
     }
 
+    /// The rays that enter the box of the part of a lane before `distance`, a bit each.
     #[inline(always)]
-    fn next(&self, entries: &[f32; LANES], hits: &mut u64) -> Entry {
-        let lane = hits.trailing_zeros() as usize % LANES;
-        *hits &= *hits - 1;
-        Entry::new(entries[lane], self.parts[lane])
+    fn entered_by<S: Simd>(
+        &self,
+        simd: S,
+        lane: usize,
+        rays: &Rays<S>,
+        slack: Float<S>,
+        distance: Float<S>,
+    ) -> u64 {
+        let center = splat(simd, &self.center, lane);
+        let half = splat(simd, &self.half, lane);
+        let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
+        let middle = (center - rays.origin).scale(rays.inverse);
+        let near = (-half).scale_add(rays.inverse_abs, middle);
+        let far = half.scale_add(rays.inverse_abs, middle);
+        let entry = near.x.max(near.y).max(near.z.max(0.0));
+        let exit = far.x.min(far.y).min(far.z.min(distance));
+        entry.simd_le(exit).to_bitmask()
     }
+}
+
+/// The nearest of the parts in `hits`, of which there are some; the others are put on the stack above those that are
+/// `waiting`, the nearest on top. Returns how many are waiting then.
+#[inline(always)]
+fn queue(
+    entries: &[f32; LANES],
+    parts: &[u32; LANES],
+    mut hits: u64,
+    stack: &mut Stack,
+    waiting: usize,
+) -> (Entry, usize) {
+    let (mut nearest, mut top) = (next(entries, parts, &mut hits), waiting);
+    while hits != 0 {
+        let entry = next(entries, parts, &mut hits);
+        let farther = nearest.max(entry);
+        nearest = nearest.min(entry);
+        let mut at = top;
+        while at > waiting && stack[at - 1] < farther {
+            stack[at] = stack[at - 1];
+            at -= 1;
+        }
+        stack[at] = farther;
+        top += 1;
+    }
+    (nearest, top)
+}
+
+#[inline(always)]
+fn next(entries: &[f32; LANES], parts: &[u32; LANES], hits: &mut u64) -> Entry {
+    let lane = hits.trailing_zeros() as usize % LANES;
+    *hits &= *hits - 1;
+    Entry::new(entries[lane], parts[lane])
 }
 
 impl RayLanes {

@@ -278,9 +278,10 @@ impl Triangles {
         nearest: &mut Nearest<S>,
     ) {
         if let Some(bvh) = &self.bvh {
-            match &self.alpha_filter {
-                None => bvh.nearest(simd, rays, nearest, &Solid),
-                Some(filter) => bvh.nearest(simd, rays, nearest, filter),
+            match (&self.alpha_filter, beam) {
+                (None, None) => bvh.nearest(simd, rays, nearest, &Solid),
+                (None, Some(beam)) => bvh.nearest_in_beam(simd, rays, beam, nearest, &Solid),
+                (Some(filter), _) => bvh.nearest(simd, rays, nearest, filter),
             }
             return;
         }
