@@ -5,11 +5,12 @@
 //! Boulos, "Getting rid of packets", 2008): paths have spread by their second ray, and packets of
 //! them would visit nearly all that each of their rays does.
 
+mod packet;
+
 use std::marker::PhantomData;
 
 use fearless_simd::prelude::*;
 
-use super::beam::{Beam, least};
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rays::{HitMask, NONE, Nearest, Rays};
 use super::shapes::{PackedPrimitive, Primitives, Shape};
@@ -182,87 +183,6 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         (distance, id)
     }
 
-    /// [`Bvh16::nearest`] of rays that are alike: their `beam` finds the leaves, and each ray is tested against those whose
-    /// boxes it enters.
-    #[inline(always)]
-    pub(super) fn nearest_in_beam<S: Simd>(
-        &self,
-        simd: S,
-        rays: &Rays<S>,
-        beam: &Beam,
-        nearest: &mut Nearest<S>,
-        filter: &impl HitFilter,
-    ) {
-        if self.root & LEAF_TAG != 0 {
-            return self.nearest(simd, rays, nearest, filter);
-        }
-        let (distance, id) = simd.vectorize(
-            #[inline(always)]
-            || self.nearest_by_leaf(simd, rays, beam, nearest, filter),
-        );
-        nearest.distance = Float::load_array(simd, distance);
-        nearest.id = Word::load_array(simd, id);
-    }
-
-    #[inline(always)]
-    fn nearest_by_leaf<S: Simd>(
-        &self,
-        simd: S,
-        rays: &Rays<S>,
-        beam: &Beam,
-        nearest: &Nearest<S>,
-        filter: &impl HitFilter,
-    ) -> ([f32; LANES], [u32; LANES]) {
-        let columns = RayLanes::new(rays);
-        let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
-        let (slack, beam_slack) = (origin_slack(rays), beam.origin_max() * SLACK);
-        let all = Mask::splat(simd, true);
-        let mut farthest = f32::INFINITY;
-        let (mut stack, mut waiting) = ([Entry(0); STACK_PARTS], 0);
-        let mut part = self.root;
-        loop {
-            // Places instead of parts: a node's number and a lane of it, where the part's box is too.
-            let places: [u32; LANES] =
-                std::array::from_fn(|lane| part * LANES as u32 + lane as u32);
-            let node = &self.nodes[part as usize];
-            let (entries, hits) = node.overlap(simd, beam, beam_slack, farthest);
-            let mut next;
-            (next, waiting) = match hits {
-                0 => pop(&stack, waiting, farthest),
-                _ => {
-                    let (first, waiting) = queue(&entries, &places, hits, &mut stack, waiting);
-                    (Some(first), waiting)
-                }
-            };
-            part = loop {
-                let Some(entry) = next else {
-                    return (distance, id);
-                };
-                let place = entry.part() as usize;
-                let (node, lane) = (&self.nodes[place / LANES], place % LANES);
-                let part = node.parts[lane];
-                if part & LEAF_TAG == 0 {
-                    break part;
-                }
-                let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
-                let limit = Float::load_array(simd, distance);
-                let mut lanes = node.entered_by(simd, lane, rays, slack, limit);
-                while lanes != 0 {
-                    let lane = lanes.trailing_zeros() as usize % LANES;
-                    lanes &= lanes - 1;
-                    let ray = columns.ray(simd, lane);
-                    let frame = F::frame(simd, &ray);
-                    let nearest = (&mut distance[lane], &mut id[lane]);
-                    self.update(simd, leaf, (&ray, &frame), nearest, |id| {
-                        columns.is_met(lane, id, filter)
-                    });
-                }
-                farthest = -least(simd, -Float::load_array(simd, distance), all);
-                (next, waiting) = pop(&stack, waiting, farthest);
-            };
-        }
-    }
-
     /// Takes what the ray meets of a leaf if it is nearer, or as far away with a smaller id: so it does not matter in which
     /// order leaves are visited.
     #[inline(always)]
@@ -400,44 +320,6 @@ impl Bvh16Node {
         let exit = far.x.min(far.y).min(far.z.min(limit));
         let hits = entry.simd_le(exit).to_bitmask() & self.lanes;
         (entry.to_array(), hits)
-    }
-
-    /// The same of the beam of a packet; widened by what its origins ask for.
-    #[inline(always)]
-    fn overlap<S: Simd>(
-        &self,
-        simd: S,
-        beam: &Beam,
-        slack: f32,
-        limit: f32,
-    ) -> ([f32; LANES], u64) {
-        let center = Vec3x::load_arrays(simd, &self.center);
-        let half = Vec3x::load_arrays(simd, &self.half);
-        let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
-        let (begin, end) = beam.overlap(center - half, center + half);
-        let hits = begin.simd_le(end.min(limit)).to_bitmask() & self.lanes;
-        (begin.to_array(), hits)
-    }
-
-    /// The rays that enter the box of the part of a lane before `distance`, a bit each.
-    #[inline(always)]
-    fn entered_by<S: Simd>(
-        &self,
-        simd: S,
-        lane: usize,
-        rays: &Rays<S>,
-        slack: Float<S>,
-        distance: Float<S>,
-    ) -> u64 {
-        let center = splat(simd, &self.center, lane);
-        let half = splat(simd, &self.half, lane);
-        let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
-        let middle = (center - rays.origin).scale(rays.inverse);
-        let near = (-half).scale_add(rays.inverse_abs, middle);
-        let far = half.scale_add(rays.inverse_abs, middle);
-        let entry = near.x.max(near.y).max(near.z.max(0.0));
-        let exit = far.x.min(far.y).min(far.z.min(distance));
-        entry.simd_le(exit).to_bitmask()
     }
 }
 
@@ -627,9 +509,12 @@ mod tests {
 
     use super::super::geometry::Geometry;
     use super::super::rays::INSIDE;
+    use super::super::shapes::join;
+    use super::super::shared_edges::SharedEdges;
+    use super::super::triangle::Triangle;
     use super::*;
     use crate::bvh::test_scenes::{ARRANGEMENTS, SHAPES, ray, test_scene};
-    use crate::compiled::{BvhUse, ShapeKind};
+    use crate::compiled::{BvhUse, KIND_DIELECTRIC, ShapeKind};
     use crate::simd::{Level, dispatch};
     use crate::{CompiledScene, CpuTracer};
 
@@ -713,6 +598,121 @@ mod tests {
                         );
                     }
                 }
+            }
+        }
+    }
+
+    /// A box, another of glass and a square: triangles that share corners and edges.
+    fn small_meshes() -> CompiledScene {
+        use crate::{Camera, Material, Mesh, Scene};
+        let block = |center: Vec3, half: f32| {
+            let corner = |i: u32| Vec3::from([i & 1, i >> 1 & 1, i >> 2].map(|bit| bit as f32));
+            let corners = (0..8).map(|i| center + half * (2.0 * corner(i) - 1.0));
+            let faces = [
+                [0, 2, 3, 1],
+                [4, 5, 7, 6],
+                [0, 1, 5, 4],
+                [2, 6, 7, 3],
+                [0, 4, 6, 2],
+                [1, 3, 7, 5],
+            ];
+            let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
+            Mesh::new(
+                corners.collect(),
+                faces.into_iter().flat_map(halves).collect(),
+            )
+        };
+        let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let square = square.map(|[x, y]| Vec3::new(x, y, -0.5));
+        let mut scene = Scene::new().camera(Camera::looking_at([0.0, -4.0, 1.0], [0.0; 3]));
+        scene.add_named("box", block(Vec3::ZERO, 0.5), Material::diffuse(Vec3::ONE));
+        scene.add_named(
+            "glass",
+            block(Vec3::new(0.3, 0.8, 0.1), 0.4),
+            Material::glass(),
+        );
+        scene.add_named(
+            "square",
+            Mesh::new(square.into(), vec![[0, 1, 2], [0, 2, 3]]),
+            Material::diffuse(Vec3::ONE),
+        );
+        CompiledScene::new(&scene).unwrap()
+    }
+
+    /// Rays to corners of triangles and to points of their edges, from somewhere and from along an axis.
+    fn packets_at_edges(scene: &CompiledScene, count: u32) -> Vec<Packet> {
+        let mut packets = packets(scene, 2, count);
+        for (i, lane) in (0..count * LANES as u32).zip((0..LANES).cycle()) {
+            let triangles = &scene.meshes.triangles;
+            let [a, b, _] = triangles[i as usize * 7 % triangles.len()].corners();
+            let aim = a.lerp(b, [0.0, 0.5, 0.3][i as usize % 3]);
+            let [x, y, z, _] = crate::sampling::uniforms(i, 6, 1, 3);
+            let origin = match i % 5 {
+                0 => aim + 2.0 * Vec3::AXES[i as usize / 5 % 3],
+                _ => 4.0 * (Vec3::new(x, y, z) - 0.5),
+            };
+            let direction = (aim - origin).normalize();
+            let (six, start) = &mut packets[i as usize / LANES];
+            start[lane] = NONE;
+            for axis in 0..3 {
+                six[axis][lane] = origin[axis];
+                six[axis + 3][lane] = direction[axis];
+            }
+        }
+        packets
+    }
+
+    /// Bits of distances, ids and what is occluded: of the triangles by shared edges, then of each by itself.
+    #[inline(always)]
+    fn by_edges_and_each<S: Simd>(
+        simd: S,
+        triangles: &[([[f32; 3]; 3], bool)],
+        (six, start): &Packet,
+    ) -> [([u32; LANES], [u32; LANES], u64); 2] {
+        let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
+        let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
+        let rays = Rays::new(simd, origin, direction, Word::load_array(simd, *start));
+        let (reach, dark) = (Float::splat(simd, 2.0), Mask::splat(simd, false));
+        let (mut by_edges, mut each) = (Nearest::none(simd), Nearest::none(simd));
+        let mut darks = [dark, dark];
+        let shared = SharedEdges::new(triangles.iter().copied(), 0).unwrap();
+        shared.nearest(simd, &rays, &mut by_edges);
+        shared.occlude(simd, &rays, reach, &mut darks[0]);
+        let frame = Triangle::frame(simd, &rays);
+        for (&(corners, is_dielectric), id) in triangles.iter().zip(0..) {
+            let one = PackedPrimitive::<Triangle, 9>::new(join(corners), id, is_dielectric);
+            let one = one.splat(simd);
+            let met = Triangle::intersect(&rays, &frame, &one, each.distance);
+            each.update(met, id);
+            if let Some((hit, _)) = Triangle::intersect(&rays, &frame, &one, reach) {
+                darks[1] |= hit;
+            }
+        }
+        let bits = |nearest: Nearest<S>, dark: Mask<S>| {
+            let distance = nearest.distance.to_array().map(f32::to_bits);
+            (distance, nearest.id.to_array(), dark.to_bitmask())
+        };
+        [bits(by_edges, darks[0]), bits(each, darks[1])]
+    }
+
+    #[test]
+    fn triangles_by_shared_edges_are_met_as_each_by_itself() {
+        let scene = small_meshes();
+        let triangles = scene.meshes.triangles.iter().map(|data| {
+            let is_glass = scene.materials[data.material as usize].kind == KIND_DIELECTRIC;
+            ([data.a, data.b, data.c], is_glass)
+        });
+        let triangles: Vec<_> = triangles.collect();
+        for level in CpuTracer::levels_available() {
+            for packets in [packets(&scene, 1, 4_000), packets_at_edges(&scene, 1_000)] {
+                let mut met = 0;
+                for packet in &packets {
+                    let [by_edges, each] =
+                        dispatch!(level, simd => by_edges_and_each(simd, &triangles, packet));
+                    assert_eq!(by_edges, each, "{level:?} {packet:?}");
+                    met += each.1.iter().filter(|id| **id != NONE).count();
+                }
+                assert!(met > 4 * packets.len(), "{met} hits");
             }
         }
     }

@@ -342,3 +342,47 @@ impl CrossedTriangles {
         Some(index % TRIANGLES_MAX)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Triangles of a fan round a corner.
+    fn fan(count: usize) -> impl ExactSizeIterator<Item = ([[f32; 3]; 3], bool)> {
+        (0..count).map(|i| {
+            (
+                [[0.0; 3], [1.0, i as f32, 0.0], [1.0, (i + 1) as f32, 0.0]],
+                false,
+            )
+        })
+    }
+
+    #[test]
+    fn each_corner_and_each_edge_is_kept_once() {
+        let shared = SharedEdges::new(fan(10), 5).unwrap();
+        assert_eq!((shared.vertices.len(), shared.edges.len()), (12, 21));
+        for triangle in &shared.triangles {
+            for (corner, side) in triangle.sides.into_iter().enumerate() {
+                let from = triangle.corners[(corner + 1) % 3];
+                let to = triangle.corners[(corner + 2) % 3];
+                let ends = shared.edges[usize::from(side) % EDGES_MAX];
+                let is_forward = triangle.signs[corner] > 0.0;
+                assert_eq!(ends, if is_forward { [from, to] } else { [to, from] });
+            }
+        }
+    }
+
+    #[test]
+    fn triangles_that_are_many_or_share_nothing_are_left_to_others() {
+        assert!(
+            SharedEdges::new(fan(TRIANGLES_MAX), 0).is_none(),
+            "too many edges"
+        );
+        assert!(SharedEdges::new(fan(TRIANGLES_MAX + 1), 0).is_none());
+        let apart = [0.0f32, 1.0, 2.0].map(|z| {
+            let corners = [[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z]];
+            (corners, false)
+        });
+        assert!(SharedEdges::new(apart.into_iter(), 0).is_none());
+    }
+}

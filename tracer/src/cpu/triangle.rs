@@ -280,7 +280,7 @@ impl Triangles {
         if let Some(bvh) = &self.bvh {
             match (&self.alpha_filter, beam) {
                 (None, None) => bvh.nearest(simd, rays, nearest, &Solid),
-                (None, Some(beam)) => bvh.nearest_in_beam(simd, rays, beam, nearest, &Solid),
+                (None, Some(beam)) => bvh.nearest_in_beam(simd, rays, beam, nearest),
                 (Some(filter), _) => bvh.nearest(simd, rays, nearest, filter),
             }
             return;
