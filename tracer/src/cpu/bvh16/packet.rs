@@ -145,18 +145,18 @@ mod tests {
     /// A ray among the primitives of a scene, and others that are `spread` from it.
     fn alike(scene: &CompiledScene, index: u32, spread: f32) -> Six {
         let middle = ray(scene, 3, index);
-        let mut six = [[0.0; LANES]; 6];
-        for lane in 0..LANES {
+        let rays: [_; LANES] = std::array::from_fn(|lane| {
             let [x, y, z, along] = uniforms(index * LANES as u32 + lane as u32, 5, 1, 2);
             let aside = spread * (glam::Vec3::new(x, y, z) - 0.5);
-            let origin = middle.origin + along * aside;
             let direction = (middle.direction + aside).normalize();
-            for axis in 0..3 {
-                six[axis][lane] = origin[axis];
-                six[axis + 3][lane] = direction[axis];
-            }
-        }
-        six
+            (middle.origin + along * aside, direction)
+        });
+        std::array::from_fn(|column| {
+            rays.map(|(origin, direction)| match column {
+                0..3 => origin[column],
+                _ => direction[column - 3],
+            })
+        })
     }
 
     /// Bits of distances, and ids.
