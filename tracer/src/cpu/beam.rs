@@ -9,7 +9,7 @@
 use fearless_simd::{f32x4, f32x8, prelude::*};
 use glam::Vec3;
 
-use super::lanes::{Float, LANES, Mask};
+use super::lanes::{Float, LANES, Mask, Vec3x};
 use super::rays::{DIRECTION_MIN, Rays};
 use crate::bvh::{Bounds, SLACK};
 
@@ -81,11 +81,21 @@ impl Beam {
     /// Which bounds of a group overlap the box somewhere, a bit each.
     #[inline(always)]
     fn meets<S: Simd>(&self, simd: S, bounds: &[[f32; LANES]; 6]) -> u32 {
+        let [x, y, z, max_x, max_y, max_z] = bounds;
+        let min = Vec3x::load_arrays(simd, &[*x, *y, *z]);
+        let max = Vec3x::load_arrays(simd, &[*max_x, *max_y, *max_z]);
+        let (begin, end) = self.overlap(min, max);
+        begin.simd_le(end).to_bitmask() as u32
+    }
+
+    /// From which distance to which the bounds of a primitive per lane overlap the box; none if the first is larger.
+    #[inline(always)]
+    pub(super) fn overlap<S: Simd>(&self, min: Vec3x<S>, max: Vec3x<S>) -> (Float<S>, Float<S>) {
+        let simd = min.x.token();
         let mut begin = Float::splat(simd, 0.0);
         let mut end = Float::splat(simd, self.distance);
-        for (axis, [low, high]) in self.faces.into_iter().enumerate() {
-            let min = Float::load_array(simd, bounds[axis]);
-            let max = Float::load_array(simd, bounds[axis + 3]);
+        let bounds = [[min.x, max.x], [min.y, max.y], [min.z, max.z]];
+        for ([low, high], [min, max]) in self.faces.into_iter().zip(bounds) {
             let t = (max - low.origin) * low.inverse;
             if low.inverse > 0.0 {
                 end = end.min(t);
@@ -99,7 +109,14 @@ impl Beam {
                 end = end.min(t);
             }
         }
-        begin.simd_le(end).to_bitmask() as u32
+        (begin, end)
+    }
+
+    /// The largest coordinate of an origin.
+    #[inline(always)]
+    pub(super) fn origin_max(&self) -> f32 {
+        let [[a, b], [c, d], [e, f]] = self.faces.map(|axis| axis.map(|face| face.origin.abs()));
+        a.max(b).max(c.max(d)).max(e.max(f))
     }
 }
 
@@ -182,8 +199,9 @@ fn faces<S: Simd>(simd: S, origin: Float<S>, velocity: Float<S>, lanes: Mask<S>)
     [low, Face::new(-high[0], -high[1])]
 }
 
+/// The least of the values of `lanes`.
 #[inline(always)]
-fn least<S: Simd>(simd: S, values: Float<S>, lanes: Mask<S>) -> f32 {
+pub(super) fn least<S: Simd>(simd: S, values: Float<S>, lanes: Mask<S>) -> f32 {
     let values = lanes.select(values, Float::splat(simd, f32::INFINITY));
     let (low, high): (f32x8<S>, f32x8<S>) = values.split();
     let (low, high): (f32x4<S>, f32x4<S>) = low.min(high).split();
@@ -195,7 +213,7 @@ fn least<S: Simd>(simd: S, values: Float<S>, lanes: Mask<S>) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::super::geometry::Geometry;
-    use super::super::lanes::{Vec3x, Word};
+    use super::super::lanes::Word;
     use super::super::rays::NONE;
     use super::*;
     use crate::sampling::uniforms;

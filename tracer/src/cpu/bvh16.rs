@@ -5,6 +5,8 @@
 //! Boulos, "Getting rid of packets", 2008): paths have spread by their second ray, and packets of
 //! them would visit nearly all that each of their rays does.
 
+mod packet;
+
 use std::marker::PhantomData;
 
 use fearless_simd::prelude::*;
@@ -77,14 +79,32 @@ struct RayLanes {
     start: [u32; LANES],
 }
 
-/// Parts still to be visited, each with the distance at which the ray enters its box: on every
-/// level of the BVH at most one fewer than lanes.
-struct Stack {
-    parts: [(f32, u32); STACK_PARTS],
-    len: usize,
-}
+/// Parts still to be visited: on every level of the BVH at most one fewer than lanes.
+type Stack = [Entry; STACK_PARTS];
 
 const STACK_PARTS: usize = ((DEPTH_MAX + 1) as usize) * LANES;
+
+/// A part with the distance at which the ray enters its box, whose bits come first: distances are not negative, and their
+/// bits are in the same order.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Entry(u64);
+
+impl Entry {
+    #[inline(always)]
+    fn new(distance: f32, part: u32) -> Self {
+        Self(u64::from(distance.to_bits()) << 32 | u64::from(part))
+    }
+
+    #[inline(always)]
+    fn distance(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
+
+    #[inline(always)]
+    fn part(self) -> u32 {
+        self.0 as u32
+    }
+}
 
 impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
     /// Of what is not hidden of `each`.
@@ -126,7 +146,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         filter: &impl HitFilter,
     ) -> ([f32; LANES], [u32; LANES]) {
         let columns = RayLanes::new(rays);
-        let mut stack = Stack::new();
+        let mut stack = [Entry(0); STACK_PARTS];
         let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
         for lane in 0..LANES {
             if !columns.is_finite(lane) {
@@ -135,35 +155,57 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             let ray = columns.ray(simd, lane);
             let frame = F::frame(simd, &ray);
             let slack = origin_slack(&ray);
-            stack.push(0.0, self.root);
-            while let Some((entry, part)) = stack.pop() {
-                if entry > distance[lane] {
-                    continue;
-                }
+            // Beside the stack, not in it: it stays in a register.
+            let mut waiting = 0;
+            let mut next = Some(Entry::new(0.0, self.root));
+            while let Some(entry) = next {
+                let part = entry.part();
                 if part & LEAF_TAG == 0 {
                     let node = &self.nodes[part as usize];
-                    node.enter(simd, &ray, slack, distance[lane], &mut stack);
-                    continue;
-                }
-                let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
-                // With the distance itself: of primitives as far away the smallest id counts, in
-                // whatever order leaves are visited.
-                let Some((hit, t)) = self.meet(simd, leaf, &ray, &frame, distance[lane].next_up())
-                else {
-                    continue;
-                };
-                let (t, mut hits) = (t.to_array(), hit.to_bitmask());
-                while hits != 0 {
-                    let at = hits.trailing_zeros() as usize % LANES;
-                    hits &= hits - 1;
-                    let met = (t[at], leaf.id[at]);
-                    if met < (distance[lane], id[lane]) && columns.is_met(lane, met.1, filter) {
-                        (distance[lane], id[lane]) = met;
+                    let (entries, hits) = node.enter(simd, &ray, slack, distance[lane]);
+                    if hits != 0 {
+                        let nearest;
+                        (nearest, waiting) =
+                            queue(&entries, &node.parts, hits, &mut stack, waiting);
+                        next = Some(nearest);
+                        continue;
                     }
+                } else {
+                    let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
+                    let nearest = (&mut distance[lane], &mut id[lane]);
+                    self.update(simd, leaf, (&ray, &frame), nearest, |id| {
+                        columns.is_met(lane, id, filter)
+                    });
                 }
+                (next, waiting) = pop(&stack, waiting, distance[lane]);
             }
         }
         (distance, id)
+    }
+
+    /// Takes what the ray meets of a leaf if it is nearer, or as far away with a smaller id: so it does not matter in which
+    /// order leaves are visited.
+    #[inline(always)]
+    fn update<S: Simd>(
+        &self,
+        simd: S,
+        leaf: &Bvh16Leaf<F, N>,
+        (ray, frame): (&Rays<S>, &F::Frame<S>),
+        (distance, id): (&mut f32, &mut u32),
+        is_met: impl Fn(u32) -> bool,
+    ) {
+        let Some((hit, t)) = self.meet(simd, leaf, ray, frame, distance.next_up()) else {
+            return;
+        };
+        let (t, mut hits) = (t.to_array(), hit.to_bitmask());
+        while hits != 0 {
+            let at = hits.trailing_zeros() as usize % LANES;
+            hits &= hits - 1;
+            let met = (t[at], leaf.id[at]);
+            if met < (*distance, *id) && is_met(met.1) {
+                (*distance, *id) = met;
+            }
+        }
     }
 
     /// Adds where a primitive that `filter` lets rays meet lies before `distance` to `dark`.
@@ -194,7 +236,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         filter: &impl HitFilter,
     ) -> u64 {
         let columns = RayLanes::new(rays);
-        let mut stack = Stack::new();
+        let mut stack = [Entry(0); STACK_PARTS];
         for (lane, limit) in distance.to_array().into_iter().enumerate() {
             if limit <= 0.0 || dark >> lane & 1 == 1 || !columns.is_finite(lane) {
                 continue;
@@ -202,24 +244,33 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             let ray = columns.ray(simd, lane);
             let frame = F::frame(simd, &ray);
             let slack = origin_slack(&ray);
-            stack.push(0.0, self.root);
-            while let Some((_, part)) = stack.pop() {
+            let mut waiting = 0;
+            let mut next = Some(Entry::new(0.0, self.root));
+            while let Some(entry) = next {
+                let part = entry.part();
                 if part & LEAF_TAG == 0 {
                     let node = &self.nodes[part as usize];
-                    node.enter(simd, &ray, slack, limit, &mut stack);
-                    continue;
+                    let (entries, hits) = node.enter(simd, &ray, slack, limit);
+                    if hits != 0 {
+                        let nearest;
+                        (nearest, waiting) =
+                            queue(&entries, &node.parts, hits, &mut stack, waiting);
+                        next = Some(nearest);
+                        continue;
+                    }
+                } else {
+                    let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
+                    let met = self.meet(simd, leaf, &ray, &frame, limit);
+                    let mut hits = met.map_or(0, |(hit, _)| hit.to_bitmask());
+                    if filter.is_some() {
+                        hits = columns.met(lane, hits, &leaf.id, filter);
+                    }
+                    if hits != 0 {
+                        dark |= 1 << lane;
+                        break; // any hit will do
+                    }
                 }
-                let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
-                let met = self.meet(simd, leaf, &ray, &frame, limit);
-                let mut hits = met.map_or(0, |(hit, _)| hit.to_bitmask());
-                if filter.is_some() {
-                    hits = columns.met(lane, hits, &leaf.id, filter);
-                }
-                if hits != 0 {
-                    dark |= 1 << lane;
-                    // Any hit will do.
-                    stack.len = 0;
-                }
+                (next, waiting) = pop(&stack, waiting, limit);
             }
         }
         dark
@@ -250,7 +301,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
 }
 
 impl Bvh16Node {
-    /// Puts the parts whose boxes the ray enters up to `limit` on the stack, the nearest on top.
+    /// Where the ray enters the boxes of parts, and which of them it enters up to `limit`, a bit each.
     #[inline(always)]
     fn enter<S: Simd>(
         &self,
@@ -258,27 +309,51 @@ impl Bvh16Node {
         ray: &Rays<S>,
         slack: Float<S>,
         limit: f32,
-        stack: &mut Stack,
-    ) {
+    ) -> ([f32; LANES], u64) {
         let center = Vec3x::load_arrays(simd, &self.center);
         let half = Vec3x::load_arrays(simd, &self.half);
         let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
         let middle = (center - ray.origin).scale(ray.inverse);
         let near = (-half).scale_add(ray.inverse_abs, middle);
         let far = half.scale_add(ray.inverse_abs, middle);
-        let entry = near.x.max(near.y).max(near.z).max(0.0);
-        let exit = far.x.min(far.y).min(far.z).min(limit);
-        let mut hits = entry.simd_le(exit).to_bitmask() & self.lanes;
-        if hits == 0 {
-            return;
-        }
-        let (entry, bottom) = (entry.to_array(), stack.len);
-        while hits != 0 {
-            let lane = hits.trailing_zeros() as usize % LANES;
-            hits &= hits - 1;
-            stack.insert(bottom, entry[lane], self.parts[lane]);
-        }
+        let entry = near.x.max(near.y).max(near.z.max(0.0));
+        let exit = far.x.min(far.y).min(far.z.min(limit));
+        let hits = entry.simd_le(exit).to_bitmask() & self.lanes;
+        (entry.to_array(), hits)
     }
+}
+
+/// The nearest of the parts in `hits`, of which there are some; the others are put on the stack above those that are
+/// `waiting`, the nearest on top. Returns how many are waiting then.
+#[inline(always)]
+fn queue(
+    entries: &[f32; LANES],
+    parts: &[u32; LANES],
+    mut hits: u64,
+    stack: &mut Stack,
+    waiting: usize,
+) -> (Entry, usize) {
+    let (mut nearest, mut top) = (next(entries, parts, &mut hits), waiting);
+    while hits != 0 {
+        let entry = next(entries, parts, &mut hits);
+        let farther = nearest.max(entry);
+        nearest = nearest.min(entry);
+        let mut at = top;
+        while at > waiting && stack[at - 1] < farther {
+            stack[at] = stack[at - 1];
+            at -= 1;
+        }
+        stack[at] = farther;
+        top += 1;
+    }
+    (nearest, top)
+}
+
+#[inline(always)]
+fn next(entries: &[f32; LANES], parts: &[u32; LANES], hits: &mut u64) -> Entry {
+    let lane = hits.trailing_zeros() as usize % LANES;
+    *hits &= *hits - 1;
+    Entry::new(entries[lane], parts[lane])
 }
 
 impl RayLanes {
@@ -340,38 +415,17 @@ fn splat<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3], lane: usize) -> Vec3x<
     Vec3x::splat(simd, [x[lane], y[lane], z[lane]])
 }
 
-impl Stack {
-    #[inline(always)]
-    fn new() -> Self {
-        Self {
-            parts: [(0.0, 0); STACK_PARTS],
-            len: 0,
+/// The next part that is entered up to `limit`, and how many are waiting after it.
+#[inline(always)]
+fn pop(stack: &Stack, mut waiting: usize, limit: f32) -> (Option<Entry>, usize) {
+    while waiting > 0 {
+        waiting -= 1;
+        let entry = stack[waiting];
+        if entry.distance() <= limit {
+            return (Some(entry), waiting);
         }
     }
-
-    #[inline(always)]
-    fn push(&mut self, entry: f32, part: u32) {
-        self.parts[self.len] = (entry, part);
-        self.len += 1;
-    }
-
-    #[inline(always)]
-    fn pop(&mut self) -> Option<(f32, u32)> {
-        self.len = self.len.checked_sub(1)?;
-        Some(self.parts[self.len])
-    }
-
-    /// Keeps what lies above `bottom` in order, the nearest on top.
-    #[inline(always)]
-    fn insert(&mut self, bottom: usize, entry: f32, part: u32) {
-        let mut at = self.len;
-        while at > bottom && self.parts[at - 1].0 < entry {
-            self.parts[at] = self.parts[at - 1];
-            at -= 1;
-        }
-        self.parts[at] = (entry, part);
-        self.len += 1;
-    }
+    (None, 0)
 }
 
 /// Inputs of the construction.
@@ -455,9 +509,12 @@ mod tests {
 
     use super::super::geometry::Geometry;
     use super::super::rays::INSIDE;
+    use super::super::shapes::join;
+    use super::super::shared_edges::SharedEdges;
+    use super::super::triangle::Triangle;
     use super::*;
     use crate::bvh::test_scenes::{ARRANGEMENTS, SHAPES, ray, test_scene};
-    use crate::compiled::{BvhUse, ShapeKind};
+    use crate::compiled::{BvhUse, KIND_DIELECTRIC, ShapeKind};
     use crate::simd::{Level, dispatch};
     use crate::{CompiledScene, CpuTracer};
 
@@ -541,6 +598,121 @@ mod tests {
                         );
                     }
                 }
+            }
+        }
+    }
+
+    /// A box, another of glass and a square: triangles that share corners and edges.
+    fn small_meshes() -> CompiledScene {
+        use crate::{Camera, Material, Mesh, Scene};
+        let block = |center: Vec3, half: f32| {
+            let corner = |i: u32| Vec3::from([i & 1, i >> 1 & 1, i >> 2].map(|bit| bit as f32));
+            let corners = (0..8).map(|i| center + half * (2.0 * corner(i) - 1.0));
+            let faces = [
+                [0, 2, 3, 1],
+                [4, 5, 7, 6],
+                [0, 1, 5, 4],
+                [2, 6, 7, 3],
+                [0, 4, 6, 2],
+                [1, 3, 7, 5],
+            ];
+            let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
+            Mesh::new(
+                corners.collect(),
+                faces.into_iter().flat_map(halves).collect(),
+            )
+        };
+        let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        let square = square.map(|[x, y]| Vec3::new(x, y, -0.5));
+        let mut scene = Scene::new().camera(Camera::looking_at([0.0, -4.0, 1.0], [0.0; 3]));
+        scene.add_named("box", block(Vec3::ZERO, 0.5), Material::diffuse(Vec3::ONE));
+        scene.add_named(
+            "glass",
+            block(Vec3::new(0.3, 0.8, 0.1), 0.4),
+            Material::glass(),
+        );
+        scene.add_named(
+            "square",
+            Mesh::new(square.into(), vec![[0, 1, 2], [0, 2, 3]]),
+            Material::diffuse(Vec3::ONE),
+        );
+        CompiledScene::new(&scene).unwrap()
+    }
+
+    /// Rays to corners of triangles and to points of their edges, from somewhere and from along an axis.
+    fn packets_at_edges(scene: &CompiledScene, count: u32) -> Vec<Packet> {
+        let mut packets = packets(scene, 2, count);
+        for (i, lane) in (0..count * LANES as u32).zip((0..LANES).cycle()) {
+            let triangles = &scene.meshes.triangles;
+            let [a, b, _] = triangles[i as usize * 7 % triangles.len()].corners();
+            let aim = a.lerp(b, [0.0, 0.5, 0.3][i as usize % 3]);
+            let [x, y, z, _] = crate::sampling::uniforms(i, 6, 1, 3);
+            let origin = match i % 5 {
+                0 => aim + 2.0 * Vec3::AXES[i as usize / 5 % 3],
+                _ => 4.0 * (Vec3::new(x, y, z) - 0.5),
+            };
+            let direction = (aim - origin).normalize();
+            let (six, start) = &mut packets[i as usize / LANES];
+            start[lane] = NONE;
+            for axis in 0..3 {
+                six[axis][lane] = origin[axis];
+                six[axis + 3][lane] = direction[axis];
+            }
+        }
+        packets
+    }
+
+    /// Bits of distances, ids and what is occluded: of the triangles by shared edges, then of each by itself.
+    #[inline(always)]
+    fn by_edges_and_each<S: Simd>(
+        simd: S,
+        triangles: &[([[f32; 3]; 3], bool)],
+        (six, start): &Packet,
+    ) -> [([u32; LANES], [u32; LANES], u64); 2] {
+        let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
+        let (origin, direction) = (Vec3x::new(ox, oy, oz), Vec3x::new(dx, dy, dz));
+        let rays = Rays::new(simd, origin, direction, Word::load_array(simd, *start));
+        let (reach, dark) = (Float::splat(simd, 2.0), Mask::splat(simd, false));
+        let (mut by_edges, mut each) = (Nearest::none(simd), Nearest::none(simd));
+        let mut darks = [dark, dark];
+        let shared = SharedEdges::new(triangles.iter().copied(), 0).unwrap();
+        shared.nearest(simd, &rays, &mut by_edges);
+        shared.occlude(simd, &rays, reach, &mut darks[0]);
+        let frame = Triangle::frame(simd, &rays);
+        for (&(corners, is_dielectric), id) in triangles.iter().zip(0..) {
+            let one = PackedPrimitive::<Triangle, 9>::new(join(corners), id, is_dielectric);
+            let one = one.splat(simd);
+            let met = Triangle::intersect(&rays, &frame, &one, each.distance);
+            each.update(met, id);
+            if let Some((hit, _)) = Triangle::intersect(&rays, &frame, &one, reach) {
+                darks[1] |= hit;
+            }
+        }
+        let bits = |nearest: Nearest<S>, dark: Mask<S>| {
+            let distance = nearest.distance.to_array().map(f32::to_bits);
+            (distance, nearest.id.to_array(), dark.to_bitmask())
+        };
+        [bits(by_edges, darks[0]), bits(each, darks[1])]
+    }
+
+    #[test]
+    fn triangles_by_shared_edges_are_met_as_each_by_itself() {
+        let scene = small_meshes();
+        let triangles = scene.meshes.triangles.iter().map(|data| {
+            let is_glass = scene.materials[data.material as usize].kind == KIND_DIELECTRIC;
+            ([data.a, data.b, data.c], is_glass)
+        });
+        let triangles: Vec<_> = triangles.collect();
+        for level in CpuTracer::levels_available() {
+            for packets in [packets(&scene, 1, 4_000), packets_at_edges(&scene, 1_000)] {
+                let mut met = 0;
+                for packet in &packets {
+                    let [by_edges, each] =
+                        dispatch!(level, simd => by_edges_and_each(simd, &triangles, packet));
+                    assert_eq!(by_edges, each, "{level:?} {packet:?}");
+                    met += each.1.iter().filter(|id| **id != NONE).count();
+                }
+                assert!(met > 4 * packets.len(), "{met} hits");
             }
         }
     }

@@ -15,7 +15,7 @@ use super::microfacet::{ggx, normalize, sample_visible, visibility};
 use super::rows::Rows;
 use super::sampling::{BsdfSample, cosine_hemisphere};
 use super::sheen::{Sheen, sheen_reflectances};
-use super::triangle::TriangleHit;
+use super::triangle_surface::TriangleHit;
 use crate::CompiledScene;
 use crate::compiled::{KIND_METALLIC_ROUGHNESS, MaterialData};
 use crate::regularisation::ALPHA_MIN;

@@ -46,11 +46,13 @@ mod regularisation;
 mod rows;
 mod sampling;
 mod shapes;
+mod shared_edges;
 mod sheen;
 mod stream;
 mod surface;
 mod texture;
 mod triangle;
+mod triangle_surface;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};

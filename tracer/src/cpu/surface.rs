@@ -12,7 +12,7 @@ use super::rows::Rows;
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
-use super::triangle::{TriangleHit, TriangleSurfaces};
+use super::triangle_surface::{TriangleHit, TriangleSurfaces};
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
     CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
@@ -235,19 +235,22 @@ impl Surfaces {
             within = (tag & INSIDE).simd_ne(0);
             scattered = Some((tag & SCATTERED).simd_ne(0));
         }
-        let triangles = if GENERAL {
-            (self.triangles).hit(simd, origin, direction, id, scattered, footprint)
+        // By reference: moving it into an `Option` would copy it twice.
+        let met;
+        let triangles = if GENERAL && self.triangles.are_met(id) {
+            met = (self.triangles).hit(simd, origin, direction, id, scattered, footprint);
+            Some(&met)
         } else {
             None
         };
         let mut boundary = None;
-        if let Some(triangles) = &triangles {
+        if let Some(triangles) = triangles {
             id = triangles.row;
             boundary = triangles.boundary;
         }
         if !self.microfacet.is_empty() {
             let mut tags = tag & (INSIDE | SCATTERED);
-            if let (Some(triangles), Some(boundary)) = (&triangles, &boundary) {
+            if let (Some(triangles), Some(boundary)) = (triangles, &boundary) {
                 let [inside, outside] = [INSIDE, 0].map(|tag| Word::splat(simd, tag));
                 let side = boundary.is_left.select(inside, outside);
                 tags = triangles.lanes.select(side, tags);
@@ -278,7 +281,7 @@ impl Surfaces {
         }
         normal = round_normal(kind, position, first, second, normal);
         let mut geometric = None;
-        if let Some(triangles) = &triangles {
+        if let Some(triangles) = triangles {
             position = Vec3x::select(triangles.lanes, triangles.position, position);
             normal = Vec3x::select(triangles.lanes, triangles.normal, normal);
             geometric = (self.triangles.has_shading_normals()).then_some(triangles.geometric);
@@ -287,7 +290,7 @@ impl Surfaces {
             let inside = direction.mul_add(distance, origin);
             position = Vec3x::select(microfacet.is_scattered(), inside, position);
         }
-        let beyond = boundary.zip(triangles.as_ref());
+        let beyond = boundary.zip(triangles);
         let beyond = beyond
             .map(|(boundary, triangles)| Vec3x::select(triangles.lanes, boundary.beyond, position));
         let mut albedo = rows.triple(simd, ALBEDO);
@@ -298,7 +301,7 @@ impl Surfaces {
             let striped = normal.dot(axis).abs().simd_lt(half_width);
             albedo = Vec3x::select(striped, rows.triple(simd, STRIPE_ALBEDO), albedo);
         }
-        if let Some(color) = triangles.as_ref().and_then(|triangles| triangles.color) {
+        if let Some(color) = triangles.and_then(|triangles| triangles.color) {
             albedo = albedo.scale(color);
         }
         if !self.texture.is_empty() {
@@ -316,7 +319,7 @@ impl Surfaces {
             microfacet,
             sheen: self.sheen_at(simd, id),
             metallic_roughness: if GENERAL {
-                self.metallic_roughness_at(simd, id, triangles.as_ref())
+                self.metallic_roughness_at(simd, id, triangles)
             } else {
                 None
             },
