@@ -369,6 +369,80 @@ mod tests {
         assert_eq!(moved(&[0.0, 0.1, 0.2, 0.3]), (unexpected, EXPECTED_MAX));
     }
 
+    /// A picture whose levels are 100 on average and differ by up to `noise`.
+    fn noisy(serial: u64, noise: u32, update: SceneUpdate) -> DisplayFrame {
+        let size = ImageSize::new(64, 36);
+        let level = |i: usize| {
+            let random = (i as u32 + 9973 * serial as u32).wrapping_mul(2_654_435_761) >> 16;
+            let level = (100 - noise + random % (2 * noise + 1)) as u8;
+            [level, level, level, 255]
+        };
+        DisplayFrame {
+            serial,
+            size,
+            rgba: (0..size.pixels()).map(level).collect(),
+            update,
+        }
+    }
+
+    /// Mean distance of levels from 100.
+    fn noise(picture: &DisplayFrame) -> f64 {
+        let levels = picture.rgba.iter().map(|pixel| pixel[0].abs_diff(100));
+        levels.map(f64::from).sum::<f64>() / picture.rgba.len() as f64
+    }
+
+    #[test]
+    fn noise_of_moving_pictures_is_averaged_each_counted_once() {
+        let table_scene = TableScene::room(BallSet::Classic);
+        let mut reprojector = Reprojector::new(table_scene.scene()).unwrap();
+        let first = noisy(1, 30, turned(&table_scene, 0.0));
+        let mut before = first.clone();
+        reprojector.accumulate(&mut before, None);
+        assert_eq!(before.rgba, first.rgba);
+        let mut last = noisy(2, 30, turned(&table_scene, 0.0));
+        let single = noise(&last);
+        reprojector.accumulate(&mut last, Some(&before));
+        let blended = noise(&last);
+        assert!(blended < 0.8 * single, "{blended} of {single}");
+        let again = last.clone();
+        reprojector.accumulate(&mut last, Some(&before));
+        assert_eq!(last.rgba, again.rgba);
+    }
+
+    #[test]
+    fn a_view_that_begins_to_move_keeps_what_it_had_at_rest() {
+        let table_scene = TableScene::room(BallSet::Classic);
+        let mut reprojector = Reprojector::new(table_scene.scene()).unwrap();
+        let rest = noisy(1, 0, turned(&table_scene, 0.0));
+        let now = turned(&table_scene, 0.01);
+        reprojector.reproject_to(&rest, &now);
+        let mut moving = noisy(2, 30, now);
+        let single = noise(&moving);
+        reprojector.accumulate(&mut moving, Some(&rest));
+        let blended = noise(&moving);
+        assert!(blended < 0.8 * single, "{blended} of {single}");
+    }
+
+    #[test]
+    fn pictures_that_would_take_too_long_are_left_as_they_are() {
+        let table_scene = TableScene::room(BallSet::Classic);
+        let mut reprojector = Reprojector::new(table_scene.scene()).unwrap();
+        let threads = reprojector.threads.current_num_threads() as u32;
+        let size = ImageSize::new(1024, 256 * threads);
+        let update = turned(&table_scene, 0.0);
+        let mut large = DisplayFrame {
+            serial: 1,
+            size,
+            rgba: vec![[5; 4]; size.pixels()],
+            update,
+        };
+        reprojector.accumulate(&mut large, None);
+        assert_eq!(
+            (reprojector.accumulated, reprojector.from.is_none()),
+            (None, true)
+        );
+    }
+
     #[test]
     fn missing_tiles_are_taken_from_where_the_picture_before_shows_them() {
         let table_scene = TableScene::room(BallSet::Classic);
