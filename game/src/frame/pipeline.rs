@@ -123,7 +123,9 @@ impl FramePipeline {
         let moving = self.scheduler.shown_moving();
         let is_moving = moving.is_some();
         if let Some(frame) = moving {
-            self.reprojector.accumulate(frame, replaced.as_ref());
+            let drawn = replaced.as_ref().filter(|frame| frame.serial == self.drawn);
+            let at_rest = drawn.filter(|_| !self.is_drawn_moving);
+            self.reprojector.accumulate(frame, at_rest);
         }
         let Some(frame) = self.scheduler.shown() else {
             return;

@@ -97,9 +97,9 @@ impl Reprojector {
         self.expected.remove(place)?.view.recv().ok()
     }
 
-    /// Blends `picture`, of a moving view, with those before it; `before` is the one that was on show. Large pictures are left as
-    /// they are where the threads cannot take that in time.
-    pub fn accumulate(&mut self, picture: &mut DisplayFrame, before: Option<&DisplayFrame>) {
+    /// Blends `picture`, of a moving view, with those before it, or with the one `at_rest` that it replaces. Large pictures are
+    /// left as they are where the threads cannot take that in time.
+    pub fn accumulate(&mut self, picture: &mut DisplayFrame, at_rest: Option<&DisplayFrame>) {
         if self.accumulated == Some(picture.serial) {
             return;
         }
@@ -119,9 +119,8 @@ impl Reprojector {
             Some((_, earlier)) if is_accumulated => {
                 accumulation.accumulate(earlier, view, &mut picture.rgba);
             }
-            Some((of, earlier)) if before.is_some_and(|before| before.serial == *of) => {
-                let shown = before.map_or(&[][..], |before| &before.rgba);
-                accumulation.begin(earlier, shown, STILL_FRAMES_MAX);
+            Some((of, earlier)) if let Some(rest) = at_rest.filter(|rest| rest.serial == *of) => {
+                accumulation.begin(earlier, &rest.rgba, STILL_FRAMES_MAX);
                 accumulation.accumulate(earlier, view, &mut picture.rgba);
             }
             _ => accumulation.begin(view, &picture.rgba, 1.0),
@@ -396,16 +395,16 @@ mod tests {
         let table_scene = TableScene::room(BallSet::Classic);
         let mut reprojector = Reprojector::new(table_scene.scene()).unwrap();
         let first = noisy(1, 30, turned(&table_scene, 0.0));
-        let mut before = first.clone();
-        reprojector.accumulate(&mut before, None);
-        assert_eq!(before.rgba, first.rgba);
+        let mut accumulated = first.clone();
+        reprojector.accumulate(&mut accumulated, None);
+        assert_eq!(accumulated.rgba, first.rgba);
         let mut last = noisy(2, 30, turned(&table_scene, 0.0));
         let single = noise(&last);
-        reprojector.accumulate(&mut last, Some(&before));
+        reprojector.accumulate(&mut last, None);
         let blended = noise(&last);
         assert!(blended < 0.8 * single, "{blended} of {single}");
         let again = last.clone();
-        reprojector.accumulate(&mut last, Some(&before));
+        reprojector.accumulate(&mut last, None);
         assert_eq!(last.rgba, again.rgba);
     }
 

@@ -178,7 +178,6 @@ impl<'a> Motion<'a> {
         let mut reprojector = Reprojector::new(self.table_scene.scene())?;
         let (mut single, mut accumulated) = (0.0, 0.0);
         let (mut trace_secs, mut accumulate_secs) = (0.0, 0.0);
-        let mut before = None;
         for frame in 0..self.updates.len() {
             let settings = RenderSettings {
                 samples,
@@ -196,7 +195,7 @@ impl<'a> Motion<'a> {
                 update: self.updates[frame].clone(),
             };
             let clock = ProcessTime::now();
-            reprojector.accumulate(&mut picture, before.as_ref());
+            reprojector.accumulate(&mut picture, None);
             accumulate_secs += clock.elapsed().as_secs_f64();
             let reference = self.references.iter().find(|(of, _)| *of == frame);
             if let Some((_, reference)) = reference {
@@ -205,7 +204,6 @@ impl<'a> Motion<'a> {
                 single += flip(self.args.size, &rgb, reference)?.mean;
                 accumulated += flip(self.args.size, &shown, reference)?.mean;
             }
-            before = Some(picture);
         }
         let (compared, frames) = (self.references.len() as f64, self.updates.len() as f64);
         Ok(MotionError {
