@@ -273,9 +273,9 @@ const MOVE_NANOS: f64 = 4e6;
 /// `reprojection_speed` of `carom-tracer`.
 const NEW_PIXEL_NANOS: f64 = 20.0;
 const MOVED_PIXEL_NANOS: f64 = 50.0;
-/// Time of a thread to accumulate a pixel, by `reprojection_speed` too, and what a picture may take of each thread.
-const ACCUMULATED_PIXEL_NANOS: f64 = 30.0;
-const ACCUMULATE_NANOS: f64 = 3.5e6;
+/// Time of a thread to accumulate a pixel, by the same example, and what a picture may take of each thread.
+const ACCUMULATED_PIXEL_NANOS: f64 = 60.0;
+const ACCUMULATE_NANOS: f64 = 4.5e6;
 /// 640 × 360, however long that takes.
 const PIXELS_MIN: usize = 640 * 360;
 /// Reprojected frames are numbered from here: traced ones never get so far.
@@ -427,7 +427,7 @@ mod tests {
         let table_scene = TableScene::room(BallSet::Classic);
         let mut reprojector = Reprojector::new(table_scene.scene()).unwrap();
         let threads = reprojector.threads.current_num_threads() as u32;
-        let size = ImageSize::new(1024, 256 * threads);
+        let size = ImageSize::new(1024, 80 * threads);
         let update = turned(&table_scene, 0.0);
         let mut large = DisplayFrame {
             serial: 1,

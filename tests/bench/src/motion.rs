@@ -254,15 +254,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn accumulated_frames_are_nearer_to_the_truth_than_single_ones() {
+    fn accumulated_frames_of_one_sample_are_nearer_to_the_truth_than_single_ones() {
         let args = MotionArgs {
             json: false,
             size: ImageSize::new(160, 90),
             frames: 14,
             reference_spp: 64,
         };
-        for error in measure(&args).unwrap() {
-            assert!(error.accumulated < error.single, "{error:?}");
+        let errors = measure(&args).unwrap();
+        let of_one = errors.iter().filter(|error| error.samples == 1);
+        for error in of_one {
+            assert!(error.accumulated < 0.9 * error.single, "{error:?}");
         }
     }
 
