@@ -106,7 +106,7 @@ fn measure(args: &MotionArgs) -> anyhow::Result<Vec<MotionError>> {
         [("turn", &turning), ("break", &breaking)];
     let mut errors = Vec::new();
     for (motion, update) in motions {
-        let mut of_motion = Motion::new(args, &table_scene, update)?;
+        let mut of_motion = MeasuredMotion::new(args, &table_scene, update)?;
         let measured = SAMPLES.map(|samples| of_motion.error(motion, samples));
         let measured: anyhow::Result<Vec<MotionError>> = measured.into_iter().collect();
         errors.extend(with_equal_times(measured?));
@@ -136,7 +136,7 @@ fn break_shot(stage: TableScene, frames: u32) -> anyhow::Result<ShotSequence> {
 }
 
 /// A motion, and what some of its frames should look like.
-struct Motion<'a> {
+struct MeasuredMotion<'a> {
     args: &'a MotionArgs,
     table_scene: &'a TableScene,
     scene: CompiledScene,
@@ -146,7 +146,7 @@ struct Motion<'a> {
     references: Vec<(usize, Vec<[u8; 3]>)>,
 }
 
-impl<'a> Motion<'a> {
+impl<'a> MeasuredMotion<'a> {
     fn new(
         args: &'a MotionArgs,
         table_scene: &'a TableScene,

@@ -132,6 +132,7 @@ const LAYERS: &[(&[&str], &[&str])] = &[
             "tracer/src/cpu/",
             "tracer/src/simd.rs",
             "tracer/src/denoise/",
+            "tracer/src/reproject/",
             "protocol/src/tile_codec/",
             "game/mpm/src/",
         ],

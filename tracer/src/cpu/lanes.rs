@@ -140,3 +140,9 @@ impl<S: Simd> Neg for Vec3x<S> {
         Self::new(-self.x, -self.y, -self.z)
     }
 }
+
+/// Whether 0 is within the bounds of three numbers.
+#[inline(always)]
+pub(super) fn has_zero<S: Simd>([a, b, c]: [Float<S>; 3]) -> Mask<S> {
+    a.min(b).min(c).simd_le(0.0) & a.max(b).max(c).simd_ge(0.0)
+}

@@ -10,10 +10,9 @@ use std::collections::HashMap;
 
 use fearless_simd::prelude::*;
 
-use super::lanes::{Float, LANES, Mask, Vec3x, Word};
+use super::lanes::{Float, LANES, Mask, Vec3x, Word, has_zero};
 use super::rays::{INSIDE, Nearest, Rays};
 use super::sampling::basis;
-use super::triangle::has_zero;
 
 /// Triangles, with each corner and each edge of theirs once.
 pub(super) struct SharedEdges {

@@ -76,12 +76,6 @@ impl<S: Simd> Seen<S> {
     }
 }
 
-/// Whether 0 is within the bounds of three numbers.
-#[inline(always)]
-pub(super) fn has_zero<S: Simd>([a, b, c]: [Float<S>; 3]) -> Mask<S> {
-    a.min(b).min(c).simd_le(0.0) & a.max(b).max(c).simd_ge(0.0)
-}
-
 impl Triangle {
     fn numbers(triangle: &TriangleData) -> [f32; 9] {
         join([triangle.a, triangle.b, triangle.c])
