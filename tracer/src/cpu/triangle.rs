@@ -6,7 +6,7 @@ use fearless_simd::prelude::*;
 
 use super::beam::{Beam, BoundsGroups};
 use super::bvh16::{Bvh16, HitFilter, Solid};
-use super::lanes::{Float, LANES, Mask, Vec3x};
+use super::lanes::{Float, LANES, Mask, Vec3x, has_zero};
 use super::rays::{HitMask, INSIDE, Nearest, Rays};
 use super::sampling::basis;
 use super::shapes::{PackedPrimitive, Primitives, Shape, join};
