@@ -30,7 +30,10 @@ impl CrossFade {
             return;
         }
         self.fade = Some(Fade {
-            before: resized(before, after.size),
+            before: match before.size == after.size {
+                true => before.rgba.clone(),
+                false => resized(before, after.size),
+            },
             began_secs: now_secs,
             blended: after.clone(),
         });

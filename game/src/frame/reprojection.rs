@@ -98,20 +98,24 @@ impl Reprojector {
     }
 
     /// Blends `picture`, of a moving view, with those before it, or with the one `at_rest` that it replaces. Large pictures are
-    /// left as they are where the threads cannot take that in time.
-    pub fn accumulate(&mut self, picture: &mut DisplayFrame, at_rest: Option<&DisplayFrame>) {
+    /// left as they are where the threads cannot take that in time. Whether `picture` has been accumulated.
+    pub fn accumulate(
+        &mut self,
+        picture: &mut DisplayFrame,
+        at_rest: Option<&DisplayFrame>,
+    ) -> bool {
         if self.accumulated == Some(picture.serial) {
-            return;
+            return true;
         }
         let threads = self.threads.current_num_threads() as f64;
         let nanos = picture.size.pixels() as f64 * ACCUMULATED_PIXEL_NANOS;
         if nanos > threads * ACCUMULATE_NANOS {
-            return;
+            return false;
         }
         let earlier = self.from.take();
         self.look_at(picture);
         let Some((_, view)) = &self.from else {
-            return;
+            return false;
         };
         let accumulation = &mut self.accumulation;
         let is_accumulated = earlier.as_ref().map(|(of, _)| *of) == self.accumulated;
@@ -127,6 +131,7 @@ impl Reprojector {
         });
         self.accumulated = Some(picture.serial);
         self.spare = earlier.map(|(_, view)| view).or(self.spare.take());
+        true
     }
 
     /// Finds what `picture` shows, unless that is known.
@@ -435,7 +440,7 @@ mod tests {
             rgba: vec![[5; 4]; size.pixels()],
             update,
         };
-        reprojector.accumulate(&mut large, None);
+        assert!(!reprojector.accumulate(&mut large, None));
         assert_eq!(
             (reprojector.accumulated, reprojector.from.is_none()),
             (None, true)

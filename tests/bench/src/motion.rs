@@ -195,8 +195,13 @@ impl<'a> MeasuredMotion<'a> {
                 update: self.updates[frame].clone(),
             };
             let clock = ProcessTime::now();
-            reprojector.accumulate(&mut picture, None);
+            let is_accumulated = reprojector.accumulate(&mut picture, None);
             accumulate_secs += clock.elapsed().as_secs_f64();
+            let ImageSize { width, height } = self.args.size;
+            anyhow::ensure!(
+                is_accumulated,
+                "--size {width}x{height}: the game accumulates only smaller frames on so few threads"
+            );
             let reference = self.references.iter().find(|(of, _)| *of == frame);
             if let Some((_, reference)) = reference {
                 let shown: Vec<[u8; 3]> =

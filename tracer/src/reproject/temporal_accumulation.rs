@@ -8,12 +8,13 @@
 //! sharpened cubic (Keys, "Cubic Convolution Interpolation for Digital Image Processing", 1981), which edges and fine
 //! texture do not survive for long.
 //!
-//! Means are of sRGB levels, in which noise that is darker than it is bright would darken the mean: frames are to be denoised.
+//! Means are of tone-mapped levels, which lie below the level of the mean radiance, the more the more noise there is: frames
+//! are to be denoised.
 
 use fearless_simd::{f32x4, prelude::*};
 use rayon::prelude::*;
 
-use super::View;
+use super::{Channel, View};
 use crate::ImageSize;
 use crate::cpu::Footprint;
 use crate::simd::{Level, dispatch};
@@ -307,8 +308,7 @@ const fn inner(share: f32) -> f32 {
 fn store_levels(row: &mut [[u8; 4]], means: &[[f32; 4]]) {
     let levels = row.as_flattened_mut().iter_mut().zip(means.as_flattened());
     for (level, mean) in levels {
-        // Ends in the units of a number of 2^23 or more.
-        *level = (mean + 8_388_608.0).to_bits() as u8;
+        *level = u8::from_f32(*mean);
     }
     for pixel in row {
         pixel[3] = 255;
@@ -345,7 +345,7 @@ pub const STILL_FRAMES_MAX: f32 = 16.0;
 const EDGE_FRAMES_MAX: f32 = 1.5;
 /// Where there is the most detail.
 const DETAIL_FRAMES_MAX: f32 = 1.5;
-/// The standard deviation of a neighbourhood, in levels, from which one frame is averaged.
+/// Frames that are averaged where the standard deviation of the neighbourhood is one level; as many times fewer as it is more.
 const CONTRAST: f32 = 40.0;
 /// How many standard deviations of its neighbourhood the history of a pixel may be away, and how many levels more.
 const DEVIATIONS: f32 = 2.5;
