@@ -2,11 +2,11 @@
 
 mod cone;
 mod data;
+mod emissive_surface;
 mod environment;
 mod layer_texture;
 mod material;
 mod mesh;
-mod mesh_light;
 mod opacity;
 mod particle_surface;
 mod punctual_light;
@@ -28,13 +28,13 @@ pub use self::data::{
     PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData, TriangleColors,
     TriangleData, TriangleNormals, TriangleUvs,
 };
+pub use self::emissive_surface::{
+    EMISSIVE_SURFACE_REACH, EMISSIVE_SURFACES_MAX, EmissiveSurfaceData, EmissiveSurfaces,
+};
 pub use self::environment::{CompiledEnvironment, EnvironmentSample};
 pub use self::layer_texture::LayerTextureData;
 use self::material::material_data;
 pub use self::mesh::CompiledMeshes;
-pub use self::mesh_light::{
-    MESH_LIGHT_REACH, MESH_LIGHTS_MAX, MeshLightData, MeshLightPoint, MeshLights,
-};
 pub(crate) use self::opacity::{AlphaTest, corner_weights};
 pub use self::punctual_light::PunctualLightData;
 #[cfg(feature = "gpu")]
@@ -75,8 +75,8 @@ pub struct CompiledScene {
     pub meshes: CompiledMeshes,
     /// Emitting rectangles; rays end on them.
     pub area_lights: Vec<AreaLightData>,
-    /// Triangles that emit.
-    pub mesh_lights: MeshLights,
+    /// Surfaces that emit.
+    pub emissive_surfaces: EmissiveSurfaces,
     /// Lights without extent.
     pub punctual_lights: Vec<PunctualLightData>,
     /// Probability with which light sampling aims at one of them.
@@ -140,6 +140,18 @@ impl ShapeKind {
         Self::CsgFace,
         Self::Triangle,
     ];
+
+    /// A primitive of the shape.
+    pub(crate) fn primitive(self, index: u32) -> Primitive {
+        match self {
+            Self::Sphere => Primitive::Sphere(index),
+            Self::Box => Primitive::Box(index),
+            Self::Disc => Primitive::Disc(index),
+            Self::Rectangle => Primitive::Rectangle(index),
+            Self::CsgFace => Primitive::CsgFace(index),
+            Self::Triangle => Primitive::Triangle(index),
+        }
+    }
 }
 
 /// Where an object's data lies, and what a ray hit.
@@ -208,7 +220,7 @@ impl CompiledScene {
             csg_faces: Vec::new(),
             meshes: CompiledMeshes::default(),
             area_lights: area_lights(&scene.area_lights),
-            mesh_lights: MeshLights::default(),
+            emissive_surfaces: EmissiveSurfaces::default(),
             punctual_lights: scene.punctual_lights.iter().map(Into::into).collect(),
             punctual_probability: 0.0,
             materials: scene.materials.values().map(material_data).collect(),
@@ -231,7 +243,7 @@ impl CompiledScene {
             let primitive = compiled.push(&object.shape, material(&object.material), &material);
             compiled.primitives.push(primitive);
         }
-        compiled.find_mesh_lights();
+        compiled.find_emissive_surfaces();
         for index in 0..compiled.spheres.len() {
             compiled.spheres[index].allows_refracted_nee = compiled.allows_refracted_nee(index);
         }
@@ -556,7 +568,7 @@ impl CompiledScene {
             true => 1.0,
             false => {
                 let others = self.environment_map.probability + self.punctual_probability;
-                1.0 - f64::from(others + self.mesh_lights.probability())
+                1.0 - f64::from(others + self.emissive_surfaces.probability())
             }
         }
     }

@@ -320,7 +320,7 @@ pub struct MaterialData {
     /// GGX width α; 0 where smooth. Textures multiply its square root.
     pub alpha: f32,
     /// The rate of the exponential law that distances inside are drawn from, m⁻¹; 0 where nothing
-    /// scatters. Of glTF's material the density with which [`super::MeshLights`] draw points of triangles of it, m⁻².
+    /// scatters. Of glTF's material the density with which [`super::EmissiveSurfaces`] draw points of surfaces of it, m⁻².
     pub majorant: f32,
     /// Index of refraction of a metal, real part. Of glTF's material the reflectance towards the normal of what is no metal, where
     /// a texture multiplies it before it is limited to `diffuse_scale`.

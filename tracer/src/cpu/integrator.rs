@@ -98,7 +98,8 @@ impl Prepared {
     #[inline(always)]
     fn generate<S: Simd>(&self, simd: S, stream: &mut Stream) {
         let one = Float::splat(simd, 1.0);
-        stream.has_sampled_pdf = self.environment.probability() > 0.0 || self.mesh_lights.is_some();
+        stream.has_sampled_pdf =
+            self.environment.probability() > 0.0 || self.emissive_surfaces.is_some();
         for StreamPacket { at, .. } in packets(stream.len) {
             let pixel = load_words(simd, &stream.pixel, at);
             let sample = load_words(simd, &stream.sample, at);
@@ -379,7 +380,7 @@ impl Prepared {
             }
             let beta = stream.beta.load(simd, at);
             if let Some(emission) =
-                self.surface_emission(simd, stream, at, alive, direction, distance, &hit)
+                self.surface_emission(simd, stream, at, alive, direction, distance, tag, &hit)
             {
                 let radiance = stream.radiance.load(simd, at);
                 stream.radiance.store(at, radiance + emission);
@@ -453,11 +454,12 @@ impl Prepared {
         lanes: Mask<S>,
         direction: Vec3x<S>,
         distance: Float<S>,
+        tag: Word<S>,
         hit: &Hit<S>,
     ) -> Option<Vec3x<S>> {
         let surface = hit.metallic_roughness.as_ref()?;
         let mut emission = surface.emission;
-        if let Some(lights) = &self.mesh_lights {
+        if let Some(lights) = &self.emissive_surfaces {
             let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
             let mut normal = hit.normal;
             if let Some(geometric) = hit.geometric {
@@ -466,9 +468,12 @@ impl Prepared {
             }
             let cosine = normal.dot(direction).abs();
             let pdf = load(simd, &stream.sampled_pdf, at);
-            let density = surface.point_density * lights.probability() * distance * distance;
+            let origin = stream.origin.load(simd, at);
+            let area_per_angle =
+                lights.area_per_angle(simd, origin, untagged(tag), distance, cosine);
+            let density = surface.point_density * lights.probability() * area_per_angle;
             let is_found = pdf.simd_gt(0.0) & pdf.simd_lt(f32::INFINITY) & density.simd_gt(0.0);
-            let ratio = density / is_found.select(cosine * pdf, one);
+            let ratio = density / is_found.select(pdf, one);
             let weight = power_heuristic(is_found.select(ratio, zero));
             emission = emission * weight;
         }
@@ -501,7 +506,7 @@ impl Prepared {
                 let hit = (self.surfaces)
                     .hit::<S, true>(simd, origin, direction, distance, tag, footprint);
                 let emission =
-                    self.surface_emission(simd, stream, at, lanes, direction, distance, &hit);
+                    self.surface_emission(simd, stream, at, lanes, direction, distance, tag, &hit);
                 emission.unwrap_or(Vec3x::new(zero, zero, zero))
             },
         )

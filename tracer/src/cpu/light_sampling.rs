@@ -5,8 +5,8 @@ use fearless_simd::prelude::*;
 
 use super::area_light::LightSample;
 use super::bsdf::Bsdf;
+use super::emissive_surface::EmissiveSurfaceSampler;
 use super::lanes::{Float, Mask, Vec3x, Word};
-use super::mesh_light::MeshLightSampler;
 use super::microfacet::untagged;
 use super::prepared::Prepared;
 use super::punctual_light::sample_punctual_light;
@@ -43,12 +43,12 @@ impl Prepared {
     pub(super) fn shares_light_sampling(&self) -> bool {
         self.environment.probability() > 0.0
             || self.punctual_probability > 0.0
-            || self.mesh_lights.is_some()
+            || self.emissive_surfaces.is_some()
     }
 
-    /// With which light sampling aims at triangles that emit.
-    pub(super) fn mesh_light_probability(&self) -> f32 {
-        (self.mesh_lights.as_ref()).map_or(0.0, MeshLightSampler::probability)
+    /// With which light sampling aims at surfaces that emit.
+    pub(super) fn emissive_surface_probability(&self) -> f32 {
+        (self.emissive_surfaces.as_ref()).map_or(0.0, EmissiveSurfaceSampler::probability)
     }
 
     /// Whether there are directions in which light is looked for.
@@ -125,38 +125,38 @@ impl Prepared {
         if !self.shares_light_sampling() {
             return None;
         }
-        let mesh_share = self.mesh_light_probability();
+        let emissive_share = self.emissive_surface_probability();
         let shares = [
             self.punctual_probability,
             self.environment.probability(),
             self.area_light_probability,
         ];
         let [punctual_share, environment_share, _] = shares;
-        let beside_mesh = u[0] - mesh_share;
-        let mut mesh = beside_mesh.simd_lt(0.0);
-        let after = beside_mesh - punctual_share;
-        let mut punctual = after.simd_lt(0.0) & !mesh;
-        let mut environment = after.simd_lt(environment_share) & !punctual & !mesh;
+        let beside_emissive = u[0] - emissive_share;
+        let mut emissive = beside_emissive.simd_lt(0.0);
+        let after = beside_emissive - punctual_share;
+        let mut punctual = after.simd_lt(0.0) & !emissive;
+        let mut environment = after.simd_lt(environment_share) & !punctual & !emissive;
         let part = |u: Float<S>, share: f32| u * (1.0 / share.max(f32::MIN_POSITIVE));
         let rest = part(after - environment_share, shares[2]);
         let rest = environment.select(part(after, environment_share), rest);
         let mut rest = punctual
-            .select(part(beside_mesh, punctual_share), rest)
+            .select(part(beside_emissive, punctual_share), rest)
             .min(BELOW_1 as f32);
-        if self.mesh_lights.is_some() {
-            let of_mesh = part(u[0], mesh_share).min(BELOW_1 as f32);
-            rest = mesh.select(of_mesh, rest.max(0.0));
+        if self.emissive_surfaces.is_some() {
+            let of_emissive = part(u[0], emissive_share).min(BELOW_1 as f32);
+            rest = emissive.select(of_emissive, rest.max(0.0));
         }
         if let Some(microfacet) = &hit.microfacet {
             let scattered = microfacet.is_scattered();
             rest = scattered.select(u[0], rest);
             punctual &= !scattered;
             environment &= !scattered;
-            mesh &= !scattered;
+            emissive &= !scattered;
         }
         u[0] = rest;
         Some(LightAims {
-            mesh,
+            emissive,
             punctual,
             environment,
         })
@@ -193,18 +193,18 @@ impl Prepared {
             bsdf,
             ..
         } = *packet;
-        let mesh = alive & aims.mesh;
-        if mesh.any_true()
-            && let Some(lights) = &self.mesh_lights
+        let emissive = alive & aims.emissive;
+        if emissive.any_true()
+            && let Some(lights) = &self.emissive_surfaces
         {
-            let drawn = lights.sample(simd, mesh, hit.position, u);
+            let drawn = lights.sample(simd, emissive, hit.position, u);
             let cos_i = hit.normal.dot(drawn.wi);
             let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, drawn.wi, cos_i);
             let weight = power_heuristic(bsdf_pdf * drawn.inverse_density);
             let light = f_cos.scale(drawn.radiance) * weight;
-            let lanes = mesh & bsdf.sees(drawn.wi, cos_i);
+            let lanes = emissive & bsdf.sees(drawn.wi, cos_i);
             let distance = drawn.distance;
-            replace_shadow_ray(packet, stream, mesh, lanes, drawn.wi, distance, light);
+            replace_shadow_ray(packet, stream, emissive, lanes, drawn.wi, distance, light);
         }
         let environment = alive & aims.environment;
         if environment.any_true()
@@ -408,7 +408,7 @@ fn queue_no_shadow_rays<S: Simd>(packet: &HitPacket<'_, S>, stream: &mut Stream)
 
 /// The lanes that aim elsewhere than at an area light.
 struct LightAims<S: Simd> {
-    mesh: Mask<S>,
+    emissive: Mask<S>,
     punctual: Mask<S>,
     environment: Mask<S>,
 }

@@ -17,7 +17,7 @@ use super::sampling::{BsdfSample, cosine_hemisphere};
 use super::sheen::{Sheen, sheen_reflectances};
 use super::triangle_surface::TriangleHit;
 use crate::CompiledScene;
-use crate::compiled::{KIND_METALLIC_ROUGHNESS, MaterialData};
+use crate::compiled::{KIND_METALLIC_ROUGHNESS, MaterialData, ShapeKind};
 use crate::regularisation::ALPHA_MIN;
 use crate::scalar::metallic_roughness::{ALPHA_LEAST, CLEARCOAT_F0};
 use crate::scene::validate::SHEEN_ROUGHNESS as SHEEN_WIDTHS;
@@ -48,23 +48,20 @@ const SHEEN: usize = 15;
 const SHEEN_ROUGHNESS: usize = 18;
 /// What the sheen would reflect at six cosines.
 const SHEEN_REFLECTED: usize = 19;
-/// With which light sampling draws points on triangles, m⁻²; 0 of other shapes.
+/// With which light sampling draws points on the surface, m⁻²; 0 of shapes that it does not.
 const POINT_DENSITY: usize = 25;
 const TRANSMISSION: usize = 26;
 
 impl MetallicRoughnessTable {
-    /// `materials` are those of all rows.
-    pub(super) fn new<'a, I: Iterator<Item = &'a MaterialData>>(
+    /// `materials` are those of all rows, and of which shape these are.
+    pub(super) fn new<'a, I: Iterator<Item = (ShapeKind, &'a MaterialData)>>(
         scene: &CompiledScene,
         materials: impl FnOnce() -> I,
-        triangles_first: usize,
     ) -> Self {
         let has_some = (scene.materials.iter()).any(|m| m.kind == KIND_METALLIC_ROUGHNESS);
         Self {
             rows: match has_some {
-                true => (materials().enumerate())
-                    .map(|(row, material)| metallic_roughness_row(material, row >= triangles_first))
-                    .collect(),
+                true => materials().map(metallic_roughness_row).collect(),
                 false => Vec::new(),
             },
             has_layers: scene.materials.iter().any(MaterialData::has_layers),
@@ -77,7 +74,7 @@ impl MetallicRoughnessTable {
     }
 }
 
-fn metallic_roughness_row(material: &MaterialData, is_of_triangles: bool) -> MetallicRoughnessRow {
+fn metallic_roughness_row((shape, material): (ShapeKind, &MaterialData)) -> MetallicRoughnessRow {
     let mut row = [0.0; 27];
     if material.kind != KIND_METALLIC_ROUGHNESS {
         return row;
@@ -95,7 +92,7 @@ fn metallic_roughness_row(material: &MaterialData, is_of_triangles: bool) -> Met
     row[SHEEN_ROUGHNESS] = material.sheen_roughness;
     row[SHEEN_REFLECTED..][..3].copy_from_slice(&material.extinction);
     row[SHEEN_REFLECTED + 3..][..3].copy_from_slice(&material.scattering);
-    if is_of_triangles {
+    if shape.is_light_sampled() {
         row[POINT_DENSITY] = material.majorant;
     }
     row
@@ -106,7 +103,7 @@ fn metallic_roughness_row(material: &MaterialData, is_of_triangles: bool) -> Met
 pub(super) struct MetallicRoughness<S: Simd> {
     pub(super) lanes: Mask<S>,
     pub(super) emission: Vec3x<S>,
-    /// With which light sampling draws the point among all of triangles that emit, m⁻²; 0 where it does not.
+    /// With which light sampling draws the point among all of surfaces that emit, m⁻²; 0 where it does not.
     pub(super) point_density: Float<S>,
     diffuse: Vec3x<S>,
     f0: Vec3x<S>,
@@ -349,7 +346,7 @@ impl<S: Simd> MetallicRoughness<S> {
         }
         let scale = 1.0 / mean_passed;
         let scattered = self.diffuse * (passed * scale * cos_i * FRAC_1_PI);
-        let share = self.reflected_share(simd, cos_o);
+        let share = self.reflected_share(cos_o);
         let mut pdf = share.mul_add(seen, (1.0 - share) * cos_i * FRAC_1_PI);
         let mut f_cos = reflected + scattered;
         if let Some(layers) = &self.layers {
@@ -397,7 +394,7 @@ impl<S: Simd> MetallicRoughness<S> {
         simd.vectorize(
             #[inline(always)]
             || {
-                let share = self.reflected_share(simd, normal.dot(wo));
+                let share = self.reflected_share(normal.dot(wo));
                 let (mut u0, mut alpha, mut coated) = (u[0], self.alpha, Mask::splat(simd, false));
                 let mut mirror_normal = normal;
                 let (mut passes, mut passed_share) = (coated, Float::splat(simd, 0.0));
@@ -473,17 +470,15 @@ impl<S: Simd> MetallicRoughness<S> {
     }
 
     #[inline(always)]
-    fn reflected_share(&self, simd: S, cos_o: Float<S>) -> Float<S> {
+    fn reflected_share(&self, cos_o: Float<S>) -> Float<S> {
         let sum = |v: Vec3x<S>| v.x + v.y + v.z;
         let reflected = sum(self.schlick(grazing(cos_o)));
+        let mut all = sum(self.diffuse).mul_add(self.passed(cos_o), reflected);
         if let Some(layers) = &self.layers {
-            let sheen = layers.sheen_reflected(cos_o).min(1.0) * 3.0;
-            let all = sum(self.diffuse).mul_add(self.passed(cos_o), reflected) + sheen;
-            let is_some = all.simd_gt(0.0);
-            let share = reflected / is_some.select(all, Float::splat(simd, 1.0));
-            return is_some.select(share, Float::splat(simd, 0.0));
+            all += layers.sheen_reflected(cos_o).min(1.0) * 3.0;
         }
-        reflected / sum(self.diffuse).mul_add(self.passed(cos_o), reflected)
+        // What is black and of index 1 sends nothing on along its normal.
+        reflected / all.max(f32::MIN_POSITIVE)
     }
 
     /// The probability with which a direction is drawn from the coat; 0 without layers.

@@ -1,9 +1,9 @@
 //! A scene with its settings, laid out for the lanes.
 
 use super::area_light::AreaLights;
+use super::emissive_surface::EmissiveSurfaceSampler;
 use super::environment::Environment;
 use super::geometry::Geometry;
-use super::mesh_light::MeshLightSampler;
 use super::surface::Surfaces;
 use crate::compiled::{CameraFrame, CompiledScene, PunctualLightData};
 use crate::{ImageSize, RenderSettings};
@@ -16,7 +16,7 @@ pub(super) struct Prepared {
     pub(super) surfaces: Surfaces,
     pub(super) area_lights: AreaLights,
     /// Triangles that emit, if there are any.
-    pub(super) mesh_lights: Option<MeshLightSampler>,
+    pub(super) emissive_surfaces: Option<EmissiveSurfaceSampler>,
     /// Some surface emits.
     pub(super) has_emission: bool,
     pub(super) punctual_lights: Vec<PunctualLightData>,
@@ -45,7 +45,7 @@ impl Prepared {
             geometry: Geometry::new(scene),
             surfaces,
             area_lights: AreaLights::new(&scene.area_lights),
-            mesh_lights: MeshLightSampler::new(scene),
+            emissive_surfaces: EmissiveSurfaceSampler::new(scene),
             has_emission: scene.has_emission(),
             punctual_lights: scene.punctual_lights.clone(),
             punctual_probability: scene.punctual_probability,

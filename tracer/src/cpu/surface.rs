@@ -16,7 +16,7 @@ use super::triangle_surface::{TriangleHit, TriangleSurfaces};
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
     CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
-    PATTERN_NONE,
+    PATTERN_NONE, ShapeKind,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids; after them one per material, for
@@ -159,11 +159,7 @@ impl Surfaces {
             microfacet: microfacet_rows(scene),
             texture: texture_rows(scene),
             sheen: sheen_rows(scene),
-            metallic_roughness: MetallicRoughnessTable::new(
-                scene,
-                || materials(scene),
-                triangles_first as usize,
-            ),
+            metallic_roughness: MetallicRoughnessTable::new(scene, || shapes_and_materials(scene)),
             has_dielectric: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
             nee_boundaries: nee_boundary_rows(scene),
         }
@@ -329,19 +325,37 @@ impl Surfaces {
 
 /// The materials of all rows.
 fn materials(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
-    let spheres = scene.spheres.iter().map(|s| s.material);
-    let boxes = scene.boxes.iter().map(|b| b.material);
-    let discs = scene.discs.iter().map(|d| d.material);
-    let rectangles = scene.rectangles.iter().map(|r| r.material);
-    let faces = scene.csg_faces.iter().map(|f| f.material);
+    shapes_and_materials(scene).map(|(_, material)| material)
+}
+
+fn shapes_and_materials(scene: &CompiledScene) -> impl Iterator<Item = (ShapeKind, &MaterialData)> {
+    let spheres = scene
+        .spheres
+        .iter()
+        .map(|s| (ShapeKind::Sphere, s.material));
+    let boxes = scene.boxes.iter().map(|b| (ShapeKind::Box, b.material));
+    let discs = scene.discs.iter().map(|d| (ShapeKind::Disc, d.material));
+    let rectangles = scene
+        .rectangles
+        .iter()
+        .map(|r| (ShapeKind::Rectangle, r.material));
+    let faces = scene
+        .csg_faces
+        .iter()
+        .map(|f| (ShapeKind::CsgFace, f.material));
     let indices = spheres.chain(boxes).chain(discs).chain(rectangles);
-    let indices = indices.chain(faces);
-    let materials = indices.map(|material| &scene.materials[material as usize]);
     let of_triangles = match scene.meshes.triangles.is_empty() {
         true => &[],
         false => &scene.materials[..],
     };
-    materials.chain(of_triangles)
+    let materials = indices
+        .chain(faces)
+        .map(|(shape, index)| (shape, &scene.materials[index as usize]));
+    materials.chain(
+        of_triangles
+            .iter()
+            .map(|material| (ShapeKind::Triangle, material)),
+    )
 }
 
 fn microfacet_rows(scene: &CompiledScene) -> Vec<MicrofacetRow> {

@@ -162,10 +162,10 @@ pub(crate) struct Features {
     /// Pixels across and down the environment map; 0 without.
     pub(crate) environment_map: [u32; 2],
     pub(crate) area_lights: u32,
-    /// Triangles that emit.
-    pub(crate) mesh_lights: u32,
+    /// Surfaces that emit, of each shape.
+    pub(crate) emissive_surfaces: [u32; ShapeKind::ALL.len()],
     /// Their probability in light sampling.
-    pub(crate) mesh_light_sixteenths: u32,
+    pub(crate) emissive_surface_sixteenths: u32,
     /// Some surface emits.
     pub(crate) has_emission: bool,
     /// Lights without extent.
@@ -228,7 +228,7 @@ impl Features {
         let layers = || scene.textures.layers.iter();
         let shares_light_sampling = !(scene.environment_map.is_empty()
             && scene.punctual_lights.is_empty())
-            || scene.mesh_lights.sixteenths > 0;
+            || scene.emissive_surfaces.sixteenths > 0;
         Self {
             spheres: scene.spheres.len() as u32,
             boxes: scene.boxes.len() as u32,
@@ -248,8 +248,8 @@ impl Features {
             colored_triangles: scene.meshes.colors.len() as u32,
             has_opacity: scene.alpha_test().is_some(),
             area_lights: scene.area_lights.len() as u32,
-            mesh_lights: scene.mesh_lights.triangles.len() as u32,
-            mesh_light_sixteenths: scene.mesh_lights.sixteenths,
+            emissive_surfaces: emissive_surfaces(scene),
+            emissive_surface_sixteenths: scene.emissive_surfaces.sixteenths,
             has_emission: scene.has_emission(),
             punctual_lights: scene.punctual_lights.len() as u32,
             punctual_halves: punctual_halves(scene),
@@ -317,7 +317,29 @@ impl Features {
 
     /// Whether light is looked for elsewhere than at area lights.
     pub(crate) const fn shares_light_sampling(&self) -> bool {
-        self.has_environment_map() || self.punctual_lights > 0 || self.mesh_lights > 0
+        self.has_environment_map() || self.punctual_lights > 0 || self.has_emissive_surfaces()
+    }
+
+    /// Whether light sampling aims at surfaces that emit.
+    pub(crate) const fn has_emissive_surfaces(&self) -> bool {
+        self.emissive_surface_sixteenths > 0
+    }
+
+    /// Surfaces that emit and are no triangles.
+    pub(crate) fn emissive_shapes(&self) -> u32 {
+        self.emissive_surfaces.iter().sum::<u32>() - self.emissive_triangles()
+    }
+
+    /// The shapes that some of them are of.
+    pub(crate) fn emissive_kinds(&self) -> impl Iterator<Item = ShapeKind> + use<> {
+        let counts = self.emissive_surfaces;
+        let shapes = ShapeKind::ALL.into_iter();
+        shapes.filter(move |shape| counts[*shape as usize] > 0)
+    }
+
+    /// Triangles that emit.
+    pub(crate) const fn emissive_triangles(&self) -> u32 {
+        self.emissive_surfaces[ShapeKind::Triangle as usize]
     }
 
     /// Whether there is an environment map.
@@ -403,9 +425,17 @@ pub(crate) fn bvh(scene: &CompiledScene, shape: ShapeKind) -> Option<&Bvh> {
     scene.bvh(shape, bvh_min(shape))
 }
 
-/// Beside triangles that emit.
+fn emissive_surfaces(scene: &CompiledScene) -> [u32; ShapeKind::ALL.len()] {
+    let mut counts = [0; ShapeKind::ALL.len()];
+    for surface in scene.emissive_surfaces.surfaces.iter() {
+        counts[surface.shape as usize] += 1;
+    }
+    counts
+}
+
+/// Beside surfaces that emit.
 fn punctual_halves(scene: &CompiledScene) -> u32 {
-    let others = 1.0 - scene.mesh_lights.probability();
+    let others = 1.0 - scene.emissive_surfaces.probability();
     match others > 0.0 {
         true => (2.0 * scene.punctual_probability / others).round() as u32,
         false => 0,

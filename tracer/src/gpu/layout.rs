@@ -6,7 +6,7 @@ use glam::Vec3;
 use crate::bvh::{BvhNode, LEAF, leaves};
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
-    MaterialData, MeshLightData, PunctualLightData, RectangleData, ShapeKind, SphereData,
+    EmissiveSurfaceData, MaterialData, PunctualLightData, RectangleData, ShapeKind, SphereData,
     TriangleColors, TriangleData, TriangleNormals, TriangleUvs,
 };
 use crate::gpu::coplanar;
@@ -198,6 +198,7 @@ pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
         + features.csg_boxes as usize * size_of::<CsgBoxData>()
         + features.area_lights as usize * size_of::<AreaLightData>()
         + features.punctual_lights as usize * size_of::<PunctualLightData>()
+        + features.emissive_shapes() as usize * size_of::<EmissiveSurfaceData>()
         + features.materials as usize * size_of::<MaterialData>();
     (size_of::<SceneHeader>() + arrays) as u64
 }
@@ -255,6 +256,8 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     bytes.extend_from_slice(cast_slice(&scene.csg_boxes));
     bytes.extend_from_slice(cast_slice(&scene.area_lights));
     bytes.extend_from_slice(cast_slice(&scene.punctual_lights));
+    let (emissive_shapes, _) = scene.emissive_surfaces.shapes_and_triangles();
+    bytes.extend_from_slice(cast_slice(emissive_shapes));
     bytes.extend_from_slice(cast_slice(&scene.materials));
     if scene.materials.is_empty() {
         bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));
@@ -272,7 +275,7 @@ pub(crate) fn mesh_bytes_len(features: &Features) -> u64 {
     let normals = features.smooth_triangles as usize * size_of::<TriangleNormals>();
     let uvs = features.uv_triangles as usize * size_of::<TriangleUvs>();
     let colors = features.colored_triangles as usize * size_of::<TriangleColors>();
-    let lights = features.mesh_lights as usize * size_of::<MeshLightData>();
+    let lights = features.emissive_triangles() as usize * size_of::<EmissiveSurfaceData>();
     (triangles + normals + uvs + colors + lights + finders_bytes(features, ShapeKind::Triangle))
         as u64
 }
@@ -287,7 +290,8 @@ pub(crate) fn mesh_bytes(scene: &CompiledScene) -> Vec<u8> {
         false => cast_slice(&meshes.uvs),
     };
     let colors = cast_slice(&meshes.colors);
-    let lights = cast_slice(&scene.mesh_lights.triangles);
+    let (_, lights) = scene.emissive_surfaces.shapes_and_triangles();
+    let lights = cast_slice(lights);
     let normals = cast_slice(&meshes.normals);
     [triangles, normals, uvs, colors, lights, &finders].concat()
 }

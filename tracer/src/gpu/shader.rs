@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use crate::bvh::{self, DEPTH_MAX, LEAF, SLACK};
 use crate::compiled::{
     AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX,
-    CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS,
-    MESH_LIGHT_REACH, MaterialTextureData, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH,
+    CSG_FACE_PLANE, EMISSIVE_SURFACE_REACH, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
+    KIND_METALLIC_ROUGHNESS, MaterialTextureData, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH,
     PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData, TextureData,
     TriangleData, WRAP_CLAMP, WRAP_REPEAT,
 };
@@ -59,6 +59,7 @@ pub(crate) fn source(features: &Features) -> String {
     text += &traverse(features);
     text += &surface_at(features);
     text += &material_of(features);
+    text += &emissive_surface_functions(features);
     text
 }
 
@@ -225,17 +226,33 @@ fn metallic_roughness_parts(features: &Features) -> Vec<&'static str> {
     if !features.has_shading_normals() {
         parts.push(include_str!("shaders/own_normal_stub.wgsl"));
     }
-    if features.mesh_lights == 0 {
-        parts.push(include_str!("shaders/mesh_light_stub.wgsl"));
-        return parts;
+    parts.extend(emissive_surface_parts(features));
+    parts
+}
+
+fn emissive_surface_parts(features: &Features) -> Vec<&'static str> {
+    if !features.has_emissive_surfaces() {
+        return vec![include_str!("shaders/emissive_surface_stub.wgsl")];
     }
-    parts.push(MESH_LIGHT);
-    parts.push(match features.textures {
-        0 => include_str!("shaders/emission_texture_stub.wgsl"),
-        _ => include_str!("shaders/emission_texture.wgsl"),
-    });
-    if !features.has_opacity {
-        parts.push(include_str!("shaders/opacity_stub.wgsl"));
+    let mut parts = vec![EMISSIVE_SURFACE];
+    if features.emissive_shapes() > 0 {
+        parts.push(include_str!("shaders/emissive_shape.wgsl"));
+    }
+    parts.extend(features.emissive_kinds().map(|shape| match shape {
+        ShapeKind::Sphere => include_str!("shaders/emissive_sphere.wgsl"),
+        ShapeKind::Disc => include_str!("shaders/emissive_disc.wgsl"),
+        ShapeKind::Rectangle => include_str!("shaders/emissive_rectangle.wgsl"),
+        ShapeKind::Triangle => include_str!("shaders/emissive_triangle.wgsl"),
+        ShapeKind::Box | ShapeKind::CsgFace => unreachable!("light sampling leaves them to chance"),
+    }));
+    if features.emissive_triangles() > 0 {
+        parts.push(match features.textures {
+            0 => include_str!("shaders/emission_texture_stub.wgsl"),
+            _ => include_str!("shaders/emission_texture.wgsl"),
+        });
+        if !features.has_opacity {
+            parts.push(include_str!("shaders/opacity_stub.wgsl"));
+        }
     }
     parts
 }
@@ -294,7 +311,7 @@ fn opacity_parts(features: &Features) -> Vec<&'static str> {
     parts
 }
 
-const MESH_LIGHT: &str = include_str!("shaders/mesh_light.wgsl");
+const EMISSIVE_SURFACE: &str = include_str!("shaders/emissive_surface.wgsl");
 const LAYERS: &str = include_str!("shaders/layers.wgsl");
 const IMAGE_TEXTURE: &str = include_str!("shaders/image_texture.wgsl");
 const LAYER_TEXTURES: &str = include_str!("shaders/layer_textures.wgsl");
@@ -441,8 +458,8 @@ fn light_sampling_constants(features: &Features) -> String {
     let punctual = 0.5 * features.punctual_halves as f32;
     // Where there are no others, so that nothing is divided by 0.
     let others = if punctual < 1.0 { 1.0 - punctual } else { 1.0 };
-    let mesh = features.mesh_light_sixteenths as f32 / 16.0;
-    let lamps = if mesh < 1.0 { 1.0 - mesh } else { 1.0 };
+    let emissive = features.emissive_surface_sixteenths as f32 / 16.0;
+    let lamps = if emissive < 1.0 { 1.0 - emissive } else { 1.0 };
     let others = others * lamps;
     format!(
         "const SHARES_LIGHT_SAMPLING: bool = {};\n\
@@ -521,6 +538,13 @@ fn scene_declaration(features: &Features) -> String {
             "    punctual_lights: array<PunctualLightData, {count}>,"
         );
     }
+    if features.emissive_shapes() > 0 {
+        let count = features.emissive_shapes();
+        _ = writeln!(
+            text,
+            "    emissive_shapes: array<EmissiveSurfaceData, {count}>,"
+        );
+    }
     _ = writeln!(
         text,
         "    materials: array<MaterialData, {}>,",
@@ -575,9 +599,6 @@ fn mesh_declaration(features: &Features) -> String {
     let mut text = format!(
         "const FLAT: u32 = {}u;\n\
          const COLORED_TRIANGLE_COUNT: u32 = {}u;\n\
-         const MESH_LIGHT_COUNT: u32 = {}u;\n\
-         const MESH_LIGHT_SHARE: f32 = {:?};\n\
-         const MESH_LIGHT_REACH: f32 = {MESH_LIGHT_REACH:?};\n\
          const OPACITY_OPAQUE: f32 = {OPACITY_OPAQUE:?};\n\
          const OPACITY_MASK: f32 = {OPACITY_MASK:?};\n\
          const POINT_ROUNDING: f32 = {POINT_ROUNDING:e};\n\
@@ -586,8 +607,6 @@ fn mesh_declaration(features: &Features) -> String {
          struct MeshData {{\n    triangles: array<TriangleData, {triangles}>,\n",
         TriangleData::FLAT,
         features.colored_triangles,
-        features.mesh_lights,
-        features.mesh_light_sixteenths as f32 / 16.0,
         features.has_dielectric_mesh
     );
     if normals > 0 {
@@ -601,9 +620,9 @@ fn mesh_declaration(features: &Features) -> String {
         let count = features.colored_triangles;
         _ = writeln!(text, "    colors: array<TriangleColors, {count}>,");
     }
-    if features.mesh_lights > 0 {
-        let count = features.mesh_lights;
-        _ = writeln!(text, "    lights: array<MeshLightData, {count}>,");
+    if features.emissive_triangles() > 0 {
+        let count = features.emissive_triangles();
+        _ = writeln!(text, "    lights: array<EmissiveSurfaceData, {count}>,");
     }
     text += &finders_declaration(features, ShapeKind::Triangle);
     text + "}\n@group(0) @binding("
@@ -691,7 +710,7 @@ fn environment_declaration(features: &Features) -> String {
 
 /// A part of a kernel with functions of other parts around its own: those of `shading_normal.wgsl`, and within those of
 /// `metallic_roughness.wgsl`, of `punctual_light.wgsl` and of `environment_map.wgsl`; those of `layers.wgsl`, of
-/// `opacity.wgsl` and of `vertex_color.wgsl`; and around those of all lights those of `mesh_light.wgsl`.
+/// `opacity.wgsl` and of `vertex_color.wgsl`; and around those of all lights those of `emissive_surface.wgsl`.
 fn with_wrappers(features: &Features, part: &str) -> String {
     let mut text = part.to_owned();
     if features.has_thin_walls {
@@ -748,7 +767,7 @@ fn with_wrappers(features: &Features, part: &str) -> String {
         }
     }
     text = with_lights(features, part, text);
-    if features.mesh_lights > 0 && part != MESH_LIGHT {
+    if features.has_emissive_surfaces() && part != EMISSIVE_SURFACE {
         text = text.replace("fn note_density(", "fn lamp_note_density(");
     }
     if features.has_shading_normals() && part != SHADING_NORMAL {
@@ -765,7 +784,7 @@ fn with_lights(features: &Features, part: &str, mut text: String) -> String {
     let wrappers = [
         (features.has_environment_map(), ENVIRONMENT_MAP, "area"),
         (features.punctual_lights > 0, PUNCTUAL_LIGHT, "other"),
-        (features.mesh_lights > 0, MESH_LIGHT, "lamp"),
+        (features.has_emissive_surfaces(), EMISSIVE_SURFACE, "lamp"),
     ];
     for (place, (is_there, _, name)) in wrappers.iter().enumerate() {
         let mut outer = wrappers[place..].iter().map(|(_, part, _)| *part);
@@ -916,6 +935,62 @@ fn surface_at(features: &Features) -> String {
             return surface;\n}\n"
 }
 
+/// Which surface that emits a number draws, a point on it, and what of it a solid angle is seen of; nothing where light sampling
+/// aims at none.
+fn emissive_surface_functions(features: &Features) -> String {
+    if !features.has_emissive_surfaces() {
+        return String::new();
+    }
+    let (shapes, triangles) = (features.emissive_shapes(), features.emissive_triangles());
+    let mut text = format!(
+        "const EMISSIVE_SURFACE_SHARE: f32 = {:?};\n\
+         const EMISSIVE_SURFACE_REACH: f32 = {EMISSIVE_SURFACE_REACH:?};\n",
+        features.emissive_surface_sixteenths as f32 / 16.0
+    );
+    if shapes > 0 {
+        _ = writeln!(text, "const EMISSIVE_SHAPE_COUNT: u32 = {shapes}u;");
+    }
+    if triangles > 0 {
+        _ = writeln!(text, "const EMISSIVE_TRIANGLE_COUNT: u32 = {triangles}u;");
+    }
+    text += "fn emissive_surface(u: f32) -> EmissiveSurfaceData {\n";
+    text += match (shapes, triangles) {
+        (_, 0) => "    return emissive_shape(u);\n}\n",
+        (0, _) => "    return emissive_triangle(u);\n}\n",
+        _ => {
+            "    if (u < mesh.lights[0].before) {\n        return emissive_shape(u);\n    }\n    \
+             return emissive_triangle(u);\n}\n"
+        }
+    };
+    text += "fn emissive_point(light: EmissiveSurfaceData, origin: vec3f, u: vec2f) -> EmissivePoint {\n    \
+             switch (light.shape) {\n";
+    for shape in features.emissive_kinds() {
+        let (number, name) = (shape as u32, shape.function());
+        _ = writeln!(
+            text,
+            "        case {number}u: {{ return {name}_point(light.index, origin, u); }}"
+        );
+    }
+    text += "        default: { return NO_EMISSIVE_POINT; }\n    }\n}\n\
+             fn area_per_angle(primitive: u32, origin: vec3f, t: f32, cosine: f32) -> f32 {\n";
+    for shape in features.emissive_kinds() {
+        let constant = shape.constant();
+        let of_shape = match shape {
+            ShapeKind::Sphere => {
+                "        let sphere = scene_storage.spheres[primitive - SPHERE_FIRST];\n        \
+                 let to_center = sphere.center - origin;\n        \
+                 return sphere_area_per_angle(dot(to_center, to_center), sphere.radius);"
+            }
+            _ => "        return t * t / cosine;",
+        };
+        _ = writeln!(
+            text,
+            "    if (primitive - {constant}_FIRST < {constant}_COUNT) {{\n{of_shape}\n    }}"
+        );
+    }
+    text + "    return 0.0;\n}\n"
+}
+
 /// The material of a solid.
 fn material_of(features: &Features) -> String {
     let mut text = String::from("fn material_of(primitive: u32) -> u32 {\n");
@@ -942,9 +1017,9 @@ mod tests {
 
     use super::*;
     use crate::compiled::{
-        AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData, LayerTextureData,
-        MaterialData, MeshLightData, PunctualLightData, RectangleData, SphereData, TextureData,
-        TriangleColors, TriangleNormals, TriangleUvs,
+        AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData,
+        EmissiveSurfaceData, LayerTextureData, MaterialData, PunctualLightData, RectangleData,
+        SphereData, TextureData, TriangleColors, TriangleNormals, TriangleUvs,
     };
     use crate::gpu::layout::{
         BoxBound, BvhNodeData, DispatchData, SceneHeader, SphereBound, SphereLeaf, TileEntry,
@@ -976,8 +1051,8 @@ mod tests {
         has_layers: true,
         has_thin_walls: true,
         has_transmission_textures: true,
-        mesh_lights: 3,
-        mesh_light_sixteenths: 7,
+        emissive_surfaces: [2, 0, 1, 3, 0, 3],
+        emissive_surface_sixteenths: 7,
         has_emission: true,
         bvhs: [true, false, true, true, false, true],
         has_coat: true,
@@ -999,6 +1074,24 @@ mod tests {
         memory: SceneMemory::Uniform,
         workgroup_blocks: 16,
     };
+
+    /// Of shapes that [`variants`] has some of.
+    fn emissive_surfaces(i: u32) -> [u32; 6] {
+        match i % 5 > 2 {
+            true => [
+                i & i >> 4 & 1,
+                0,
+                i >> 2 & i >> 5 & 1,
+                i >> 3 & i & 1,
+                0,
+                match i % 4 < 2 {
+                    true => i % 3,
+                    false => 0,
+                },
+            ],
+            false => [0; 6],
+        }
+    }
 
     /// Every choice of parts; constants alternate.
     fn variants() -> impl Iterator<Item = Features> {
@@ -1035,10 +1128,10 @@ mod tests {
                 has_layers: i % 5 > 2 && i % 13 > 5,
                 has_thin_walls: i % 5 > 2 && i % 3 < 2,
                 has_transmission_textures: is_textured && i % 3 < 1,
-                mesh_lights: if i % 4 < 2 && i % 5 > 2 { i % 3 } else { 0 },
-                mesh_light_sixteenths: match (i % 4 < 2 && i % 5 > 2 && i % 3 > 0, i % 7) {
-                    (false, _) => 0,
-                    (true, part) => 16 - part,
+                emissive_surfaces: emissive_surfaces(i),
+                emissive_surface_sixteenths: match (emissive_surfaces(i).iter().sum(), i % 7) {
+                    (0, _) => 0,
+                    (1.., part) => 16 - part,
                 },
                 has_emission: i % 5 > 2 && (i % 3 > 0 || i % 2 == 1),
                 has_coat: i >> 4 & 1 == 1,
@@ -1157,7 +1250,7 @@ mod tests {
             layout!(TriangleNormals, a b c),
             layout!(TriangleUvs, a b c density),
             layout!(TriangleColors, a b c padding),
-            layout!(MeshLightData, triangle before probability padding),
+            layout!(EmissiveSurfaceData, index before probability shape),
             layout!(TextureData, first width height levels is_srgb wrap_u wrap_v),
             layout!(MaterialTextureData,
                 base_color metallic_roughness normal emission clearcoat clearcoat_roughness

@@ -48,7 +48,7 @@
 //! A constant environment is found by scattering alone. An environment map is aimed at instead of an area light with
 //! probability [`CompiledEnvironment::probability`] by `u[0]` of `block_light(k)`, which is then stretched to [0, 1) again, and
 //! weighed in the same way; what coats and media lead to it counts in full. Before both, [`mod@punctual_light`]s have their
-//! share of `u[0]`, which chance does not find, and before all triangles that emit ([`crate::compiled::MeshLights`]), whose
+//! share of `u[0]`, which chance does not find, and before all surfaces that emit ([`mod@emissive_surface`]), whose
 //! light is weighed as that of an environment map where chance finds it, at the last vertex too. From the second vertex on, paths outside of bodies that would bring
 //! little light are ended by Russian roulette ([`crate::sampling::SURVIVAL_PER_THROUGHPUT`]). There is no clamping; a
 //! sample that is not finite counts as black and is reported.
@@ -59,6 +59,7 @@ mod aov;
 pub mod area_light;
 pub mod bsdf;
 pub mod csg;
+pub mod emissive_surface;
 pub mod environment;
 pub mod intersect;
 pub mod medium;
@@ -80,7 +81,7 @@ use rayon::prelude::*;
 
 #[cfg(doc)]
 use crate::compiled::CompiledEnvironment;
-use crate::compiled::{AreaLightData, CameraFrame, MESH_LIGHT_REACH, Primitive, SphereData};
+use crate::compiled::{AreaLightData, CameraFrame, EMISSIVE_SURFACE_REACH, Primitive, SphereData};
 use crate::denoise::{
     DenoiseInput, DenoiseInputTile, DenoiseSource, FilterMemory, SampleSums, trace_denoised,
 };
@@ -95,6 +96,7 @@ use crate::tracer::{DeviceInfo, DeviceKind, TileRadiance, TraceJob, TraceStats, 
 use crate::{Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
 use area_light::{LightDirection, light_weight_sum, sample_light};
 use bsdf::BsdfSample;
+use emissive_surface::{EmissiveDirection, emissive_surface_density, sample_emissive_surface};
 use environment::environment_radiance;
 pub use intersect::{Hit, Ray, intersect};
 use intersect::{RayOrigin, intersect_from, nearest_area_light, vector};
@@ -563,22 +565,13 @@ impl<'a> PathTracer<'a> {
     /// Weighted radiance that a surface emits which a ray finds.
     fn surface_emission_with_mis(&self, vertex: &Vertex, hit: &Hit, prev: PrevVertex) -> DVec3 {
         let emission = vertex.scatter.emission();
-        let (Primitive::Triangle(_), Some(pdf)) = (hit.primitive, prev.sampled_pdf) else {
+        let Some(pdf) = prev.sampled_pdf else {
             return emission;
         };
+        let origin = vertex.point + hit.t * vertex.wo;
         let cosine = vertex.wo.dot(vertex.geometric_n).abs();
-        emission * power_heuristic(pdf, self.mesh_light_density(hit.primitive, hit.t, cosine))
-    }
-
-    /// Density per solid angle with which light sampling draws a point on a triangle at a distance, seen at a cosine.
-    fn mesh_light_density(&self, triangle: Primitive, distance: f64, cosine: f64) -> f64 {
-        let material = self.scene.material_of(triangle);
-        let per_area = material.map_or(0.0, |material| f64::from(material.majorant));
-        let per_area = per_area * f64::from(self.scene.mesh_lights.probability());
-        match per_area > 0.0 {
-            true => per_area * distance * distance / cosine,
-            false => 0.0,
-        }
+        let density = emissive_surface_density(self.scene, hit.primitive, origin, hit.t, cosine);
+        emission * power_heuristic(pdf, density)
     }
 
     /// Weighted radiance of the environment that a ray finds.
@@ -618,14 +611,14 @@ impl<'a> PathTracer<'a> {
         reflectance * vector(light.radiance)
     }
 
-    /// Next-event estimation: light that comes straight from a triangle that emits, from a light without extent, from the
+    /// Next-event estimation: light that comes straight from a surface that emits, from a light without extent, from the
     /// environment, or from one point of one area light.
     fn direct_light(&self, vertex: &Vertex, [u, v]: [f64; 2], rays: &mut u64) -> DVec3 {
-        let mesh = f64::from(self.scene.mesh_lights.probability());
-        if u < mesh {
-            return self.direct_mesh_light(vertex, [u / mesh, v], rays);
+        let emissive = f64::from(self.scene.emissive_surfaces.probability());
+        if u < emissive {
+            return self.direct_emissive_surface(vertex, [u / emissive, v], rays);
         }
-        let u = u - mesh;
+        let u = u - emissive;
         let punctual = f64::from(self.scene.punctual_probability);
         if u < punctual {
             return self.direct_punctual_light(vertex, u / punctual, rays);
@@ -639,41 +632,22 @@ impl<'a> PathTracer<'a> {
         self.direct_area_light(vertex, [u.min(BELOW_1), v], rays)
     }
 
-    fn direct_mesh_light(&self, vertex: &Vertex, [u, v]: [f64; 2], rays: &mut u64) -> DVec3 {
-        let lights = &self.scene.mesh_lights;
-        let chosen = lights.sample([u.min(BELOW_1) as f32, v as f32]);
-        let triangle = &self.scene.meshes.triangles[chosen.triangle as usize];
-        let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(vector);
-        let across = (b - a).cross(c - a);
-        let [wa, wb, wc] = chosen.weights.map(f64::from);
-        let to_light = wa * a + wb * b + wc * c - vertex.point;
-        let distance = to_light.length();
-        let wi = to_light / distance;
-        let cosine = (wi.dot(across) / across.length()).abs();
+    fn direct_emissive_surface(&self, vertex: &Vertex, u: [f64; 2], rays: &mut u64) -> DVec3 {
+        let Some(chosen) = sample_emissive_surface(self.scene, vertex.point, u) else {
+            return DVec3::ZERO;
+        };
+        let EmissiveDirection { wi, distance, .. } = chosen.direction;
         let (f, pdf_scatter) = vertex.scatter.eval(vertex.wo, wi, vertex.n);
-        // Written so that triangles without area and points on their own plane bring nothing.
-        if !(cosine > 0.0 && distance > 0.0)
-            || f == DVec3::ZERO
+        let reach = distance * f64::from(EMISSIVE_SURFACE_REACH);
+        if f == DVec3::ZERO
             || vertex.is_below(wi)
             || vertex.ray_origin(wi).is_inside
+            || self.is_occluded(vertex, wi, reach, usize::MAX, rays)
         {
             return DVec3::ZERO;
         }
-        let reach = distance * f64::from(MESH_LIGHT_REACH);
-        if self.is_occluded(vertex, wi, reach, usize::MAX, rays) {
-            return DVec3::ZERO;
-        }
-        let primitive = Primitive::Triangle(chosen.triangle);
-        let density = self.mesh_light_density(primitive, distance, cosine);
-        let area = 0.5 * across.length();
-        let probability = f64::from(chosen.probability) * f64::from(lights.probability());
-        let inverse_pdf = area * cosine / (distance * distance * probability);
-        let emission = self
-            .scene
-            .emission_at(chosen.triangle, chosen.weights)
-            .as_dvec3();
-        let weight = power_heuristic(density, pdf_scatter);
-        f * emission * (vertex.cosine(wi) * weight * inverse_pdf)
+        let weight = power_heuristic(chosen.density, pdf_scatter);
+        f * chosen.emission * (vertex.cosine(wi) * weight * chosen.inverse_pdf)
     }
 
     fn direct_punctual_light(&self, vertex: &Vertex, u: f64, rays: &mut u64) -> DVec3 {

@@ -363,8 +363,9 @@ pub enum Material {
         /// Index of refraction of what is no metal, in [1, 1000]; plastic 1.5.
         #[serde(default = "plastic_ior")]
         ior: f32,
-        /// Radiance that the surface emits evenly to both sides, in W·sr⁻¹·m⁻² per channel. Triangles are aimed at by their
-        /// power; other shapes paths find by chance alone: bright and small they are noisy.
+        /// Radiance that the surface emits evenly to both sides, in W·sr⁻¹·m⁻² per channel. Spheres, discs,
+        /// rectangles and triangles are lights: they are aimed at by their power ([`crate::compiled::EmissiveSurfaces`]). Boxes
+        /// and cones are found by chance alone: bright and small they are noisy.
         #[serde(default)]
         emission: Vec3,
         /// Pictures that multiply these numbers, on meshes with texture coordinates.

@@ -4,6 +4,7 @@
 mod cpu;
 mod denoise;
 mod dielectric_meshes;
+mod emissive_surfaces;
 mod environments;
 mod extremes;
 mod gpu;
@@ -11,7 +12,6 @@ mod images;
 mod laws;
 mod layers;
 mod materials;
-mod mesh_lights;
 mod meshes;
 mod opacity;
 mod particles;

@@ -9,6 +9,7 @@ use carom_tracer::{
 use glam::{Quat, Vec3};
 
 use crate::dielectric_meshes::{MAX_DEPTH, glass_meshes};
+use crate::emissive_surfaces::glowing_still_life;
 use crate::environments::surrounded_still_life;
 use crate::layers::layered_still_life;
 use crate::meshes::mesh_still_life;
@@ -441,6 +442,8 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
         scenes.push(("still life among surroundings", scene));
         let scene = punctual_still_life(has_area_lights);
         scenes.push(("still life with lights without extent", scene));
+        let scene = glowing_still_life(has_area_lights);
+        scenes.push(("still life with surfaces that emit", scene));
     }
     scenes
         .into_iter()

@@ -141,7 +141,7 @@ fn emission_of_hit(path: Path, met: Hit) -> vec3f {
     }
     let emission = scene_storage.materials[material].k * textures_met().emission;
     let cosine = abs(dot(path.ray.direction, own_normal(surface)));
-    return path.beta * emission * emission_weight(met.primitive, material, met.t, cosine);
+    return path.beta * emission * emission_weight(met.primitive, material, path.ray.origin, met.t, cosine);
 }
 
 fn first_hit(ray: Ray) -> Aovs {
@@ -176,5 +176,7 @@ fn mean_passed() -> f32 {
 
 fn reflected_share(cos_o: f32) -> f32 {
     let reflected = dot(schlick(metallic_roughness.f0, metallic_roughness.f90, cos_o), vec3f(1.0));
-    return reflected / (reflected + base_passed(cos_o) * dot(metallic_roughness.diffuse, vec3f(1.0)));
+    let all = reflected + base_passed(cos_o) * dot(metallic_roughness.diffuse, vec3f(1.0));
+    // What is black and of index 1 sends nothing on along its normal.
+    return reflected / max(all, 1e-30);
 }

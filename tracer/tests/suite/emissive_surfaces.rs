@@ -1,13 +1,16 @@
-//! Laws of triangles that emit.
+//! Laws of surfaces that emit.
 
+use carom_tracer::compiled::Primitive;
 use carom_tracer::film::{trace_estimate, trace_image};
 use carom_tracer::{
-    AreaLight, CompiledScene, ImageSize, Material, MaterialTextures, Mesh, Opacity, RenderSettings,
-    Scene, Tile, TileGrid, Tracer,
+    AreaLight, CompiledScene, ImageSize, Material, MaterialTextures, Mesh, ObjectPose, Opacity,
+    RenderSettings, Scene, SceneUpdate, Shape, Tile, TileGrid, Tracer,
 };
 use glam::{Quat, Vec2, Vec3};
+use std::f32::consts::PI;
 
 use crate::environments::surrounded_still_life;
+use crate::meshes::facetted_ball;
 use crate::scenes::{diffuse, empty, floor, light, lit_floor, still_life, with};
 use crate::textures::{lamp, texture};
 use crate::tracers::{assert_agreement_in_the_mean, tracers};
@@ -99,7 +102,7 @@ fn room(lamp: &AreaLight) -> Scene {
     let mut scene = empty(0.0);
     let wall = |scene: Scene, center: Vec3, rotation: Quat| {
         let [half_u, half_v] = [Vec3::X, Vec3::Y].map(|axis| 2.0 * (rotation * axis));
-        let shape = carom_tracer::Shape::Rectangle {
+        let shape = Shape::Rectangle {
             center,
             half_u,
             half_v,
@@ -172,7 +175,7 @@ fn a_half_transparent_lamp_gives_half_its_light() {
     }
 }
 
-/// Glowing meshes, one of them with a picture, among area lights or points, or all kinds of lights.
+/// Glowing meshes, one of them with a picture, and surfaces of other shapes among area lights, or all kinds of lights.
 pub(crate) fn glowing_still_life(has_others: bool) -> Scene {
     let mut scene = match has_others {
         true => surrounded_still_life(true),
@@ -197,12 +200,35 @@ pub(crate) fn glowing_still_life(has_others: bool) -> Scene {
     let screen = at(Vec3::new(-0.6, 0.5, 0.5), 0.3 * Vec3::X, 0.2 * Vec3::Z);
     scene = with(scene, shown, sheet(&screen, 2).into());
     let strip = at(Vec3::new(0.5, -0.9, 0.02), 0.2 * Vec3::X, 0.01 * Vec3::Y);
-    with(scene, glow(20.0), sheet(&strip, 5).into())
+    scene = with(scene, glow(20.0), sheet(&strip, 5).into());
+    // One lies on the floor, the next is half in it.
+    scene = with(scene, glow(5.0), sphere(Vec3::new(-0.25, -0.5, 0.1), 0.1));
+    scene = with(scene, glow(30.0), sphere(Vec3::new(0.9, 0.1, 0.0), 0.03));
+    let disc = Shape::Disc {
+        center: Vec3::new(0.1, 0.3, 0.9),
+        normal: Vec3::new(0.2, -1.0, -0.5),
+        radius: 0.2,
+    };
+    scene = with(scene, glow(4.0), disc);
+    let rectangle = Shape::Rectangle {
+        center: Vec3::new(0.7, 0.6, 0.3),
+        half_u: Vec3::new(0.1, 0.1, 0.0),
+        half_v: Vec3::new(0.0, 0.0, 0.25),
+    };
+    with(scene, glow(3.0), rectangle)
+}
+
+fn sphere(center: Vec3, radius: f32) -> Shape {
+    Shape::Sphere {
+        center,
+        radius,
+        rotation: Quat::IDENTITY,
+    }
 }
 
 /// Regions and the whole picture, to 4 standard errors.
 #[test]
-fn back_ends_agree_on_mesh_lights_in_the_mean() {
+fn back_ends_agree_on_emissive_surfaces_in_the_mean() {
     for has_others in [false, true] {
         let scene = CompiledScene::new(&glowing_still_life(has_others)).unwrap();
         assert_agreement_in_the_mean(&scene, SIZE, settings(32), 8);
@@ -210,7 +236,7 @@ fn back_ends_agree_on_mesh_lights_in_the_mean() {
 }
 
 #[test]
-fn triangles_are_drawn_by_their_power() {
+fn surfaces_are_drawn_by_their_power() {
     let floor = with(empty(0.0), diffuse(0.5), floor());
     let large = AreaLight {
         center: 3.0 * Vec3::Z,
@@ -223,10 +249,10 @@ fn triangles_are_drawn_by_their_power() {
         ..large
     };
     scene = with(scene, glow(6.0), sheet(&small, 1).into());
-    let lights = CompiledScene::new(&scene).unwrap().mesh_lights;
-    assert_eq!((lights.sixteenths, lights.triangles.len()), (16, 4));
+    let lights = CompiledScene::new(&scene).unwrap().emissive_surfaces;
+    assert_eq!((lights.sixteenths, lights.surfaces.len()), (16, 4));
     let shares: Vec<f32> = lights
-        .triangles
+        .surfaces
         .iter()
         .map(|light| light.probability)
         .collect();
@@ -234,11 +260,133 @@ fn triangles_are_drawn_by_their_power() {
     for (share, expected) in shares.iter().zip([0.125, 0.125, 0.375, 0.375]) {
         assert!((share - expected).abs() < 1e-6, "{shares:?}");
     }
-    for (u, triangle) in [(0.0, 0), (0.2, 1), (0.26, 2), (0.999, 3)] {
-        assert_eq!(lights.sample([u, 0.5]).triangle, triangle);
+    for (u, place) in [(0.0, 0), (0.2, 1), (0.26, 2), (0.999, 3)] {
+        assert_eq!(lights.place(u), place);
     }
     // Beside an area light of as much power, which shines to one side: two thirds.
     scene.area_lights.push(light(2.0, true, 4.0));
-    let lights = CompiledScene::new(&scene).unwrap().mesh_lights;
+    let lights = CompiledScene::new(&scene).unwrap().emissive_surfaces;
     assert_eq!(lights.sixteenths, 11);
+    // A sphere comes before the triangles, and shines to one side.
+    scene = with(scene, glow(8.0 / PI), sphere(2.0 * Vec3::Z, 0.5));
+    let lights = CompiledScene::new(&scene).unwrap().emissive_surfaces;
+    assert_eq!((lights.sixteenths, lights.surfaces.len()), (12, 5));
+    assert_eq!(lights.surfaces[0].primitive(), Primitive::Sphere(0));
+    assert!((lights.surfaces[0].probability - 0.5).abs() < 1e-6);
+}
+
+/// What a floor of albedo 0.5 reflects right below a surface that emits 10.
+fn reflected_below(shape: Shape, tracer: &dyn Tracer) -> f32 {
+    let mut scene = lit_floor(Vec3::ZERO, true);
+    scene.area_lights.clear();
+    scene = with(scene, glow(10.0), shape);
+    mean(tracer, &scene, 64)
+}
+
+/// The irradiance below spheres, `πL·(r/d)²`, and below discs, `πL·r²/(r² + h²)` (Howell, "A Catalog of Radiation Heat Transfer
+/// Configuration Factors", B-12 and B-44): of large, near and far ones.
+#[test]
+fn a_floor_below_a_sphere_or_disc_has_its_analytic_radiance() {
+    for (radius, height) in [(0.5, 1.5), (1.0, 1.2), (0.01, 1.0), (0.2, 300.0)] {
+        let disc = Shape::Disc {
+            center: height * Vec3::Z,
+            normal: -2.0 * Vec3::Z,
+            radius,
+        };
+        let ball = sphere(height * Vec3::Z, radius);
+        let (squared, distance) = (radius * radius, height * height);
+        let expected = [
+            (ball, squared / distance),
+            (disc, squared / (squared + distance)),
+        ];
+        for tracer in tracers() {
+            for (shape, factor) in &expected {
+                let found = reflected_below(shape.clone(), tracer.as_ref()) / (0.5 * 10.0 * factor);
+                let name = tracer.info().name;
+                assert!((found - 1.0).abs() < 0.01, "{name} {shape:?}: {found}");
+            }
+        }
+    }
+}
+
+/// A sphere aimed at as one solid angle has less noise than a mesh of as much area, and the same light.
+#[test]
+fn a_glowing_sphere_has_less_noise_than_a_mesh_of_it() {
+    let lamp = light(3.5, true, 8.0);
+    let mut dark = room(&lamp);
+    dark.area_lights.clear();
+    let center = Vec3::new(0.3, 0.2, 0.4);
+    let by_sphere = with(dark.clone(), glow(8.0), sphere(center, 0.3));
+    let by_mesh = with(
+        dark,
+        glow(8.0),
+        facetted_ball(3).scaled(Vec3::splat(0.3)).at(center).into(),
+    );
+    for tracer in tracers() {
+        let name = tracer.info().name;
+        let [of_sphere, of_mesh] =
+            [&by_sphere, &by_mesh].map(|scene| variance(tracer.as_ref(), scene));
+        let noise = (of_sphere / of_mesh).sqrt();
+        println!("{name}: {noise:.2} times the noise");
+        assert!(noise < 0.9, "{name}: {noise}");
+        let [of_sphere, of_mesh] =
+            [&by_sphere, &by_mesh].map(|scene| mean(tracer.as_ref(), scene, 64));
+        let off = (of_sphere / of_mesh - 1.0).abs();
+        assert!(off < 0.02, "{name}: {of_sphere} {of_mesh}");
+    }
+}
+
+/// Within a glowing sphere all is lit from everywhere, whatever else light sampling aims at there.
+#[test]
+fn surfaces_within_a_glowing_sphere_are_lit_evenly() {
+    // Alone too: all of it is seen along its normal.
+    let around = with(
+        empty(0.0),
+        glow(2.0),
+        sphere(Vec3::new(0.0, -3.0, 0.0), 100.0),
+    );
+    for tracer in tracers() {
+        assert!((mean(tracer.as_ref(), &around, 64) - 2.0).abs() < 0.001);
+    }
+    let scene = with(around, diffuse(0.5), sphere(Vec3::ZERO, 1.0));
+    let scene = with(scene, glow(2.0), sphere(Vec3::new(0.5, -2.0, 2.0), 0.5));
+    for tracer in tracers() {
+        let mean = mean(tracer.as_ref(), &scene, 64);
+        let name = tracer.info().name;
+        assert!((mean - 1.0).abs() < 0.005, "{name}: {mean}");
+    }
+}
+
+/// A sphere that an update has moved lights what it would light had it been there from the beginning.
+#[test]
+fn a_glowing_sphere_lights_from_where_it_is() {
+    let floor = with(empty(0.0), diffuse(0.5), floor());
+    let at = |x: f32| {
+        with(
+            floor.clone(),
+            glow(8.0),
+            sphere(Vec3::new(x, 0.0, 1.0), 0.2),
+        )
+    };
+    let mut moved = CompiledScene::new(&at(-2.0)).unwrap();
+    moved
+        .apply(&SceneUpdate {
+            poses: vec![ObjectPose {
+                object: 1,
+                position: Vec3::new(1.0, 0.0, 1.0),
+                rotation: Quat::IDENTITY,
+                visible: true,
+            }],
+            ..SceneUpdate::default()
+        })
+        .unwrap();
+    let there = CompiledScene::new(&at(1.0)).unwrap();
+    for tracer in tracers() {
+        let [moved, there] = [&moved, &there].map(|scene| {
+            trace_image(tracer.as_ref(), scene, SIZE, settings(4))
+                .unwrap()
+                .image()
+        });
+        assert_eq!(moved.pixels, there.pixels, "{}", tracer.info().name);
+    }
 }

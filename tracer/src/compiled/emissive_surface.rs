@@ -1,0 +1,291 @@
+//! Surfaces that emit, as light sampling draws points on them: spheres, discs, rectangles and triangles.
+//!
+//! A surface is drawn in proportion to its power, area times mean emission, by a table of sums, so that neighbours in a mesh
+//! are neighbours in the random number and its even distribution carries over to the surface; then a point uniform in its
+//! area or, of a sphere, in the solid angle that it fills (Pharr, Jakob and Humphreys, "Physically Based Rendering",
+//! 4th edition, sections 12.4, 6.5.2 and 6.2.4). The density of a place by area is that of its material alone, mean emission over the
+//! power of all: so what meets a surface by chance knows it without a search.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use super::{
+    AlphaTest, CompiledScene, CompiledTextures, KIND_METALLIC_ROUGHNESS, MaterialData,
+    MaterialTextureData, Primitive, ShapeKind, TriangleData,
+};
+
+/// Surfaces that emit: spheres, discs and rectangles, then triangles, each in the order of the scene's. Those of an update's particles
+/// are not among them.
+#[derive(Clone, Debug, Default)]
+pub struct EmissiveSurfaces {
+    /// One each.
+    pub surfaces: Arc<Vec<EmissiveSurfaceData>>,
+    /// Probability with which light sampling aims at one of them, in sixteenths.
+    pub sixteenths: u32,
+    /// Area times mean emission, over the channels and all of them, W·sr⁻¹.
+    pub power: f64,
+}
+
+/// A surface that emits.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct EmissiveSurfaceData {
+    /// Index into the array of its shape.
+    pub index: u32,
+    /// The probability of those before it.
+    pub before: f32,
+    /// Its own probability.
+    pub probability: f32,
+    /// Its [`ShapeKind`], as a number.
+    pub shape: u32,
+}
+
+/// The most surfaces that emit of a scene that light sampling aims at: with more the probability of one is less than
+/// random numbers can tell, and all are found by chance.
+pub const EMISSIVE_SURFACES_MAX: usize = 1 << 20;
+/// How far along a ray to a point on such a surface anything may be in the way: the rest is left to rounding.
+pub const EMISSIVE_SURFACE_REACH: f32 = 1.0 - 1e-4;
+
+impl EmissiveSurfaces {
+    /// Probability with which light sampling aims at one of them.
+    pub fn probability(&self) -> f32 {
+        self.sixteenths as f32 * (1.0 / 16.0)
+    }
+
+    /// The place in the table of the surface that a number in [0, 1) draws.
+    pub fn place(&self, u: f32) -> usize {
+        let next = self.surfaces.partition_point(|surface| surface.before <= u);
+        next.saturating_sub(1)
+    }
+
+    /// Those that are no triangles, and those that are.
+    pub(crate) fn shapes_and_triangles(&self) -> (&[EmissiveSurfaceData], &[EmissiveSurfaceData]) {
+        let is_shape = |surface: &EmissiveSurfaceData| surface.kind() != ShapeKind::Triangle;
+        self.surfaces
+            .split_at(self.surfaces.partition_point(is_shape))
+    }
+}
+
+impl ShapeKind {
+    /// Whether light sampling draws points on surfaces of the shape.
+    pub(crate) fn is_light_sampled(self) -> bool {
+        !matches!(self, Self::Box | Self::CsgFace)
+    }
+
+    /// What the parallelogram of [`CompiledScene::emissive_corners`] is multiplied by for the area of a shape; 0 of those that have none.
+    pub(crate) fn area_of_parallelogram(self) -> f64 {
+        match self {
+            Self::Triangle => 0.5,
+            Self::Rectangle => 1.0,
+            Self::Disc => PI,
+            Self::Sphere | Self::Box | Self::CsgFace => 0.0,
+        }
+    }
+}
+
+impl CompiledScene {
+    /// Finds the surfaces that emit, and how often light sampling aims at them beside others.
+    pub(super) fn find_emissive_surfaces(&mut self) {
+        let brightness: Vec<f64> = (0..self.materials.len())
+            .map(|material| mean_emission(&self.materials[material], material, &self.textures))
+            .collect();
+        if brightness.iter().all(|mean| *mean == 0.0) {
+            return;
+        }
+        let powers = self
+            .emissive_candidates()
+            .filter_map(|(shape, index, material, area)| {
+                let power = brightness[material as usize] * area;
+                (power > 0.0 && power.is_finite()).then_some((shape, index, power))
+            });
+        let powers: Vec<(ShapeKind, u32, f64)> = powers.take(EMISSIVE_SURFACES_MAX + 1).collect();
+        let power: f64 = powers.iter().map(|(.., power)| power).sum();
+        if powers.is_empty() || powers.len() > EMISSIVE_SURFACES_MAX || !power.is_finite() {
+            return;
+        }
+        let fluxes = powers.iter().map(|(shape, _, power)| match shape {
+            ShapeKind::Sphere => *power,
+            // They shine to both sides.
+            _ => 2.0 * power,
+        });
+        let flux = fluxes.sum();
+        let mut sum = 0.0;
+        let mut surfaces = Vec::with_capacity(powers.len());
+        for (shape, index, own) in powers {
+            let before = (sum / power) as f32;
+            sum += own;
+            let probability = ((sum / power).min(1.0) as f32) - before;
+            if probability > 0.0 {
+                surfaces.push(EmissiveSurfaceData {
+                    index,
+                    before,
+                    probability,
+                    shape: shape as u32,
+                });
+            }
+        }
+        for (material, brightness) in self.materials.iter_mut().zip(brightness) {
+            if material.kind == KIND_METALLIC_ROUGHNESS {
+                material.majorant = (brightness / power) as f32;
+            }
+        }
+        self.emissive_surfaces = EmissiveSurfaces {
+            surfaces: Arc::new(surfaces),
+            sixteenths: self.emissive_surface_sixteenths(flux),
+            power,
+        };
+        let left = 1.0 - self.emissive_surfaces.probability();
+        self.punctual_probability *= left;
+        self.environment_map.probability *= left;
+    }
+
+    /// Primitives of the shapes that light sampling draws points on: shape, index, material and area in square metres.
+    fn emissive_candidates(&self) -> impl Iterator<Item = (ShapeKind, u32, u32, f64)> {
+        let spheres = self.spheres.iter().zip(0..).map(|(sphere, index)| {
+            let area = 4.0 * PI * f64::from(sphere.radius).powi(2);
+            (ShapeKind::Sphere, index, sphere.material, area)
+        });
+        let discs = self.discs.iter().zip(0..).map(|(disc, index)| {
+            let area = PI * f64::from(disc.radius).powi(2);
+            (ShapeKind::Disc, index, disc.material, area)
+        });
+        let rectangles = self.rectangles.iter().zip(0..).map(|(rectangle, index)| {
+            let [u, v] = [rectangle.half_u, rectangle.half_v].map(Vec3::from);
+            let area = 4.0 * u.as_dvec3().cross(v.as_dvec3()).length();
+            (ShapeKind::Rectangle, index, rectangle.material, area)
+        });
+        let triangles = self.meshes.triangles.iter().zip(0..);
+        let triangles = triangles.map(|(triangle, index)| {
+            (
+                ShapeKind::Triangle,
+                index,
+                triangle.material,
+                area(triangle),
+            )
+        });
+        spheres.chain(discs).chain(rectangles).chain(triangles)
+    }
+
+    /// Half beside surroundings and lights without extent, whose power is told by the place alone; by power beside area lights;
+    /// all without others. `flux` is what all emit, over π.
+    fn emissive_surface_sixteenths(&self, flux: f64) -> u32 {
+        if self.punctual_probability > 0.0 || self.environment_map.probability > 0.0 {
+            return 8;
+        }
+        let others = self.area_lights.iter().map(|light| {
+            let area = 4.0 * f64::from(light.length_u) * f64::from(light.length_v);
+            area * mean(light.radiance)
+        });
+        let share = flux / (flux + others.sum::<f64>());
+        match self.area_lights.is_empty() {
+            true => 16,
+            false => (16.0 * share).round().clamp(1.0, 15.0) as u32,
+        }
+    }
+
+    /// Whether a material's emission depends on the place: by a texture, or by what its opacity leaves.
+    pub(crate) fn emission_varies(&self, material: usize) -> bool {
+        let data = &self.materials[material];
+        let maps = self.textures.materials.get(material);
+        let is_textured = maps.is_some_and(|maps| maps.emission != MaterialTextureData::NONE);
+        data.kind == KIND_METALLIC_ROUGHNESS
+            && data.k != [0.0; 3]
+            && (is_textured || data.is_transparent())
+    }
+
+    /// What a point of a surface emits, of a triangle of what its opacity leaves there, where corners have these weights.
+    pub(crate) fn emission_at(&self, surface: &EmissiveSurfaceData, weights: [f32; 3]) -> Vec3 {
+        match surface.kind() {
+            ShapeKind::Triangle => self.triangle_tables().emission(surface.index, weights),
+            _ => (self.material_of(surface.primitive()))
+                .map_or(Vec3::ZERO, |material| Vec3::from(material.k)),
+        }
+    }
+
+    /// Corners of a parallelogram on which points of a surface are drawn, the first next to both others: a triangle's own;
+    /// three of a rectangle's; a disc's centre and two points on its rim at right angles. Of a sphere its centre, and its radius
+    /// as x of the next.
+    pub(crate) fn emissive_corners(&self, surface: &EmissiveSurfaceData) -> [Vec3; 3] {
+        let index = surface.index as usize;
+        match surface.kind() {
+            ShapeKind::Sphere => {
+                let sphere = &self.spheres[index];
+                [
+                    Vec3::from(sphere.center),
+                    sphere.radius * Vec3::X,
+                    Vec3::ZERO,
+                ]
+            }
+            ShapeKind::Disc => {
+                let disc = &self.discs[index];
+                let center = Vec3::from(disc.center);
+                // Sums turn −0 into 0, which has another basis.
+                let (t, b) = (Vec3::from(disc.normal) + Vec3::ZERO).any_orthonormal_pair();
+                [center, center + disc.radius * t, center + disc.radius * b]
+            }
+            ShapeKind::Rectangle => {
+                let rectangle = &self.rectangles[index];
+                let [center, u, v] =
+                    [rectangle.center, rectangle.half_u, rectangle.half_v].map(Vec3::from);
+                [center - u - v, center + u - v, center - u + v]
+            }
+            _ => self.meshes.triangles[index].corners(),
+        }
+    }
+}
+
+impl EmissiveSurfaceData {
+    /// Its shape.
+    pub fn kind(&self) -> ShapeKind {
+        ShapeKind::ALL[self.shape as usize]
+    }
+
+    /// What rays meet of it.
+    pub fn primitive(&self) -> Primitive {
+        self.kind().primitive(self.index)
+    }
+}
+
+impl AlphaTest<'_> {
+    /// What a point of a triangle emits of what its opacity leaves there, where corners have these weights.
+    pub(crate) fn emission(&self, triangle: u32, weights: [f32; 3]) -> Vec3 {
+        let data = &self.triangles[triangle as usize];
+        let material = &self.materials[data.material as usize];
+        let mut emission = Vec3::from(material.k);
+        let maps = self.textures.materials.get(data.material as usize);
+        if let (Some(maps), Some(uvs)) = (maps, self.uvs.get(data.uvs as usize))
+            && maps.emission != MaterialTextureData::NONE
+        {
+            let [r, g, b, _] = self.textures.sample(maps.emission, uvs.at(weights), 0.0);
+            emission *= Vec3::new(r, g, b);
+        }
+        emission * self.share_there(triangle, weights)
+    }
+}
+
+/// The mean of a material's emission over the channels and its texture.
+fn mean_emission(material: &MaterialData, index: usize, textures: &CompiledTextures) -> f64 {
+    if material.kind != KIND_METALLIC_ROUGHNESS {
+        return 0.0;
+    }
+    let maps = textures.materials.get(index);
+    let map = maps.map_or(MaterialTextureData::NONE, |maps| maps.emission);
+    if map == MaterialTextureData::NONE {
+        return mean(material.k);
+    }
+    let [r, g, b, _] = textures.sample(map, [0.5; 2], f32::MAX);
+    mean((Vec3::from(material.k) * Vec3::new(r, g, b)).to_array())
+}
+
+fn mean(channels: [f32; 3]) -> f64 {
+    channels.into_iter().map(f64::from).sum::<f64>() / 3.0
+}
+
+/// Square metres.
+fn area(triangle: &TriangleData) -> f64 {
+    let [a, b, c] = triangle.corners().map(Vec3::as_dvec3);
+    0.5 * (b - a).cross(c - a).length()
+}
