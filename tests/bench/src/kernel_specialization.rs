@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
 use carom_tracer::{
     Axis, CompiledScene, CsgSolid, ImageSize, Material, Mesh, Object, ProceduralTexture, Scene,
     Shape, Stripe, Subtraction,
@@ -11,7 +10,7 @@ use glam::{Quat, Vec3};
 use serde::Serialize;
 
 use crate::scenes::{self, NamedScene};
-use crate::{BenchError, timing};
+use crate::{BenchError, print_json, timing};
 use carom_farm::backend::{self, Backend, OpenBackend};
 
 /// Measure the gain of kernels that hold only what a scene requires.
@@ -81,8 +80,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         }
     }
     if args.json {
-        let json = serde_json::to_string(&report).context("results as JSON")?;
-        println!("{json}");
+        print_json(&report)?;
     } else {
         report.scenes.iter().for_each(print);
     }

@@ -22,11 +22,11 @@ use serde::Serialize;
 
 use self::player::{ClusterPlayer, ExpectedFrames, SubmissionPace};
 use self::process::{FarmFolder, NodeAction, NodeProcess, NodeSpec, ScheduledAction};
-use crate::{BenchError, print_json};
 use crate::proxy::LinkArgs;
 use crate::scenes;
 use crate::timing::median;
 use crate::wait::WaitArgs;
+use crate::{BenchError, print_json};
 
 /// Compare the balancing algorithms on a farm of real processes of this machine.
 ///
