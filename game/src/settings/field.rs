@@ -4,7 +4,7 @@ use carom_billiards::physics::Engine;
 use carom_text::text;
 use clap::ValueEnum;
 use glam::DVec3;
-use toml_edit::{Array, Value};
+use toml_edit::{Array, InlineTable, Value};
 
 use super::Settings;
 use crate::camera::{Viewpoint, wrap_rad};
@@ -95,7 +95,7 @@ fn engine(value: &Value) -> Result<Engine, SettingFault> {
 
 /// A saved view as it is written: its parts rounded to what can be seen; none as `{}`.
 fn view(at: Option<Viewpoint>) -> Value {
-    let parts = |at: Viewpoint| {
+    let parts = at.map(|at| {
         [
             at.focus.x,
             at.focus.y,
@@ -104,11 +104,13 @@ fn view(at: Option<Viewpoint>) -> Value {
             at.distance_m,
             at.fov_x_deg,
         ]
-    };
-    let rounded = |part: f64| (part * VIEW_DIGITS).round() / VIEW_DIGITS;
-    let keys = VIEW_PARTS.iter().map(|(key, _)| *key);
-    let rows = at.map(|at| keys.zip(parts(at).map(rounded)));
-    Value::InlineTable(rows.into_iter().flatten().collect())
+    });
+    let mut rows = InlineTable::new();
+    for ((key, _), part) in VIEW_PARTS.iter().zip(parts.into_iter().flatten()) {
+        let rounded = (part * VIEW_DIGITS).round() / VIEW_DIGITS;
+        rows.insert(*key, rounded.into());
+    }
+    Value::InlineTable(rows)
 }
 
 fn seen(value: &Value) -> Result<Option<Viewpoint>, SettingFault> {

@@ -251,48 +251,24 @@ const PARTS: [FeatureChange; 14] = [
         name: "a CSG box",
         is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::CsgBox { .. })),
         add: |scene| {
-            let (min, max) = hidden_box(scene);
             let solid = CsgSolid::HalfSpace {
-                point: max,
+                point: hidden_box(scene).1,
                 normal: Vec3::ONE,
             };
-            let subtractions = vec![Subtraction {
-                solid,
-                material: None,
-            }];
-            add_object(
-                scene,
-                Shape::CsgBox {
-                    min,
-                    max,
-                    subtractions,
-                },
-            );
+            add_csg_box(scene, solid);
         },
     },
     FeatureChange {
         name: "a subtracted cone",
         is_used: |scene| any_shape(scene, is_turned),
         add: |scene| {
-            let (min, max) = hidden_box(scene);
             let solid = CsgSolid::ConeExterior {
                 center: hidden(scene),
                 radius: 0.5 * SMALL_M,
                 taper: 0.0,
                 beyond: Vec3::ZERO,
             };
-            let subtractions = vec![Subtraction {
-                solid,
-                material: None,
-            }];
-            add_object(
-                scene,
-                Shape::CsgBox {
-                    min,
-                    max,
-                    subtractions,
-                },
-            );
+            add_csg_box(scene, solid);
         },
     },
     FeatureChange {
@@ -405,6 +381,22 @@ fn add_object(scene: &mut Scene, shape: Shape) {
         material,
         shape,
     });
+}
+
+fn add_csg_box(scene: &mut Scene, solid: CsgSolid) {
+    let (min, max) = hidden_box(scene);
+    let subtractions = vec![Subtraction {
+        solid,
+        material: None,
+    }];
+    add_object(
+        scene,
+        Shape::CsgBox {
+            min,
+            max,
+            subtractions,
+        },
+    );
 }
 
 /// A place behind the camera, and a little beyond its own size.
