@@ -5,8 +5,8 @@ use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use carom_protocol::FrameId;
 use carom_protocol::limits::{FRAMES_IN_FLIGHT_MAX, NODES_MAX, TILE_EDGE_MAX};
-use carom_protocol::{FrameId, SceneHash};
 use carom_tracer::{Scene, Tracer};
 
 use crate::balancer::Balancer;
@@ -163,9 +163,7 @@ impl Farm {
     /// [`Error::Tracer`] with the first rule that the scene breaks, [`Error::Protocol`] if it has more than 128 MiB; the
     /// scene before stays.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<(), Error> {
-        let scene = SceneHandle::new(scene)?;
-        self.send(DriverInput::Scene(Arc::clone(&scene.encoded)));
-        self.scene = Some(scene);
+        self.scene = Some(self.send_scene(scene)?);
         Ok(())
     }
 
@@ -320,11 +318,13 @@ impl Farm {
     /// Hands a scene to the nodes, for frames that name it.
     pub(crate) fn announce(&self, scene: &Scene) -> Result<SceneHandle, Error> {
         scene.validate_visible()?;
-        if let Some(known) = &self.scene
-            && known.hash() == SceneHash::of(scene)
-        {
-            return Ok(known.clone());
+        match &self.scene {
+            Some(known) if *known.scene == *scene => Ok(known.clone()),
+            _ => self.send_scene(scene),
         }
+    }
+
+    fn send_scene(&self, scene: &Scene) -> Result<SceneHandle, Error> {
         let scene = SceneHandle::new(scene)?;
         self.send(DriverInput::Scene(Arc::clone(&scene.encoded)));
         Ok(scene)

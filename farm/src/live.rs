@@ -128,7 +128,6 @@ impl Live {
 
 /// A live picture. Its calls never wait; dropped, it ends.
 pub struct LiveView {
-    handle: SceneHandle,
     settings: RenderSettings,
     shared: Arc<Shared>,
     job: Job<()>,
@@ -206,12 +205,11 @@ impl Farm {
         handle.check(&spec(&SceneUpdate::default(), live.size, live.settings))?;
         let run = LiveRun {
             submitter: self.submitter(),
-            scene: handle.clone(),
+            scene: handle,
             shared: Arc::clone(&shared),
             live,
         };
         Ok(LiveView {
-            handle,
             settings,
             shared,
             job: Job::start("carom-live", |cancelled| {
@@ -242,7 +240,9 @@ impl LiveView {
         position: impl Into<Vec3>,
         rotation: Quat,
     ) -> Result<(), Error> {
-        let pose = self.handle.scene.pose(object, position, rotation)?;
+        let state = self.shared.lock();
+        let pose = state.scene.scene.pose(object, position, rotation)?;
+        drop(state);
         self.pose(pose)
     }
 
@@ -251,7 +251,7 @@ impl LiveView {
     /// # Errors
     /// As [`LiveView::move_to`].
     pub fn set_visible(&mut self, object: ObjectHandle, visible: bool) -> Result<(), Error> {
-        let pose = self.handle.scene.base_pose(object)?;
+        let pose = self.shared.lock().scene.scene.base_pose(object)?;
         self.pose(ObjectPose { visible, ..pose })
     }
 
@@ -276,7 +276,6 @@ impl LiveView {
         let handle = farm.announce(scene)?;
         let mut state = self.shared.lock();
         handle.check(&spec(&update, state.size, self.settings))?;
-        self.handle = handle.clone();
         (state.scene, state.update) = (handle, update);
         state.version += 1;
         drop(state);
@@ -349,7 +348,7 @@ impl LiveView {
         if (&update, size) == (&state.update, state.size) {
             return Ok(());
         }
-        self.handle.check(&spec(&update, size, self.settings))?;
+        state.scene.check(&spec(&update, size, self.settings))?;
         (state.update, state.size) = (update, size);
         state.version += 1;
         drop(state);

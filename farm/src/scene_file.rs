@@ -316,6 +316,9 @@ mod tests {
     use super::*;
 
     const TRIANGLE: &str = "v 10 20 30\nv 14 20 30\nv 10 23 30\nf 1 2 3\n";
+    /// A triangle that slides along x by 2 m in 2 s, and in the second animation is scaled so.
+    #[cfg(feature = "gltf")]
+    const SLIDE: &str = include_str!("../tests/slide.gltf");
 
     fn write(folder: &Path, name: &str, text: &str) -> std::path::PathBuf {
         let path = folder.join(name);
@@ -395,43 +398,11 @@ mod tests {
         }
     }
 
-    /// A triangle that slides along x by 2 m in 2 s, and in the second animation grows from nothing.
-    #[cfg(feature = "gltf")]
-    fn sliding(folder: &Path) -> std::path::PathBuf {
-        let numbers = [
-            [0.0, 0.0, 0.0],
-            [1.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [0.0, 0.0, 0.0],
-            [2.0, 0.0, 0.0],
-        ];
-        let times = [0.0, 2.0];
-        let numbers = numbers.as_flattened().iter().chain(&times);
-        let bytes: Vec<u8> = numbers
-            .flat_map(|number: &f32| number.to_le_bytes())
-            .collect();
-        std::fs::write(folder.join("slide.bin"), bytes).unwrap();
-        let json = r#"{ "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0] }],
-            "nodes": [{ "mesh": 0 }], "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
-            "animations": [
-                { "name": "slide", "channels": [{ "sampler": 0, "target": { "node": 0, "path": "translation" } }],
-                  "samplers": [{ "input": 2, "output": 1 }] },
-                { "channels": [{ "sampler": 0, "target": { "node": 0, "path": "scale" } }],
-                  "samplers": [{ "input": 2, "output": 1 }] }],
-            "accessors": [
-                { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" },
-                { "bufferView": 0, "byteOffset": 36, "componentType": 5126, "count": 2, "type": "VEC3" },
-                { "bufferView": 0, "byteOffset": 60, "componentType": 5126, "count": 2, "type": "SCALAR" }],
-            "bufferViews": [{ "buffer": 0, "byteLength": 68 }],
-            "buffers": [{ "uri": "slide.bin", "byteLength": 68 }] }"#;
-        write(folder, "slide.gltf", json)
-    }
-
     #[cfg(feature = "gltf")]
     #[test]
     fn an_animation_is_an_update_where_it_can_be_and_a_scene_elsewhere() {
         let folder = tempfile::tempdir().unwrap();
-        let mut file = SceneFile::open(sliding(folder.path())).unwrap();
+        let mut file = SceneFile::open(write(folder.path(), "slide.gltf", SLIDE)).unwrap();
         let durations: Vec<_> = file
             .animations()
             .iter()
@@ -443,7 +414,7 @@ mod tests {
         );
         let slide = file.find_animation(None).unwrap();
         let rest = Arc::clone(file.scene());
-        for (secs, x) in [(0.5, 0.5), (1.5, 1.5), (9.0, 2.0)] {
+        for (secs, x) in [(0.5, -0.5), (1.5, 0.5), (9.0, 1.0)] {
             let (scene, update) = file.seek(slide, secs).unwrap();
             assert!(Arc::ptr_eq(&scene, &rest));
             assert_eq!(update.poses[0].position, Vec3::new(x, 0.0, 0.0));

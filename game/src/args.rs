@@ -1,16 +1,16 @@
 //! The command line.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use carom_billiards::PlayersFault;
 use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::{Engine, Recording, Table, TableOptions};
 use carom_billiards::rules::RuleSet;
-use carom_farm::{Balancing, FarmConfig, FrameRange, LocalNode};
+use carom_farm::{FarmConfig, FrameRange};
 use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings};
-use carom_window::display::Present;
-use clap::{Parser, Subcommand, ValueEnum as _};
+use carom_window::args::{ArgsFault, WindowArgs};
+use clap::{Parser, Subcommand};
 
 use crate::capture::video::{VideoTarget, VideoView};
 use crate::particles::ParticleDetail;
@@ -100,33 +100,13 @@ pub struct Args {
     /// Show a shot through a trick table, in place of a break, when frames are rendered without a window
     #[arg(long, value_enum, value_name = "TRICK", conflicts_with = "replay")]
     pub trick: Option<TrickTable>,
-    /// Address of a farm node; repeat for several. Replaces the nodes of --config
-    #[arg(long = "node", value_name = "HOST:PORT")]
-    pub nodes: Vec<String>,
-    /// Folder of the farm's certificates and the player's key
-    #[arg(long, value_name = "DIR")]
-    pub credentials: Option<PathBuf>,
-    /// Show the texts of a translation: a copy of game/text/en.ftl in another language, with Latin, Greek or Cyrillic letters
-    #[arg(long, value_name = "FILE")]
-    pub translation: Option<PathBuf>,
+    /// Where pictures are traced, and how they are shown.
+    #[command(flatten)]
+    pub window: WindowArgs,
     /// Seconds without an answer of any node after which a run without a window gives up; 0 waits for
     /// ever [default: 10 if none is connected and 60 if one may still be starting, or as in --config]
     #[arg(long, value_name = "N")]
     pub timeout_secs: Option<u32>,
-    /// Farm configuration [default: farm.toml in this folder, if it exists]
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// Devices of this machine to trace with: auto (all GPUs that pass the self-test, plus the CPU), cpu,
-    /// gpu (an error if there is none) or none (farm nodes do all the work)
-    #[arg(long)]
-    pub backend: Option<LocalNode>,
-    /// Balancing algorithm, as `balancer` in the configuration [default: water_filling_hedged, or that of
-    /// --config]
-    #[arg(long, value_name = "NAME")]
-    pub balancer: Option<Balancing>,
-    /// Presentation of frames in the window [default: CAROM_PRESENT, else the first that works]
-    #[arg(long, value_enum)]
-    pub present: Option<Present>,
     /// Replay a recorded shot, in the window or as frames
     #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
@@ -164,57 +144,24 @@ pub enum Command {
 }
 
 impl Args {
-    /// The table's look, where the options leave it to the defaults.
-    pub fn style(&self) -> TableStyle {
+    /// The table's look: `own`, where the options say nothing else.
+    pub fn style(&self, own: TableStyle) -> TableStyle {
         TableStyle {
-            balls: self.ball_set.unwrap_or_default(),
-            cloth: self.cloth.unwrap_or_default(),
-            particles: self.particles.unwrap_or_default(),
-            ..TableStyle::default()
+            balls: self.ball_set.unwrap_or(own.balls),
+            cloth: self.cloth.unwrap_or(own.cloth),
+            particles: self.particles.unwrap_or(own.particles),
+            ..own
         }
     }
 
     /// The farm that the configuration file and the options describe; options win.
     ///
     /// # Errors
-    /// A sentence with the file and what is wrong in it, or that nobody would make pictures.
-    pub fn farm_config(&self) -> anyhow::Result<FarmConfig> {
-        let mut config = self.config_file()?;
-        if !self.nodes.is_empty() {
-            config.nodes.clone_from(&self.nodes);
-        }
-        if let Some(folder) = &self.credentials {
-            config.credentials.clone_from(folder);
-        }
+    /// As [`WindowArgs::farm_config`].
+    pub fn farm_config(&self) -> Result<FarmConfig, ArgsFault> {
+        let mut config = self.window.farm_config()?;
         config.timeout_secs = self.timeout_secs.or(config.timeout_secs);
-        if let Some(backend) = self.backend {
-            config.local = backend;
-        }
-        if let Some(balancer) = self.balancer {
-            config.balancer = balancer;
-        }
-        anyhow::ensure!(
-            config.local != LocalNode::None || !config.nodes.is_empty(),
-            "no renderer is configured: --backend none (or `local` in the configuration) disables this \
-             machine, and no node is given. Add --node HOST:PORT, or use --backend auto"
-        );
         Ok(config)
-    }
-
-    /// The way of presenting that the option, else the environment variable `CAROM_PRESENT`, asks
-    /// for.
-    ///
-    /// # Errors
-    /// A sentence if the variable holds something else than the option takes.
-    pub fn presentation(&self) -> anyhow::Result<Option<Present>> {
-        let variable = std::env::var("CAROM_PRESENT").unwrap_or_default();
-        if self.present.is_some() || variable.is_empty() {
-            return Ok(self.present);
-        }
-        let present = Present::from_str(&variable, true).map_err(|_| {
-            anyhow::anyhow!("CAROM_PRESENT is `{variable}`: it must be vulkan, gl or software")
-        })?;
-        Ok(Some(present))
     }
 
     /// The table to play on, and the shot to show: on the table that it was played on.
@@ -277,16 +224,6 @@ impl Args {
         });
         Ok(Some(begun?))
     }
-
-    fn config_file(&self) -> anyhow::Result<FarmConfig> {
-        let beside = Path::new("farm.toml");
-        let path = match &self.config {
-            Some(path) => path.as_path(),
-            None if beside.is_file() => beside,
-            None => return Ok(FarmConfig::default()),
-        };
-        Ok(FarmConfig::load(path)?)
-    }
 }
 
 /// A list of players as it was given, if it is one.
@@ -310,37 +247,11 @@ A corner pocket a metre away forgives about 1.7°",
 
 #[cfg(test)]
 mod tests {
-    use carom_farm::Algorithm;
-
     use super::*;
 
     #[test]
     fn the_command_line_is_consistent() {
         <Args as clap::CommandFactory>::command().debug_assert();
-    }
-
-    #[test]
-    fn options_win_over_the_defaults() {
-        let words = [
-            "carom",
-            "--node",
-            "a:1",
-            "--node",
-            "b:2",
-            "--backend",
-            "none",
-            "--credentials",
-            "keys",
-            "--balancer",
-            "cycles_hedged",
-        ];
-        let config = Args::parse_from(words).farm_config().unwrap();
-        assert_eq!(config.nodes, ["a:1", "b:2"]);
-        assert_eq!(
-            (config.local, config.credentials),
-            (LocalNode::None, PathBuf::from("keys"))
-        );
-        assert_eq!(config.balancer, Algorithm::Cycles.hedged());
     }
 
     #[test]
@@ -359,19 +270,5 @@ mod tests {
             assert!(said.contains("--players"), "{said}");
         }
         assert!(Args::try_parse_from(["carom", "--players", "me,ai:hard"]).is_ok());
-    }
-
-    #[test]
-    fn a_farm_without_anybody_is_refused() {
-        let alone = Args::parse_from(["carom", "--backend", "none"]);
-        let said = alone.farm_config().unwrap_err().to_string();
-        assert!(said.contains("--node HOST:PORT"), "{said}");
-    }
-
-    #[test]
-    fn a_configuration_that_is_missing_is_named() {
-        let args = Args::parse_from(["carom", "--config", "no/such/farm.toml"]);
-        let error = format!("{:#}", args.farm_config().unwrap_err());
-        assert!(error.contains("no/such/farm.toml"), "{error}");
     }
 }

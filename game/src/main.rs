@@ -32,10 +32,10 @@ fn main() -> ExitCode {
 }
 
 fn configuration(args: &Args) -> anyhow::Result<(FarmConfig, Option<Present>)> {
-    if let Some(translation) = &args.translation {
+    if let Some(translation) = &args.window.translation {
         carom_text::load_translation(translation)?;
     }
-    Ok((args.farm_config()?, args.presentation()?))
+    Ok((args.farm_config()?, args.window.presentation()?))
 }
 
 fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {

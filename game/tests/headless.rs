@@ -23,18 +23,14 @@ fn carom(folder: &Path, args: &[&str]) -> Output {
 }
 
 fn render(folder: &Path, out: &str, seed: &str) -> Output {
-    let args = [
-        "--headless",
-        "--backend",
-        "cpu",
-        "--size",
-        "96x54",
-        "--spp",
-        "2",
-    ];
-    let rest = ["--frames", "3", "--out", out, "--seed", seed];
-    carom(folder, &[&args[..], &rest[..]].concat())
+    let rest = ["--out", out, "--seed", seed];
+    carom(folder, &[&SMALL[..], &rest].concat())
 }
+
+/// Three small frames.
+#[rustfmt::skip]
+const SMALL: [&str; 9] =
+    ["--headless", "--backend", "cpu", "--size", "96x54", "--spp", "2", "--frames", "3"];
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
@@ -92,18 +88,7 @@ fn a_break_becomes_frames_animation_and_statistics() {
 #[test]
 fn a_recorded_shot_gives_the_same_frames_again() {
     let folder = tempfile::tempdir().unwrap();
-    let small = [
-        "--headless",
-        "--backend",
-        "cpu",
-        "--size",
-        "96x54",
-        "--spp",
-        "2",
-        "--frames",
-        "3",
-    ];
-    let run = |rest: &[&str]| carom(folder.path(), &[&small[..], rest].concat());
+    let run = |rest: &[&str]| carom(folder.path(), &[&SMALL[..], rest].concat());
     let played = run(&["--out", "played", "--record", "shots", "--seed", "5"]);
     assert!(played.status.success(), "{}", text(&played.stderr));
     let file = "shots/shot_0001.carom";

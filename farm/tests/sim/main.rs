@@ -11,11 +11,8 @@ mod states;
 
 use carom_farm::Algorithm::{self, Ab, Equal, Naive, WaterFilling};
 use carom_farm::balancer::{CostModel, water_fill};
-use carom_farm::coordinator::SPOT_CHECK_TILES;
-use carom_farm::{Balancing, Distribution, FrameStats, NodeState};
-use carom_testkit::simulator::{
-    FarmPlan, NetworkConditions, NodeChange, NodePlan, SimulationReport, run,
-};
+use carom_farm::{Balancing, FrameStats, NodeState};
+use carom_testkit::simulator::{FarmPlan, NodeChange, NodePlan, SimulationReport, run};
 use carom_tracer::ImageSize;
 
 /// More virtual time than any run here needs.
@@ -26,20 +23,10 @@ const SUBMITTED_SECS: f64 = 0.5;
 
 fn plan(nodes: Vec<NodePlan>, algorithm: Algorithm, frames: u64) -> FarmPlan {
     FarmPlan {
-        seed: 1,
         balancing: algorithm.hedged(),
         nodes,
         frames,
-        frames_in_flight: 1,
-        period_secs: None,
-        looks_ahead: false,
-        size: ImageSize::new(240, 160),
-        samples: 1,
-        distribution: Distribution::Tiles,
-        spot_check_tiles: SPOT_CHECK_TILES,
-        tile_edge: 8,
-        conditions: NetworkConditions::default(),
-        changes: Vec::new(),
+        ..FarmPlan::default()
     }
 }
 

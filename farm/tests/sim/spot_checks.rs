@@ -1,6 +1,7 @@
 //! Spot checks: nodes that send wrong pixels are found, dropped and named, and honest ones pay little.
 
-use carom_farm::NodeStatus;
+use carom_farm::coordinator::SPOT_CHECK_TILES;
+use carom_farm::{Distribution, NodeStatus};
 
 use super::*;
 

@@ -1,11 +1,10 @@
 //! The command line.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use carom_farm::{Balancing, FarmConfig, LocalNode};
 use carom_tracer::{ImageSize, RenderSettings};
-use carom_window::display::Present;
-use clap::{Parser, ValueEnum as _};
+use carom_window::args::WindowArgs;
+use clap::Parser;
 
 use crate::render::Accuracy;
 
@@ -30,81 +29,18 @@ pub struct Args {
     /// Exposure at the start: radiance is shown times two to the power of this, -10 to 10
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = stops)]
     pub exposure: f32,
-    /// Address of a farm node; repeat for several. Replaces the nodes of --config
-    #[arg(long = "node", value_name = "HOST:PORT")]
-    pub nodes: Vec<String>,
-    /// Folder of the farm's certificates and the player's key
-    #[arg(long, value_name = "DIR")]
-    pub credentials: Option<PathBuf>,
-    /// Farm configuration [default: farm.toml in this folder, if it exists]
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-    /// Devices of this machine to trace with: auto (all GPUs that pass the self-test, plus the CPU), cpu,
-    /// gpu (an error if there is none) or none (farm nodes do all the work)
-    #[arg(long)]
-    pub backend: Option<LocalNode>,
-    /// Balancing algorithm, as `balancer` in the configuration [default: water_filling_hedged, or that of
-    /// --config]
-    #[arg(long, value_name = "NAME")]
-    pub balancer: Option<Balancing>,
-    /// Presentation of pictures in the window [default: CAROM_PRESENT, else the first that works]
-    #[arg(long, value_enum)]
-    pub present: Option<Present>,
-    /// Show the texts of a translation: a copy of game/text/en.ftl in another language, with Latin, Greek or Cyrillic letters
-    #[arg(long, value_name = "FILE")]
-    pub translation: Option<PathBuf>,
+    /// Where pictures are traced, and how they are shown.
+    #[command(flatten)]
+    pub window: WindowArgs,
 }
 
 impl Args {
-    /// The farm that the configuration file and the options describe; options win.
-    ///
-    /// # Errors
-    /// A sentence with the file and what is wrong in it, or that nobody would make pictures.
-    pub fn farm_config(&self) -> anyhow::Result<FarmConfig> {
-        let beside = Path::new(FarmConfig::FILE);
-        let mut config = match &self.config {
-            Some(path) => FarmConfig::load(path)?,
-            None if beside.is_file() => FarmConfig::load(beside)?,
-            None => FarmConfig::default(),
-        };
-        if !self.nodes.is_empty() {
-            config.nodes.clone_from(&self.nodes);
-        }
-        if let Some(folder) = &self.credentials {
-            config.credentials.clone_from(folder);
-        }
-        config.local = self.backend.unwrap_or(config.local);
-        config.balancer = self.balancer.unwrap_or(config.balancer);
-        anyhow::ensure!(
-            config.local != LocalNode::None || !config.nodes.is_empty(),
-            "no renderer is configured: --backend none (or `local` in the configuration) disables this \
-             machine, and no node is given. Add --node HOST:PORT, or use --backend auto"
-        );
-        Ok(config)
-    }
-
     /// How pictures are traced.
     pub fn accuracy(&self) -> Accuracy {
         Accuracy {
             samples: self.spp,
             max_depth: self.max_depth,
         }
-    }
-
-    /// The way of presenting that the option, else the environment variable `CAROM_PRESENT`, asks
-    /// for.
-    ///
-    /// # Errors
-    /// A sentence if the variable holds something else than the option takes.
-    pub fn presentation(&self) -> anyhow::Result<Option<Present>> {
-        let variable = std::env::var("CAROM_PRESENT").unwrap_or_default();
-        if self.present.is_some() || variable.is_empty() {
-            return Ok(self.present);
-        }
-        let present = Present::from_str(&variable, true).map_err(|_| {
-            anyhow::anyhow!("CAROM_PRESENT is `{variable}`: it must be vulkan, gl or software")
-        })?;
-        Ok(Some(present))
     }
 }
 
@@ -125,37 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn options_win_over_the_configuration() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("farm.toml");
-        std::fs::write(&file, "nodes = [\"a:1\"]\nlocal = \"none\"\n").unwrap();
-        let file = file.to_str().unwrap();
-        let of_file = Args::parse_from(["carom-view", "--config", file]);
-        let config = of_file.farm_config().unwrap();
-        assert_eq!((config.local, config.nodes.len()), (LocalNode::None, 1));
-        let words = [
-            "carom-view",
-            "a.ply",
-            "--config",
-            file,
-            "--node",
-            "b:1",
-            "--node",
-            "c:1",
-        ];
-        let args = Args::parse_from(words.into_iter().chain(["--backend", "cpu"]));
-        let config = args.farm_config().unwrap();
-        assert_eq!(
-            (config.local, config.nodes),
-            (LocalNode::Cpu, vec!["b:1".into(), "c:1".into()])
-        );
-    }
-
-    #[test]
-    fn what_makes_no_pictures_is_refused() {
-        let alone = Args::parse_from(["carom-view", "--backend", "none"]);
-        let said = alone.farm_config().unwrap_err().to_string();
-        assert!(said.contains("--node HOST:PORT"), "{said}");
+    fn values_out_of_range_are_refused() {
         for words in [
             ["--exposure", "11"],
             ["--exposure", "nan"],

@@ -2,8 +2,10 @@
 
 use std::process::ExitCode;
 
+use carom_farm::FarmConfig;
 use carom_view::app;
 use carom_view::args::Args;
+use carom_window::display::Present;
 use clap::Parser as _;
 use mimalloc::MiMalloc;
 
@@ -25,13 +27,15 @@ fn main() -> ExitCode {
 
 /// What is wrong with the arguments ends with 2, all else with 1.
 fn run(args: &Args) -> Result<(), (anyhow::Error, u8)> {
-    let invalid = |error: anyhow::Error| (error, 2);
-    if let Some(translation) = &args.translation {
-        carom_text::load_translation(translation).map_err(|error| invalid(error.into()))?;
-    }
-    let config = args.farm_config().map_err(invalid)?;
-    let present = args.presentation().map_err(invalid)?;
+    let (config, present) = configuration(args).map_err(|error| (error, 2))?;
     app::run(args, config, present).map_err(|error| (error, 1))
+}
+
+fn configuration(args: &Args) -> anyhow::Result<(FarmConfig, Option<Present>)> {
+    if let Some(translation) = &args.window.translation {
+        carom_text::load_translation(translation)?;
+    }
+    Ok((args.window.farm_config()?, args.window.presentation()?))
 }
 
 /// Libraries below warn of things that the person at the window can do nothing about.

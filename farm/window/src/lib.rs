@@ -17,6 +17,7 @@
 //!
 //! [`connection`] and [`screen`] open the window; only [`display`] knows wgpu and softbuffer.
 
+pub mod args;
 pub mod connection;
 pub mod display;
 pub mod input_batches;

@@ -341,10 +341,7 @@ impl AppShell {
             Some(menu::MenuCommand::Act(intent)) => self.act(intent, session, now_secs),
             Some(menu::MenuCommand::Begin(game)) => {
                 let begun = game
-                    .begin(
-                        seed_of_clock(game.rules),
-                        self.store.settings.table_options(),
-                    )
+                    .begin(seed_of_clock(game.rules), self.store.settings.table)
                     .map_err(anyhow::Error::msg);
                 if let Err(why) = begun.and_then(|contest| session.begin(contest)) {
                     self.toasts.push(why.to_string(), now_secs);

@@ -46,7 +46,7 @@ pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> any
     let settings = store(args);
     let kept_in = settings.path().map(|path| path.with_file_name(MATCH_FILE));
     let mut notes = Vec::new();
-    let options = settings.settings.table_options();
+    let options = settings.settings.table;
     let asked = args.contest(options)?;
     let is_open = asked.is_none();
     let contest = match asked {
@@ -57,18 +57,12 @@ pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> any
     if config.threads == 0 {
         config.threads = chosen.threads;
     }
-    let mut session = GameSession::new(config, contest, chosen.style())?;
+    let mut session = GameSession::new(config, contest, chosen.style)?;
     if let Some(path) = kept_in {
         session.autosave_to(path);
     }
     session.show_opening_still();
-    session.set_engine(chosen.physics);
-    session.set_quality_preference(chosen.quality);
-    session.set_resolution(chosen.resolution);
-    session.set_aids(chosen.aim_aids);
-    session.set_ball_marks(chosen.ball_marks);
-    session.set_particle_precision(chosen.particle_precision);
-    session.set_instant_camera(chosen.reduced_motion);
+    session.apply(chosen);
     if let Some(folder) = &args.record {
         session.record(ShotRecorder::new(folder.clone())?);
     }
@@ -137,11 +131,10 @@ fn store(args: &Args) -> SettingsStore {
         None => SettingsStore::of_player(),
     };
     store.with_override(|settings| {
-        settings.ball_set = args.ball_set.unwrap_or(settings.ball_set);
-        settings.cloth = args.cloth.unwrap_or(settings.cloth);
-        settings.particles = args.particles.unwrap_or(settings.particles);
-        settings.pockets = args.table.pockets.unwrap_or(settings.pockets);
-        settings.table_speed = args.table.table_speed.unwrap_or(settings.table_speed);
+        let table = &mut settings.table;
+        table.pockets = args.table.pockets.unwrap_or(table.pockets);
+        table.speed = args.table.table_speed.unwrap_or(table.speed);
+        settings.style = args.style(settings.style);
         settings.physics = args.physics.unwrap_or(settings.physics);
     });
     store
@@ -267,15 +260,9 @@ impl App {
         }
         let now = self.shell.settings().clone();
         let before = std::mem::replace(&mut self.applied, now.clone());
-        self.session.set_engine(now.physics);
-        self.session.set_quality_preference(now.quality);
-        self.session.set_resolution(now.resolution);
-        self.session.set_aids(now.aim_aids);
-        self.session.set_ball_marks(now.ball_marks);
-        self.session.set_particle_precision(now.particle_precision);
-        self.session.set_instant_camera(now.reduced_motion);
-        if now.style() != before.style()
-            && let Err(error) = self.session.set_style(now.style())
+        self.session.apply(&now);
+        if now.style != before.style
+            && let Err(error) = self.session.set_style(now.style)
         {
             return self.fail(event_loop, error);
         }

@@ -29,6 +29,7 @@ use crate::capture::video::{self, ShotSequence, VideoTarget};
 use crate::play::CUE_SPEED_M_S_MAX;
 use crate::scene::scene_builder::EXPOSURE;
 use crate::scene::table_scene::TableScene;
+use crate::scene::table_style::TableStyle;
 
 /// What `stats.json` holds.
 #[derive(Debug, Serialize)]
@@ -172,7 +173,7 @@ fn footage(args: &Args) -> anyhow::Result<ShotSequence> {
         keep(&recording, folder)?;
     }
     let mut shots: Vec<Shot> = recording.clips.into_iter().map(|take| take.shot).collect();
-    let stage = TableScene::around(&table, args.style());
+    let stage = TableScene::around(&table, args.style(TableStyle::default()));
     let (view, rate) = (args.view, args.fps);
     if args.video.is_none() {
         let frames = args.frames.unwrap_or(FRAMES);
@@ -202,7 +203,7 @@ fn settings(args: &Args, footage: &ShotSequence) -> ReportSettings {
         width: size.width,
         height: size.height,
         samples: args.spp.unwrap_or(samples),
-        max_depth: args.style().balls.max_depth(),
+        max_depth: args.style(TableStyle::default()).balls.max_depth(),
         seed: args.seed,
         denoise: args.denoise,
         frames: footage.frames(),

@@ -11,82 +11,51 @@ use crate::camera::{Viewpoint, wrap_rad};
 use crate::input::{ACTIONS, Action, Bindings, MouseSettings, Trigger};
 use crate::{KeysFault, SettingFault};
 
-/// A line of the settings file.
-#[derive(Clone, Copy)]
-pub struct SettingsField {
-    /// The heading.
-    pub table: &'static str,
-    /// The name under it.
-    pub key: &'static str,
-    /// As it is written.
-    pub(super) read: fn(&Settings) -> Value,
-    /// Takes a written value, or says what it must be.
-    pub(super) write: fn(&mut Settings, &Value) -> Result<(), SettingFault>,
-}
-
-const fn field(
-    table: &'static str,
-    key: &'static str,
-    read: fn(&Settings) -> Value,
-    write: fn(&mut Settings, &Value) -> Result<(), SettingFault>,
-) -> SettingsField {
-    SettingsField {
-        table,
-        key,
-        read,
-        write,
-    }
-}
+/// A line of the settings file: the heading, the name under it, the value as it is written, and how a written value is
+/// taken, or what it must be.
+pub(super) struct SettingsField(
+    pub(super) &'static str,
+    pub(super) &'static str,
+    pub(super) fn(&Settings) -> Value,
+    pub(super) fn(&mut Settings, &Value) -> Result<(), SettingFault>,
+);
 
 /// All settings but the keys.
 #[rustfmt::skip]
-pub const FIELDS: &[SettingsField] = &[
-    field("window", "width", |s| i64::from(s.window[0]).into(), |s, v| edge(v).map(|w| s.window[0] = w)),
-    field("window", "height", |s| i64::from(s.window[1]).into(), |s, v| edge(v).map(|h| s.window[1] = h)),
-    field("window", "fullscreen", |s| s.fullscreen.into(), |s, v| switch(v).map(|on| s.fullscreen = on)),
-    field("interface", "text-scale", |s| s.text_scale.into(), |s, v| number(v, Settings::TEXT_SCALE).map(|x| s.text_scale = x)),
-    field("interface", "reduced-motion", |s| s.reduced_motion.into(), |s, v| switch(v).map(|on| s.reduced_motion = on)),
-    field("interface", "lesson", |s| name(&s.lesson), |s, v| choice(v).map(|x| s.lesson = x)),
-    field("game", "aim-aids", |s| name(&s.aim_aids), |s, v| choice(v).map(|x| s.aim_aids = x)),
-    field("game", "cloth", |s| name(&s.cloth), |s, v| choice(v).map(|x| s.cloth = x)),
-    field("game", "ball-set", |s| name(&s.ball_set), |s, v| choice(v).map(|x| s.ball_set = x)),
-    field("game", "cue", |s| name(&s.cue), |s, v| choice(v).map(|x| s.cue = x)),
-    field("game", "pockets", |s| name(&s.pockets), |s, v| choice(v).map(|x| s.pockets = x)),
-    field("game", "table-speed", |s| name(&s.table_speed), |s, v| choice(v).map(|x| s.table_speed = x)),
-    field("game", "physics", |s| s.physics.to_string().into(), |s, v| engine(v).map(|x| s.physics = x)),
-    field("game", "particle-precision", |s| name(&s.particle_precision), |s, v| choice(v).map(|x| s.particle_precision = x)),
-    field("game", "ball-marks", |s| name(&s.ball_marks), |s, v| choice(v).map(|x| s.ball_marks = x)),
-    field("controls", "mouse-speed", |s| s.mouse.speed.into(), |s, v| number(v, MouseSettings::SPEED).map(|x| s.mouse.speed = x)),
-    field("controls", "invert-pitch", |s| s.mouse.inverts_pitch.into(), |s, v| switch(v).map(|on| s.mouse.inverts_pitch = on)),
-    field("picture", "quality", |s| name(&s.quality), |s, v| choice(v).map(|x| s.quality = x)),
-    field("picture", "resolution", |s| name(&s.resolution), |s, v| choice(v).map(|x| s.resolution = x)),
-    field("picture", "threads", |s| i64::from(s.threads).into(), |s, v| threads(v).map(|n| s.threads = n)),
-    field("picture", "brightness", |s| name(&s.brightness), |s, v| choice(v).map(|x| s.brightness = x)),
-    field("picture", "particles", |s| name(&s.particles), |s, v| choice(v).map(|x| s.particles = x)),
-    field("drills", "line-up", |s| i64::from(s.drill_bests[0]).into(), |s, v| points(v).map(|n| s.drill_bests[0] = n)),
-    field("drills", "spot-shots", |s| i64::from(s.drill_bests[1]).into(), |s, v| points(v).map(|n| s.drill_bests[1] = n)),
-    field("drills", "position-play", |s| i64::from(s.drill_bests[2]).into(), |s, v| points(v).map(|n| s.drill_bests[2] = n)),
-    field("views", "view-1", |s| view(s.views[0]), |s, v| seen(v).map(|at| s.views[0] = at)),
-    field("views", "view-2", |s| view(s.views[1]), |s, v| seen(v).map(|at| s.views[1] = at)),
-    field("views", "view-3", |s| view(s.views[2]), |s, v| seen(v).map(|at| s.views[2] = at)),
-    field("views", "view-4", |s| view(s.views[3]), |s, v| seen(v).map(|at| s.views[3] = at)),
-    field("sound", "volume", |s| s.volume.into(), |s, v| number(v, [0.0, 1.0]).map(|x| s.volume = x)),
+pub(super) const FIELDS: &[SettingsField] = &[
+    SettingsField("window", "width", |s| i64::from(s.window[0]).into(), |s, v| whole(v, Settings::WINDOW_EDGE).map(|w| s.window[0] = w)),
+    SettingsField("window", "height", |s| i64::from(s.window[1]).into(), |s, v| whole(v, Settings::WINDOW_EDGE).map(|h| s.window[1] = h)),
+    SettingsField("window", "fullscreen", |s| s.fullscreen.into(), |s, v| switch(v).map(|on| s.fullscreen = on)),
+    SettingsField("interface", "text-scale", |s| s.text_scale.into(), |s, v| number(v, Settings::TEXT_SCALE).map(|x| s.text_scale = x)),
+    SettingsField("interface", "reduced-motion", |s| s.reduced_motion.into(), |s, v| switch(v).map(|on| s.reduced_motion = on)),
+    SettingsField("interface", "lesson", |s| value_name(&s.lesson).into(), |s, v| choice(v).map(|x| s.lesson = x)),
+    SettingsField("game", "aim-aids", |s| value_name(&s.aim_aids).into(), |s, v| choice(v).map(|x| s.aim_aids = x)),
+    SettingsField("game", "cloth", |s| value_name(&s.style.cloth).into(), |s, v| choice(v).map(|x| s.style.cloth = x)),
+    SettingsField("game", "ball-set", |s| value_name(&s.style.balls).into(), |s, v| choice(v).map(|x| s.style.balls = x)),
+    SettingsField("game", "cue", |s| value_name(&s.style.cue).into(), |s, v| choice(v).map(|x| s.style.cue = x)),
+    SettingsField("game", "pockets", |s| value_name(&s.table.pockets).into(), |s, v| choice(v).map(|x| s.table.pockets = x)),
+    SettingsField("game", "table-speed", |s| value_name(&s.table.speed).into(), |s, v| choice(v).map(|x| s.table.speed = x)),
+    SettingsField("game", "physics", |s| s.physics.to_string().into(), |s, v| engine(v).map(|x| s.physics = x)),
+    SettingsField("game", "particle-precision", |s| value_name(&s.particle_precision).into(), |s, v| choice(v).map(|x| s.particle_precision = x)),
+    SettingsField("game", "ball-marks", |s| value_name(&s.ball_marks).into(), |s, v| choice(v).map(|x| s.ball_marks = x)),
+    SettingsField("controls", "mouse-speed", |s| s.mouse.speed.into(), |s, v| number(v, MouseSettings::SPEED).map(|x| s.mouse.speed = x)),
+    SettingsField("controls", "invert-pitch", |s| s.mouse.inverts_pitch.into(), |s, v| switch(v).map(|on| s.mouse.inverts_pitch = on)),
+    SettingsField("picture", "quality", |s| value_name(&s.quality).into(), |s, v| choice(v).map(|x| s.quality = x)),
+    SettingsField("picture", "resolution", |s| value_name(&s.resolution).into(), |s, v| choice(v).map(|x| s.resolution = x)),
+    SettingsField("picture", "threads", |s| i64::from(s.threads).into(), |s, v| whole(v, [0, Settings::THREADS_MAX.into()]).map(|n| s.threads = n as u16)),
+    SettingsField("picture", "brightness", |s| value_name(&s.style.brightness).into(), |s, v| choice(v).map(|x| s.style.brightness = x)),
+    SettingsField("picture", "particles", |s| value_name(&s.style.particles).into(), |s, v| choice(v).map(|x| s.style.particles = x)),
+    SettingsField("drills", "line-up", |s| i64::from(s.drill_bests[0]).into(), |s, v| whole(v, [0, POINTS_MAX]).map(|n| s.drill_bests[0] = n)),
+    SettingsField("drills", "spot-shots", |s| i64::from(s.drill_bests[1]).into(), |s, v| whole(v, [0, POINTS_MAX]).map(|n| s.drill_bests[1] = n)),
+    SettingsField("drills", "position-play", |s| i64::from(s.drill_bests[2]).into(), |s, v| whole(v, [0, POINTS_MAX]).map(|n| s.drill_bests[2] = n)),
+    SettingsField("views", "view-1", |s| view(s.views[0]), |s, v| seen(v).map(|at| s.views[0] = at)),
+    SettingsField("views", "view-2", |s| view(s.views[1]), |s, v| seen(v).map(|at| s.views[1] = at)),
+    SettingsField("views", "view-3", |s| view(s.views[2]), |s, v| seen(v).map(|at| s.views[2] = at)),
+    SettingsField("views", "view-4", |s| view(s.views[3]), |s, v| seen(v).map(|at| s.views[3] = at)),
+    SettingsField("sound", "volume", |s| s.volume.into(), |s, v| number(v, [0.0, 1.0]).map(|x| s.volume = x)),
 ];
 
-fn edge(value: &Value) -> Result<u32, SettingFault> {
-    let [min, max] = Settings::WINDOW_EDGE;
-    whole(value, min, max)
-}
-
-fn threads(value: &Value) -> Result<u16, SettingFault> {
-    whole(value, 0, Settings::THREADS_MAX.into()).map(|threads| threads as u16)
-}
-
-fn points(value: &Value) -> Result<u32, SettingFault> {
-    whole(value, 0, POINTS_MAX)
-}
-
-fn whole(value: &Value, min: u32, max: u32) -> Result<u32, SettingFault> {
+fn whole(value: &Value, [min, max]: [u32; 2]) -> Result<u32, SettingFault> {
     let number = value
         .as_integer()
         .and_then(|number| u32::try_from(number).ok());
@@ -105,17 +74,16 @@ fn number(value: &Value, [min, max]: [f64; 2]) -> Result<f64, SettingFault> {
     fits.ok_or(SettingFault::Number { min, max })
 }
 
-fn name(choice: &impl ValueEnum) -> Value {
-    let name = choice.to_possible_value();
-    name.map_or(String::new(), |name| name.get_name().to_owned())
-        .into()
+/// What a choice is called in files, on the command line and in the identifiers of its texts.
+pub(crate) fn value_name(choice: &impl ValueEnum) -> String {
+    let value = choice.to_possible_value();
+    value.map_or(String::new(), |value| value.get_name().to_owned())
 }
 
 fn choice<T: ValueEnum>(value: &Value) -> Result<T, SettingFault> {
     let chosen = value.as_str().and_then(|word| T::from_str(word, true).ok());
     chosen.ok_or_else(|| {
-        let names = T::value_variants().iter().filter_map(T::to_possible_value);
-        let names = names.map(|name| name.get_name().to_owned()).collect();
+        let names = T::value_variants().iter().map(value_name).collect();
         SettingFault::Choice { names }
     })
 }
@@ -127,14 +95,22 @@ fn engine(value: &Value) -> Result<Engine, SettingFault> {
 
 /// A saved view as it is written: its parts rounded to what can be seen; none as `{}`.
 fn view(at: Option<Viewpoint>) -> Value {
-    let Some(at) = at else {
-        return Value::InlineTable(InlineTable::new());
-    };
-    let rows = VIEW_PARTS.iter().map(|part| {
-        let rounded = ((part.read)(&at) * VIEW_DIGITS).round() / VIEW_DIGITS;
-        (part.key, Value::from(rounded))
+    let parts = at.map(|at| {
+        [
+            at.focus.x,
+            at.focus.y,
+            wrap_rad(at.bearing_rad).to_degrees(),
+            at.pitch_rad.to_degrees(),
+            at.distance_m,
+            at.fov_x_deg,
+        ]
     });
-    Value::InlineTable(rows.collect())
+    let mut rows = InlineTable::new();
+    for ((key, _), part) in VIEW_PARTS.iter().zip(parts.into_iter().flatten()) {
+        let rounded = (part * VIEW_DIGITS).round() / VIEW_DIGITS;
+        rows.insert(*key, rounded.into());
+    }
+    Value::InlineTable(rows)
 }
 
 fn seen(value: &Value) -> Result<Option<Viewpoint>, SettingFault> {
@@ -142,79 +118,35 @@ fn seen(value: &Value) -> Result<Option<Viewpoint>, SettingFault> {
     if rows.is_empty() {
         return Ok(None);
     }
-    let mut at = Viewpoint {
-        focus: DVec3::ZERO,
-        bearing_rad: 0.0,
-        pitch_rad: 0.0,
-        distance_m: 0.0,
-        fov_x_deg: 0.0,
-    };
-    for part in VIEW_PARTS {
-        let value = rows.get(part.key).ok_or_else(no_view)?;
-        let number = number(value, part.range);
-        (part.write)(&mut at, number.map_err(|_| no_view())?);
+    let mut parts = [0.0; VIEW_PARTS.len()];
+    for (part, (key, range)) in parts.iter_mut().zip(VIEW_PARTS) {
+        let value = rows.get(key).ok_or_else(no_view)?;
+        *part = number(value, range).map_err(|_| no_view())?;
     }
-    Ok(Some(at))
+    let [x, y, bearing_deg, pitch_deg, distance_m, fov_x_deg] = parts;
+    Ok(Some(Viewpoint {
+        focus: DVec3::new(x, y, 0.0),
+        bearing_rad: bearing_deg.to_radians(),
+        pitch_rad: pitch_deg.to_radians(),
+        distance_m,
+        fov_x_deg,
+    }))
 }
 
 fn no_view() -> SettingFault {
-    let part =
-        |part: &ViewpointPart| format!("{} from {} to {}", part.key, part.range[0], part.range[1]);
+    let part = |(key, [min, max]): &(&str, [f64; 2])| format!("{key} from {min} to {max}");
     let parts = VIEW_PARTS.iter().map(part).collect();
     SettingFault::View { parts }
 }
 
-/// A part of a saved view.
-struct ViewpointPart {
-    key: &'static str,
-    range: [f64; 2],
-    read: fn(&Viewpoint) -> f64,
-    write: fn(&mut Viewpoint, f64),
-}
-
-const fn part(
-    key: &'static str,
-    range: [f64; 2],
-    read: fn(&Viewpoint) -> f64,
-    write: fn(&mut Viewpoint, f64),
-) -> ViewpointPart {
-    ViewpointPart {
-        key,
-        range,
-        read,
-        write,
-    }
-}
-
-/// In ranges that hold what every view and every way of turning it can give.
-#[rustfmt::skip]
-const VIEW_PARTS: [ViewpointPart; 6] = [
-    part("x", [-4.0, 4.0], |at| at.focus.x, |at, x| at.focus.x = x),
-    part("y", [-4.0, 4.0], |at| at.focus.y, |at, y| at.focus.y = y),
-    part(
-        "bearing-deg",
-        [-180.0, 180.0],
-        |at| wrap_rad(at.bearing_rad).to_degrees(),
-        |at, deg| at.bearing_rad = deg.to_radians(),
-    ),
-    part(
-        "pitch-deg",
-        [1.0, 90.0],
-        |at| at.pitch_rad.to_degrees(),
-        |at, deg| at.pitch_rad = deg.to_radians(),
-    ),
-    part(
-        "distance-m",
-        [0.5, 7.0],
-        |at| at.distance_m,
-        |at, m| at.distance_m = m,
-    ),
-    part(
-        "fov-deg",
-        [20.0, 160.0],
-        |at| at.fov_x_deg,
-        |at, deg| at.fov_x_deg = deg,
-    ),
+/// The parts of a saved view, in ranges that hold what every view and every way of turning it can give.
+const VIEW_PARTS: [(&str, [f64; 2]); 6] = [
+    ("x", [-4.0, 4.0]),
+    ("y", [-4.0, 4.0]),
+    ("bearing-deg", [-180.0, 180.0]),
+    ("pitch-deg", [1.0, 90.0]),
+    ("distance-m", [0.5, 7.0]),
+    ("fov-deg", [20.0, 160.0]),
 ];
 /// More than any drill gives.
 const POINTS_MAX: u32 = 10_000;

@@ -18,19 +18,17 @@ mod store;
 
 use carom_farm::quality::{QualityPreference, Resolution};
 pub use engine_cost::{engine_cost, engine_cost_table};
-pub use field::{FIELDS, SettingsField};
+pub(crate) use field::value_name;
 pub use particle_cost::particle_cost;
 pub use store::SettingsStore;
 
-use carom_billiards::physics::{Engine, ParticlePrecision, PocketSize, TableOptions, TableSpeed};
+use carom_billiards::physics::{Engine, ParticlePrecision, TableOptions};
 use carom_billiards::rules::RuleSet;
 
 use crate::camera::{SAVED_MAX, Viewpoint};
 use crate::input::{Bindings, MouseSettings};
-use crate::particles::ParticleDetail;
 use crate::play::{AimAids, BallMarks};
-use crate::scene::ball_materials::BallSet;
-use crate::scene::table_style::{Brightness, ClothColour, CueStyle, TableStyle};
+use crate::scene::table_style::TableStyle;
 use crate::ui::lessons::Lesson;
 
 /// All settings.
@@ -48,20 +46,10 @@ pub struct Settings {
     pub lesson: Lesson,
     /// How much of a shot is shown beforehand: the difficulty of the game.
     pub aim_aids: AimAids,
-    /// What the balls are made of.
-    pub ball_set: BallSet,
-    /// Colour of the cloth.
-    pub cloth: ClothColour,
-    /// Woods of the cue.
-    pub cue: CueStyle,
-    /// Light of the room.
-    pub brightness: Brightness,
-    /// How much dust there is.
-    pub particles: ParticleDetail,
-    /// Pockets of the tables that games are begun on.
-    pub pockets: PocketSize,
-    /// Cloth of the tables that games are begun on.
-    pub table_speed: TableSpeed,
+    /// The table's look.
+    pub style: TableStyle,
+    /// What is chosen of the tables that games are begun on.
+    pub table: TableOptions,
     /// What moves the balls.
     pub physics: Engine,
     /// How finely what lies on trick tables is simulated.
@@ -96,19 +84,6 @@ impl Settings {
     pub const DRILLS: [RuleSet; 3] = [RuleSet::LineUp, RuleSet::SpotShots, RuleSet::PositionPlay];
     /// Most CPU threads.
     pub const THREADS_MAX: u16 = 1024;
-}
-
-impl Settings {
-    /// The table's look.
-    pub fn style(&self) -> TableStyle {
-        TableStyle {
-            balls: self.ball_set,
-            cloth: self.cloth,
-            cue: self.cue,
-            brightness: self.brightness,
-            particles: self.particles,
-        }
-    }
 
     /// The best score of a drill; none of other games.
     pub fn drill_best(&self, rules: RuleSet) -> Option<u32> {
@@ -123,14 +98,6 @@ impl Settings {
             *best = score.max(*best);
         }
     }
-
-    /// What is chosen of the tables that games are begun on.
-    pub fn table_options(&self) -> TableOptions {
-        TableOptions {
-            pockets: self.pockets,
-            speed: self.table_speed,
-        }
-    }
 }
 
 impl Default for Settings {
@@ -142,13 +109,8 @@ impl Default for Settings {
             reduced_motion: false,
             lesson: Lesson::default(),
             aim_aids: AimAids::default(),
-            ball_set: BallSet::default(),
-            cloth: ClothColour::default(),
-            cue: CueStyle::default(),
-            brightness: Brightness::default(),
-            particles: ParticleDetail::default(),
-            pockets: PocketSize::default(),
-            table_speed: TableSpeed::default(),
+            style: TableStyle::default(),
+            table: TableOptions::default(),
             physics: Engine::default(),
             particle_precision: ParticlePrecision::default(),
             quality: QualityPreference::default(),

@@ -10,7 +10,7 @@ use etcetera::BaseStrategy as _;
 use toml_edit::{DocumentMut, Item, Value};
 
 use super::Settings;
-use super::field::{self, FIELDS};
+use super::field::{self, FIELDS, SettingsField};
 use crate::input::{ACTIONS, Action};
 use crate::{Error, SettingFault};
 
@@ -72,9 +72,7 @@ impl SettingsStore {
 
     /// Text of the file with what was changed since it was read; all else as it was.
     pub fn to_toml(&self) -> String {
-        let mut document = self.document.clone();
-        self.enter_changes(&mut document);
-        document.to_string()
+        self.changed_document().to_string()
     }
 
     /// What is wrong with the file, a sentence each.
@@ -105,8 +103,7 @@ impl SettingsStore {
         if self.settings == self.saved {
             return Ok(());
         }
-        let mut document = self.document.clone();
-        self.enter_changes(&mut document);
+        let document = self.changed_document();
         let written = self.make_room(&path).and_then(|()| {
             let text = document.to_string();
             WholeFile::replace(&path, |file| file.write_all(text.as_bytes()))
@@ -122,24 +119,21 @@ impl SettingsStore {
             Ok(document) => self.document = document,
             Err(error) => return self.give_up(error.to_string().trim_end().to_owned()),
         }
-        for field in FIELDS {
-            let Some(item) = self
-                .document
-                .get(field.table)
-                .and_then(|table| table.get(field.key))
-            else {
+        for SettingsField(table, key, _, write) in FIELDS {
+            let rows = self.document.get(table);
+            let Some(item) = rows.and_then(|rows| rows.get(key)) else {
                 continue;
             };
             let written = match item.as_value() {
-                Some(value) => (field.write)(&mut self.settings, value),
+                Some(value) => write(&mut self.settings, value),
                 None => Err(SettingFault::Table),
             };
             if let Err(wanted) = written {
                 let shown = item.to_string();
                 self.warnings.push(text!(
                     "settings-ignored",
-                    table = field.table,
-                    key = field.key,
+                    table = *table,
+                    key = *key,
                     value = shown.trim(),
                     wanted = wanted.to_string()
                 ));
@@ -176,7 +170,7 @@ impl SettingsStore {
                 "keys" => Action::from_name(key).is_some(),
                 _ => FIELDS
                     .iter()
-                    .any(|field| (field.table, field.key) == (table, key)),
+                    .any(|field| (field.0, field.1) == (table, key)),
             };
             match item.as_table_like() {
                 Some(rows) => {
@@ -197,15 +191,17 @@ impl SettingsStore {
         self.warnings.push(text!("settings-broken", why = why));
     }
 
-    fn enter_changes(&self, document: &mut DocumentMut) {
-        for field in FIELDS {
-            let value = (field.read)(&self.settings);
-            if value.to_string() != (field.read)(&self.saved).to_string() {
-                enter(document, field.table, field.key, value);
+    /// The file with what was changed since it was read.
+    fn changed_document(&self) -> DocumentMut {
+        let mut document = self.document.clone();
+        for SettingsField(table, key, read, _) in FIELDS {
+            let value = read(&self.settings);
+            if value.to_string() != read(&self.saved).to_string() {
+                enter(&mut document, table, key, value);
             }
         }
         if self.settings.bindings == self.saved.bindings {
-            return;
+            return document;
         }
         for control in ACTIONS {
             let triggers = |settings: &Settings| settings.bindings.triggers(control.action);
@@ -223,9 +219,10 @@ impl SettingsStore {
             });
             if triggers(&self.settings) != triggers(&self.saved) || !is_of_use {
                 let value = field::triggers(&self.settings.bindings, control.action);
-                enter(document, "keys", control.name, value);
+                enter(&mut document, "keys", control.name, value);
             }
         }
+        document
     }
 
     fn make_room(&mut self, path: &Path) -> std::io::Result<()> {
@@ -285,13 +282,13 @@ const BYTES_MAX: u64 = 1 << 20;
 
 #[cfg(test)]
 mod tests {
-    use carom_billiards::physics::{PocketSize, TableSpeed};
+    use carom_billiards::physics::{PocketSize, TableOptions, TableSpeed};
 
     use super::*;
     use crate::camera::Viewpoint;
     use crate::input::{BindingContext, Trigger};
     use crate::scene::ball_materials::BallSet;
-    use crate::scene::table_style::ClothColour;
+    use crate::scene::table_style::{Brightness, ClothColour, CueStyle, TableStyle};
 
     /// Of numbers that have few digits in the file.
     fn a_view() -> Viewpoint {
@@ -348,15 +345,19 @@ mod tests {
             reduced_motion: true,
             lesson: crate::ui::lessons::Lesson::Suggest,
             aim_aids: crate::play::AimAids::Full,
-            ball_set: BallSet::Jade,
-            cloth: ClothColour::Red,
-            cue: crate::scene::table_style::CueStyle::Ebony,
-            brightness: crate::scene::table_style::Brightness::Bright,
-            pockets: PocketSize::Tight,
-            table_speed: TableSpeed::Fast,
+            style: TableStyle {
+                balls: BallSet::Jade,
+                cloth: ClothColour::Red,
+                cue: CueStyle::Ebony,
+                brightness: Brightness::Bright,
+                particles: crate::particles::ParticleDetail::All,
+            },
+            table: TableOptions {
+                pockets: PocketSize::Tight,
+                speed: TableSpeed::Fast,
+            },
             physics: "rapier-240".parse().unwrap(),
             particle_precision: carom_billiards::physics::ParticlePrecision::Fine,
-            particles: crate::particles::ParticleDetail::All,
             quality: carom_farm::quality::QualityPreference::Fine,
             resolution: carom_farm::quality::Resolution::Half,
             threads: 3,

@@ -8,7 +8,7 @@ use carom_text::text;
 use carom_window::theme;
 use egui::{Grid, RichText, Ui};
 
-use super::preferences::value_name;
+use crate::settings::value_name;
 
 /// What the player wants to play.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -9,12 +9,12 @@ use glam::{DVec2, DVec3};
 
 use super::aim::AimOverlay;
 use super::layout::Layout;
-use super::preferences::value_name;
 use super::replay;
 use crate::camera::Projection;
 use crate::capture::SavedRecording;
 use crate::play::practice::{Practice, PracticeCommand};
 use crate::play::tricks::TrickTable;
+use crate::settings::value_name;
 
 /// Draws the page at the bottom; what the player wants.
 pub fn panel(

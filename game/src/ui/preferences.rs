@@ -10,7 +10,9 @@ use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
 use super::page::{MenuInput, Page};
 use crate::input::MouseSettings;
-use crate::settings::{Settings, SettingsStore, engine_cost, engine_cost_table, particle_cost};
+use crate::settings::{
+    Settings, SettingsStore, engine_cost, engine_cost_table, particle_cost, value_name,
+};
 
 /// Draws the settings and changes them; returns the page that was asked for.
 pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>) -> Option<Page> {
@@ -61,18 +63,18 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
 fn game(ui: &mut Ui, settings: &mut Settings) {
     choice(ui, "aim-aids", &mut settings.aim_aids);
     choice(ui, "ball-marks", &mut settings.ball_marks);
-    choice(ui, "ball-set", &mut settings.ball_set);
-    choice(ui, "cloth", &mut settings.cloth);
-    choice(ui, "cue", &mut settings.cue);
-    choice(ui, "pockets", &mut settings.pockets);
-    choice(ui, "table-speed", &mut settings.table_speed);
+    choice(ui, "ball-set", &mut settings.style.balls);
+    choice(ui, "cloth", &mut settings.style.cloth);
+    choice(ui, "cue", &mut settings.style.cue);
+    choice(ui, "pockets", &mut settings.table.pockets);
+    choice(ui, "table-speed", &mut settings.table.speed);
 }
 
 fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
-    choice(ui, "brightness", &mut settings.brightness);
+    choice(ui, "brightness", &mut settings.style.brightness);
     choice(ui, "quality", &mut settings.quality);
     choice(ui, "resolution", &mut settings.resolution);
-    choice(ui, "particles", &mut settings.particles);
+    choice(ui, "particles", &mut settings.style.particles);
     ui.label(text!("setting-farm"));
     ui.vertical(|ui| {
         ui.label(input.farm);
@@ -199,12 +201,6 @@ fn choice<T: ValueEnum + PartialEq + Copy>(ui: &mut Ui, key: &str, chosen: &mut 
 
 fn explain(ui: &mut Ui, words: &str) {
     ui.label(RichText::new(words).color(theme::FAINT).small());
-}
-
-/// What a choice is called in files, on the command line and in the identifiers of its texts.
-pub(super) fn value_name(choice: &impl ValueEnum) -> String {
-    let value = choice.to_possible_value();
-    value.map_or(String::new(), |value| value.get_name().to_owned())
 }
 
 const TEXT_PERCENTS: [u32; 6] = [75, 100, 125, 150, 200, 250];

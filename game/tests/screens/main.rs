@@ -81,7 +81,7 @@ fn settings_are_changed_by_pressing_them() {
     let settings = harness.state().shell.settings();
     assert!(settings.reduced_motion && settings.text_scale == 1.25);
     assert_eq!(
-        settings.ball_set,
+        settings.style.balls,
         carom::scene::ball_materials::BallSet::Glass
     );
     click(&mut harness, "Restore the defaults");

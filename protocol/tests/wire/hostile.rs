@@ -506,18 +506,22 @@ fn a_client_that_reads_no_answers_is_cut_off() {
     assert!(node.handle(ping).is_err());
 }
 
-#[test]
-fn cancelled_request_sends_no_more() {
-    let (mut node, scene) = open_node();
-    ask(&mut node, request(&scene, 1)).unwrap();
-    let part = |first, count| TilesDone {
+/// Tiles of the first request.
+fn part(first: u32, count: u32) -> TilesDone {
+    TilesDone {
         request: RequestId(1),
         tiles: TileRange { first, count },
         busy_micros: 1,
         times: carom_protocol::NodeTimes::default(),
         dropped_samples: 0,
         pixels: black(count),
-    };
+    }
+}
+
+#[test]
+fn cancelled_request_sends_no_more() {
+    let (mut node, scene) = open_node();
+    ask(&mut node, request(&scene, 1)).unwrap();
     assert_eq!(node.tiles(part(4, 4)), Ok(true));
     let cancelled = node.handle(to_node(&ToNode::CancelBefore(FrameId(2))));
     assert_eq!(
@@ -595,14 +599,6 @@ fn stale_frames_wait_for_newer_ones() {
 fn node_answers_only_what_was_asked() {
     let (mut node, scene) = open_node();
     ask(&mut node, request(&scene, 1)).unwrap();
-    let part = |first, count| TilesDone {
-        request: RequestId(1),
-        tiles: TileRange { first, count },
-        busy_micros: 1,
-        times: carom_protocol::NodeTimes::default(),
-        dropped_samples: 0,
-        pixels: black(count),
-    };
     let report = RequestReport {
         request: RequestId(1),
         ..RequestReport::default()

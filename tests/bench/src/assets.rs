@@ -17,8 +17,8 @@ use carom_tracer::{Material, Mesh, Scene};
 use glam::Vec3;
 use serde::Serialize;
 
-use crate::BenchError;
 use crate::wait::WaitArgs;
+use crate::{BenchError, print_json};
 
 /// Send a long scene to nodes over emulated links, and count bytes and seconds.
 ///
@@ -77,8 +77,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         measure(args, "goes on", &third, &scene, whole)?,
     ];
     if args.json {
-        let json = serde_json::to_string(&rows).context("results as JSON")?;
-        println!("{json}");
+        print_json(&rows)?;
         return Ok(());
     }
     println!("{:<34}  MB sent  of scene's  seconds", "");

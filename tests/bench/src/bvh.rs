@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::time::Instant;
 
-use anyhow::Context;
 use carom_tracer::compiled::{BvhUse, ShapeKind};
 use carom_tracer::{
     AreaLight, Camera, CompiledScene, Environment, ImageSize, Lens, Material, Mesh, Object, Scene,
@@ -14,7 +13,7 @@ use cpu_time::ProcessTime;
 use glam::{EulerRot, Quat, Vec3};
 use serde::Serialize;
 
-use crate::{BenchError, timing};
+use crate::{BenchError, print_json, timing};
 use carom_farm::backend::{self, Backend, OpenBackend};
 
 /// Find the number of primitives from which on a BVH is faster than testing each.
@@ -145,8 +144,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     }
     let report = BvhReport { build, backends };
     if args.json {
-        let json = serde_json::to_string(&report).context("results as JSON")?;
-        println!("{json}");
+        print_json(&report)?;
     } else {
         print(&report);
     }

@@ -1,12 +1,12 @@
 //! The bench of faults: random farms on virtual time on which random things go wrong.
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use carom_farm::Balancing;
 use carom_testkit::simulator::{FaultRun, fault_plan, run_faults};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::BenchError;
+use crate::{BenchError, print_json};
 
 /// Run simulated farms with random faults: death, silence, slowness, lies about times, failing devices,
 /// pixels that are not numbers, half a minute without network, a sleeping client.
@@ -78,10 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let runs: Vec<(u64, FaultRun)> = (args.first..last).into_par_iter().map(run).collect();
     let report = report(args, &runs);
     if args.json {
-        println!(
-            "{}",
-            serde_json::to_string(&report).context("results as JSON")?
-        );
+        print_json(&report)?;
     } else {
         print(&report);
     }

@@ -4,7 +4,6 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::Context;
 use carom::scene::ball_materials::BallSet;
 use carom::scene::table_scene::TableScene;
 use carom_farm::{
@@ -13,10 +12,11 @@ use carom_farm::{
 use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 use serde::Serialize;
 
-use crate::BenchError;
 use crate::cluster::process::{FarmFolder, RunningProcess};
 use crate::scenes;
+use crate::timing::median;
 use crate::wait::WaitArgs;
+use crate::{BenchError, print_json};
 
 /// Compare the first frames of many nodes of one thread with those of one node of as many threads.
 ///
@@ -81,8 +81,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     };
     let pairs: Vec<FirstFrames> = (0..args.pairs).map(pair).collect::<Result<_, _>>()?;
     if args.json {
-        let json = serde_json::to_string(&pairs).context("results as JSON")?;
-        println!("{json}");
+        print_json(&pairs)?;
         return Ok(());
     }
     let (nodes, frames) = (args.nodes, args.frames);
@@ -101,9 +100,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
             "{one_secs:>10.2}  {many_secs:>9.2}  {ratio:>5.2}  {reissued_per_tile:>25.2}  {lost_per_tile:>21.2}"
         );
     }
-    let mut ratios: Vec<f64> = pairs.iter().map(|pair| pair.ratio).collect();
-    ratios.sort_by(f64::total_cmp);
-    let ratio = ratios[ratios.len() / 2];
+    let ratio = median(pairs.iter().map(|pair| pair.ratio));
     let again = pairs.iter().map(|pair| pair.reissued_per_tile);
     let again = again.fold(0.0, f64::max);
     let met = if ratio <= RATIO_MAX && again < 1.0 {

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
 use carom_tracer::{
     Axis, CompiledScene, CsgSolid, ImageSize, Material, Mesh, Object, ProceduralTexture, Scene,
     Shape, Stripe, Subtraction,
@@ -11,7 +10,7 @@ use glam::{Quat, Vec3};
 use serde::Serialize;
 
 use crate::scenes::{self, NamedScene};
-use crate::{BenchError, timing};
+use crate::{BenchError, print_json, timing};
 use carom_farm::backend::{self, Backend, OpenBackend};
 
 /// Measure the gain of kernels that hold only what a scene requires.
@@ -81,8 +80,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         }
     }
     if args.json {
-        let json = serde_json::to_string(&report).context("results as JSON")?;
-        println!("{json}");
+        print_json(&report)?;
     } else {
         report.scenes.iter().for_each(print);
     }
@@ -253,48 +251,24 @@ const PARTS: [FeatureChange; 14] = [
         name: "a CSG box",
         is_used: |scene| any_shape(scene, |shape| matches!(shape, Shape::CsgBox { .. })),
         add: |scene| {
-            let (min, max) = hidden_box(scene);
             let solid = CsgSolid::HalfSpace {
-                point: max,
+                point: hidden_box(scene).1,
                 normal: Vec3::ONE,
             };
-            let subtractions = vec![Subtraction {
-                solid,
-                material: None,
-            }];
-            add_object(
-                scene,
-                Shape::CsgBox {
-                    min,
-                    max,
-                    subtractions,
-                },
-            );
+            add_csg_box(scene, solid);
         },
     },
     FeatureChange {
         name: "a subtracted cone",
         is_used: |scene| any_shape(scene, is_turned),
         add: |scene| {
-            let (min, max) = hidden_box(scene);
             let solid = CsgSolid::ConeExterior {
                 center: hidden(scene),
                 radius: 0.5 * SMALL_M,
                 taper: 0.0,
                 beyond: Vec3::ZERO,
             };
-            let subtractions = vec![Subtraction {
-                solid,
-                material: None,
-            }];
-            add_object(
-                scene,
-                Shape::CsgBox {
-                    min,
-                    max,
-                    subtractions,
-                },
-            );
+            add_csg_box(scene, solid);
         },
     },
     FeatureChange {
@@ -407,6 +381,22 @@ fn add_object(scene: &mut Scene, shape: Shape) {
         material,
         shape,
     });
+}
+
+fn add_csg_box(scene: &mut Scene, solid: CsgSolid) {
+    let (min, max) = hidden_box(scene);
+    let subtractions = vec![Subtraction {
+        solid,
+        material: None,
+    }];
+    add_object(
+        scene,
+        Shape::CsgBox {
+            min,
+            max,
+            subtractions,
+        },
+    );
 }
 
 /// A place behind the camera, and a little beyond its own size.

@@ -16,8 +16,9 @@ use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 use carom_tracer::{CpuTracer, ImageSize, RenderSettings, SceneUpdate};
 use serde::Serialize;
 
+use crate::timing::quantiles;
 use crate::wait::WaitArgs;
-use crate::{BenchError, case_filter, scenes};
+use crate::{BenchError, case_filter, print_json, scenes};
 
 /// Measure the latency from an input to the screen, stage by stage.
 ///
@@ -100,8 +101,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         report.runs.push(row);
     }
     if args.json {
-        let json = serde_json::to_string(&report).context("results as JSON")?;
-        println!("{json}");
+        print_json(&report)?;
     }
     Ok(())
 }
@@ -298,16 +298,13 @@ impl LatencyProbe {
 
     fn row(&self, path: &'static str) -> LatencyRow {
         let stage = |(index, stage): (usize, &&'static str)| {
-            let mut times: Vec<f64> = self.times.iter().map(|times| 1e3 * times[index]).collect();
-            times.sort_unstable_by(f64::total_cmp);
-            let last = times.len().saturating_sub(1) as f64;
-            let at = |share: f64| times.get((last * share).ceil() as usize).copied();
-            let at = |share| at(share).unwrap_or(f64::NAN);
+            let times = self.times.iter().map(|times| 1e3 * times[index]);
+            let [p50_ms, p95_ms, p99_ms] = quantiles(times, [0.5, 0.95, 0.99]);
             StageTimes {
                 stage,
-                p50_ms: at(0.5),
-                p95_ms: at(0.95),
-                p99_ms: at(0.99),
+                p50_ms,
+                p95_ms,
+                p99_ms,
             }
         };
         LatencyRow {

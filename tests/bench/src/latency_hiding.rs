@@ -17,11 +17,12 @@ use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 use glam::Quat;
 use serde::Serialize;
 
-use crate::BenchError;
 use crate::cluster::process::{FarmFolder, NodeProcess, NodeSpec};
 use crate::proxy::LinkArgs;
 use crate::scenes;
+use crate::timing::quantiles;
 use crate::wait::WaitArgs;
+use crate::{BenchError, print_json};
 
 /// Measure whether frames requested ahead of time are there at their moments.
 ///
@@ -114,8 +115,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     }
     let report = table.report();
     if args.json {
-        let json = serde_json::to_string(&report).context("results as JSON")?;
-        println!("{json}");
+        print_json(&report)?;
     } else {
         print(&report);
     }
@@ -342,28 +342,24 @@ impl<'a> RefreshLoop<'a> {
         let period = PERIOD.as_secs_f64();
         let good = errors.iter().filter(|error| **error <= period).count();
         let rolled_secs = errors.len() as f64 * period;
+        let ms = |secs: &f64| 1e3 * secs;
+        let [error_ms_p50, error_ms_p99] = quantiles(errors.iter().map(ms), [0.5, 0.99]);
+        let [click_ms_p50, click_ms_p99, click_ms_max] =
+            quantiles(clicks.iter().map(ms), [0.5, 0.99, 1.0]);
         LatencyHidingReport {
             strokes: self.args.strokes,
             refreshes: errors.len(),
             within_a_refresh: good as f64 / errors.len().max(1) as f64,
-            moment_error_ms_p50: 1e3 * quantile(errors, 0.5),
-            moment_error_ms_p99: 1e3 * quantile(errors, 0.99),
+            moment_error_ms_p50: error_ms_p50,
+            moment_error_ms_p99: error_ms_p99,
             pictures_per_second: *pictures as f64 / rolled_secs,
-            click_to_change_ms_p50: 1e3 * quantile(clicks, 0.5),
-            click_to_change_ms_p99: 1e3 * quantile(clicks, 0.99),
-            click_to_change_ms_max: 1e3 * quantile(clicks, 1.0),
+            click_to_change_ms_p50: click_ms_p50,
+            click_to_change_ms_p99: click_ms_p99,
+            click_to_change_ms_max: click_ms_max,
             late_tiles: *late_tiles as f64 / (*tiles).max(1) as f64,
             lead_ms: 1e3 * self.lead.secs(),
         }
     }
-}
-
-fn quantile(values: &[f64], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().saturating_sub(1) as f64;
-    let value = sorted.get((last * share).ceil() as usize);
-    value.copied().unwrap_or(f64::NAN)
 }
 
 fn print(report: &LatencyHidingReport) {

@@ -14,6 +14,7 @@ mod codec;
 mod error;
 mod faults;
 mod first_frames;
+mod json;
 mod kernel_specialization;
 mod latency;
 mod latency_hiding;
@@ -34,3 +35,4 @@ mod wait;
 
 pub use cli::run;
 pub(crate) use error::{BenchError, ValueError};
+pub(crate) use json::print_json;

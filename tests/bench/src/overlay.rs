@@ -3,7 +3,7 @@
 use anyhow::Context as _;
 use carom_farm::quality::{QUALITY_LEVELS, QualityPreference};
 use carom_farm::{Balancing, Distribution, Frame};
-use carom_testkit::simulator::{FarmPlan, NetworkConditions, NodePlan, SimulationReport, run};
+use carom_testkit::simulator::{FarmPlan, NodePlan, SimulationReport, run};
 use carom_tracer::ImageSize;
 use carom_window::stats::frame_record::FrameSample;
 use carom_window::stats::maps::{MapKind, Maps};
@@ -211,20 +211,12 @@ fn plan() -> FarmPlan {
         }
     };
     FarmPlan {
-        seed: 1,
-        balancing: Balancing::default(),
         nodes: (0..NODES).map(node).collect(),
         frames: (WARM_UP + 30) as u64,
-        frames_in_flight: 1,
-        period_secs: None,
-        looks_ahead: false,
         spot_check_tiles: 0,
         size: SIZE,
-        samples: 1,
-        distribution: Distribution::default(),
         tile_edge: TILE_EDGE,
-        conditions: NetworkConditions::default(),
-        changes: Vec::new(),
+        ..FarmPlan::default()
     }
 }
 

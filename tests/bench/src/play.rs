@@ -19,6 +19,7 @@ use cpu_time::{ProcessTime, ThreadTime};
 use serde::Serialize;
 
 use crate::BenchError;
+use crate::timing::quantiles;
 
 /// Frames of the room while the camera turns once in ten seconds, by the steps of the game's frame loop
 /// and its own local node, as fast as they come.
@@ -188,12 +189,8 @@ impl PlayLoop {
         };
         let ms: Vec<f64> = self.secs.iter().enumerate().map(per_frame).collect();
         let sum: f64 = ms.iter().sum();
-        let mut intervals: Vec<f64> = self.start.windows(2).map(|two| two[1] - two[0]).collect();
-        intervals.sort_by(f64::total_cmp);
-        let interval_ms = |share: f64| match intervals.len() {
-            0 => f64::NAN,
-            count => 1e3 * intervals[((count as f64 * share).ceil() as usize).clamp(1, count) - 1],
-        };
+        let intervals_ms = self.start.windows(2).map(|two| 1e3 * (two[1] - two[0]));
+        let [start_median_ms, start_p95_ms] = quantiles(intervals_ms, [0.5, 0.95]);
         let stage = |(name, ms): (&&'static str, f64)| PlayStage {
             name,
             ms,
@@ -207,8 +204,8 @@ impl PlayLoop {
             cpu_ms: 1e3 * cpu.elapsed().as_secs_f64() / frames,
             main_cpu_ms: 1e3 * main_cpu.elapsed().as_secs_f64() / frames,
             first_frame_ms: 1e3 * self.start[0],
-            start_median_ms: interval_ms(0.5),
-            start_p95_ms: interval_ms(0.95),
+            start_median_ms,
+            start_p95_ms,
             stages: STAGES.iter().zip(ms).map(stage).collect(),
         })
     }

@@ -25,9 +25,20 @@ pub(crate) fn ms_since(begun: ThreadTime) -> f64 {
 
 /// The middle value; NaN of none.
 pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let [middle] = quantiles(values, [0.5]);
+    middle
+}
+
+/// The values at these shares of the way from the least, 0, to the largest, 1; between two, the larger. NaN of none.
+pub(crate) fn quantiles<const N: usize>(
+    values: impl IntoIterator<Item = f64>,
+    shares: [f64; N],
+) -> [f64; N] {
     let mut values: Vec<_> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    let last = values.len().saturating_sub(1) as f64;
+    let value = |share: f64| values.get((last * share).ceil() as usize).copied();
+    shares.map(|share| value(share).unwrap_or(f64::NAN))
 }
 
 /// Milliseconds of a whole picture: the device's own where it tells them, else CPU time.

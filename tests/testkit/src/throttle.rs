@@ -154,11 +154,7 @@ impl Tracer for ThrottledTracer {
                     ..tile
                 });
             }
-            sum.samples += stats.samples;
-            sum.rays += stats.rays;
-            sum.device_nanos += stats.device_nanos;
-            sum.first_hits_nanos += stats.first_hits_nanos;
-            sum.filter_nanos += stats.filter_nanos;
+            sum += stats;
             done += tiles.len();
         }
         Ok(sum)

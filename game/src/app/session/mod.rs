@@ -9,8 +9,8 @@ mod tests;
 use std::path::PathBuf;
 
 use carom_billiards::game_match::Match;
-use carom_billiards::physics::{Engine, ParticlePrecision, Recording, Shot};
-use carom_farm::quality::{QualityPreference, Resolution};
+use carom_billiards::physics::{Recording, Shot};
+use carom_farm::quality::QualityPreference;
 use carom_farm::{Balancing, Distribution, FarmConfig, NodeStatus};
 use carom_text::text;
 use carom_tracer::ImageSize;
@@ -30,9 +30,10 @@ use crate::frame::farm_startup::FarmState;
 use crate::frame::opening_still::OpeningStill;
 use crate::frame::pipeline::FramePipeline;
 use crate::input::{AimIntent, MatchIntent, PracticeIntent, ReplayIntent, StrokeIntent};
-use crate::play::{AimAids, BallMarks, CueView, Game, ShotClock};
+use crate::play::{BallMarks, CueView, Game, ShotClock};
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::TableStyle;
+use crate::settings::Settings;
 use crate::ui::match_hud::MatchHud;
 
 /// A game in progress. Times are seconds since the program began.
@@ -109,11 +110,6 @@ impl GameSession {
         })
     }
 
-    /// Lets another engine move the balls from the next stroke on.
-    pub fn set_engine(&mut self, engine: Engine) {
-        self.game.set_engine(engine);
-    }
-
     /// Records every shot from now on.
     pub fn record(&mut self, recorder: ShotRecorder) {
         self.recorder = Some(recorder);
@@ -170,12 +166,6 @@ impl GameSession {
     pub fn resize(&mut self, pixels: ImageSize) {
         self.pipeline.scheduler_mut().resize(pixels);
         self.pixels = pixels;
-        self.is_dirty = true;
-    }
-
-    /// Traces the window's picture at this resolution; screenshots keep the window's.
-    pub fn set_resolution(&mut self, resolution: Resolution) {
-        self.pipeline.scheduler_mut().set_resolution(resolution);
         self.is_dirty = true;
     }
 
@@ -295,33 +285,18 @@ impl GameSession {
         }
     }
 
-    /// Shows more or less of the shot to come.
-    pub fn set_aids(&mut self, aids: AimAids) {
-        self.game.set_aids(aids);
-        self.is_dirty = true;
-    }
-
-    /// How finely what is laid on the table from now on is simulated.
-    pub fn set_particle_precision(&mut self, precision: ParticlePrecision) {
-        self.game.set_particle_precision(precision);
-    }
-
-    /// Sets which balls are marked.
-    pub fn set_ball_marks(&mut self, marks: BallMarks) {
-        self.ball_marks = marks;
-        self.is_dirty = true;
-    }
-
-    /// Lets the camera cut to where it would glide.
-    pub fn set_instant_camera(&mut self, instant_camera: bool) {
-        self.game.set_instant_camera(instant_camera);
-    }
-
-    /// What is given up first while things move.
-    pub fn set_quality_preference(&mut self, preference: QualityPreference) {
-        self.pipeline
-            .scheduler_mut()
-            .set_quality_preference(preference);
+    /// Plays by these settings from now on, but for the table's look, see [`GameSession::set_style`]. The window's
+    /// picture has their resolution; screenshots keep the window's.
+    pub fn apply(&mut self, settings: &Settings) {
+        let scheduler = self.pipeline.scheduler_mut();
+        scheduler.set_quality_preference(settings.quality);
+        scheduler.set_resolution(settings.resolution);
+        self.game.set_engine(settings.physics);
+        self.game.set_aids(settings.aim_aids);
+        self.game
+            .set_particle_precision(settings.particle_precision);
+        self.game.set_instant_camera(settings.reduced_motion);
+        self.ball_marks = settings.ball_marks;
         self.is_dirty = true;
     }
 

@@ -1,6 +1,7 @@
 use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
 use carom_farm::LocalNode;
+use carom_farm::quality::Resolution;
 
 use super::*;
 use crate::camera::CameraView;
@@ -48,15 +49,17 @@ fn a_resolution_is_a_share_of_the_window_and_of_nothing_else() {
     let mut session = session();
     session.resize(ImageSize::new(1280, 720));
     for (resolution, width) in [
-        (Resolution::Half, 640),
-        (Resolution::ThreeQuarters, 960),
         (Resolution::Full, 1280),
+        (Resolution::ThreeQuarters, 960),
+        (Resolution::Half, 640),
     ] {
-        session.set_resolution(resolution);
+        session.apply(&Settings {
+            resolution,
+            ..Settings::default()
+        });
         assert_eq!(session.pipeline.scheduler().sharpest().width, width);
         assert_eq!(session.pixels, ImageSize::new(1280, 720), "screenshots");
     }
-    session.set_resolution(Resolution::Half);
     session.resize(ImageSize::new(0, 0));
     assert_eq!(session.pipeline.scheduler().sharpest().pixels(), 0);
 }

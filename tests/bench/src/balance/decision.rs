@@ -16,6 +16,8 @@ use carom_tracer::{DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, Sce
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
+use crate::timing::median;
+
 /// CPU time from a frame's submission until all nodes have been asked for their parts.
 #[derive(Serialize)]
 pub(super) struct DivisionCost {
@@ -45,15 +47,13 @@ pub(super) fn measure(balancing: Balancing) -> DivisionCost {
             coordinator.handle(Duration::ZERO, node, LinkEvent::Session(event));
         }
     }
-    let mut micros: Vec<f64> = (0..FRAMES)
-        .map(|frame| divide(&mut coordinator, &scene, frame))
-        .collect();
-    micros.sort_by(f64::total_cmp);
+    let micros = (0..FRAMES).map(|frame| divide(&mut coordinator, &scene, frame));
+    let micros = median(micros);
     DivisionCost {
         algorithm: balancing,
         nodes: NODES,
         tiles: SIZE.width * SIZE.height,
-        micros: micros[micros.len() / 2],
+        micros,
     }
 }
 

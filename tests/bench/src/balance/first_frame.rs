@@ -1,10 +1,8 @@
 //! The first frame of a farm in which the slowest node is ready first, and one of a hundred times its
 //! speed joins: nothing may be left to the slow one that the fast one would be through with.
 
-use carom_farm::coordinator::SPOT_CHECK_TILES;
-use carom_farm::{Algorithm, Distribution};
-use carom_testkit::simulator::{self, FarmPlan, NetworkConditions, NodeChange, NodePlan};
-use carom_tracer::ImageSize;
+use carom_farm::Algorithm;
+use carom_testkit::simulator::{self, FarmPlan, NodeChange, NodePlan};
 use serde::Serialize;
 
 /// One run.
@@ -28,20 +26,9 @@ fn simulate(joins_secs: f64) -> FirstFrame {
         NodePlan::new(1e-3, SPREAD * SLOW),
     );
     let plan = FarmPlan {
-        seed: 1,
         balancing: Algorithm::WaterFilling.hedged(),
         nodes: vec![slow, fast.with(START_SECS + joins_secs, NodeChange::Join)],
-        frames: 1,
-        frames_in_flight: 1,
-        period_secs: None,
-        looks_ahead: false,
-        size: ImageSize::new(240, 160),
-        samples: 1,
-        distribution: Distribution::Tiles,
-        spot_check_tiles: SPOT_CHECK_TILES,
-        tile_edge: 8,
-        conditions: NetworkConditions::default(),
-        changes: Vec::new(),
+        ..FarmPlan::default()
     };
     let report = simulator::run(&plan, SECS_MAX);
     let frame_secs = report

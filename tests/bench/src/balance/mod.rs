@@ -16,7 +16,7 @@ use carom_testkit::simulator::{
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::{BenchError, ValueError};
+use crate::{BenchError, ValueError, print_json};
 
 /// Compare the balancing algorithms on simulated farms: the real coordinator on virtual time.
 ///
@@ -136,10 +136,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         decisions: algorithms.iter().copied().map(decision::measure).collect(),
     };
     if args.json {
-        println!(
-            "{}",
-            serde_json::to_string(&output).context("results as JSON")?
-        );
+        print_json(&output)?;
     } else {
         print_tables(&output);
         acceptance::print(&runs);

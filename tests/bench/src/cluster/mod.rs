@@ -11,25 +11,22 @@ use std::time::Duration;
 use anyhow::Context;
 use carom_farm::NodeIndex;
 use carom_farm::backend::NodeBackend;
-use carom_farm::coordinator::SPOT_CHECK_TILES;
 use carom_farm::net::interruption;
 use carom_farm::{
-    Algorithm, Balancing, Distribution, Farm, FarmConfig, FrameId, LocalNode, PixelPrecision,
-    PrecisionRange,
+    Algorithm, Balancing, Farm, FarmConfig, FrameId, LocalNode, PixelPrecision, PrecisionRange,
 };
 use carom_testkit::link_emulator::LinkConfig;
-use carom_testkit::simulator::{
-    self, FarmPlan, NetworkConditions, NodePlan, Score, SimulationReport, optimum_secs,
-};
+use carom_testkit::simulator::{self, FarmPlan, NodePlan, Score, SimulationReport, optimum_secs};
 use carom_tracer::ImageSize;
 use serde::Serialize;
 
 use self::player::{ClusterPlayer, ExpectedFrames, SubmissionPace};
 use self::process::{FarmFolder, NodeAction, NodeProcess, NodeSpec, ScheduledAction};
-use crate::BenchError;
 use crate::proxy::LinkArgs;
 use crate::scenes;
+use crate::timing::median;
 use crate::wait::WaitArgs;
+use crate::{BenchError, print_json};
 
 /// Compare the balancing algorithms on a farm of real processes of this machine.
 ///
@@ -149,8 +146,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         output.runs.push(row);
     }
     if args.json {
-        let json = serde_json::to_string(&output).context("results as JSON")?;
-        println!("{json}");
+        print_json(&output)?;
     }
     Ok(())
 }
@@ -306,12 +302,12 @@ impl ClusterBench<'_> {
             let mut player = self.player(&mut nodes, there, Balancing::default())?;
             let (report, _) = player.play(pace, &[])?;
             let stats = || report.frames.iter().map(|frame| &frame.stats);
-            let busy_secs = middle(stats().map(|stats| stats.busy_secs));
+            let busy_secs = median(stats().map(|stats| stats.busy_secs));
             let fixed = stats().map(|stats| stats.makespan_secs - stats.busy_secs);
             let samples = size(self.args).pixels() as f64 * f64::from(self.args.spp);
             Ok(NodeAlone {
                 share: self.args.node[index].share,
-                fixed_ms: 1e3 * middle(fixed).max(0.0),
+                fixed_ms: 1e3 * median(fixed).max(0.0),
                 msamples_per_sec: 1e-6 * samples / busy_secs.max(1e-9),
             })
         };
@@ -381,14 +377,10 @@ impl ClusterBench<'_> {
             frames: pace.frames,
             frames_in_flight: pace.frames_in_flight,
             period_secs: pace.period.map(|period| period.as_secs_f64()),
-            looks_ahead: false,
             size: size(self.args),
-            samples: 1,
-            distribution: Distribution::Tiles,
-            spot_check_tiles: SPOT_CHECK_TILES,
             tile_edge: self.args.tile_edge,
-            conditions: NetworkConditions::default(),
             changes: happened.iter().map(change).collect(),
+            ..FarmPlan::default()
         }
     }
 }
@@ -472,12 +464,6 @@ fn print_row(row: &ClusterRow) {
             wrong
         );
     }
-}
-
-fn middle(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 /// Until a node is known.

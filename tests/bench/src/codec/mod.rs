@@ -16,7 +16,7 @@ use cpu_time::ThreadTime;
 use serde::Serialize;
 
 use self::frames::{FrameQuality, TestFrames};
-use crate::BenchError;
+use crate::{BenchError, print_json};
 use carom_farm::backend::Backend;
 
 /// Measure the size of encoded frames, and the speed of one core at encoding and decoding them.
@@ -109,10 +109,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         }
     }
     if args.json {
-        println!(
-            "{}",
-            serde_json::to_string(&report).context("results as JSON")?
-        );
+        print_json(&report)?;
     } else if args.size == ImageSize::new(1280, 720) && args.spp == 4 {
         print_bars(&report.runs);
     }

@@ -10,9 +10,9 @@ use carom_protocol::session::ClientEvent;
 
 use super::{
     Args, FRAMES_PER_SECOND, LinkCase, NoiseTracer, PERIOD, START, TransportRow, TransportSetup,
-    quantile,
 };
 use crate::BenchError;
+use crate::timing::quantiles;
 
 /// Messages as they came.
 #[derive(Default)]
@@ -102,8 +102,7 @@ impl Arrivals {
     pub(super) fn row(&self, args: &Args, case: &LinkCase, sender: &'static str) -> TransportRow {
         let frames = args.seconds * FRAMES_PER_SECOND;
         let times = self.times.iter().filter(|(frame, _)| *frame >= START);
-        let mut times: Vec<f64> = times.map(|(_, ms)| *ms).collect();
-        times.sort_unstable_by(f64::total_cmp);
+        let [p50_ms, p99_ms] = quantiles(times.map(|(_, ms)| *ms), [0.5, 0.99]);
         let came = self.came.range(START..);
         let messages: u32 = came.clone().map(|(_, came)| came.messages).sum();
         let bytes: usize = came.map(|(_, came)| came.bytes).sum();
@@ -113,8 +112,8 @@ impl Arrivals {
             path: case.name,
             sender,
             precision: if case.governed { "governed" } else { "exact" },
-            p50_ms: quantile(&times, 0.5),
-            p99_ms: quantile(&times, 0.99),
+            p50_ms,
+            p99_ms,
             queue_p99_ms: None,
             start_slow_frames: self.start_slow_frames(case),
             missing_percent: 100.0 * (1.0 - f64::from(messages) / asked),

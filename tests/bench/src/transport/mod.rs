@@ -25,8 +25,9 @@ use serde::Serialize;
 
 use self::arrivals::Arrivals;
 use self::loopback::ReadySession;
+use crate::timing::quantiles;
 use crate::wait::WaitArgs;
-use crate::{BenchError, case_filter, scenes};
+use crate::{BenchError, case_filter, print_json, scenes};
 use carom_testkit::noise_tracer::NoiseTracer;
 
 /// Measure the time of tiles over emulated links, by mode of sending.
@@ -203,23 +204,22 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         }
     }
     if args.json {
-        let json = serde_json::to_string(&report).context("results as JSON")?;
-        println!("{json}");
+        print_json(&report)?;
     }
     Ok(())
 }
 
 fn bare(args: &Args) -> Result<TransportRow, BenchError> {
     let count = (args.seconds - 1) * FRAMES_PER_SECOND;
-    let mut times = loopback::bare_sockets(count, PERIOD)?;
-    times.sort_unstable_by(f64::total_cmp);
+    let times = loopback::bare_sockets(count, PERIOD)?;
     let share = times.len() as f64 / count as f64;
+    let [p50_ms, p99_ms] = quantiles(times, [0.5, 0.99]);
     Ok(TransportRow {
         path: "loopback, bare",
         sender: "sockets",
         precision: "exact",
-        p50_ms: quantile(&times, 0.5),
-        p99_ms: quantile(&times, 0.99),
+        p50_ms,
+        p99_ms,
         queue_p99_ms: None,
         start_slow_frames: 0,
         missing_percent: 100.0 * (1.0 - share),
@@ -312,12 +312,9 @@ impl TransportSetup {
     fn queue_p99_ms(&self, case: &LinkCase) -> Option<f64> {
         let (proxy, _) = (self.proxy.as_ref()?, case.path?.rate?);
         let delays = proxy.take_queue_delays();
-        let mut ms: Vec<f64> = delays
-            .iter()
-            .map(|delay| delay.as_secs_f64() * 1e3)
-            .collect();
-        ms.sort_unstable_by(f64::total_cmp);
-        Some(quantile(&ms, 0.99))
+        let ms = delays.iter().map(|delay| delay.as_secs_f64() * 1e3);
+        let [p99] = quantiles(ms, [0.99]);
+        Some(p99)
     }
 
     /// Waits for an event that `wanted` accepts.
@@ -405,12 +402,6 @@ fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
         references: Vec::new(),
         particles: CodedParticles::default(),
     })
-}
-
-/// NaN of no times.
-fn quantile(sorted: &[f64], quantile: f64) -> f64 {
-    let index = (sorted.len().saturating_sub(1) as f64 * quantile).ceil() as usize;
-    sorted.get(index).copied().unwrap_or(f64::NAN)
 }
 
 const FRAMES_PER_SECOND: u64 = 60;

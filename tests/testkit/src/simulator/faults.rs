@@ -13,7 +13,6 @@ use carom_tracer::ImageSize;
 use super::scenario::PERIOD_SECS;
 use super::{FarmPlan, NetworkConditions, NodeChange, NodePlan, SimulationReport, run};
 use crate::random::SplitMix64;
-use carom_farm::coordinator::SPOT_CHECK_TILES;
 use carom_farm::{Balancing, Distribution};
 
 /// What came of a plan with faults.
@@ -98,13 +97,11 @@ pub fn fault_plan(seed: u64, hedged: bool) -> FarmPlan {
         size: ImageSize::new(120, 80),
         samples,
         distribution: Distribution::Samples,
-        spot_check_tiles: SPOT_CHECK_TILES,
-        tile_edge: 8,
         conditions: NetworkConditions {
             cost_spread: 0.5,
             ..NetworkConditions::default()
         },
-        changes: Vec::new(),
+        ..FarmPlan::default()
     }
 }
 

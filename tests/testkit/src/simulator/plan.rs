@@ -4,8 +4,8 @@ use carom_protocol::FrameId;
 use carom_tracer::{ImageSize, TileGrid};
 
 use super::NetworkConditions;
-use carom_farm::NodeIndex;
-use carom_farm::{Balancing, Distribution};
+use carom_farm::coordinator::SPOT_CHECK_TILES;
+use carom_farm::{Balancing, Distribution, NodeIndex};
 
 /// What to simulate.
 #[derive(Clone, Debug)]
@@ -84,6 +84,28 @@ pub enum NodeChange {
     Forge(u32),
     /// The client sleeps for so many seconds.
     Suspend(f64),
+}
+
+/// One frame after the other by tiles, without jitter or changes, of nodes that are to be named.
+impl Default for FarmPlan {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            balancing: Balancing::default(),
+            nodes: Vec::new(),
+            frames: 1,
+            frames_in_flight: 1,
+            period_secs: None,
+            looks_ahead: false,
+            size: ImageSize::new(240, 160),
+            samples: 1,
+            distribution: Distribution::Tiles,
+            tile_edge: 8,
+            spot_check_tiles: SPOT_CHECK_TILES,
+            conditions: NetworkConditions::default(),
+            changes: Vec::new(),
+        }
+    }
 }
 
 impl FarmPlan {

@@ -7,9 +7,8 @@ use carom_tracer::ImageSize;
 use super::optimum::shares;
 use super::{FarmPlan, NetworkConditions, NodeChange, NodePlan};
 use crate::random::SplitMix64;
+use carom_farm::Balancing;
 use carom_farm::NodeIndex;
-use carom_farm::coordinator::SPOT_CHECK_TILES;
-use carom_farm::{Balancing, Distribution};
 
 /// How far nodes are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,14 +100,10 @@ impl Scenario {
                 8
             },
             period_secs: (self.mode == SubmissionMode::Pipelined).then_some(PERIOD_SECS),
-            looks_ahead: false,
             size,
-            samples: 1,
-            distribution: Distribution::Tiles,
-            spot_check_tiles: SPOT_CHECK_TILES,
             tile_edge: 1,
             conditions: NETWORK_CONDITIONS,
-            changes: Vec::new(),
+            ..FarmPlan::default()
         };
         plan.changes = self.changes(&plan);
         plan
