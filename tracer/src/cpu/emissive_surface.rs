@@ -99,7 +99,7 @@ impl EmissiveSurfaceSampler {
                 let rows = Rows::new(&self.spheres, is_sphere.select(id, Word::splat(simd, 0)));
                 let radius = rows.number(simd, RADIUS);
                 let to_center = rows.triple(simd, CENTER) - origin;
-                let of_sphere = area_per_angle_of_sphere(to_center.length_squared(), radius);
+                let of_sphere = area_per_angle_of_sphere(simd, to_center.length_squared(), radius);
                 is_sphere.select(of_sphere, flat)
             },
         )
@@ -238,11 +238,10 @@ impl EmissiveSurfaceSampler {
 
 /// What [`crate::scalar::emissive_surface`] says of spheres whose centre is at this distance, squared; 0 from within.
 #[inline(always)]
-fn area_per_angle_of_sphere<S: Simd>(squared: Float<S>, radius: Float<S>) -> Float<S> {
+fn area_per_angle_of_sphere<S: Simd>(simd: S, squared: Float<S>, radius: Float<S>) -> Float<S> {
     let beyond = squared - radius * radius;
     let outside = (squared + (squared * beyond.max(0.0)).sqrt()) * 2.0;
-    let zero = squared - squared;
-    beyond.simd_gt(0.0).select(outside, zero)
+    beyond.simd_gt(0.0).select(outside, Float::splat(simd, 0.0))
 }
 
 /// A surface for each lane, by a number in [0, 1). Of few, each is looked at: faster than to fetch a row for each lane.
@@ -423,7 +422,7 @@ impl<S: Simd> DrawnSurfaces<S> {
         let radius2 = radius * radius;
         let to_center = self.corners[0] - point;
         let squared = to_center.length_squared();
-        let area_per_angle = area_per_angle_of_sphere(squared, radius);
+        let area_per_angle = area_per_angle_of_sphere(simd, squared, radius);
         let is_outside = area_per_angle.simd_gt(0.0);
         let angle_per_area = is_outside.select(one / area_per_angle, zero);
         // 1 − cos θ, of which differences would lose the digits of small angles.

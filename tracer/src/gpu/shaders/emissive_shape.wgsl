@@ -1,4 +1,4 @@
-// The table of other surfaces that emit than triangles.
+// The table of those surfaces that emit which lie beside the scene's own data.
 
 // The last that does not begin above `u`. As many steps as halve the most that there may be.
 fn emissive_shape(u: f32) -> EmissiveSurfaceData {
