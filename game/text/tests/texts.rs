@@ -82,6 +82,7 @@ const NOT_SHOWN: &[(&str, &str)] = &[
     ),
     ("src/scene/table_args.rs", "the help of the command line"),
     ("../farm/viewer/src/args.rs", "the help of the command line"),
+    ("../farm/window/src/args.rs", "the help of the command line"),
     ("../farm/viewer/src/main.rs", "the command line"),
 ];
 
