@@ -55,8 +55,8 @@ impl EmissiveSurfaces {
         self.sixteenths as f32 * (1.0 / 16.0)
     }
 
-    /// The place in the table of the surface that a number in [0, 1) draws.
-    pub fn place(&self, u: f32) -> usize {
+    /// The index in the table of the surface that a number in [0, 1) draws.
+    pub fn sample_index(&self, u: f32) -> usize {
         let next = self.surfaces.partition_point(|surface| surface.before <= u);
         next.saturating_sub(1)
     }

@@ -179,13 +179,13 @@ impl EmissiveSurfaceSampler {
         let mut words = [[0; LANES]; 2];
         let mut columns = [[0.0; LANES]; NUMBERS];
         for lane in (0..LANES).filter(|lane| lanes >> lane & 1 == 1) {
-            let place = self.lights.place(u[lane]);
+            let light = self.lights.sample_index(u[lane]);
             let of_triangle;
-            let row = match self.rows.get(place) {
+            let row = match self.rows.get(light) {
                 Some(row) => row,
                 None => {
                     of_triangle =
-                        SurfaceRow::of_triangle(&self.triangles, &self.lights.surfaces[place]);
+                        SurfaceRow::of_triangle(&self.triangles, &self.lights.surfaces[light]);
                     &of_triangle
                 }
             };

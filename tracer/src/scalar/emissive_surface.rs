@@ -45,7 +45,7 @@ pub fn sample_emissive_surface(
 ) -> Option<EmissiveSurfaceSample> {
     let lights = &scene.emissive_surfaces;
     let u = u.min(BELOW_1) as f32;
-    let surface = &lights.surfaces[lights.place(u)];
+    let surface = &lights.surfaces[lights.sample_index(u)];
     let within = f64::from((u - surface.before) / surface.probability).clamp(0.0, 1.0);
     let mut weights = [1.0, 0.0, 0.0];
     let (direction, area) = if surface.kind() == ShapeKind::Sphere {

@@ -260,8 +260,8 @@ fn surfaces_are_drawn_by_their_power() {
     for (share, expected) in shares.iter().zip([0.125, 0.125, 0.375, 0.375]) {
         assert!((share - expected).abs() < 1e-6, "{shares:?}");
     }
-    for (u, place) in [(0.0, 0), (0.2, 1), (0.26, 2), (0.999, 3)] {
-        assert_eq!(lights.place(u), place);
+    for (u, index) in [(0.0, 0), (0.2, 1), (0.26, 2), (0.999, 3)] {
+        assert_eq!(lights.sample_index(u), index);
     }
     // Beside an area light of as much power, which shines to one side: two thirds.
     scene.area_lights.push(light(2.0, true, 4.0));
