@@ -235,9 +235,6 @@ fn emissive_surface_parts(features: &Features) -> Vec<&'static str> {
         return vec![include_str!("shaders/emissive_surface_stub.wgsl")];
     }
     let mut parts = vec![EMISSIVE_SURFACE];
-    if features.emissive_shapes() > 0 {
-        parts.push(include_str!("shaders/emissive_shape.wgsl"));
-    }
     parts.extend(features.emissive_kinds().map(|shape| match shape {
         ShapeKind::Sphere => include_str!("shaders/emissive_sphere.wgsl"),
         ShapeKind::Disc => include_str!("shaders/emissive_disc.wgsl"),
@@ -935,34 +932,23 @@ fn surface_at(features: &Features) -> String {
             return surface;\n}\n"
 }
 
-/// Which surface that emits a number draws, a point on it, and what of it a solid angle is seen of; nothing where light sampling
-/// aims at none.
+/// The table of surfaces that emit, a point on one, and what of it a solid angle is seen of; nothing where light sampling aims at
+/// none.
 fn emissive_surface_functions(features: &Features) -> String {
     if !features.has_emissive_surfaces() {
         return String::new();
     }
     let (shapes, triangles) = (features.emissive_shapes(), features.emissive_triangles());
-    let mut text = format!(
-        "const EMISSIVE_SURFACE_SHARE: f32 = {:?};\n\
-         const EMISSIVE_SURFACE_REACH: f32 = {EMISSIVE_SURFACE_REACH:?};\n",
-        features.emissive_surface_sixteenths as f32 / 16.0
-    );
-    if shapes > 0 {
-        _ = writeln!(text, "const EMISSIVE_SHAPE_COUNT: u32 = {shapes}u;");
-    }
-    if triangles > 0 {
-        _ = writeln!(text, "const EMISSIVE_TRIANGLE_COUNT: u32 = {triangles}u;");
-    }
-    text += "fn emissive_surface(u: f32) -> EmissiveSurfaceData {\n";
-    text += match (shapes, triangles) {
-        (_, 0) => "    return emissive_shape(u);\n}\n",
-        (0, _) => "    return emissive_triangle(u);\n}\n",
-        _ => {
-            "    if (u < mesh.lights[0].before) {\n        return emissive_shape(u);\n    }\n    \
-             return emissive_triangle(u);\n}\n"
-        }
+    let mut text = emissive_surface_constants(features);
+    text += "fn emissive_surface(index: u32) -> EmissiveSurfaceData {\n";
+    let shape = "return scene_storage.emissive_shapes[index];";
+    let triangle = format!("return mesh.lights[index - {shapes}u];");
+    text += &match (shapes, triangles) {
+        (_, 0) => format!("    {shape}\n"),
+        (0, _) => format!("    {triangle}\n"),
+        _ => format!("    if (index < {shapes}u) {{ {shape} }}\n    {triangle}\n"),
     };
-    text += "fn emissive_point(light: EmissiveSurfaceData, origin: vec3f, u: vec2f) -> EmissivePoint {\n    \
+    text += "}\nfn emissive_point(light: EmissiveSurfaceData, origin: vec3f, u: vec2f) -> EmissivePoint {\n    \
              switch (light.shape) {\n";
     for shape in features.emissive_kinds() {
         let (number, name) = (shape as u32, shape.function());
@@ -989,6 +975,18 @@ fn emissive_surface_functions(features: &Features) -> String {
         );
     }
     text + "    return 0.0;\n}\n"
+}
+
+fn emissive_surface_constants(features: &Features) -> String {
+    let count: u32 = features.emissive_surfaces.iter().sum();
+    format!(
+        "const EMISSIVE_SURFACE_SHARE: f32 = {:?};\n\
+         const EMISSIVE_SURFACE_REACH: f32 = {EMISSIVE_SURFACE_REACH:?};\n\
+         const EMISSIVE_SURFACE_COUNT: u32 = {count}u;\n\
+         const EMISSIVE_SURFACE_STEPS: u32 = {}u;\n",
+        features.emissive_surface_sixteenths as f32 / 16.0,
+        count.next_power_of_two().ilog2()
+    )
 }
 
 /// The material of a solid.

@@ -58,8 +58,24 @@ fn direct_light(
     return direct_emissive_surface(surface, bsdf, wo, vec2f(min(u.x / EMISSIVE_SURFACE_SHARE, BELOW_1), u.y));
 }
 
+// The index in the table of the surface that a number in [0, 1) draws: the last that does not begin above it. As many steps as
+// halve the table down to one.
+fn sample_index(u: f32) -> u32 {
+    var first = 0u;
+    var last = EMISSIVE_SURFACE_COUNT;
+    for (var step = 0u; step < EMISSIVE_SURFACE_STEPS; step++) {
+        let middle = (first + last) / 2u;
+        if (emissive_surface(middle).before <= u) {
+            first = middle;
+        } else {
+            last = middle;
+        }
+    }
+    return first;
+}
+
 fn direct_emissive_surface(surface: Surface, bsdf: Bsdf, wo: vec3f, u: vec2f) -> ShadowRay {
-    let light = emissive_surface(u.x);
+    let light = emissive_surface(sample_index(u.x));
     let within = clamp((u.x - light.before) / light.probability, 0.0, 1.0);
     let drawn = emissive_point(light, surface.position, vec2f(within, u.y));
     if (!(drawn.distance > 0.0)) {
