@@ -14,7 +14,7 @@ use glam::Vec3;
 
 use super::{
     AlphaTest, CompiledScene, CompiledTextures, KIND_METALLIC_ROUGHNESS, MaterialData,
-    MaterialTextureData, Primitive, ShapeKind, TriangleData,
+    MaterialTextureData, Primitive, ShapeKind,
 };
 
 /// Surfaces that emit: spheres, discs and rectangles, then triangles, each in the order of the scene's. Those of an update's particles
@@ -72,16 +72,18 @@ impl EmissiveSurfaces {
 impl ShapeKind {
     /// Whether light sampling draws points on surfaces of the shape.
     pub(crate) fn is_light_sampled(self) -> bool {
-        !matches!(self, Self::Box | Self::CsgFace)
+        self.area_factor().is_some()
     }
 
-    /// What the parallelogram of [`CompiledScene::emissive_corners`] is multiplied by for the area of a shape; 0 of those that have none.
-    pub(crate) fn area_of_parallelogram(self) -> f64 {
+    /// What the parallelogram of [`CompiledScene::emissive_corners`], or the square of a sphere's radius, is multiplied by for the
+    /// area of a surface; none of shapes that are found by chance alone.
+    pub(crate) const fn area_factor(self) -> Option<f64> {
         match self {
-            Self::Triangle => 0.5,
-            Self::Rectangle => 1.0,
-            Self::Disc => PI,
-            Self::Sphere | Self::Box | Self::CsgFace => 0.0,
+            Self::Sphere => Some(4.0 * PI),
+            Self::Disc => Some(PI),
+            Self::Rectangle => Some(1.0),
+            Self::Triangle => Some(0.5),
+            Self::Box | Self::CsgFace => None,
         }
     }
 }
@@ -95,12 +97,11 @@ impl CompiledScene {
         if brightness.iter().all(|mean| *mean == 0.0) {
             return;
         }
-        let powers = self
-            .emissive_candidates()
-            .filter_map(|(shape, index, material, area)| {
-                let power = brightness[material as usize] * area;
-                (power > 0.0 && power.is_finite()).then_some((shape, index, power))
-            });
+        let candidates = self.emissive_candidates();
+        let powers = candidates.filter_map(|(shape, index, material, unit_area)| {
+            let power = brightness[material as usize] * (shape.area_factor()? * unit_area);
+            (power > 0.0 && power.is_finite()).then_some((shape, index, power))
+        });
         let powers: Vec<(ShapeKind, u32, f64)> = powers.take(EMISSIVE_SURFACES_MAX + 1).collect();
         let power: f64 = powers.iter().map(|(.., power)| power).sum();
         if powers.is_empty() || powers.len() > EMISSIVE_SURFACES_MAX || !power.is_finite() {
@@ -142,29 +143,27 @@ impl CompiledScene {
         self.environment_map.probability *= left;
     }
 
-    /// Primitives of the shapes that light sampling draws points on: shape, index, material and area in square metres.
+    /// Primitives of the shapes that light sampling draws points on: shape, index, material and what
+    /// [`ShapeKind::area_factor`] multiplies, square metres.
     fn emissive_candidates(&self) -> impl Iterator<Item = (ShapeKind, u32, u32, f64)> {
         let spheres = self.spheres.iter().zip(0..).map(|(sphere, index)| {
-            let area = 4.0 * PI * f64::from(sphere.radius).powi(2);
-            (ShapeKind::Sphere, index, sphere.material, area)
+            let unit_area = f64::from(sphere.radius).powi(2);
+            (ShapeKind::Sphere, index, sphere.material, unit_area)
         });
         let discs = self.discs.iter().zip(0..).map(|(disc, index)| {
-            let area = PI * f64::from(disc.radius).powi(2);
-            (ShapeKind::Disc, index, disc.material, area)
+            let unit_area = f64::from(disc.radius).powi(2);
+            (ShapeKind::Disc, index, disc.material, unit_area)
         });
         let rectangles = self.rectangles.iter().zip(0..).map(|(rectangle, index)| {
             let [u, v] = [rectangle.half_u, rectangle.half_v].map(Vec3::from);
-            let area = 4.0 * u.as_dvec3().cross(v.as_dvec3()).length();
-            (ShapeKind::Rectangle, index, rectangle.material, area)
+            let unit_area = 4.0 * u.as_dvec3().cross(v.as_dvec3()).length();
+            (ShapeKind::Rectangle, index, rectangle.material, unit_area)
         });
         let triangles = self.meshes.triangles.iter().zip(0..);
         let triangles = triangles.map(|(triangle, index)| {
-            (
-                ShapeKind::Triangle,
-                index,
-                triangle.material,
-                area(triangle),
-            )
+            let [a, b, c] = triangle.corners().map(Vec3::as_dvec3);
+            let unit_area = (b - a).cross(c - a).length();
+            (ShapeKind::Triangle, index, triangle.material, unit_area)
         });
         spheres.chain(discs).chain(rectangles).chain(triangles)
     }
@@ -282,10 +281,4 @@ fn mean_emission(material: &MaterialData, index: usize, textures: &CompiledTextu
 
 fn mean(channels: [f32; 3]) -> f64 {
     channels.into_iter().map(f64::from).sum::<f64>() / 3.0
-}
-
-/// Square metres.
-fn area(triangle: &TriangleData) -> f64 {
-    let [a, b, c] = triangle.corners().map(Vec3::as_dvec3);
-    0.5 * (b - a).cross(c - a).length()
 }

@@ -1,7 +1,5 @@
 //! Surfaces that emit, a lane each: [`crate::scalar::emissive_surface`] says how points on them are drawn.
 
-use std::f32::consts::PI;
-
 use fearless_simd::prelude::*;
 
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
@@ -128,22 +126,21 @@ impl EmissiveSurfaceSampler {
                 let within = ((u[0] - before) / probability).max(zero).min(one);
                 let root = within.sqrt();
                 let mut weights = [one - root, root * (one - u[1]), root * u[1]];
-                let mut share = Float::splat(simd, 0.5);
                 if !self.has_triangles_only {
-                    (weights, share) = drawn.of_other_shapes(simd, [within, u[1]], weights, share);
+                    weights = drawn.corner_weights(simd, [within, u[1]], weights);
                 }
                 let corners = drawn.corners;
                 let across = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-                let twice_area = across.length_squared().sqrt();
+                let parallelogram = across.length_squared().sqrt();
                 let to_light = interpolate(corners, weights) - point;
                 let distance2 = to_light.length_squared();
                 let mut distance = distance2.sqrt();
                 let mut wi = to_light * (one / distance);
-                let cosine = (wi.dot(across) / twice_area).abs();
+                let cosine = (wi.dot(across) / parallelogram).abs();
                 // Triangles without area and points on their own plane bring nothing: 0 / 0.
                 let mut is_seen = lanes & cosine.simd_gt(0.0) & distance.simd_gt(0.0);
                 let mut angle_per_area = cosine / distance2;
-                let mut area = share * twice_area;
+                let mut area = drawn.area_factor * parallelogram;
                 if !self.spheres.is_empty() {
                     let is_sphere = drawn.shape.simd_eq(ShapeKind::Sphere as u32);
                     let sphere = drawn.of_sphere(simd, point, [within, u[1]]);
@@ -285,10 +282,11 @@ struct SurfaceRow {
     shape: u32,
 }
 
-const NUMBERS: usize = 15;
+const NUMBERS: usize = 16;
 const POINT_DENSITY: usize = 12;
 const BEFORE: usize = 13;
 const PROBABILITY: usize = 14;
+const AREA_FACTOR: usize = 15;
 
 impl SurfaceRow {
     fn new(scene: &CompiledScene, surface: &EmissiveSurfaceData) -> Self {
@@ -296,6 +294,7 @@ impl SurfaceRow {
         let material = material.expect("no area light is among them");
         Self::of(
             surface,
+            surface.kind(),
             scene.emissive_corners(surface).map(Into::into),
             material,
         )
@@ -306,12 +305,14 @@ impl SurfaceRow {
         let tables = tables.alpha_test();
         let triangle = &tables.triangles[surface.index as usize];
         let material = &tables.materials[triangle.material as usize];
-        Self::of(surface, [triangle.a, triangle.b, triangle.c], material)
+        let corners = [triangle.a, triangle.b, triangle.c];
+        Self::of(surface, ShapeKind::Triangle, corners, material)
     }
 
     #[inline(always)]
     fn of(
         surface: &EmissiveSurfaceData,
+        shape: ShapeKind,
         [[ax, ay, az], [bx, by, bz], [cx, cy, cz]]: [[f32; 3]; 3],
         material: &MaterialData,
     ) -> Self {
@@ -320,8 +321,10 @@ impl SurfaceRow {
             index,
             before,
             probability,
-            shape,
+            ..
         } = *surface;
+        let area_factor = shape.area_factor();
+        let area_factor = area_factor.expect("light sampling draws points on it");
         Self {
             numbers: [
                 ax,
@@ -339,9 +342,10 @@ impl SurfaceRow {
                 material.majorant,
                 before,
                 probability,
+                area_factor as f32,
             ],
             index,
-            shape,
+            shape: shape as u32,
         }
     }
 }
@@ -360,6 +364,8 @@ struct DrawnSurfaces<S: Simd> {
     before: Float<S>,
     /// Its own probability.
     probability: Float<S>,
+    /// See [`ShapeKind::area_factor`].
+    area_factor: Float<S>,
 }
 
 /// Directions to spheres.
@@ -387,18 +393,18 @@ impl<S: Simd> DrawnSurfaces<S> {
             point_density: numbers[POINT_DENSITY],
             before: numbers[BEFORE],
             probability: numbers[PROBABILITY],
+            area_factor: numbers[AREA_FACTOR],
         }
     }
 
-    /// Weights of the corners, and [`ShapeKind::area_of_parallelogram`]: what is given in lanes of triangles.
+    /// Weights of the corners: what is given in lanes of triangles.
     #[inline(always)]
-    fn of_other_shapes(
+    fn corner_weights(
         &self,
         simd: S,
         [u, v]: [Float<S>; 2],
         of_triangles: [Float<S>; 3],
-        share: Float<S>,
-    ) -> ([Float<S>; 3], Float<S>) {
+    ) -> [Float<S>; 3] {
         let one = Float::splat(simd, 1.0);
         let is_disc: Mask<S> = self.shape.simd_eq(ShapeKind::Disc as u32);
         let is_rectangle: Mask<S> = self.shape.simd_eq(ShapeKind::Rectangle as u32);
@@ -408,11 +414,7 @@ impl<S: Simd> DrawnSurfaces<S> {
         b = is_disc.select(root * cos, is_rectangle.select(u, b));
         c = is_disc.select(root * sin, is_rectangle.select(v, c));
         a = (is_disc | is_rectangle).select(one - b - c, a);
-        let of_disc = Float::splat(simd, PI);
-        (
-            [a, b, c],
-            is_disc.select(of_disc, is_rectangle.select(one, share)),
-        )
+        [a, b, c]
     }
 
     #[inline(always)]
@@ -438,7 +440,7 @@ impl<S: Simd> DrawnSurfaces<S> {
             wi: t * (sine * cos) + b * (sine * sin) + axis * (one - within),
             distance: distance * (one - within) - half_chord,
             angle_per_area,
-            area: radius2 * (4.0 * PI),
+            area: self.area_factor * radius2,
         }
     }
 }

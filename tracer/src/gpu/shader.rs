@@ -979,14 +979,21 @@ fn emissive_surface_functions(features: &Features) -> String {
 
 fn emissive_surface_constants(features: &Features) -> String {
     let count: u32 = features.emissive_surfaces.iter().sum();
-    format!(
+    let mut text = format!(
         "const EMISSIVE_SURFACE_SHARE: f32 = {:?};\n\
          const EMISSIVE_SURFACE_REACH: f32 = {EMISSIVE_SURFACE_REACH:?};\n\
          const EMISSIVE_SURFACE_COUNT: u32 = {count}u;\n\
          const EMISSIVE_SURFACE_STEPS: u32 = {}u;\n",
         features.emissive_surface_sixteenths as f32 / 16.0,
         count.next_power_of_two().ilog2()
-    )
+    );
+    for shape in features.emissive_kinds() {
+        if let Some(factor) = shape.area_factor() {
+            let constant = shape.constant();
+            _ = writeln!(text, "const {constant}_AREA_FACTOR: f32 = {factor:?};");
+        }
+    }
+    text
 }
 
 /// The material of a solid.

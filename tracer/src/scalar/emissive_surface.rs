@@ -4,14 +4,14 @@
 //! drawn evenly. Over its area that is `1 / (2(d² + d·√(d² − r²)))`, which is for spheres what `cos / t²` is for flat surfaces at a
 //! distance `t`. From within, spheres are found by chance alone.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use glam::DVec3;
 
 use super::bsdf::basis;
 use super::intersect::vector;
 use crate::CompiledScene;
-use crate::compiled::{EmissiveSurfaceData, MaterialData, Primitive, ShapeKind, SphereData};
+use crate::compiled::{MaterialData, Primitive, ShapeKind, SphereData};
 use crate::sampling::BELOW_1;
 
 /// A point on a surface that emits, drawn.
@@ -48,17 +48,18 @@ pub fn sample_emissive_surface(
     let surface = &lights.surfaces[lights.sample_index(u)];
     let within = f64::from((u - surface.before) / surface.probability).clamp(0.0, 1.0);
     let mut weights = [1.0, 0.0, 0.0];
-    let (direction, area) = if surface.kind() == ShapeKind::Sphere {
+    let (direction, unit_area) = if surface.kind() == ShapeKind::Sphere {
         let sphere = &scene.spheres[surface.index as usize];
         let direction = direction_to_sphere(sphere, point, [within, v])?;
-        (direction, 4.0 * PI * f64::from(sphere.radius).powi(2))
+        (direction, f64::from(sphere.radius).powi(2))
     } else {
         weights = corner_weights(surface.kind(), [within, v]);
         let corners = scene
             .emissive_corners(surface)
             .map(|corner| corner.as_dvec3());
-        direction_to_flat(surface, corners, weights, point)?
+        direction_to_flat(corners, weights, point)?
     };
+    let area = surface.kind().area_factor()? * unit_area;
     let probability = f64::from(surface.probability) * f64::from(lights.probability());
     let material = scene.material_of(surface.primitive())?;
     Some(EmissiveSurfaceSample {
@@ -115,18 +116,18 @@ fn corner_weights(shape: ShapeKind, [u, v]: [f64; 2]) -> [f64; 3] {
     [1.0 - b - c, b, c]
 }
 
-/// And the area of the surface.
+/// And the area of the parallelogram.
 fn direction_to_flat(
-    surface: &EmissiveSurfaceData,
     [a, b, c]: [DVec3; 3],
     [wa, wb, wc]: [f64; 3],
     point: DVec3,
 ) -> Option<(EmissiveDirection, f64)> {
     let across = (b - a).cross(c - a);
+    let parallelogram = across.length();
     let to_light = wa * a + wb * b + wc * c - point;
     let distance = to_light.length();
     let wi = to_light / distance;
-    let cosine = (wi.dot(across) / across.length()).abs();
+    let cosine = (wi.dot(across) / parallelogram).abs();
     let direction = EmissiveDirection {
         wi,
         distance,
@@ -134,12 +135,7 @@ fn direction_to_flat(
     };
     // Written so that triangles without area and points on their own plane bring nothing.
     let is_seen = cosine > 0.0 && distance > 0.0;
-    is_seen.then(|| {
-        (
-            direction,
-            surface.kind().area_of_parallelogram() * across.length(),
-        )
-    })
+    is_seen.then_some((direction, parallelogram))
 }
 
 fn direction_to_sphere(

@@ -8,5 +8,5 @@ fn disc_point(index: u32, origin: vec3f, u: vec2f) -> EmissivePoint {
     let b = radius * frame.t;
     let c = radius * frame.b;
     let to_light = scene_storage.discs[index].center + at.x * b + at.y * c - origin;
-    return flat_point(to_light, b, c, 0.5 * TWO_PI, material, scene_storage.materials[material].k);
+    return flat_point(to_light, b, c, DISC_AREA_FACTOR, material, scene_storage.materials[material].k);
 }

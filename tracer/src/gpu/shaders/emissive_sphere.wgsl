@@ -22,7 +22,7 @@ fn sphere_point(index: u32, origin: vec3f, u: vec2f) -> EmissivePoint {
         across.x * frame.t + across.y * frame.b + (1.0 - within) * axis,
         distance * (1.0 - within) - half_chord,
         angle_per_area,
-        2.0 * TWO_PI * radius * radius,
+        SPHERE_AREA_FACTOR * radius * radius,
         material,
         scene_storage.materials[material].k,
     );

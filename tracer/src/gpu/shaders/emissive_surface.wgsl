@@ -102,13 +102,13 @@ fn direct_emissive_surface(surface: Surface, bsdf: Bsdf, wo: vec3f, u: vec2f) ->
     );
 }
 
-// A point of a flat surface with the edges `b` and `c`, whose area is `share` times that of their parallelogram; none where
+// A point of a flat surface with the edges `b` and `c`, whose area is `area_factor` times that of their parallelogram; none where
 // that is 0 or seen from its own plane.
 fn flat_point(
     to_light: vec3f,
     b: vec3f,
     c: vec3f,
-    share: f32,
+    area_factor: f32,
     material: u32,
     emission: vec3f,
 ) -> EmissivePoint {
@@ -121,5 +121,5 @@ fn flat_point(
     if (!(parallelogram > 0.0 && distance > 0.0 && cosine > 0.0)) {
         return NO_EMISSIVE_POINT;
     }
-    return EmissivePoint(wi, distance, cosine / distance2, share * parallelogram, material, emission);
+    return EmissivePoint(wi, distance, cosine / distance2, area_factor * parallelogram, material, emission);
 }

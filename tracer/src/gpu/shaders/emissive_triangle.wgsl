@@ -9,5 +9,5 @@ fn triangle_point(index: u32, origin: vec3f, u: vec2f) -> EmissivePoint {
     let material = mesh.triangles[index].material;
     let emission = scene_storage.materials[material].k * emission_texture(index, weights) * share_there(index, weights);
     let to_light = weights.x * a + weights.y * b + weights.z * c - origin;
-    return flat_point(to_light, b - a, c - a, 0.5, material, emission);
+    return flat_point(to_light, b - a, c - a, TRIANGLE_AREA_FACTOR, material, emission);
 }
