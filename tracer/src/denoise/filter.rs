@@ -1,9 +1,9 @@
 //! The filter: light divided by albedo, averaged over neighbours that look alike, times albedo.
 //!
-//! Two passes of an à-trous wavelet (Dammertz et al., "Edge-Avoiding À-Trous Wavelet Transform for
-//! fast Global Illumination FilterJob", HPG 2010), of 9 taps 1 and then 3 pixels apart. A neighbour
+//! Three passes of an à-trous wavelet (Dammertz et al., "Edge-Avoiding À-Trous Wavelet Transform for
+//! fast Global Illumination Filtering", HPG 2010), of 9 taps 1, 2 and then 4 pixels apart. A neighbour
 //! counts by how near its albedo, normal and inverse depth are, and its light by the pixel's
-//! variance (Schied et al., "Spatiotemporal Variance-Guided FilterJob", HPG 2017), which comes from
+//! variance (Schied et al., "Spatiotemporal Variance-Guided Filtering", HPG 2017), which comes from
 //! how far two halves of the samples are apart. The variance falls with more samples, and the
 //! filter fades with it: pictures of many samples stay as they are. Their edges need none of what
 //! [`super::edge_supersampling`] does for those of few.
@@ -19,9 +19,7 @@ use super::input::{ALBEDO, DenoiseInputTile, EMISSION, INVERSE_DEPTH, LIGHT, NOR
 use super::neighbourhood::{NO_NORMAL, Neighbourhood, distance_squared, guide};
 use super::soa_image::{Float, LANES, SoaImage, SoaRowMut};
 use super::variance::ColumnSums;
-use super::weights::{
-    ALBEDO_FACTOR, ALBEDO_MIN, DEPTH_FACTOR, NORMAL_FACTOR, STEPS, TAPS, variances,
-};
+use super::weights::{ALBEDO_MIN, NEIGHBOURS, PASSES, PassWeights, variances};
 use crate::Tile;
 use crate::aov::SMOOTH_RAYS;
 use crate::simd::{Level, dispatch};
@@ -98,12 +96,13 @@ impl Filter {
     /// Smooths the light, which becomes radiance without emission.
     pub(super) fn run(&mut self, level: Level) {
         let mut next = std::mem::replace(&mut self.next, SoaImage::new(EMPTY, 0, Vec::new()));
-        for (index, step) in STEPS.into_iter().enumerate() {
+        for (index, weights) in PASSES.into_iter().enumerate() {
             let pass = Pass {
-                step: step as isize,
+                step: weights.step as isize,
+                weights,
                 variances: variances(self.samples, index),
                 is_first: index == 0,
-                is_last: index == STEPS.len() - 1,
+                is_last: index == PASSES.len() - 1,
             };
             next.par_rows_mut()
                 .for_each_init(ColumnSums::default, |columns, (y, mut row)| {
@@ -139,15 +138,17 @@ impl Filter {
             let here = Look::new(simd, &around, x, 0, 0);
             let square = here.inverse_depth * here.inverse_depth;
             let factors = Factors {
-                depth: DEPTH_FACTOR / square.max(1e-20),
+                normal: pass.weights.normal,
+                albedo: pass.weights.albedo,
+                depth: pass.weights.depth / square.max(1e-20),
                 light: 1.0 / (variance * pass.variances + 1e-10),
             };
             let one = Float::splat(simd, 1.0);
             // The pixel itself counts fully: the sum of weights is never 0.
             let (mut weights, mut squares, mut sum) = (one, one, here.light);
-            for (dx, dy, tap_weight) in TAPS {
+            for (dx, dy) in NEIGHBOURS {
                 let there = Look::new(simd, &around, x, dx as isize * pass.step, dy as isize);
-                let weight = here.weight(simd, &there, &factors) * tap_weight;
+                let weight = here.weight(simd, &there, &factors) * pass.weights.tap((dx, dy));
                 weights += weight;
                 squares = weight.mul_add(weight, squares);
                 for (sum, light) in sum.iter_mut().zip(there.light) {
@@ -237,6 +238,7 @@ impl FilterWriter<'_> {
 #[derive(Clone, Copy)]
 struct Pass {
     step: isize,
+    weights: PassWeights,
     variances: f32,
     /// Its variances are single pixels' yet.
     is_first: bool,
@@ -254,6 +256,8 @@ struct Look<S: Simd> {
 
 /// Of squared differences, by pixel.
 struct Factors<S: Simd> {
+    normal: f32,
+    albedo: f32,
     depth: Float<S>,
     light: Float<S>,
 }
@@ -275,8 +279,8 @@ impl<S: Simd> Look<S> {
     fn weight(&self, simd: S, there: &Self, factors: &Factors<S>) -> Float<S> {
         let by_depth = self.inverse_depth - there.inverse_depth;
         let mut distance = distance_squared(self.light, there.light) * factors.light;
-        distance += distance_squared(self.albedo, there.albedo) * ALBEDO_FACTOR;
-        distance += distance_squared(self.normal, there.normal) * NORMAL_FACTOR;
+        distance += distance_squared(self.albedo, there.albedo) * factors.albedo;
+        distance += distance_squared(self.normal, there.normal) * factors.normal;
         distance += by_depth * by_depth * factors.depth;
         let near = 1.0 - distance;
         // Nothing counts where this is not a number.
@@ -287,5 +291,6 @@ impl<S: Simd> Look<S> {
 
 /// Guides lie in the order in which they come.
 const _: () = assert!(NORMAL == ALBEDO + 3 && guide(ALBEDO) == 0 && VARIANCE + 1 == ALBEDO);
-/// What a pixel depends on: the taps of both passes, and a neighbour that it is mixed with.
-const _: () = assert!((STEPS[0] + STEPS[1] + 1) as u32 == super::SUPPORT);
+/// What a pixel depends on: the taps of all passes, and a neighbour that it is mixed with.
+const _: () =
+    assert!((PASSES[0].step + PASSES[1].step + PASSES[2].step + 1) as u32 == super::SUPPORT);

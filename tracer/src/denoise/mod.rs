@@ -26,5 +26,5 @@ pub(crate) use guard_band::{GuardedRegion, REGION_SAMPLES, RegionLimits};
 pub(crate) use input::{DenoiseInput, DenoiseInputTile, DenoiseSource, SampleSums};
 
 /// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average
-/// and costs every run of tiles a wider guard band.
-pub const SUPPORT: u32 = 5;
+/// and costs every run of tiles a wider guard band, from 9 on by a block of 8 pixels more.
+pub const SUPPORT: u32 = 8;

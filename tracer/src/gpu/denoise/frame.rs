@@ -14,7 +14,7 @@ use bytemuck::{bytes_of, cast_slice};
 
 use super::kernels::{FilterBuffers, FilterJob, FilterKernels};
 use crate::aov::smooth;
-use crate::denoise::weights::STEPS;
+use crate::denoise::weights::PASSES;
 use crate::denoise::{GuardedRegion, REGION_SAMPLES, RegionLimits, in_parts};
 use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTES, groups};
@@ -354,4 +354,4 @@ impl RegionFrame<'_> {
 /// Of a pixel as it is shown.
 const SRGB8_BYTES: u64 = 4;
 /// Of a picture: taking in, the variance, the steps and the result.
-const FILTER_PASSES: usize = STEPS.len() + 3;
+const FILTER_PASSES: usize = PASSES.len() + 3;

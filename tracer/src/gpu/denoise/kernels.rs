@@ -1,7 +1,7 @@
 //! The denoiser on the device: [`crate::denoise`]'s filter as kernels over what has been traced there.
 //!
 //! ```text
-//! halves, first hits ─▶ take_in ─▶ estimate_variance ─▶ smooth_light × 2 ─▶ resolve ─▶ film
+//! halves, first hits ─▶ take_in ─▶ estimate_variance ─▶ smooth_light × 3 ─▶ resolve ─▶ film
 //! ```
 
 use std::fmt::Write as _;
@@ -10,8 +10,7 @@ use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
 use crate::aov::SMOOTH_RAYS;
 use crate::denoise::weights::{
-    ALBEDO_FACTOR, ALBEDO_MIN, BRIGHTNESS_SHARE, DEPTH_FACTOR, EDGE_MIN, MIXED_MIN, NORMAL_FACTOR,
-    STEPS, TAPS, half_ratio, variances,
+    ALBEDO_MIN, BRIGHTNESS_SHARE, EDGE_MIN, MIXED_MIN, NEIGHBOURS, PASSES, half_ratio, variances,
 };
 use crate::gpu::device::Device;
 use crate::gpu::features::KernelOutput;
@@ -56,6 +55,11 @@ struct FilterData {
     samples: u32,
     step: i32,
     variances: f32,
+    normal_factor: f32,
+    albedo_factor: f32,
+    depth_factor: f32,
+    side_weight: f32,
+    corner_weight: f32,
     half_share: f32,
     half_ratio: f32,
     is_mixed: u32,
@@ -163,13 +167,17 @@ impl FilterJob<'_> {
                 light_from: 0,
             },
         ];
-        for (pass, step) in STEPS.into_iter().enumerate() {
-            let variances = variances(self.samples, pass);
+        for (pass, weights) in PASSES.into_iter().enumerate() {
             steps.push(Step {
                 pipeline: &kernels.smooth_light,
                 data: FilterData {
-                    step,
-                    variances,
+                    step: weights.step,
+                    variances: variances(self.samples, pass),
+                    normal_factor: weights.normal,
+                    albedo_factor: weights.albedo,
+                    depth_factor: weights.depth,
+                    side_weight: weights.side,
+                    corner_weight: weights.corner,
                     ..data
                 },
                 groups: by_pixel,
@@ -205,7 +213,7 @@ impl FilterJob<'_> {
             data,
             groups: groups(data.block_count, 1),
             uses,
-            light_from: (STEPS.len() + 1) % 2,
+            light_from: (PASSES.len() + 1) % 2,
         });
         steps
     }
@@ -219,13 +227,12 @@ impl FilterJob<'_> {
             tile_count: self.traced.entries.len() as u32,
             block_count: self.traced.blocks,
             samples: self.samples,
-            step: 0,
-            variances: 0.0,
             half_share: (self.samples / 2) as f32 / self.samples as f32,
             half_ratio: half_ratio(self.samples),
             is_mixed: u32::from(self.samples < SMOOTH_RAYS),
             pixels: self.traced.pixels as u32,
             exposure: self.exposure.unwrap_or(1.0),
+            ..FilterData::zeroed()
         }
     }
 }
@@ -303,10 +310,7 @@ fn source() -> String {
     text += &format!(
         "const AOV_FLOATS: u32 = {}u;\n\
          const ALBEDO_MIN: f32 = {ALBEDO_MIN:?};\n\
-         const ALBEDO_FACTOR: f32 = {ALBEDO_FACTOR:?};\n\
          const FIRST_STEP: i32 = {};\n\
-         const NORMAL_FACTOR: f32 = {NORMAL_FACTOR:?};\n\
-         const DEPTH_FACTOR: f32 = {DEPTH_FACTOR:?};\n\
          const MIXED_MIN: f32 = {MIXED_MIN:?};\n\
          const EDGE_MIN: f32 = {EDGE_MIN:?};\n\
          const BRIGHTNESS_SHARE: f32 = {BRIGHTNESS_SHARE:?};\n\
@@ -316,17 +320,18 @@ fn source() -> String {
          const STEP_MAX: f32 = {X_MAX:?};\n\
          const FIRST_BUCKET: u32 = {FIRST_BUCKET}u;\n",
         KernelOutput::Aovs.floats(),
-        STEPS[0]
+        PASSES[0].step
     );
     text += include_str!("../shaders/structs.wgsl");
     text += include_str!("../shaders/block.wgsl");
     text += include_str!("../shaders/tonemap.wgsl");
     text += include_str!("../shaders/denoise.wgsl");
     text += "fn add_taps(p: vec2i, here: ptr<function, Look>) {\n";
-    for (dx, dy, weight) in TAPS {
+    for (dx, dy) in NEIGHBOURS {
+        let weight = if dx * dy == 0 { "side" } else { "corner" };
         _ = writeln!(
             text,
-            "    add_tap(p + job.step * vec2i({dx}, {dy}), {weight:?}, here);"
+            "    add_tap(p + job.step * vec2i({dx}, {dy}), job.{weight}_weight, here);"
         );
     }
     text + "}\n"
@@ -385,8 +390,9 @@ mod tests {
         assert_eq!(*span as usize, size_of::<FilterData>());
         assert_eq!(
             fields,
-            offsets!(x y width height tile_count block_count samples step variances half_share
-                half_ratio is_mixed pixels exposure)
+            offsets!(x y width height tile_count block_count samples step variances normal_factor
+                albedo_factor depth_factor side_weight corner_weight half_share half_ratio is_mixed
+                pixels exposure)
         );
     }
 }

@@ -1,4 +1,4 @@
-// The denoiser's passes: those of `post/filter.rs`, which says what they do and whose numbers these
+// The denoiser's passes: those of `denoise/filter.rs`, which says what they do and whose numbers these
 // are.
 //
 // Traced pixels lie tile by tile; guides and light between the passes lie row by row of the region
@@ -17,6 +17,13 @@ struct FilterData {
     step: i32,
     // Variances by which light may differ.
     variances: f32,
+    // Of squared differences.
+    normal_factor: f32,
+    albedo_factor: f32,
+    depth_factor: f32,
+    // Of taps beside the middle one and at the corners.
+    side_weight: f32,
+    corner_weight: f32,
     // The first half's share of the samples.
     half_share: f32,
     half_ratio: f32,
@@ -152,7 +159,7 @@ fn smooth_light(@builtin(global_invocation_id) id: vec3u) {
     let i = index_of(p);
     let light = light_from[i];
     let depth = guides[2u * i].w;
-    let depth_factor = DEPTH_FACTOR / max(depth * depth, 1e-20);
+    let depth_factor = job.depth_factor / max(depth * depth, 1e-20);
     let normal = guides[2u * i + 1u].xyz;
     let variance = mean_variance(p, light.w);
     let light_factor = 1.0 / (variance * job.variances + 1e-10);
@@ -192,8 +199,8 @@ fn add_tap(p: vec2i, tap_weight: f32, here: ptr<function, Look>) {
     let by_normal = (*here).normal - guides[2u * i + 1u].xyz;
     let by_depth = (*here).inverse_depth - guides[2u * i].w;
     var distance = dot(by_light, by_light) * (*here).light_factor;
-    distance += dot(by_albedo, by_albedo) * ALBEDO_FACTOR;
-    distance += dot(by_normal, by_normal) * NORMAL_FACTOR;
+    distance += dot(by_albedo, by_albedo) * job.albedo_factor;
+    distance += dot(by_normal, by_normal) * job.normal_factor;
     distance += by_depth * by_depth * (*here).depth_factor;
     if (distance < 1.0) {
         let weight = (1.0 - distance) * (1.0 - distance) * tap_weight;
