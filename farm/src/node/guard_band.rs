@@ -135,7 +135,7 @@ mod tests {
         let corner = (11 + 8) * (21 + 8);
         assert_eq!(guarded_pixels(tile(192, 96, 11, 21), size), corner);
         // Blocks that a tile has a part of are traced as a whole beside it.
-        assert_eq!(guarded_pixels(tile(13, 13, 1, 1), size), 16 * 16 + 1);
+        assert_eq!(guarded_pixels(tile(13, 13, 1, 1), size), 24 * 24 + 1);
         assert_eq!(guarded_pixels(tile(12, 12, 8, 8), size), 32 * 32 + 64);
     }
 
