@@ -65,8 +65,16 @@ pub struct Args {
     /// Samples per pixel of the frames [default: 16, for a video 64]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(RenderSettings::SAMPLES_MAX)))]
     pub spp: Option<u32>,
-    /// Denoise the frames: 4 samples then look like 16 and more
-    #[arg(long)]
+    /// Denoise the frames: 4 samples then look like 16 and more; `--denoise=false` keeps their noise
+    #[arg(
+        long,
+        value_name = "BOOL",
+        num_args = 0..=1,
+        require_equals = true,
+        default_value_t = true,
+        default_missing_value = "true",
+        action = clap::ArgAction::Set
+    )]
     pub denoise: bool,
     /// Seed of the rack and of the noise: the same seed gives the same frames
     #[arg(long, default_value_t = 1)]

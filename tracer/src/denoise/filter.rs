@@ -254,7 +254,7 @@ struct Look<S: Simd> {
     light: [Float<S>; 3],
 }
 
-/// Of squared differences, by pixel.
+/// Factors of squared differences.
 struct Factors<S: Simd> {
     normal: f32,
     albedo: f32,

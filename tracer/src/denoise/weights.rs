@@ -1,4 +1,4 @@
-//! Taps and weights of the filter's passes: the same numbers in Rust and, as text, in WGSL.
+//! Taps and weights of the filter's passes, of CPU and GPU alike.
 
 /// One pass: how far apart its taps are, and what they weigh.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +18,7 @@ pub(crate) struct PassWeights {
 
 /// The passes in their order. Their numbers and those of [`variances`] are a minimum of FLIP, and of a seventh as much of relMSE,
 /// over two views of the game's room of 1, 2, 4, 16 and 64 samples: gradient descent (Kingma and Ba, "Adam: A Method for Stochastic
-/// Optimization", ICLR 2015) through the filter and the metric. The first pass, whose light is noise, goes by
+/// Optimization", ICLR 2015) through a copy of the filter and the metric. The first pass, whose light is noise, goes by
 /// where pixels lie, the later ones by what they show.
 pub(crate) const PASSES: [PassWeights; 3] = [
     PassWeights {

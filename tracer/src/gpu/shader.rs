@@ -977,6 +977,7 @@ fn emissive_surface_functions(features: &Features) -> String {
     text + "    return 0.0;\n}\n"
 }
 
+/// The size of the table of surfaces that emit, how often light sampling aims at them, and [`ShapeKind::area_factor`].
 fn emissive_surface_constants(features: &Features) -> String {
     let count: u32 = features.emissive_surfaces.iter().sum();
     let mut text = format!(
