@@ -55,15 +55,25 @@ pub struct TileAovs {
     pub pixels: Vec<Aovs>,
 }
 
-/// The fewest camera rays of a pixel whose edges look smooth; denoised pictures of fewer paths
-/// take their edges from so many.
-pub(crate) const SMOOTH_RAYS: u32 = 4;
+/// The fewest camera rays by which an edge looks smooth.
+const EDGE_RAYS_MIN: u32 = 8;
+/// Pictures of more samples have smooth edges.
+const EDGE_SAMPLES_MAX: u32 = 16;
 
-/// `settings` with enough samples for smooth edges, unless they have them.
-pub(crate) fn smooth(settings: RenderSettings) -> Option<RenderSettings> {
-    let samples = SMOOTH_RAYS;
-    (settings.samples < samples).then_some(RenderSettings {
-        samples,
+/// Camera rays that look at the edges of a denoised picture: its samples' and further ones, which cost less.
+pub(crate) fn edge_rays(samples: u32) -> u32 {
+    match samples {
+        ..=EDGE_SAMPLES_MAX => (2 * samples).max(EDGE_RAYS_MIN),
+        _ => samples,
+    }
+}
+
+/// `settings` of the further ones, if there are any.
+pub(crate) fn further_edge_rays(settings: RenderSettings) -> Option<RenderSettings> {
+    let further = edge_rays(settings.samples) - settings.samples;
+    (further > 0).then(|| RenderSettings {
+        samples: further,
+        first_sample: settings.first_sample.wrapping_add(settings.samples),
         ..settings
     })
 }

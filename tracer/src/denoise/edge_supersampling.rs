@@ -11,17 +11,19 @@ use super::input::{ALBEDO, DenoiseSource, EMISSION, LIGHT, NORMAL};
 use super::neighbourhood::{NO_NORMAL, Neighbourhood, distance_squared, guide};
 use super::soa_image::{Float, LANES, Mask};
 use super::weights::{BRIGHTNESS_SHARE, EDGE_MIN, MIXED_MIN, NEIGHBOURS};
-use crate::aov::smooth;
+use crate::aov::{edge_rays, further_edge_rays};
 use crate::simd::{Level, dispatch};
 use crate::{Aovs, CompiledScene, Tile, TraceJob};
 
-/// Pixels that more rays look at than they have paths, and what those meet.
+/// Pixels that more rays look at than they have paths, and what the further ones meet.
 #[derive(Default)]
 pub(super) struct SupersampledEdges {
     pixels: Vec<(u32, u32)>,
     hits: Vec<Aovs>,
     /// Where each tile's end.
     ends: Vec<usize>,
+    /// Of these rays among all that look at the pixel.
+    pub(super) share: f32,
 }
 
 impl SupersampledEdges {
@@ -32,7 +34,7 @@ impl SupersampledEdges {
         job: &TraceJob<'_>,
         filter: &Filter,
     ) -> Self {
-        let Some(settings) = smooth(job.settings) else {
+        let Some(settings) = further_edge_rays(job.settings) else {
             return Self::default();
         };
         let tiles = job.tiles.par_iter();
@@ -44,7 +46,13 @@ impl SupersampledEdges {
         let ends = ends.collect();
         let pixels = by_tile.concat();
         let hits = tracer.trace_hits(scene, job.size, settings, &pixels);
-        Self { pixels, hits, ends }
+        let share = settings.samples as f32 / edge_rays(job.settings.samples) as f32;
+        Self {
+            pixels,
+            hits,
+            ends,
+            share,
+        }
     }
 
     /// The pixels of the tile of this index.
@@ -91,15 +99,16 @@ impl Filter {
         }
     }
 
-    /// The radiance without emission of a pixel where more rays have met `smooth`: with `a` the
-    /// appearance of the pixel, `s` that of more rays there, and `b` a neighbour's, the mixture
+    /// The radiance without emission of a pixel where further rays, a `share` of all, have met `further`: with `a` the
+    /// appearance of the pixel, `s` that to all rays there, and `b` a neighbour's, the mixture
     /// `a + t(b − a)` nearest to `s` has `t = (s−a)·(b−a) / |b−a|²`; of all neighbours that one is taken
     /// whose mixture is nearest.
-    pub(super) fn mixed(&self, (x, y): (u32, u32), smooth: &Aovs) -> [f32; 3] {
+    pub(super) fn mixed(&self, (x, y): (u32, u32), further: &Aovs, share: f32) -> [f32; 3] {
         let (x, y) = ((x - self.bounds.x) as usize, (y - self.bounds.y) as usize);
         let own = self.radiance_at(x, y);
         let here = self.appearance_at(x, y);
-        let wanted = difference(appearance(smooth.albedo, smooth.normal), here);
+        let wanted =
+            difference(appearance(further.albedo, further.normal), here).map(|c| c * share);
         let mut nearest = product(wanted, wanted);
         if nearest <= MIXED_MIN {
             return own;

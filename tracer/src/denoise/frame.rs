@@ -94,10 +94,12 @@ fn trace_together(
             }
         }
         for (place, hit) in edges.of_tile(*index) {
-            let (x, y) = (place.0 - tile.x, place.1 - tile.y);
-            let mixed = filter.mixed(*place, hit);
-            radiance[(y * tile.width + x) as usize] =
-                std::array::from_fn(|c| mixed[c] + hit.emission[c]);
+            let at = ((place.1 - tile.y) * tile.width + place.0 - tile.x) as usize;
+            let mixed = filter.mixed(*place, hit, edges.share);
+            radiance[at] = std::array::from_fn(|c| {
+                let own = emission.as_ref().map_or(0.0, |emission| emission[c][at]);
+                mixed[c] + edges.share.mul_add(hit.emission[c] - own, own)
+            });
         }
         sink(TileRadiance {
             index: *index,

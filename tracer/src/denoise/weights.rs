@@ -71,7 +71,7 @@ pub(crate) const ALBEDO_MIN: f32 = 0.02;
 
 /// A neighbour's albedo and half its normal differ by more than this, squared, or its emission by more
 /// than this share, where more rays are needed for a smooth edge.
-pub(crate) const EDGE_MIN: f32 = 1e-4;
+pub(crate) const EDGE_MIN: f32 = 1e-3;
 pub(crate) const BRIGHTNESS_SHARE: f32 = 0.05;
 
 /// Where the first hits of more rays differ less than this, squared, from a pixel's own, its light

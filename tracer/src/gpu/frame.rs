@@ -15,15 +15,17 @@ use crate::gpu::mesh_buffer::SceneUpload;
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
 
-/// Passes of one submission at most: the samples, two sets of first hits, five of the filter, and four more
+/// Passes of one submission at most: the samples, two sets of first hits, seven of the filter, and two more
 /// where samples are cut.
 pub(crate) const PASSES_MAX: usize = 12;
 /// Two 64-bit timestamps of each pass: before and after it.
 const TIMESTAMPS_BYTES: u64 = 16 * PASSES_MAX as u64;
 /// Bytes between the uniforms of two passes: a multiple of every device's alignment.
 pub(crate) const SLOT_BYTES: u64 = 256;
-/// Words of the counters before those of the tiles: rays, low and high.
-const RAY_WORDS: u64 = 2;
+/// Words of the counters before those of the tiles: rays, low and high, and the length of the list of edges.
+pub(crate) const COUNTERS_BEFORE_TILES: u64 = 3;
+/// Which of them is that length.
+pub(crate) const LISTED_PIXELS: u64 = 2;
 /// Bytes of a pixel: red, green and blue.
 pub(crate) const PIXEL_BYTES: u64 = KernelOutput::Radiance.pixel_bytes();
 /// Bytes of the sum of a pixel's samples, and of what it has lost to rounding. It stays on the
@@ -139,7 +141,7 @@ impl FrameBuffers {
             film: buffer(wgpu, PIXEL_BYTES, film_usage(device)),
             picture: (!device.maps_storage).then(|| buffer(wgpu, PIXEL_BYTES, READBACK_USAGE)),
             film_sums: buffer(wgpu, SUM_BYTES, wgpu::BufferUsages::STORAGE),
-            counters: buffer(wgpu, 4 * RAY_WORDS, COUNTERS_USAGE),
+            counters: buffer(wgpu, 4 * COUNTERS_BEFORE_TILES, COUNTERS_USAGE),
             readback: buffer(wgpu, TIMESTAMPS_BYTES, READBACK_USAGE),
             timer,
             filter: None,
@@ -188,18 +190,19 @@ impl FrameBuffers {
         })
     }
 
-    /// Binds a tracing kernel to the uniforms of a slot, and to `film` for its results.
+    /// Binds a tracing kernel to the uniforms of a slot, to the tiles that it traces, and to `film` for its results.
     pub(crate) fn bind(
         &self,
         wgpu: &wgpu::Device,
         kernel: &Kernel,
         slot: usize,
+        tiles: &wgpu::Buffer,
         film: &wgpu::Buffer,
     ) -> wgpu::BindGroup {
         let mut entries = vec![
             part(0, &self.scene, 0, self.scene_bytes),
             self.slot(1, slot, size_of::<DispatchData>()),
-            whole(2, &self.tiles),
+            whole(2, tiles),
             whole(3, film),
             whole(4, &self.counters),
             whole(5, &self.film_sums),
@@ -305,8 +308,8 @@ impl FrameBuffers {
         };
         let counters = mapped(self.readback.slice(TIMESTAMPS_BYTES..layout.counters_end()))?;
         let film = mapped(self.picture().slice(..layout.film_bytes))?;
-        let (rays, dropped) = counters.split_at(4 * RAY_WORDS as usize);
-        let [low, high]: [u32; 2] = pod_read_unaligned(rays);
+        let (before_tiles, dropped) = counters.split_at(4 * COUNTERS_BEFORE_TILES as usize);
+        let [low, high]: [u32; 2] = pod_read_unaligned(&before_tiles[..8]);
         let rays = u64::from(high) << 32 | u64::from(low);
         let taken = take(rays, cast_slice(dropped), cast_slice(&film));
         drop((counters, film));
@@ -390,7 +393,7 @@ impl ReadbackLayout {
     }
 
     const fn counters_bytes(&self) -> u64 {
-        4 * (RAY_WORDS + self.tiles)
+        4 * (COUNTERS_BEFORE_TILES + self.tiles)
     }
 
     const fn counters_end(&self) -> u64 {

@@ -37,6 +37,7 @@ pub(crate) struct DispatchData {
     pub(crate) first_sample: u32,
     pub(crate) seed: u32,
     pub(crate) max_depth: u32,
+    pub(crate) is_list: u32,
 }
 
 /// A tile, and how many blocks and pixels come before it.

@@ -195,8 +195,9 @@ impl GpuTracer {
         buffers.prepare(&self.device, work.scene, chunk, &layout)?;
         let mut pass = Pass {
             pipeline: &work.kernel.pipeline,
-            bindings: (self.device)
-                .guarded(|wgpu| buffers.bind(wgpu, work.kernel, 0, &buffers.film))?,
+            bindings: (self.device).guarded(|wgpu| {
+                buffers.bind(wgpu, work.kernel, 0, &buffers.tiles, &buffers.film)
+            })?,
             groups: groups(chunk.blocks, work.kernel.workgroup_blocks),
             uniforms: Vec::new(),
         };
@@ -219,6 +220,7 @@ impl GpuTracer {
                 first_sample: settings.first_sample,
                 seed: settings.seed,
                 max_depth: settings.max_depth,
+                is_list: 0,
             };
             let samples = u64::from(end - begin) * chunk.pixels;
             pass.uniforms = bytes_of(&data).to_vec();

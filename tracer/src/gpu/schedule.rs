@@ -25,7 +25,7 @@ const CHUNK_BLOCKS_MIN: u32 = 4096;
 /// Tiles of a chunk: their list stays small.
 const CHUNK_TILES_MAX: usize = 1 << 16;
 /// Pixels of a block.
-const BLOCK_PIXELS: u64 = (BLOCK_EDGE * BLOCK_EDGE) as u64;
+pub(crate) const BLOCK_PIXELS: u64 = (BLOCK_EDGE * BLOCK_EDGE) as u64;
 
 /// The device's speed, learned from what it did.
 pub(crate) struct Pacer {

@@ -11,6 +11,7 @@ use crate::compiled::{
     TriangleData, WRAP_CLAMP, WRAP_REPEAT,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
+use crate::gpu::frame::{COUNTERS_BEFORE_TILES, LISTED_PIXELS};
 use crate::gpu::layout::{
     BVH_LEAF, ENVIRONMENT_BINDING, MESH_BINDING, SPHERE_SLACK, TEXTURE_BINDING,
 };
@@ -420,7 +421,7 @@ fn constants(features: &Features) -> String {
             output as u32
         );
     }
-    text += &workgroup_constants(features.workgroup_blocks);
+    text += &dispatch_constants(features.workgroup_blocks);
     text += &light_sampling_constants(features);
     text += &sampling_constants();
     text += &kinds();
@@ -470,10 +471,12 @@ fn light_sampling_constants(features: &Features) -> String {
 }
 
 /// Pixels of a block, and blocks of a workgroup.
-pub(crate) fn workgroup_constants(workgroup_blocks: u32) -> String {
+pub(crate) fn dispatch_constants(workgroup_blocks: u32) -> String {
     format!(
         "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
-         const WORKGROUP_BLOCKS: u32 = {workgroup_blocks}u;\n"
+         const WORKGROUP_BLOCKS: u32 = {workgroup_blocks}u;\n\
+         const COUNTERS_BEFORE_TILES: u32 = {COUNTERS_BEFORE_TILES}u;\n\
+         const LISTED_PIXELS: u32 = {LISTED_PIXELS}u;\n"
     )
 }
 
@@ -1281,7 +1284,7 @@ mod tests {
             layout!(SceneHeader, camera environment zero),
             layout!(DispatchData,
                 tile_count block_count sample_begin sample_end samples first_half pixels
-                first_sample seed max_depth),
+                first_sample seed max_depth is_list),
             layout!(TileEntry, x y width height first_block first_pixel),
         ]
     }

@@ -1,26 +1,26 @@
 //! Denoised pictures, traced and filtered without leaving the device.
 //!
 //! ```text
-//! tiles and guard band ─▶ halves of the samples ─▶ first hits ─▶ filter ─▶ film ─▶ tiles
+//! tiles and guard band ─▶ halves of the samples ─▶ first hits ─▶ first hits at edges ─▶ filter ─▶ film ─▶ tiles
 //! ```
 //!
 //! All of it is one submission where the device is fast enough; else the samples are cut as those of
 //! other pictures are.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use bytemuck::{bytes_of, cast_slice};
 
-use super::kernels::{FilterBuffers, FilterJob, FilterKernels};
-use crate::aov::smooth;
-use crate::denoise::weights::PASSES;
+use super::kernels::{FilterBuffers, FilterJob, FilterKernels, Step};
+use crate::aov::further_edge_rays;
 use crate::denoise::{GuardedRegion, REGION_SAMPLES, RegionLimits, in_parts};
 use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTES, groups};
 use crate::gpu::layout::DispatchData;
 use crate::gpu::pipeline::Kernel;
-use crate::gpu::schedule::{self, Chunk, ChunkLimits};
+use crate::gpu::schedule::{self, BLOCK_PIXELS, Chunk, ChunkLimits};
 use crate::gpu::{ChunkSink, GpuTracer, deliver};
 use crate::{CompiledScene, Error, RenderSettings, TileRadiance, TileSrgb8, TraceJob, TraceStats};
 
@@ -35,7 +35,16 @@ struct TracedPart {
 #[derive(Clone, Copy)]
 enum PartTarget {
     Halves,
-    Hits(usize),
+    Hits,
+    /// Of the pixels that the filter's first steps have listed.
+    EdgeHits,
+}
+
+/// All that is traced for the filter.
+struct TracedParts {
+    samples: [TracedPart; 2],
+    /// Further rays, where edges need them.
+    edges: Option<TracedPart>,
 }
 
 /// Passes that are not submitted yet.
@@ -212,7 +221,7 @@ impl GpuTracer {
     }
 
     /// What the filter needs of each pixel.
-    fn parts(&self, scene: &CompiledScene, job: &TraceJob<'_>) -> Result<Vec<TracedPart>, Error> {
+    fn parts(&self, scene: &CompiledScene, job: &TraceJob<'_>) -> Result<TracedParts, Error> {
         let settings = job.settings;
         let kernel = |output: KernelOutput| {
             let features = self.features(scene, output);
@@ -227,14 +236,14 @@ impl GpuTracer {
             settings,
             target,
         };
-        let mut parts = vec![
-            part(&paths, settings, PartTarget::Halves),
-            part(&aovs, settings, PartTarget::Hits(0)),
-        ];
-        if let Some(smoother) = smooth(settings) {
-            parts.push(part(&aovs, smoother, PartTarget::Hits(1)));
-        }
-        Ok(parts)
+        let further = further_edge_rays(settings);
+        Ok(TracedParts {
+            samples: [
+                part(&paths, settings, PartTarget::Halves),
+                part(&aovs, settings, PartTarget::Hits),
+            ],
+            edges: further.map(|settings| part(&aovs, settings, PartTarget::EdgeHits)),
+        })
     }
 
     fn filter_kernels(&self) -> Result<&FilterKernels, Error> {
@@ -248,87 +257,134 @@ impl GpuTracer {
 
 impl RegionFrame<'_> {
     /// Traces all parts and filters them, unless cancelled: then it returns false.
-    fn trace<'k>(
-        &mut self,
-        parts: &'k [TracedPart],
-        kernels: &'k FilterKernels,
-    ) -> Result<bool, Error> {
+    fn trace(&mut self, parts: &TracedParts, kernels: &FilterKernels) -> Result<bool, Error> {
         let mut submission = Submission::default();
-        for part in parts {
-            let step = self.filter_job.traced.samples_per_dispatch(self.limits);
-            for begin in (0..part.settings.samples).step_by(step as usize) {
-                let end = begin.saturating_add(step).min(part.settings.samples);
-                let samples = u64::from(end - begin) * self.filter_job.traced.pixels;
-                let is_full = submission.passes.len() + FILTER_PASSES == PASSES_MAX
-                    || submission.samples + samples > self.limits.samples;
-                if is_full && !submission.passes.is_empty() {
-                    if self.job.cancelled.load(Ordering::Relaxed) {
-                        return Ok(false);
-                    }
-                    self.submit(std::mem::take(&mut submission), false)?;
-                }
-                self.push(&mut submission, part, begin, end)?;
+        let [paths, hits] = &parts.samples;
+        let filter_job = self.filter_job;
+        let is_done = self.push_part(&mut submission, paths)?
+            && self.push_part(&mut submission, hits)?
+            && self.push_steps(&mut submission, kernels, filter_job.input_steps(kernels))?
+            && match &parts.edges {
+                Some(edges) => self.push_part(&mut submission, edges)?,
+                None => true,
             }
+            && self.push_steps(&mut submission, kernels, filter_job.filter_steps(kernels))?
+            && !self.job.cancelled.load(Ordering::Relaxed);
+        if is_done {
+            self.submit(&mut submission, true)?;
         }
-        if self.job.cancelled.load(Ordering::Relaxed) {
-            return Ok(false);
+        Ok(is_done)
+    }
+
+    /// Adds the passes of a part, unless cancelled.
+    fn push_part<'k>(
+        &mut self,
+        submission: &mut Submission<'k>,
+        part: &'k TracedPart,
+    ) -> Result<bool, Error> {
+        let traced = self.filter_job.traced;
+        let step = traced.samples_per_dispatch(self.limits);
+        for begin in (0..part.settings.samples).step_by(step as usize) {
+            let end = begin.saturating_add(step).min(part.settings.samples);
+            let samples = u64::from(end - begin) * traced.pixels;
+            if !self.make_room(submission, samples)? {
+                return Ok(false);
+            }
+            let (pass, kind) = self.part_pass(part, begin..end, submission.passes.len())?;
+            submission.passes.push(pass);
+            submission.kinds.push(kind);
+            submission.samples += samples;
         }
-        let slot = submission.passes.len();
-        let device = &self.tracer.device;
-        let passes = device.guarded(|wgpu| {
-            kernels.passes(wgpu, self.buffers, self.filter, self.filter_job, slot)
-        })?;
-        submission
-            .kinds
-            .extend(passes.iter().map(|_| PassKind::Filter));
-        submission.passes.extend(passes);
-        self.submit(submission, true)?;
         Ok(true)
     }
 
-    fn push<'k>(
-        &self,
+    /// Adds steps of the filter, unless cancelled.
+    fn push_steps<'k>(
+        &mut self,
         submission: &mut Submission<'k>,
-        part: &'k TracedPart,
-        sample_begin: u32,
-        sample_end: u32,
-    ) -> Result<(), Error> {
-        let traced = self.filter_job.traced;
-        let samples = u64::from(sample_end - sample_begin) * traced.pixels;
-        let (film, kind, first_half) = match part.target {
-            PartTarget::Halves => {
-                let first_half = part.settings.samples / 2;
-                (&self.filter.halves, PassKind::Paths(samples), first_half)
+        kernels: &FilterKernels,
+        steps: Vec<Step<'k>>,
+    ) -> Result<bool, Error> {
+        for step in steps {
+            if !self.make_room(submission, 0)? {
+                return Ok(false);
             }
-            PartTarget::Hits(hits) => (&self.filter.hits[hits], PassKind::FirstHits, 0),
+            let slot = submission.passes.len();
+            let device = &self.tracer.device;
+            let pass = device
+                .guarded(|wgpu| kernels.pass(wgpu, self.buffers, self.filter, &step, slot))?;
+            submission.passes.push(pass);
+            submission.kinds.push(PassKind::Filter);
+        }
+        Ok(true)
+    }
+
+    /// Submits what there is if a pass of so many samples more were too much for one submission, unless
+    /// cancelled: then it returns false.
+    fn make_room(&mut self, submission: &mut Submission<'_>, samples: u64) -> Result<bool, Error> {
+        let is_full = submission.passes.len() == PASSES_MAX
+            || submission.samples + samples > self.limits.samples;
+        if is_full && !submission.passes.is_empty() {
+            if self.job.cancelled.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            self.submit(submission, false)?;
+        }
+        Ok(true)
+    }
+
+    fn part_pass<'k>(
+        &self,
+        part: &'k TracedPart,
+        samples: Range<u32>,
+        slot: usize,
+    ) -> Result<(Pass<'k>, PassKind), Error> {
+        let FilterJob { traced, wanted, .. } = self.filter_job;
+        let filter = self.filter;
+        let tiles = &self.buffers.tiles;
+        let (tiles, film, is_list) = match part.target {
+            PartTarget::Halves => (tiles, &filter.halves, false),
+            PartTarget::Hits => (tiles, &filter.hits[0], false),
+            PartTarget::EdgeHits => (&filter.edges, &filter.hits[1], true),
+        };
+        let (tile_count, block_count) = match is_list {
+            // As many as there can be.
+            true => (1, wanted.pixels.div_ceil(BLOCK_PIXELS) as u32),
+            false => (traced.entries.len() as u32, traced.blocks),
+        };
+        let (kind, first_half) = match part.target {
+            PartTarget::Halves => {
+                let paths = u64::from(samples.end - samples.start) * traced.pixels;
+                (PassKind::Paths(paths), part.settings.samples / 2)
+            }
+            PartTarget::Hits | PartTarget::EdgeHits => (PassKind::FirstHits, 0),
         };
         let data = DispatchData {
-            tile_count: traced.entries.len() as u32,
-            block_count: traced.blocks,
-            sample_begin,
-            sample_end,
+            tile_count,
+            block_count,
+            sample_begin: samples.start,
+            sample_end: samples.end,
             samples: part.settings.samples,
             first_half,
             pixels: traced.pixels as u32,
             first_sample: part.settings.first_sample,
             seed: part.settings.seed,
             max_depth: part.settings.max_depth,
+            is_list: u32::from(is_list),
         };
-        let slot = submission.passes.len();
         let bindings = (self.tracer.device)
-            .guarded(|wgpu| self.buffers.bind(wgpu, &part.kernel, slot, film))?;
-        submission.passes.push(Pass {
+            .guarded(|wgpu| self.buffers.bind(wgpu, &part.kernel, slot, tiles, film))?;
+        let pass = Pass {
             pipeline: &part.kernel.pipeline,
             bindings,
-            groups: groups(traced.blocks, part.kernel.workgroup_blocks),
+            groups: groups(block_count, part.kernel.workgroup_blocks),
             uniforms: bytes_of(&data).to_vec(),
-        });
-        submission.kinds.push(kind);
-        submission.samples += samples;
-        Ok(())
+        };
+        Ok((pass, kind))
     }
 
-    fn submit(&mut self, submission: Submission<'_>, is_last: bool) -> Result<(), Error> {
+    fn submit(&mut self, submission: &mut Submission<'_>, is_last: bool) -> Result<(), Error> {
+        let submission = std::mem::take(submission);
         let cleared = [&self.buffers.counters, &self.filter.guides];
         let cleared = if self.is_begun { &[] } else { &cleared[..] };
         self.is_begun = true;
@@ -353,5 +409,3 @@ impl RegionFrame<'_> {
 
 /// Of a pixel as it is shown.
 const SRGB8_BYTES: u64 = 4;
-/// Of a picture: taking in, the variance, the steps and the result.
-const FILTER_PASSES: usize = PASSES.len() + 3;

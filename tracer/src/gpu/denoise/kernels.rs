@@ -1,28 +1,31 @@
 //! The denoiser on the device: [`crate::denoise`]'s filter as kernels over what has been traced there.
 //!
 //! ```text
-//! halves, first hits ─▶ take_in ─▶ estimate_variance ─▶ smooth_light × 3 ─▶ resolve ─▶ film
+//! halves, first hits ─▶ take_in ─▶ list_edges ─▶ estimate_variance ─▶ smooth_light × 3 ─▶ resolve ─▶ film
+//!                                       └─▶ first hits of more rays ────────────────────────┘
 //! ```
 
 use std::fmt::Write as _;
 
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
-use crate::aov::SMOOTH_RAYS;
+use crate::aov::edge_rays;
 use crate::denoise::weights::{
     ALBEDO_MIN, BRIGHTNESS_SHARE, EDGE_MIN, MIXED_MIN, NEIGHBOURS, PASSES, half_ratio, variances,
 };
 use crate::gpu::device::Device;
 use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, Pass, SLOT_BYTES, buffer, groups, reserve, whole};
+use crate::gpu::layout::TileEntry;
 use crate::gpu::schedule::Chunk;
-use crate::gpu::shader::{BLOCK_EDGE, workgroup_constants};
+use crate::gpu::shader::{BLOCK_EDGE, dispatch_constants};
 use crate::tonemap::{self, DESATURATION, FIRST_BUCKET, SHOULDER, X_MAX, X_MIN};
 use crate::{Error, Tile};
 
 /// The kernels, which are the same for all scenes.
 pub(crate) struct FilterKernels {
     take_in: wgpu::ComputePipeline,
+    list_edges: wgpu::ComputePipeline,
     estimate_variance: wgpu::ComputePipeline,
     smooth_light: wgpu::ComputePipeline,
     resolve: wgpu::ComputePipeline,
@@ -35,8 +38,10 @@ pub(crate) struct FilterKernels {
 pub(crate) struct FilterBuffers {
     /// Means of the second half of each pixel's samples, then of the first.
     pub(in crate::gpu) halves: wgpu::Buffer,
-    /// First hits of the same samples, and of more.
+    /// First hits of the same samples, and of the further rays at edges.
     pub(in crate::gpu) hits: [wgpu::Buffer; 2],
+    /// [`TileEntry`] of each pixel at an edge.
+    pub(in crate::gpu) edges: wgpu::Buffer,
     /// To be cleared before each picture.
     pub(in crate::gpu) guides: wgpu::Buffer,
     light: [wgpu::Buffer; 2],
@@ -62,7 +67,7 @@ struct FilterData {
     corner_weight: f32,
     half_share: f32,
     half_ratio: f32,
-    is_mixed: u32,
+    further_share: f32,
     pixels: u32,
     exposure: f32,
 }
@@ -99,6 +104,7 @@ impl FilterKernels {
             };
             Self {
                 take_in: pipeline("take_in"),
+                list_edges: pipeline("list_edges"),
                 estimate_variance: pipeline("estimate_variance"),
                 smooth_light: pipeline("smooth_light"),
                 resolve: pipeline("resolve"),
@@ -108,37 +114,32 @@ impl FilterKernels {
         })
     }
 
-    /// The filter's passes, of which the first is the submission's `first_slot`-th.
-    pub(crate) fn passes<'a>(
-        &'a self,
+    /// A step as the submission's `slot`-th pass.
+    pub(crate) fn pass<'a>(
+        &self,
         wgpu: &wgpu::Device,
         buffers: &FrameBuffers,
         filter: &FilterBuffers,
-        filter_job: FilterJob<'_>,
-        first_slot: usize,
-    ) -> Vec<Pass<'a>> {
-        let slots = first_slot..;
-        let steps = filter_job.steps(self);
-        let encode = |(slot, step): (usize, Step<'a>)| {
-            let entries = filter.bindings(buffers, &self.srgb_steps, slot, &step);
-            let bindings = wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("filter"),
-                layout: &step.pipeline.get_bind_group_layout(0),
-                entries: &entries,
-            });
-            Pass {
-                pipeline: step.pipeline,
-                bindings,
-                groups: step.groups,
-                uniforms: bytes_of(&step.data).to_vec(),
-            }
-        };
-        slots.zip(steps).map(encode).collect()
+        step: &Step<'a>,
+        slot: usize,
+    ) -> Pass<'a> {
+        let entries = filter.bindings(buffers, &self.srgb_steps, slot, step);
+        let bindings = wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("filter"),
+            layout: &step.pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        Pass {
+            pipeline: step.pipeline,
+            bindings,
+            groups: step.groups,
+            uniforms: bytes_of(&step.data).to_vec(),
+        }
     }
 }
 
 /// A pass before it is bound.
-struct Step<'a> {
+pub(crate) struct Step<'a> {
     pipeline: &'a wgpu::ComputePipeline,
     data: FilterData,
     groups: [u32; 2],
@@ -148,25 +149,40 @@ struct Step<'a> {
 }
 
 impl FilterJob<'_> {
-    fn steps<'a>(&self, kernels: &'a FilterKernels) -> Vec<Step<'a>> {
+    /// What has to be done before the further rays at edges are traced.
+    pub(crate) fn input_steps<'a>(&self, kernels: &'a FilterKernels) -> Vec<Step<'a>> {
+        let data = self.data();
+        let take_in = Step {
+            pipeline: &kernels.take_in,
+            data,
+            groups: groups(data.block_count, 1),
+            uses: &[TILES, HALVES, HITS, GUIDES, LIGHT_TO],
+            light_from: 1,
+        };
+        let data = self.wanted_data();
+        let list_edges = Step {
+            pipeline: &kernels.list_edges,
+            data,
+            groups: groups(data.block_count, 1),
+            uses: &[TILES, COUNTERS, GUIDES, EDGES],
+            light_from: 1,
+        };
+        let has_further = data.further_share > 0.0;
+        let steps = [Some(take_in), has_further.then_some(list_edges)];
+        steps.into_iter().flatten().collect()
+    }
+
+    /// What makes the tiles of it.
+    pub(crate) fn filter_steps<'a>(&self, kernels: &'a FilterKernels) -> Vec<Step<'a>> {
         let data = self.data();
         let by_pixel = [data.width, data.height].map(|edge| edge.div_ceil(BLOCK_EDGE));
-        let mut steps = vec![
-            Step {
-                pipeline: &kernels.take_in,
-                data,
-                groups: groups(data.block_count, 1),
-                uses: &[TILES, HALVES, HITS, GUIDES, LIGHT_TO],
-                light_from: 1,
-            },
-            Step {
-                pipeline: &kernels.estimate_variance,
-                data,
-                groups: by_pixel,
-                uses: &[GUIDES, LIGHT_FROM, LIGHT_TO],
-                light_from: 0,
-            },
-        ];
+        let mut steps = vec![Step {
+            pipeline: &kernels.estimate_variance,
+            data,
+            groups: by_pixel,
+            uses: &[GUIDES, LIGHT_FROM, LIGHT_TO],
+            light_from: 0,
+        }];
         for (pass, weights) in PASSES.into_iter().enumerate() {
             steps.push(Step {
                 pipeline: &kernels.smooth_light,
@@ -185,22 +201,18 @@ impl FilterJob<'_> {
                 light_from: (pass + 1) % 2,
             });
         }
-        let data = FilterData {
-            tile_count: self.wanted.entries.len() as u32,
-            block_count: self.wanted.blocks,
-            ..data
-        };
+        let data = self.wanted_data();
         let (pipeline, uses): (_, &[u32]) = match self.exposure {
             None => (
                 &kernels.resolve,
-                &[TILES, HITS, SMOOTH_HITS, GUIDES, LIGHT_FROM, FILM],
+                &[TILES, HITS, FURTHER_HITS, GUIDES, LIGHT_FROM, FILM],
             ),
             Some(_) => (
                 &kernels.resolve_srgb8,
                 &[
                     TILES,
                     HITS,
-                    SMOOTH_HITS,
+                    FURTHER_HITS,
                     GUIDES,
                     LIGHT_FROM,
                     SHOWN,
@@ -218,6 +230,16 @@ impl FilterJob<'_> {
         steps
     }
 
+    /// Of the tiles that are handed over.
+    fn wanted_data(&self) -> FilterData {
+        FilterData {
+            tile_count: self.wanted.entries.len() as u32,
+            block_count: self.wanted.blocks,
+            ..self.data()
+        }
+    }
+
+    /// Of all that is traced.
     fn data(&self) -> FilterData {
         FilterData {
             x: self.bounds.x,
@@ -229,7 +251,7 @@ impl FilterJob<'_> {
             samples: self.samples,
             half_share: (self.samples / 2) as f32 / self.samples as f32,
             half_ratio: half_ratio(self.samples),
-            is_mixed: u32::from(self.samples < SMOOTH_RAYS),
+            further_share: 1.0 - self.samples as f32 / edge_rays(self.samples) as f32,
             pixels: self.traced.pixels as u32,
             exposure: self.exposure.unwrap_or(1.0),
             ..FilterData::zeroed()
@@ -246,6 +268,7 @@ impl FilterBuffers {
         Self {
             halves: empty(),
             hits: [empty(), empty()],
+            edges: empty(),
             guides: empty(),
             light: [empty(), empty()],
         }
@@ -257,11 +280,13 @@ impl FilterBuffers {
         let traced = |output: KernelOutput| output.pixel_bytes() * filter_job.traced.pixels;
         let dense = VECTOR_BYTES * filter_job.bounds.pixels() as u64;
         let halves = traced(KernelOutput::Reflected) * u64::from(samples.min(2));
-        let [hits, smooth] = &mut self.hits;
+        let [hits, further] = &mut self.hits;
         reserve(device, &mut self.halves, halves, USAGE);
         reserve(device, hits, traced(KernelOutput::Aovs), USAGE);
-        if samples < SMOOTH_RAYS {
-            reserve(device, smooth, traced(KernelOutput::Aovs), USAGE);
+        if samples < edge_rays(samples) {
+            reserve(device, further, traced(KernelOutput::Aovs), USAGE);
+            let list = size_of::<TileEntry>() as u64 * filter_job.wanted.pixels;
+            reserve(device, &mut self.edges, list, USAGE);
         }
         reserve(device, &mut self.guides, 2 * dense, USAGE);
         for light in &mut self.light {
@@ -276,13 +301,15 @@ impl FilterBuffers {
         slot: usize,
         step: &Step<'_>,
     ) -> Vec<wgpu::BindGroupEntry<'a>> {
-        let is_mixed = step.data.is_mixed != 0;
+        let has_further = step.data.further_share > 0.0;
         let entry = |&binding: &u32| {
             let buffer = match binding {
                 TILES => &frame.tiles,
                 HALVES => &self.halves,
                 HITS => &self.hits[0],
-                SMOOTH_HITS => &self.hits[usize::from(is_mixed)],
+                FURTHER_HITS => &self.hits[usize::from(has_further)],
+                COUNTERS => &frame.counters,
+                EDGES => &self.edges,
                 GUIDES => &self.guides,
                 LIGHT_FROM => &self.light[step.light_from],
                 LIGHT_TO => &self.light[1 - step.light_from],
@@ -306,7 +333,7 @@ fn srgb_steps(device: &Device, wgpu: &wgpu::Device) -> wgpu::Buffer {
 
 /// The kernels as text.
 fn source() -> String {
-    let mut text = workgroup_constants(1);
+    let mut text = dispatch_constants(1);
     text += &format!(
         "const AOV_FLOATS: u32 = {}u;\n\
          const ALBEDO_MIN: f32 = {ALBEDO_MIN:?};\n\
@@ -341,14 +368,16 @@ fn source() -> String {
 const DATA: u32 = 0;
 const TILES: u32 = 2;
 const HALVES: u32 = 3;
+const COUNTERS: u32 = 4;
 const HITS: u32 = 5;
-const SMOOTH_HITS: u32 = 6;
+const FURTHER_HITS: u32 = 6;
 const GUIDES: u32 = 7;
 const LIGHT_FROM: u32 = 8;
 const LIGHT_TO: u32 = 9;
 const FILM: u32 = 10;
 const SHOWN: u32 = 11;
 const SRGB_STEPS: u32 = 12;
+const EDGES: u32 = 13;
 
 /// Bytes of a `vec4f`.
 const VECTOR_BYTES: u64 = 16;
@@ -391,7 +420,7 @@ mod tests {
         assert_eq!(
             fields,
             offsets!(x y width height tile_count block_count samples step variances normal_factor
-                albedo_factor depth_factor side_weight corner_weight half_share half_ratio is_mixed
+                albedo_factor depth_factor side_weight corner_weight half_share half_ratio further_share
                 pixels exposure)
         );
     }

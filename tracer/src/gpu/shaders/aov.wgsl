@@ -7,6 +7,13 @@ struct Aovs {
     emission: vec3f,
 }
 
+// The pixel that is the tile of that index, if there are so many: see `list_edges` in `denoise.wgsl`.
+fn place_in_list(index: u32) -> Place {
+    let is_inside = index < atomicLoad(&counters[LISTED_PIXELS]);
+    let tile = tiles[select(0u, index, is_inside)];
+    return Place(tile.x, tile.y, tile.first_pixel, 0u, is_inside);
+}
+
 // Means over the pixel's samples.
 fn trace_aovs(x: u32, y: u32, pixel: u32) {
     var sum = Aovs(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));

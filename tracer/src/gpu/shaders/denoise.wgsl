@@ -27,8 +27,8 @@ struct FilterData {
     // The first half's share of the samples.
     half_share: f32,
     half_ratio: f32,
-    // Whether `smooth_hits` are of more rays than `hits`.
-    is_mixed: u32,
+    // Of the rays that look at an edge those in `further_hits`; 0 if there are none.
+    further_share: f32,
     // Traced ones.
     pixels: u32,
     // Of pictures that are shown.
@@ -36,11 +36,12 @@ struct FilterData {
 }
 
 @group(0) @binding(0) var<uniform> job: FilterData;
+@group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
 // Means of the second half of the samples of all traced pixels, then of the first; of a single sample the second alone.
 @group(0) @binding(3) var<storage, read> halves: array<f32>;
 // First hits: `Aovs`.
 @group(0) @binding(5) var<storage, read> hits: array<f32>;
-@group(0) @binding(6) var<storage, read> smooth_hits: array<f32>;
+@group(0) @binding(6) var<storage, read> further_hits: array<f32>;
 // Two of each pixel: albedo and inverse depth, normal and 1 more than its emission's sum; all 0 where nothing
 // was traced.
 @group(0) @binding(7) var<storage, read_write> guides: array<vec4f>;
@@ -50,6 +51,8 @@ struct FilterData {
 @group(0) @binding(10) var<storage, read_write> film: array<f32>;
 // sRGB of each pixel, a byte a channel, in the film's place.
 @group(0) @binding(11) var<storage, read_write> shown: array<u32>;
+// Pixels at edges, in any order.
+@group(0) @binding(13) var<storage, read_write> edges: array<TileEntry>;
 
 fn is_inside(p: vec2i) -> bool {
     return all(p >= vec2i(0)) && all(vec2u(p) < vec2u(job.width, job.height));
@@ -103,6 +106,24 @@ fn take_in(
 
 fn half_at(pixel: u32) -> vec3f {
     return vec3f(halves[3u * pixel], halves[3u * pixel + 1u], halves[3u * pixel + 2u]);
+}
+
+// Lists the pixels beside which something else is seen, as tiles for the kernel that finds first hits.
+@compute @workgroup_size(BLOCK_EDGE * BLOCK_EDGE)
+fn list_edges(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let block = group.y * groups.x + group.x;
+    if (block >= job.block_count) {
+        return;
+    }
+    let place = place_of(block, local);
+    if (place.is_inside && is_edge(place_in_region(place))) {
+        let index = atomicAdd(&counters[LISTED_PIXELS], 1u);
+        edges[index] = TileEntry(place.x, place.y, 1u, 1u, 0u, place.pixel);
+    }
 }
 
 @compute @workgroup_size(BLOCK_EDGE, BLOCK_EDGE)
@@ -247,11 +268,12 @@ fn resolve_srgb8(
 fn result(p: vec2i, pixel: u32) -> vec3f {
     let light = radiance_at(index_of(p));
     let first = AOV_FLOATS * pixel + 7u;
-    if (job.is_mixed == 0u || !is_edge(p)) {
-        return light + vec3f(hits[first], hits[first + 1u], hits[first + 2u]);
+    let emission = vec3f(hits[first], hits[first + 1u], hits[first + 2u]);
+    if (job.further_share == 0.0 || !is_edge(p)) {
+        return light + emission;
     }
-    let emission = vec3f(smooth_hits[first], smooth_hits[first + 1u], smooth_hits[first + 2u]);
-    return mixed(p, pixel, light) + emission;
+    let further = vec3f(further_hits[first], further_hits[first + 1u], further_hits[first + 2u]);
+    return mixed(p, pixel, light) + emission + job.further_share * (further - emission);
 }
 
 // Whether something else is seen beside a pixel.
@@ -294,13 +316,14 @@ fn difference(a: Appearance, b: Appearance) -> Appearance {
     return Appearance(a.albedo - b.albedo, a.half_normal - b.half_normal);
 }
 
-// The mixture with a neighbour that comes nearest to what more rays have met.
+// The mixture with a neighbour that comes nearest to what all rays have met.
 fn mixed(p: vec2i, pixel: u32, light: vec3f) -> vec3f {
     let first = AOV_FLOATS * pixel;
-    let albedo = vec3f(smooth_hits[first], smooth_hits[first + 1u], smooth_hits[first + 2u]);
-    let normal = vec3f(smooth_hits[first + 3u], smooth_hits[first + 4u], smooth_hits[first + 5u]);
+    let albedo = vec3f(further_hits[first], further_hits[first + 1u], further_hits[first + 2u]);
+    let normal = vec3f(further_hits[first + 3u], further_hits[first + 4u], further_hits[first + 5u]);
     let here = appearance(index_of(p));
-    let wanted = difference(Appearance(albedo, 0.5 * normal), here);
+    let further = difference(Appearance(albedo, 0.5 * normal), here);
+    let wanted = Appearance(job.further_share * further.albedo, job.further_share * further.half_normal);
     var nearest = product(wanted, wanted);
     var best = light;
     if (nearest <= MIXED_MIN) {

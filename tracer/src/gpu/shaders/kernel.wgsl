@@ -4,7 +4,7 @@
 // The mean of each pixel's samples: red, green, blue, or those of their halves, the second first; or its `Aovs`, whose
 // sum lies here before.
 @group(0) @binding(3) var<storage, read_write> film: array<f32>;
-// Rays (low and high word), then the dropped samples of each tile.
+// Rays (low and high word), pixels of the list of edges, then the dropped samples of each tile.
 @group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
 // Of each pixel whose samples are cut: their sum so far, and what that has lost to rounding.
 @group(0) @binding(5) var<storage, read_write> film_sums: array<f32>;
@@ -25,6 +25,9 @@ fn trace(
     var place = place_of(min(block, job.block_count - 1u), thread % BLOCK_PIXELS);
     place.is_inside = place.is_inside && is_block;
     if (OUTPUT == OUTPUT_AOVS) {
+        if (job.is_list != 0u) {
+            place = place_in_list(BLOCK_PIXELS * block + thread % BLOCK_PIXELS);
+        }
         if (place.is_inside) {
             trace_aovs(place.x, place.y, place.pixel);
         }
@@ -85,7 +88,7 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
     }
     atomicAdd(&group_rays, rays);
     if (dropped > 0u) {
-        atomicAdd(&counters[2u + place.tile], dropped);
+        atomicAdd(&counters[COUNTERS_BEFORE_TILES + place.tile], dropped);
     }
     if (job.sample_end == job.samples) {
         return sum.value / f32(job.samples - job.first_half);

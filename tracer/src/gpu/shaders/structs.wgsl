@@ -118,6 +118,8 @@ struct DispatchData {
     first_sample: u32,
     seed: u32,
     max_depth: u32,
+    // Whether the tiles are pixels, as many as the counters say.
+    is_list: u32,
 }
 
 struct TileEntry {
