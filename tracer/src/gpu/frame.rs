@@ -9,7 +9,8 @@ use crate::gpu::denoise::FilterBuffers;
 use crate::gpu::device::Device;
 use crate::gpu::features::KernelOutput;
 use crate::gpu::layout::{
-    DispatchData, ENVIRONMENT_BINDING, MESH_BINDING, SceneHeader, TEXTURE_BINDING, TileEntry,
+    COUNTERS_BEFORE_TILES, DispatchData, ENVIRONMENT_BINDING, MESH_BINDING, SceneHeader,
+    TEXTURE_BINDING, TileEntry,
 };
 use crate::gpu::mesh_buffer::SceneUpload;
 use crate::gpu::pipeline::Kernel;
@@ -22,10 +23,6 @@ pub(crate) const PASSES_MAX: usize = 12;
 const TIMESTAMPS_BYTES: u64 = 16 * PASSES_MAX as u64;
 /// Bytes between the uniforms of two passes: a multiple of every device's alignment.
 pub(crate) const SLOT_BYTES: u64 = 256;
-/// Words of the counters before those of the tiles: rays, low and high, and the length of the list of edges.
-pub(crate) const COUNTERS_BEFORE_TILES: u64 = 3;
-/// Which of them is that length.
-pub(crate) const LISTED_PIXELS: u64 = 2;
 /// Bytes of a pixel: red, green and blue.
 pub(crate) const PIXEL_BYTES: u64 = KernelOutput::Radiance.pixel_bytes();
 /// Bytes of the sum of a pixel's samples, and of what it has lost to rounding. It stays on the

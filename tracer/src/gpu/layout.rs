@@ -40,6 +40,11 @@ pub(crate) struct DispatchData {
     pub(crate) is_list: u32,
 }
 
+/// Words of the counters before those of the tiles: rays, low and high, and the length of the list of edges.
+pub(crate) const COUNTERS_BEFORE_TILES: u64 = 3;
+/// Which of them is that length.
+pub(crate) const LISTED_PIXELS: u64 = 2;
+
 /// A tile, and how many blocks and pixels come before it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]

@@ -11,9 +11,9 @@ use crate::compiled::{
     TriangleData, WRAP_CLAMP, WRAP_REPEAT,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
-use crate::gpu::frame::{COUNTERS_BEFORE_TILES, LISTED_PIXELS};
 use crate::gpu::layout::{
-    BVH_LEAF, ENVIRONMENT_BINDING, MESH_BINDING, SPHERE_SLACK, TEXTURE_BINDING,
+    BVH_LEAF, COUNTERS_BEFORE_TILES, ENVIRONMENT_BINDING, LISTED_PIXELS, MESH_BINDING,
+    SPHERE_SLACK, TEXTURE_BINDING,
 };
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{
