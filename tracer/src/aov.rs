@@ -55,21 +55,28 @@ pub struct TileAovs {
     pub pixels: Vec<Aovs>,
 }
 
-/// The fewest camera rays by which an edge looks smooth.
-const EDGE_RAYS_MIN: u32 = 8;
 /// Pictures of more samples have smooth edges.
 const EDGE_SAMPLES_MAX: u32 = 16;
 
-/// Camera rays that look at the edges of a denoised picture: its samples' and further ones, which cost less.
-pub(crate) fn edge_rays(samples: u32) -> u32 {
+/// Camera rays that look at an edge of a denoised picture: its samples' and further ones, which cost less than samples. Four
+/// for each sample up to 8, then two.
+const fn edge_rays(samples: u32) -> u32 {
     match samples {
-        ..=EDGE_SAMPLES_MAX => (2 * samples).max(EDGE_RAYS_MIN),
+        0..=2 => 4 * samples,
+        3..=4 => 8,
+        5..=EDGE_SAMPLES_MAX => 2 * samples,
         _ => samples,
     }
 }
 
-/// `settings` of the further ones, if there are any.
-pub(crate) fn further_edge_rays(settings: RenderSettings) -> Option<RenderSettings> {
+/// Share of the further rays among all that look at an edge; 0 where there are none.
+pub(crate) fn further_share(samples: u32) -> f32 {
+    let rays = edge_rays(samples);
+    (rays - samples) as f32 / rays as f32
+}
+
+/// `settings` of the further rays, if there are any.
+pub(crate) fn further_rays(settings: RenderSettings) -> Option<RenderSettings> {
     let further = edge_rays(settings.samples) - settings.samples;
     (further > 0).then(|| RenderSettings {
         samples: further,

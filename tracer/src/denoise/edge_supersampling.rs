@@ -11,7 +11,7 @@ use super::input::{ALBEDO, DenoiseSource, EMISSION, LIGHT, NORMAL};
 use super::neighbourhood::{NO_NORMAL, Neighbourhood, distance_squared, guide};
 use super::soa_image::{Float, LANES, Mask};
 use super::weights::{BRIGHTNESS_SHARE, EDGE_MIN, MIXED_MIN, NEIGHBOURS};
-use crate::aov::{edge_rays, further_edge_rays};
+use crate::aov::{further_rays, further_share};
 use crate::simd::{Level, dispatch};
 use crate::{Aovs, CompiledScene, Tile, TraceJob};
 
@@ -22,7 +22,7 @@ pub(super) struct SupersampledEdges {
     hits: Vec<Aovs>,
     /// Where each tile's end.
     ends: Vec<usize>,
-    /// Of these rays among all that look at the pixel.
+    /// Share of the further rays among all that look at such a pixel.
     pub(super) share: f32,
 }
 
@@ -34,7 +34,7 @@ impl SupersampledEdges {
         job: &TraceJob<'_>,
         filter: &Filter,
     ) -> Self {
-        let Some(settings) = further_edge_rays(job.settings) else {
+        let Some(settings) = further_rays(job.settings) else {
             return Self::default();
         };
         let tiles = job.tiles.par_iter();
@@ -46,12 +46,11 @@ impl SupersampledEdges {
         let ends = ends.collect();
         let pixels = by_tile.concat();
         let hits = tracer.trace_hits(scene, job.size, settings, &pixels);
-        let share = settings.samples as f32 / edge_rays(job.settings.samples) as f32;
         Self {
             pixels,
             hits,
             ends,
-            share,
+            share: further_share(job.settings.samples),
         }
     }
 
@@ -99,8 +98,8 @@ impl Filter {
         }
     }
 
-    /// The radiance without emission of a pixel where further rays, a `share` of all, have met `further`: with `a` the
-    /// appearance of the pixel, `s` that to all rays there, and `b` a neighbour's, the mixture
+    /// The radiance without emission of a pixel at an edge, of whose rays a `share` has met `further`: with `a` the
+    /// appearance of the pixel to its samples, `s` to all rays, and `b` a neighbour's, the mixture
     /// `a + t(b − a)` nearest to `s` has `t = (s−a)·(b−a) / |b−a|²`; of all neighbours that one is taken
     /// whose mixture is nearest.
     pub(super) fn mixed(&self, (x, y): (u32, u32), further: &Aovs, share: f32) -> [f32; 3] {

@@ -21,7 +21,7 @@ use super::soa_image::{Float, LANES, SoaImage, SoaRowMut};
 use super::variance::ColumnSums;
 use super::weights::{ALBEDO_MIN, NEIGHBOURS, PASSES, PassWeights, variances};
 use crate::Tile;
-use crate::aov::edge_rays;
+use crate::aov::further_share;
 use crate::simd::{Level, dispatch};
 
 /// A picture in the making, in planes.
@@ -56,7 +56,7 @@ impl Filter {
     /// Without pixels yet.
     pub(super) fn new(region: &GuardedRegion, samples: u32, memory: &FilterMemory) -> Self {
         let bounds = region.bounds;
-        let columns = EMISSION + usize::from(samples < edge_rays(samples));
+        let columns = EMISSION + usize::from(further_share(samples) > 0.0);
         let [light, next, guides] = std::mem::take(&mut *memory.lock());
         let mut filter = Self {
             bounds,
@@ -86,7 +86,7 @@ impl Filter {
         let rows = self.light.rows_mut().zip(self.guides.rows_mut());
         FilterWriter {
             bounds: self.bounds,
-            takes_emission: self.samples < edge_rays(self.samples),
+            takes_emission: further_share(self.samples) > 0.0,
             rows: rows
                 .map(|(light, guides)| Mutex::new([light, guides]))
                 .collect(),

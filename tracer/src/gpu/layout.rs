@@ -37,6 +37,7 @@ pub(crate) struct DispatchData {
     pub(crate) first_sample: u32,
     pub(crate) seed: u32,
     pub(crate) max_depth: u32,
+    /// Whether the tiles are single pixels, as many as [`LISTED_PIXELS`] says.
     pub(crate) is_list: u32,
 }
 

@@ -470,7 +470,7 @@ fn light_sampling_constants(features: &Features) -> String {
     )
 }
 
-/// Pixels of a block, and blocks of a workgroup.
+/// Pixels of a block, blocks of a workgroup, and places among the counters.
 pub(crate) fn dispatch_constants(workgroup_blocks: u32) -> String {
     format!(
         "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\

@@ -14,7 +14,7 @@ use std::sync::atomic::Ordering;
 use bytemuck::{bytes_of, cast_slice};
 
 use super::kernels::{FilterBuffers, FilterJob, FilterKernels, Step};
-use crate::aov::further_edge_rays;
+use crate::aov::further_rays;
 use crate::denoise::{GuardedRegion, REGION_SAMPLES, RegionLimits, in_parts};
 use crate::gpu::features::KernelOutput;
 use crate::gpu::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTES, groups};
@@ -236,7 +236,7 @@ impl GpuTracer {
             settings,
             target,
         };
-        let further = further_edge_rays(settings);
+        let further = further_rays(settings);
         Ok(TracedParts {
             samples: [
                 part(&paths, settings, PartTarget::Halves),

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 
-use crate::aov::edge_rays;
+use crate::aov::further_share;
 use crate::denoise::weights::{
     ALBEDO_MIN, BRIGHTNESS_SHARE, EDGE_MIN, MIXED_MIN, NEIGHBOURS, PASSES, half_ratio, variances,
 };
@@ -149,7 +149,7 @@ pub(crate) struct Step<'a> {
 }
 
 impl FilterJob<'_> {
-    /// What has to be done before the further rays at edges are traced.
+    /// Passes before the further rays are traced: they list the pixels that those look at.
     pub(crate) fn input_steps<'a>(&self, kernels: &'a FilterKernels) -> Vec<Step<'a>> {
         let data = self.data();
         let take_in = Step {
@@ -172,7 +172,7 @@ impl FilterJob<'_> {
         steps.into_iter().flatten().collect()
     }
 
-    /// What makes the tiles of it.
+    /// Passes from there to the tiles that are handed over.
     pub(crate) fn filter_steps<'a>(&self, kernels: &'a FilterKernels) -> Vec<Step<'a>> {
         let data = self.data();
         let by_pixel = [data.width, data.height].map(|edge| edge.div_ceil(BLOCK_EDGE));
@@ -230,7 +230,7 @@ impl FilterJob<'_> {
         steps
     }
 
-    /// Of the tiles that are handed over.
+    /// Data of a pass over the tiles that are handed over.
     fn wanted_data(&self) -> FilterData {
         FilterData {
             tile_count: self.wanted.entries.len() as u32,
@@ -239,7 +239,7 @@ impl FilterJob<'_> {
         }
     }
 
-    /// Of all that is traced.
+    /// Data of a pass over all that is traced.
     fn data(&self) -> FilterData {
         FilterData {
             x: self.bounds.x,
@@ -251,7 +251,7 @@ impl FilterJob<'_> {
             samples: self.samples,
             half_share: (self.samples / 2) as f32 / self.samples as f32,
             half_ratio: half_ratio(self.samples),
-            further_share: 1.0 - self.samples as f32 / edge_rays(self.samples) as f32,
+            further_share: further_share(self.samples),
             pixels: self.traced.pixels as u32,
             exposure: self.exposure.unwrap_or(1.0),
             ..FilterData::zeroed()
@@ -283,7 +283,7 @@ impl FilterBuffers {
         let [hits, further] = &mut self.hits;
         reserve(device, &mut self.halves, halves, USAGE);
         reserve(device, hits, traced(KernelOutput::Aovs), USAGE);
-        if samples < edge_rays(samples) {
+        if further_share(samples) > 0.0 {
             reserve(device, further, traced(KernelOutput::Aovs), USAGE);
             let list = size_of::<TileEntry>() as u64 * filter_job.wanted.pixels;
             reserve(device, &mut self.edges, list, USAGE);

@@ -62,6 +62,14 @@ fn index_of(p: vec2i) -> u32 {
     return u32(p.y) * job.width + u32(p.x);
 }
 
+// The place of a thread of a workgroup, which is a block; there may be more of these than blocks.
+fn place_in_job(group: vec3u, groups: vec3u, local: u32) -> Place {
+    let block = group.y * groups.x + group.x;
+    var place = place_of(min(block, job.block_count - 1u), local);
+    place.is_inside = place.is_inside && block < job.block_count;
+    return place;
+}
+
 fn place_in_region(place: Place) -> vec2i {
     return vec2i(vec2u(place.x, place.y)) - vec2i(vec2u(job.x, job.y));
 }
@@ -76,11 +84,7 @@ fn take_in(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let block = group.y * groups.x + group.x;
-    if (block >= job.block_count) {
-        return;
-    }
-    let place = place_of(block, local);
+    let place = place_in_job(group, groups, local);
     let p = place_in_region(place);
     if (!place.is_inside || !is_inside(p)) {
         return;
@@ -115,11 +119,7 @@ fn list_edges(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let block = group.y * groups.x + group.x;
-    if (block >= job.block_count) {
-        return;
-    }
-    let place = place_of(block, local);
+    let place = place_in_job(group, groups, local);
     if (place.is_inside && is_edge(place_in_region(place))) {
         let index = atomicAdd(&counters[LISTED_PIXELS], 1u);
         edges[index] = TileEntry(place.x, place.y, 1u, 1u, 0u, place.pixel);
@@ -255,11 +255,7 @@ fn resolve_srgb8(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let block = group.y * groups.x + group.x;
-    if (block >= job.block_count) {
-        return;
-    }
-    let place = place_of(block, local);
+    let place = place_in_job(group, groups, local);
     if (place.is_inside) {
         shown[place.pixel] = srgb8(job.exposure * result(place_in_region(place), place.pixel));
     }
