@@ -17,16 +17,16 @@ mod texture;
 use std::sync::OnceLock;
 
 use bytemuck::Zeroable as _;
-use glam::{DVec3, Quat, U16Vec3, Vec3};
+use glam::{DVec3, Quat, U16Vec3, Vec3, Vec3Swizzles as _};
 
 use self::cone::Cone;
 pub use self::data::{
-    AreaLightData, BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER,
-    CSG_FACE_INNER_BOX, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame, CsgBoxData, CsgFaceData,
-    DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
-    OPACITY_BLEND, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE,
-    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData, TriangleColors,
-    TriangleData, TriangleNormals, TriangleUvs,
+    AreaLightData, BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z,
+    CSG_FACE_CYLINDER, CSG_FACE_INNER_BOX, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame,
+    CsgBoxData, CsgFaceData, DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
+    KIND_METALLIC_ROUGHNESS, MaterialData, OPACITY_BLEND, OPACITY_MASK, OPACITY_OPAQUE,
+    PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    RectangleData, SphereData, TriangleColors, TriangleData, TriangleNormals, TriangleUvs,
 };
 pub use self::emissive_surface::{
     EMISSIVE_SURFACE_REACH, EMISSIVE_SURFACES_MAX, EmissiveSurfaceData, EmissiveSurfaces,
@@ -44,7 +44,7 @@ pub use self::texture::{
 };
 use crate::bvh::{Bounds, Bvh};
 use crate::scene::{
-    AreaLight, Camera, CsgSolid, ObjectPose, ParticleCloud, ParticleForm, Scene, SceneUpdate,
+    AreaLight, Axis, Camera, CsgSolid, ObjectPose, ParticleCloud, ParticleForm, Scene, SceneUpdate,
     Shape, Subtraction,
 };
 use crate::{Error, ImageSize, SceneError};
@@ -743,15 +743,23 @@ fn subtraction_face(solid: &CsgSolid, material: u32) -> CsgFaceData {
         }
         CsgSolid::Box { min, max } => (CSG_FACE_INNER_BOX, min, max),
         CsgSolid::ConeExterior {
+            axis,
             center,
             radius,
             taper,
             beyond,
-        } => (
-            CSG_FACE_CONE,
-            Vec3::new(center.x, center.y, taper.mul_add(-center.z, radius)),
-            Vec3::new(taper, beyond.x, beyond.y),
-        ),
+        } => {
+            let (kind, center, beyond) = match axis {
+                Axis::X => (CSG_FACE_CONE_X, center.yzx(), beyond.yzx()),
+                Axis::Y => (CSG_FACE_CONE_Y, center.zxy(), beyond.zxy()),
+                Axis::Z => (CSG_FACE_CONE_Z, center, beyond),
+            };
+            (
+                kind,
+                center.truncate().extend(taper.mul_add(-center.z, radius)),
+                Vec3::new(taper, beyond.x, beyond.y),
+            )
+        }
     };
     CsgFaceData {
         a: a.to_array(),

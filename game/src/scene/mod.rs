@@ -3,6 +3,7 @@
 pub mod ball_materials;
 pub mod cue_stick;
 pub mod export;
+mod potted_balls;
 pub mod scene_builder;
 pub mod table_args;
 pub mod table_scene;

@@ -8,6 +8,7 @@ use glam::{Quat, Vec3};
 
 use crate::particles::ParticleDetail;
 use crate::scene::cue_stick::{CUE_NAME, CuePose};
+use crate::scene::potted_balls::potted_balls;
 use crate::scene::scene_builder::room;
 use crate::scene::table_style::TableStyle;
 
@@ -90,18 +91,22 @@ impl TableScene {
         &self.scene
     }
 
-    /// A frame's difference to the scene: balls that are pocketed or absent are left out of the
-    /// picture, and so is a cue that nobody holds.
+    /// A frame's difference to the scene. Potted balls lie in their pockets; those that are off the table or
+    /// absent are left out of the picture, and so is a cue that nobody holds.
     pub fn update(&self, camera: Camera, poses: &[BallPose], cue: Option<&CuePose>) -> SceneUpdate {
+        let potted = potted_balls(&self.table, poses);
         let pose_of = |&(number, object): &(u8, u32)| {
-            let pose = poses
-                .iter()
-                .find(|pose| pose.number == number && pose.on_table);
+            let pose = poses.iter().find(|pose| pose.number == number);
+            let in_pocket = potted.iter().find(|(ball, _)| *ball == number);
+            let position = pose.and_then(|pose| match in_pocket {
+                Some(&(_, center)) => Some(center),
+                None => pose.on_table.then_some(pose.position),
+            });
             ObjectPose {
                 object,
-                position: pose.map_or(Vec3::ZERO, |pose| pose.position.as_vec3()),
+                position: position.map_or(Vec3::ZERO, |position| position.as_vec3()),
                 rotation: pose.map_or(Quat::IDENTITY, |pose| pose.rotation.as_quat().normalize()),
-                visible: pose.is_some(),
+                visible: position.is_some(),
             }
         };
         SceneUpdate {
@@ -182,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn balls_are_drawn_where_they_lie_and_pocketed_ones_are_not() {
+    fn balls_are_drawn_where_they_lie_and_those_off_the_table_are_not() {
         let table_scene = TableScene::room(BallSet::Classic);
         let poses = [pose(0, 0.25, true), pose(9, -0.5, false)];
         let update = table_scene.update(table_scene.scene().camera, &poses, None);

@@ -263,6 +263,7 @@ const PARTS: [FeatureChange; 14] = [
         is_used: |scene| any_shape(scene, is_turned),
         add: |scene| {
             let solid = CsgSolid::ConeExterior {
+                axis: Axis::Z,
                 center: hidden(scene),
                 radius: 0.5 * SMALL_M,
                 taper: 0.0,

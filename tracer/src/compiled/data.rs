@@ -69,11 +69,15 @@ pub const CSG_FACE_CYLINDER: u32 = 2;
 /// [`CsgFaceData::kind`] of a subtracted box: `a` and `b` are its corners.
 pub const CSG_FACE_INNER_BOX: u32 = 3;
 
-/// [`CsgFaceData::kind`] of a cone's exterior: `a` is its axis in x and y and the radius at z = 0, `b` is by
-/// how much that grows with z, and the x and y from the axis to the plane that it begins beyond.
-pub const CSG_FACE_CONE: u32 = 4;
+/// [`CsgFaceData::kind`] of an upright cone's exterior: `a` is its axis in x and y and the radius at z = 0, `b` is
+/// by how much that grows with z, and the x and y from the axis to the plane that it begins beyond.
+pub const CSG_FACE_CONE_Z: u32 = 4;
 /// All outside a cone that opens from the apex `a` along `b`, whose length is the slope of its side.
 pub const CSG_FACE_APEX_CONE: u32 = 5;
+/// [`CSG_FACE_CONE_Z`] along x: in its numbers y, z and x stand for x, y and z.
+pub const CSG_FACE_CONE_X: u32 = 6;
+/// [`CSG_FACE_CONE_Z`] along y: in its numbers z, x and y stand for x, y and z.
+pub const CSG_FACE_CONE_Y: u32 = 7;
 
 /// A surface of a CSG box.
 #[repr(C)]
@@ -81,8 +85,8 @@ pub const CSG_FACE_APEX_CONE: u32 = 5;
 pub struct CsgFaceData {
     /// See the kinds.
     pub a: [f32; 3],
-    /// [`CSG_FACE_OUTER_BOX`], [`CSG_FACE_PLANE`], [`CSG_FACE_CYLINDER`], [`CSG_FACE_INNER_BOX`], [`CSG_FACE_CONE`]
-    /// or [`CSG_FACE_APEX_CONE`].
+    /// [`CSG_FACE_OUTER_BOX`], [`CSG_FACE_PLANE`], [`CSG_FACE_CYLINDER`], [`CSG_FACE_INNER_BOX`],
+    /// [`CSG_FACE_CONE_X`], [`CSG_FACE_CONE_Y`], [`CSG_FACE_CONE_Z`] or [`CSG_FACE_APEX_CONE`].
     pub kind: u32,
     /// See the kinds.
     pub b: [f32; 3],

@@ -5,7 +5,8 @@ use fearless_simd::prelude::*;
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::rays::Rays;
 use crate::compiled::{
-    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData,
+    CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z, CSG_FACE_CYLINDER,
+    CSG_FACE_PLANE, CsgBoxData, CsgFaceData,
 };
 use crate::scene::validate::CSG_MARGIN_M;
 
@@ -92,7 +93,8 @@ fn contains<S: Simd>(simd: S, subtraction: &CsgFaceData, p: Vec3x<S>) -> Mask<S>
             let radius = subtraction.b[0] + margin;
             x.mul_add(x, y * y).simd_lt(radius * radius)
         }
-        CSG_FACE_CONE => {
+        kind @ (CSG_FACE_CONE_X | CSG_FACE_CONE_Y | CSG_FACE_CONE_Z) => {
+            let p = axis_last(kind, p);
             let [taper, beyond_x, beyond_y] = subtraction.b;
             let (x, y) = (p.x - subtraction.a[0], p.y - subtraction.a[1]);
             let radius = p.z * taper + (subtraction.a[2] - margin);
@@ -140,7 +142,9 @@ fn exit<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>
             let t = (half.max(0.0).sqrt() - x.mul_add(dx, y * dy)) / d2;
             d2.simd_gt(0.0).select(t, infinite)
         }
-        CSG_FACE_CONE => exit_cone_exterior(simd, subtraction, rays, t),
+        CSG_FACE_CONE_X | CSG_FACE_CONE_Y | CSG_FACE_CONE_Z => {
+            exit_cone_exterior(simd, subtraction, rays, t)
+        }
         CSG_FACE_APEX_CONE => {
             let cone = ApexCone::new(simd, subtraction);
             let apex = Vec3x::splat(simd, subtraction.a);
@@ -169,7 +173,17 @@ fn exit<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>
     }
 }
 
-/// Where the cone is met, or else the plane that the subtraction begins beyond.
+/// Vectors' coordinates as a cone's exterior of a kind has them: its axis is the third.
+#[inline(always)]
+fn axis_last<S: Simd>(kind: u32, v: Vec3x<S>) -> Vec3x<S> {
+    match kind {
+        CSG_FACE_CONE_X => Vec3x::new(v.y, v.z, v.x),
+        CSG_FACE_CONE_Y => Vec3x::new(v.z, v.x, v.y),
+        _ => v,
+    }
+}
+
+/// Where the cone is met or the plane that the subtraction begins beyond.
 #[inline(always)]
 fn exit_cone_exterior<S: Simd>(
     simd: S,
@@ -178,13 +192,13 @@ fn exit_cone_exterior<S: Simd>(
     t: Float<S>,
 ) -> Float<S> {
     let [taper, beyond_x, beyond_y] = subtraction.b;
-    let (x, y) = (
-        rays.origin.x - subtraction.a[0],
-        rays.origin.y - subtraction.a[1],
-    );
-    let (dx, dy) = (rays.direction.x, rays.direction.y);
-    let radius = rays.origin.z * taper + subtraction.a[2];
-    let growth = rays.direction.z * taper;
+    let direction = axis_last(subtraction.kind, rays.direction);
+    // From the point at `t`, which is near: the squares of a far ray's origin are too large for a thin cone.
+    let from = direction.mul_add(t, axis_last(subtraction.kind, rays.origin));
+    let (x, y) = (from.x - subtraction.a[0], from.y - subtraction.a[1]);
+    let (dx, dy) = (direction.x, direction.y);
+    let radius = from.z * taper + subtraction.a[2];
+    let growth = direction.z * taper;
     let d2 = dx.mul_add(dx, dy * dy);
     let along = x.mul_add(dx, y * dy);
     let miss = x.mul_add(dy, -(y * dx));
@@ -196,12 +210,13 @@ fn exit_cone_exterior<S: Simd>(
         radius,
         growth,
     };
-    let (body, met) = approach.meet(t);
+    let (body, met) = approach.meet(Float::splat(simd, 0.0));
     let slope = dx * beyond_x + dy * beyond_y;
     let beyond_squared = beyond_x.mul_add(beyond_x, beyond_y * beyond_y);
     let back = (Float::splat(simd, beyond_squared) - (x * beyond_x + y * beyond_y)) / slope;
     let infinite = Float::splat(simd, f32::INFINITY);
-    body.select(met, slope.simd_lt(0.0).select(back, infinite))
+    let back = slope.simd_lt(0.0).select(back, infinite);
+    t + body.select(met, infinite).min(back)
 }
 
 /// A cone by its axis and the slope of its side.

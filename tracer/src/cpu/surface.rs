@@ -14,10 +14,11 @@ use super::sheen::{Sheen, SheenRow};
 use super::texture::{TextureRow, texture_row, textured};
 use super::triangle_surface::{TriangleHit, TriangleSurfaces};
 use crate::compiled::{
-    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE,
-    CompiledScene, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
-    PATTERN_NONE, ShapeKind,
+    CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z, CSG_FACE_CYLINDER,
+    CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CompiledScene, KIND_DIELECTRIC, KIND_LAYERED,
+    KIND_METALLIC_ROUGHNESS, MaterialData, PATTERN_NONE, ShapeKind,
 };
+use crate::scene::validate::CSG_MARGIN_M;
 
 /// One row of numbers per primitive that scatters, in the order of ids; after them one per material, for
 /// triangles.
@@ -60,12 +61,14 @@ const KIND_FLAT: f32 = 2.0;
 const KIND_CYLINDER: f32 = 3.0;
 /// The inside of a box.
 const KIND_INNER_BOX: f32 = 4.0;
-/// An upright cone.
-const KIND_CONE: f32 = 5.0;
+/// Cones along the axes.
+const KIND_CONE_X: f32 = 5.0;
+const KIND_CONE_Y: f32 = 6.0;
+const KIND_CONE_Z: f32 = 7.0;
 /// A cone with any axis.
-const KIND_APEX_CONE: f32 = 6.0;
+const KIND_APEX_CONE: f32 = 8.0;
 /// A triangle, whose row has its material alone.
-const KIND_TRIANGLE: f32 = 7.0;
+const KIND_TRIANGLE: f32 = 9.0;
 
 /// Where and what a packet of rays hit.
 pub(super) struct Hit<S: Simd> {
@@ -139,7 +142,9 @@ impl Surfaces {
                 CSG_FACE_OUTER_BOX => KIND_BOX,
                 CSG_FACE_PLANE => KIND_FLAT,
                 CSG_FACE_CYLINDER => KIND_CYLINDER,
-                CSG_FACE_CONE => KIND_CONE,
+                CSG_FACE_CONE_X => KIND_CONE_X,
+                CSG_FACE_CONE_Y => KIND_CONE_Y,
+                CSG_FACE_CONE_Z => KIND_CONE_Z,
                 CSG_FACE_APEX_CONE => KIND_APEX_CONE,
                 _ => KIND_INNER_BOX,
             };
@@ -451,13 +456,22 @@ fn round_normal<S: Simd>(
         let inwards = Vec3x::new(x * per_radius, y * per_radius, x * 0.0);
         normal = Vec3x::select(cylinder, inwards, normal);
     }
-    let cone = kind.simd_eq(KIND_CONE);
+    let cone = kind.simd_eq(KIND_CONE_Z);
     if cone.any_true() {
-        let across = 1.0 / x.mul_add(x, y * y).sqrt();
-        let taper = second.x;
-        let scale = 1.0 / (taper * taper + 1.0).sqrt();
-        let outwards = Vec3x::new(x * across, y * across, -taper) * scale;
+        let outwards = cone_normal(position, first, second);
         normal = Vec3x::select(cone, outwards, normal);
+    }
+    let cone = kind.simd_eq(KIND_CONE_X);
+    if cone.any_true() {
+        let axis_last = Vec3x::new(position.y, position.z, position.x);
+        let n = cone_normal(axis_last, first, second);
+        normal = Vec3x::select(cone, Vec3x::new(n.z, n.x, n.y), normal);
+    }
+    let cone = kind.simd_eq(KIND_CONE_Y);
+    if cone.any_true() {
+        let axis_last = Vec3x::new(position.z, position.x, position.y);
+        let n = cone_normal(axis_last, first, second);
+        normal = Vec3x::select(cone, Vec3x::new(n.y, n.z, n.x), normal);
     }
     let cone = kind.simd_eq(KIND_APEX_CONE);
     if cone.any_true() {
@@ -469,6 +483,19 @@ fn round_normal<S: Simd>(
         normal = Vec3x::select(cone, outwards, normal);
     }
     normal
+}
+
+/// The normal of a cone's exterior about the third axis, on the cone or, off it, on the plane that it begins beyond.
+#[inline(always)]
+fn cone_normal<S: Simd>(position: Vec3x<S>, first: Vec3x<S>, second: Vec3x<S>) -> Vec3x<S> {
+    let (x, y) = (position.x - first.x, position.y - first.y);
+    let from_axis = x.mul_add(x, y * y).sqrt();
+    let (across, taper) = (1.0 / from_axis, second.x);
+    let on_cone = Vec3x::new(x * across, y * across, -taper);
+    let on_plane = Vec3x::new(second.y, second.z, taper * 0.0);
+    let plane = from_axis.simd_gt(position.z.mul_add(taper, first.z + CSG_MARGIN_M));
+    let outwards = Vec3x::select(plane, on_plane, on_cone);
+    outwards * (1.0 / outwards.length_squared().sqrt())
 }
 
 /// The face of a box through which a ray comes in, or out where it starts inside.

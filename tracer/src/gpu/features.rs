@@ -2,9 +2,10 @@
 
 use crate::bvh::Bvh;
 use crate::compiled::{
-    BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CompiledScene, CsgBoxData, CsgFaceData,
-    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, LayerTextureData,
-    MaterialData, PATTERN_NONE, PATTERN_NUMBER, ShapeKind, SphereData,
+    BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z, CompiledScene,
+    CsgBoxData, CsgFaceData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
+    KIND_METALLIC_ROUGHNESS, LayerTextureData, MaterialData, PATTERN_NONE, PATTERN_NUMBER,
+    ShapeKind, SphereData,
 };
 use crate::gpu::coplanar;
 
@@ -255,10 +256,12 @@ impl Features {
             punctual_halves: punctual_halves(scene),
             materials: scene.materials.len().max(1) as u32,
             bvhs: ShapeKind::ALL.map(|shape| bvh(scene, shape).is_some()),
-            has_csg_cone: scene
-                .csg_faces
-                .iter()
-                .any(|face| matches!(face.kind, CSG_FACE_CONE | CSG_FACE_APEX_CONE)),
+            has_csg_cone: scene.csg_faces.iter().any(|face| {
+                matches!(
+                    face.kind,
+                    CSG_FACE_CONE_X | CSG_FACE_CONE_Y | CSG_FACE_CONE_Z | CSG_FACE_APEX_CONE
+                )
+            }),
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),

@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 
 use crate::bvh::{self, DEPTH_MAX, LEAF, SLACK};
 use crate::compiled::{
-    AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX,
-    CSG_FACE_PLANE, EMISSIVE_SURFACE_REACH, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
-    KIND_METALLIC_ROUGHNESS, MaterialTextureData, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH,
-    PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD, ShapeKind, SphereData, TextureData,
-    TriangleData, WRAP_CLAMP, WRAP_REPEAT,
+    AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z,
+    CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, EMISSIVE_SURFACE_REACH, KIND_CONDUCTOR,
+    KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialTextureData, OPACITY_MASK,
+    OPACITY_OPAQUE, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    ShapeKind, SphereData, TextureData, TriangleData, WRAP_CLAMP, WRAP_REPEAT,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
 use crate::gpu::layout::{
@@ -504,7 +504,9 @@ fn kinds() -> String {
          const CSG_FACE_OUTER_BOX: u32 = {CSG_FACE_OUTER_BOX}u;\n\
          const CSG_FACE_PLANE: u32 = {CSG_FACE_PLANE}u;\n\
          const CSG_FACE_CYLINDER: u32 = {CSG_FACE_CYLINDER}u;\n\
-         const CSG_FACE_CONE: u32 = {CSG_FACE_CONE}u;\n\
+         const CSG_FACE_CONE_X: u32 = {CSG_FACE_CONE_X}u;\n\
+         const CSG_FACE_CONE_Y: u32 = {CSG_FACE_CONE_Y}u;\n\
+         const CSG_FACE_CONE_Z: u32 = {CSG_FACE_CONE_Z}u;\n\
          const CSG_FACE_APEX_CONE: u32 = {CSG_FACE_APEX_CONE}u;\n\
          const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
          const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\

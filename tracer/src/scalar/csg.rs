@@ -4,12 +4,13 @@
 //! it has met the body. A point is in a subtraction if it is closer to it than a margin, so that a ray that
 //! leaves a subtraction's surface never meets that surface for rounding.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3Swizzles as _};
 
 use super::ray::{Ray, vector};
 use crate::CompiledScene;
 use crate::compiled::{
-    CSG_FACE_APEX_CONE, CSG_FACE_CONE, CSG_FACE_CYLINDER, CSG_FACE_PLANE, CsgBoxData, CsgFaceData,
+    CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z, CSG_FACE_CYLINDER,
+    CSG_FACE_PLANE, CsgBoxData, CsgFaceData,
 };
 use crate::scene::validate::CSG_MARGIN_M;
 
@@ -91,7 +92,8 @@ fn contains(subtraction: &CsgFaceData, p: DVec3) -> bool {
     match subtraction.kind {
         CSG_FACE_PLANE => a.dot(p) > b.x - MARGIN,
         CSG_FACE_CYLINDER => (p - a).truncate().length() < b.x + MARGIN,
-        CSG_FACE_CONE => {
+        kind @ (CSG_FACE_CONE_X | CSG_FACE_CONE_Y | CSG_FACE_CONE_Z) => {
+            let p = axis_last(kind, p);
             let (from_axis, beyond) = ((p - a).truncate(), DVec2::new(b.y, b.z));
             from_axis.length() > a.z + b.x * p.z - MARGIN
                 && from_axis.dot(beyond) >= beyond.length_squared() - MARGIN * beyond.length()
@@ -127,7 +129,11 @@ fn exit(subtraction: &CsgFaceData, ray: &Ray, t: f64) -> Side {
             let n = -(from_axis + t * d).normalize();
             (t, n.extend(0.0))
         }
-        CSG_FACE_CONE => exit_cone_exterior(a, b, ray, t),
+        kind @ (CSG_FACE_CONE_X | CSG_FACE_CONE_Y | CSG_FACE_CONE_Z) => {
+            let (origin, direction) = (axis_last(kind, ray.origin), axis_last(kind, ray.direction));
+            let (t, normal) = exit_cone_exterior(a, b, &Ray { origin, direction }, t);
+            (t, axis_in_place(kind, normal))
+        }
         CSG_FACE_APEX_CONE => {
             let (slope, along, from_axis) = about_axis(b, ray.origin - a);
             let (_, advance, d) = about_axis(b, ray.direction);
@@ -143,7 +149,25 @@ fn exit(subtraction: &CsgFaceData, ray: &Ray, t: f64) -> Side {
     }
 }
 
-/// A cone's exterior is left where the ray comes to the round body, or else back over the plane. Being in
+/// A vector's coordinates as a cone's exterior of a kind has them: its axis is the third.
+fn axis_last(kind: u32, v: DVec3) -> DVec3 {
+    match kind {
+        CSG_FACE_CONE_X => v.yzx(),
+        CSG_FACE_CONE_Y => v.zxy(),
+        _ => v,
+    }
+}
+
+/// The inverse of [`axis_last`].
+fn axis_in_place(kind: u32, v: DVec3) -> DVec3 {
+    match kind {
+        CSG_FACE_CONE_X => v.zxy(),
+        CSG_FACE_CONE_Y => v.yzx(),
+        _ => v,
+    }
+}
+
+/// A cone's exterior is left where the ray comes to the round body or back over the plane. Being in
 /// the subtraction, the ray is outside the body at `t`: it has the body before it while it still nears it,
 /// or if it is steeper than the body's side.
 fn exit_cone_exterior(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
@@ -151,16 +175,19 @@ fn exit_cone_exterior(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
     let (taper, beyond) = (b.x, DVec2::new(b.y, b.z));
     let radius = a.z + taper * ray.origin.z;
     let growth = taper * ray.direction.z;
-    if let Some(met) = meet_cone(from_axis.extend(0.0), d.extend(0.0), radius, growth, t) {
-        let outward = (from_axis + met * d).normalize();
-        return (met, outward.extend(-taper).normalize());
-    }
     let slope = d.dot(beyond);
-    if slope >= 0.0 {
-        return (f64::INFINITY, DVec3::Z);
+    let back = if slope < 0.0 {
+        (beyond.length_squared() - from_axis.dot(beyond)) / slope
+    } else {
+        f64::INFINITY
+    };
+    match meet_cone(from_axis.extend(0.0), d.extend(0.0), radius, growth, t) {
+        Some(met) if met < back => {
+            let outward = (from_axis + met * d).normalize();
+            (met, outward.extend(-taper).normalize())
+        }
+        _ => (back, beyond.normalize_or_zero().extend(0.0)),
     }
-    let back = (beyond.length_squared() - from_axis.dot(beyond)) / slope;
-    (back, beyond.normalize().extend(0.0))
 }
 
 /// Where a ray that is outside of a cone at `t` meets it: at right angles to the axis it goes from

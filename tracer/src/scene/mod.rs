@@ -240,19 +240,22 @@ pub enum CsgSolid {
         /// Corner of the largest coordinates, in metres; above `min` on each axis.
         max: Vec3,
     },
-    /// Everything outside an upright cone or cylinder: what remains is a post, a cue's cone, or a box
-    /// with a rounded upright edge.
+    /// Everything outside a cone or cylinder: what remains is a post, a cue's cone, or a box with a
+    /// rounded edge.
     #[serde(alias = "turned")]
     ConeExterior {
+        /// What its axis is parallel to.
+        #[serde(default = "upright")]
+        axis: Axis,
         /// Where its axis is `radius` away from its surface, in metres.
         center: Vec3,
         /// Radius in metres.
         radius: f32,
-        /// By how much the radius grows with height, in [−1, 1].
+        /// By how much the radius grows along the axis, in [−1, 1].
         #[serde(default)]
         taper: f32,
         /// Only what lies farther from the axis in this direction is subtracted: beyond the plane through
-        /// `center + beyond` at right angles to it. z does not matter; with 0 all round.
+        /// `center + beyond` at right angles to it. What it has along the axis does not matter; with 0 all round.
         #[serde(default)]
         beyond: Vec3,
     },
@@ -449,6 +452,10 @@ pub struct ClothMarks {
     /// Spots on the long middle line beside the one on the line, as x in metres; one that is given twice
     /// is one.
     pub spots_x: [f32; 3],
+}
+
+fn upright() -> Axis {
+    Axis::Z
 }
 
 /// An axis of the world.

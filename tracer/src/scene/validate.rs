@@ -418,6 +418,7 @@ fn check_solid(solid: &CsgSolid) -> Check {
         }
         CsgSolid::Box { min, max } => corners(min, max),
         CsgSolid::ConeExterior {
+            axis: _,
             center,
             radius,
             taper,

@@ -17,6 +17,7 @@ mod opacity;
 mod particles;
 mod punctual_lights;
 mod reference;
+mod reprojection;
 mod scenes;
 mod textures;
 mod thin_walls;

@@ -8,7 +8,7 @@ use carom_tracer::regularisation;
 use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
-    CompiledScene, CsgSolid, ImageSize, Material, Medium, ObjectPose, RadianceImage,
+    Axis, CompiledScene, CsgSolid, ImageSize, Material, Medium, ObjectPose, RadianceImage,
     RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Tile, Tracer,
 };
 use glam::{Quat, Vec3};
@@ -386,8 +386,9 @@ fn ray_into_box(min: Vec3, max: Vec3, i: u32) -> Ray {
 #[test]
 fn cones_are_hit_where_ray_marching_finds_them() {
     const STEP: f64 = 2e-4;
-    let round = |center: Vec3, radius, taper, beyond| {
+    let round = |axis, center: Vec3, radius, taper, beyond| {
         let solid = CsgSolid::ConeExterior {
+            axis,
             center,
             radius,
             taper,
@@ -395,12 +396,28 @@ fn cones_are_hit_where_ray_marching_finds_them() {
         };
         subtraction(solid, None)
     };
-    let cone = round(Vec3::new(0.1, 0.0, -0.1), 0.2, -0.4, Vec3::ZERO);
-    let apex = round(Vec3::new(-0.1, 0.1, 0.0), 0.15, 1.0, Vec3::ZERO);
+    let cone = round(Axis::Z, Vec3::new(0.1, 0.0, -0.1), 0.2, -0.4, Vec3::ZERO);
+    let apex = round(Axis::Z, Vec3::new(-0.1, 0.1, 0.0), 0.15, 1.0, Vec3::ZERO);
     let beyond = Vec3::new(0.05, -0.05, 7.0);
-    let edge = round(Vec3::new(0.2, -0.1, 0.0), 0.1, 0.0, beyond);
-    for subtraction in [cone, apex, edge] {
+    let edge = round(Axis::Z, Vec3::new(0.2, -0.1, 0.0), 0.1, 0.0, beyond);
+    let along_x = round(Axis::X, Vec3::new(-0.1, 0.05, 0.1), 0.15, 0.3, Vec3::ZERO);
+    let beyond = Vec3::new(7.0, 0.04, 0.06);
+    let edge_along_x = round(Axis::X, Vec3::new(0.0, 0.1, 0.3), 0.1, 0.0, beyond);
+    let along_y = round(Axis::Y, Vec3::new(0.05, 0.1, 0.1), 0.15, -0.3, Vec3::ZERO);
+    let beyond = Vec3::new(-0.04, 7.0, 0.06);
+    let edge_along_y = round(Axis::Y, Vec3::new(-0.1, 0.0, 0.3), 0.1, 0.0, beyond);
+    let all = [
+        cone,
+        apex,
+        edge,
+        along_x,
+        edge_along_x,
+        along_y,
+        edge_along_y,
+    ];
+    for subtraction in all {
         let CsgSolid::ConeExterior {
+            axis,
             center,
             radius,
             taper,
@@ -410,10 +427,16 @@ fn cones_are_hit_where_ray_marching_finds_them() {
             panic!("all are cones")
         };
         let (min, max) = (Vec3::new(-0.3, -0.2, -0.5), Vec3::new(0.3, 0.2, 0.5));
+        let axis = match axis {
+            Axis::X => Vec3::X,
+            Axis::Y => Vec3::Y,
+            Axis::Z => Vec3::Z,
+        };
         let is_body = |p: Vec3| {
-            let from_axis = (p - center).truncate();
-            let beyond = beyond.truncate();
-            let is_outside = from_axis.length() > radius + taper * (p.z - center.z);
+            let along = (p - center).dot(axis);
+            let from_axis = p - center - along * axis;
+            let beyond = beyond.reject_from(axis);
+            let is_outside = from_axis.length() > radius + taper * along;
             let is_cut = is_outside && from_axis.dot(beyond) >= beyond.length_squared();
             p.cmpge(min).all() && p.cmple(max).all() && !is_cut
         };
@@ -555,6 +578,7 @@ fn invalid_subtractions_are_refused_with_reasons() {
         ),
         (
             CsgSolid::ConeExterior {
+                axis: Axis::Z,
                 center,
                 radius: 1.0,
                 taper: 1.5,

@@ -223,10 +223,21 @@ pub(crate) fn csg_block(bore_material: Option<&str>) -> Shape {
             ),
             subtraction(
                 CsgSolid::ConeExterior {
+                    axis: Axis::Z,
                     center: Vec3::new(0.4, -0.3, 0.0),
                     radius: 0.1,
                     taper: 0.0,
                     beyond: Vec3::new(0.05, -0.05, 0.0),
+                },
+                None,
+            ),
+            subtraction(
+                CsgSolid::ConeExterior {
+                    axis: Axis::X,
+                    center: Vec3::new(0.0, 0.34, 0.24),
+                    radius: 0.06,
+                    taper: 0.0,
+                    beyond: Vec3::new(0.0, 0.03, 0.03),
                 },
                 None,
             ),
@@ -313,6 +324,7 @@ pub(crate) fn textured_still_life() -> Scene {
         max: Vec3::new(0.75, 0.35, 0.5),
         subtractions: vec![subtraction(
             CsgSolid::ConeExterior {
+                axis: Axis::Z,
                 center: Vec3::new(0.65, 0.25, 0.1),
                 radius: 0.06,
                 taper: -0.08,

@@ -65,13 +65,12 @@ fn furniture() -> Vec<(&'static str, Material)> {
         dark: Vec3::new(0.105, 0.062, 0.034),
     };
     let brass = (Vec3::new(0.445, 0.527, 1.095), Vec3::new(3.7, 2.765, 1.829));
-    // Reflectance 0.33, 0.27, 0.2: bronze that hands have darkened.
-    let bronze = (Vec3::new(2.9, 3.1, 3.0), Vec3::new(1.9, 1.4, 0.8));
     let metal = |(eta, k), alpha| Material::Conductor { eta, k, alpha };
     vec![
         ("carpet", soft(Vec3::new(0.085, 0.09, 0.115), 0.06)),
         ("bench leather", soft(Vec3::new(0.2, 0.06, 0.036), 0.05)),
         ("dark wood", WALNUT.wood(Axis::Z, None)),
+        ("panelling", OAK.wood(Axis::Z, None)),
         (
             "floor",
             Material::Coated {
@@ -80,7 +79,7 @@ fn furniture() -> Vec<(&'static str, Material)> {
             },
         ),
         ("leather", diffuse(Vec3::new(0.03, 0.022, 0.017))),
-        ("casting", metal(bronze, 0.42)),
+        ("collar leather", soft(Vec3::new(0.075, 0.038, 0.022), 0.03)),
         ("brass", metal(brass, 0.2)),
         ("enamel", lacquer(Vec3::new(0.012, 0.014, 0.018))),
         ("wall", diffuse(Vec3::new(0.36, 0.33, 0.28))),
@@ -172,4 +171,9 @@ const WALNUT: Wood = Wood {
     light: Vec3::new(0.085, 0.045, 0.024),
     dark: Vec3::new(0.04, 0.02, 0.011),
     scale: 0.4,
+};
+const OAK: Wood = Wood {
+    light: Vec3::new(0.15, 0.085, 0.046),
+    dark: Vec3::new(0.09, 0.048, 0.025),
+    scale: 0.6,
 };

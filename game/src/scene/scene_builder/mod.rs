@@ -4,6 +4,7 @@
 //! Lengths are in metres, the cloth's level is z = 0.
 
 mod cushions;
+mod furniture;
 mod materials;
 mod pockets;
 mod room;
@@ -37,7 +38,7 @@ pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
     room.balls(table, rules);
     room.bed(table);
     room.rails(table);
-    room.castings(table);
+    room.collars(table);
     for cushion in table.cushions() {
         room.cushion(table, cushion);
     }
@@ -174,7 +175,8 @@ fn beyond(point: Vec3, normal: Vec3) -> Subtraction {
 /// Where tables without rails of their own get some.
 const CUSHION_M: f64 = 0.05;
 const RAIL_M: f64 = 0.18;
-const POCKET_DEPTH_M: f32 = 0.13;
+/// From the cloth to the floor of the pockets, under which the frame ends.
+pub(super) const POCKET_DEPTH_M: f32 = 0.165;
 /// How far the frame reaches below the cloth.
 const APRON_M: f32 = 0.17;
 /// The lamp, and where the first picture is taken from, are laid out for this length.

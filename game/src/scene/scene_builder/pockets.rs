@@ -1,45 +1,32 @@
-//! The pockets: their holes and the castings round them.
+//! The pockets: their holes and the leather round them.
 
 use carom_billiards::physics::Table;
-use carom_tracer::{CsgSolid, Shape, Subtraction};
-use glam::Vec2;
+use carom_tracer::{Axis, CsgSolid, Shape, Subtraction};
+use glam::{Vec2, Vec3};
 
-use super::{SceneBuilder, beyond};
+use super::{SceneBuilder, beyond, subtraction};
 
 impl SceneBuilder {
-    /// A bronze casting round each pocket, a little above the wood.
-    pub(super) fn castings(&mut self, table: &Table) {
-        let (inside, outer) = (self.frame.inside, self.frame.outer + CASTING_M);
-        let top = self.frame.rail_height + CASTING_M;
+    /// A leather collar with a bevelled rim round each pocket, on the wood.
+    pub(super) fn collars(&mut self, table: &Table) {
         let holes: Vec<Subtraction> = bores(table).collect();
         for (index, (pocket, bore)) in table.pockets().iter().zip(holes).enumerate() {
-            let center = pocket.center.as_vec2();
-            let reach = pocket.radius_m as f32 + CASTING_RIM_M;
-            let is_corner = center.x.abs() > 0.25 * outer.x;
-            let side = center.signum();
-            let (near, far) = if is_corner {
-                ((center.abs() - 0.5 * reach).min(inside - 0.03), outer)
-            } else {
-                (
-                    Vec2::new(-reach, inside.y - 0.01),
-                    Vec2::new(reach, outer.y),
-                )
+            let radius = pocket.radius_m as f32 + COLLAR_WIDTH_M;
+            let foot = pocket.center.as_vec2().extend(self.frame.rail_height);
+            let rim = CsgSolid::ConeExterior {
+                axis: Axis::Z,
+                center: foot,
+                radius,
+                taper: -1.0,
+                beyond: Vec3::ZERO,
             };
-            let (a, b) = if is_corner {
-                (near * side, far * side)
-            } else {
-                (near * Vec2::new(1.0, side.y), far * Vec2::new(1.0, side.y))
-            };
-            let mut subtractions = vec![self.opening(), bore];
-            if is_corner {
-                subtractions.push(trimmed(side, outer));
-            }
+            let half = Vec3::new(radius, radius, 0.0);
             let shape = Shape::CsgBox {
-                min: a.min(b).extend(-CASTING_DEPTH_M),
-                max: a.max(b).extend(top),
-                subtractions,
+                min: foot - half,
+                max: foot + half.with_z(COLLAR_HEIGHT_M),
+                subtractions: vec![self.opening(), bore, subtraction(rim)],
             };
-            self.add(format!("casting{index}"), "casting", shape);
+            self.add(format!("collar{index}"), "collar leather", shape);
         }
     }
 }
@@ -63,7 +50,6 @@ pub(super) fn trimmed(corner: Vec2, outer: Vec2) -> Subtraction {
 
 /// Cut off each corner of the table, along the rail.
 const TRIM_M: f32 = 0.07;
-/// How much a casting stands out over the wood.
-const CASTING_M: f32 = 0.0016;
-const CASTING_RIM_M: f32 = 0.03;
-const CASTING_DEPTH_M: f32 = 0.06;
+const COLLAR_WIDTH_M: f32 = 0.026;
+/// How much a collar stands out over the wood.
+const COLLAR_HEIGHT_M: f32 = 0.005;

@@ -83,7 +83,7 @@ impl SceneBuilder {
         let panels = half - 0.05;
         self.ring(
             "panelling",
-            "dark wood",
+            "panelling",
             panels,
             0.06,
             floor + PANEL_HEIGHT_M,
@@ -94,33 +94,6 @@ impl SceneBuilder {
                 let center = Vec3::new(x, y, 0.62);
                 self.picture(center, Vec3::X, ["picture red", "picture blue"][index]);
             }
-        }
-    }
-
-    /// Beyond the foot of the table, where the player looks: a bench, and the bars of a window, whose light is [`window`].
-    pub(super) fn far_end(&mut self) {
-        let (x, floor) = (self.frame.outer.x + ROOM_MARGIN_M - 0.05, self.frame.floor);
-        let mut solid = |name: &str, material: &str, min: Vec3, max: Vec3| {
-            self.add(name, material, Shape::Box { min, max });
-        };
-        let seat = floor + 0.46;
-        solid(
-            "bench",
-            "bench leather",
-            Vec3::new(x - 0.62, -0.6, floor + 0.1),
-            Vec3::new(x, 2.4, seat),
-        );
-        solid(
-            "bench back",
-            "bench leather",
-            Vec3::new(x - 0.14, -0.6, seat),
-            Vec3::new(x, 2.4, seat + 0.48),
-        );
-        let (center, half) = WINDOW_M;
-        for (y, z) in [(half.x, 0.02), (0.02, half.y)] {
-            let bar = Vec3::new(0.03, y, z);
-            let middle = Vec3::new(x + 0.02, center.x, center.y);
-            solid("window bar", "dark wood", middle - bar, middle + bar);
         }
     }
 
@@ -203,8 +176,8 @@ const LEG_TAPER: f32 = 0.05;
 /// Rise of a shade's sides over their run.
 const SHADE_SLOPE: f32 = 0.9;
 /// From the table to the walls: more than the player's farthest eye.
-const ROOM_MARGIN_M: f32 = 5.2;
+pub(super) const ROOM_MARGIN_M: f32 = 5.2;
 const ROOM_HEIGHT_M: f32 = 2.4;
 const PANEL_HEIGHT_M: f32 = 1.04;
 /// Middle and half the extent of the window in the far wall, as y and z.
-const WINDOW_M: (Vec2, Vec2) = (Vec2::new(-2.1, 0.98), Vec2::new(0.85, 0.62));
+pub(super) const WINDOW_M: (Vec2, Vec2) = (Vec2::new(-2.1, 0.98), Vec2::new(0.85, 0.62));

@@ -44,12 +44,17 @@ fn cushions_stand_where_balls_meet_them() {
     for cushion in table.cushions() {
         let nose = &table.noses()[cushion.nose];
         let middle = 0.5 * (nose.from() + nose.to());
-        let from = (middle + 0.3 * nose.normal()).extend(height);
-        let point = met(&scene, from, -nose.normal().extend(0.0));
-        assert!(
-            (point.truncate() - middle).length() < 1e-6,
-            "{point} {middle}"
-        );
+        // Where the simulation has a ball meet the nose line, it touches the round nose.
+        let radius = table.ball().radius_m;
+        let away = (radius * radius - (height - radius).powi(2)).sqrt();
+        let center = (middle + away * nose.normal()).extend(radius);
+        let distance = |angle: f64| {
+            let direction = -angle.cos() * nose.normal().extend(0.0) + angle.sin() * DVec3::Z;
+            met(&scene, center, direction).distance(center)
+        };
+        let nearest = (0..200).map(|step| distance(0.003 * f64::from(step)));
+        let nearest = nearest.fold(f64::INFINITY, f64::min);
+        assert!((nearest - radius).abs() < 1e-6, "{nearest}");
         // Under the nose the cushion draws back.
         let low = (middle + 0.3 * nose.normal()).extend(0.005);
         let depth = (middle - met(&scene, low, -nose.normal().extend(0.0)).truncate()).length();

@@ -25,9 +25,9 @@ fn subtraction_contains(face: u32, p: vec3f) -> bool {
             let radius = b.x + CSG_MARGIN_M;
             return dot(q, q) < radius * radius;
         }
-        case CSG_FACE_CONE: {
+        case CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z: {
             if (HAS_CSG_CONE) {
-                return cone_exterior_contains(a, b, p);
+                return cone_exterior_contains(a, b, axis_last(scene.csg_faces[face].kind, p));
             }
             return false;
         }
@@ -83,20 +83,28 @@ fn meet_cone(q: vec3f, d: vec3f, radius: f32, growth: f32, t: f32) -> f32 {
     return T_MISS;
 }
 
-fn exit_cone_exterior(a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
-    let q = ray.origin.xy - a.xy;
-    let d = ray.direction.xy;
-    let radius = fma(ray.origin.z, b.x, a.z);
-    let growth = ray.direction.z * b.x;
-    let met = meet_cone(vec3f(q, 0.0), vec3f(d, 0.0), radius, growth, t);
-    if (met < T_MISS) {
-        return met;
-    }
+fn exit_cone_exterior(kind: u32, a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
+    // From the point at `t`, which is near: the squares of a far ray's origin are too large for a thin cone.
+    let direction = axis_last(kind, ray.direction);
+    let start = fma(vec3f(t), direction, axis_last(kind, ray.origin));
+    let q = start.xy - a.xy;
+    let d = direction.xy;
+    let radius = fma(start.z, b.x, a.z);
+    let met = meet_cone(vec3f(q, 0.0), vec3f(d, 0.0), radius, direction.z * b.x, 0.0);
     let slope = dot(d, b.yz);
-    if (slope >= 0.0) {
-        return T_MISS;
-    }
-    return (dot(b.yz, b.yz) - dot(q, b.yz)) / slope;
+    let back = select(T_MISS, (dot(b.yz, b.yz) - dot(q, b.yz)) / slope, slope < 0.0);
+    let leaves = min(met, back);
+    return select(T_MISS, t + leaves, leaves < T_MISS);
+}
+
+// A vector's coordinates as a cone's exterior of a kind has them: its axis is the third.
+fn axis_last(kind: u32, v: vec3f) -> vec3f {
+    return select(select(v, v.zxy, kind == CSG_FACE_CONE_Y), v.yzx, kind == CSG_FACE_CONE_X);
+}
+
+// The inverse of `axis_last`.
+fn axis_in_place(kind: u32, v: vec3f) -> vec3f {
+    return select(select(v, v.yzx, kind == CSG_FACE_CONE_Y), v.zxy, kind == CSG_FACE_CONE_X);
 }
 
 fn exit_subtraction(face: u32, ray: Ray, inverse: vec3f, t: f32) -> f32 {
@@ -120,9 +128,9 @@ fn exit_subtraction(face: u32, ray: Ray, inverse: vec3f, t: f32) -> f32 {
             let miss = q.x * d.y - q.y * d.x;
             return (sqrt(max(0.0, d2 * b.x * b.x - miss * miss)) - dot(q, d)) / d2;
         }
-        case CSG_FACE_CONE: {
+        case CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z: {
             if (HAS_CSG_CONE) {
-                return exit_cone_exterior(a, b, ray, t);
+                return exit_cone_exterior(scene.csg_faces[face].kind, a, b, ray, t);
             }
             return T_MISS;
         }
@@ -207,8 +215,13 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     var normal = a;
     if (kind == CSG_FACE_CYLINDER) {
         normal = vec3f(-normalize(position.xy - a.xy), 0.0);
-    } else if (HAS_CSG_CONE && kind == CSG_FACE_CONE) {
-        normal = normalize(vec3f(normalize(position.xy - a.xy), -b.x));
+    } else if (HAS_CSG_CONE && (kind == CSG_FACE_CONE_X || kind == CSG_FACE_CONE_Y || kind == CSG_FACE_CONE_Z)) {
+        let p = axis_last(kind, position);
+        let from_axis = p.xy - a.xy;
+        // Off the cone it is the plane that has been met.
+        let is_plane = length(from_axis) > fma(p.z, b.x, a.z) + CSG_MARGIN_M;
+        let n = select(vec3f(normalize(from_axis), -b.x), vec3f(b.yz, 0.0), is_plane);
+        normal = axis_in_place(kind, normalize(n));
     } else if (HAS_CSG_CONE && kind == CSG_FACE_APEX_CONE) {
         normal = normalize(normalize(about_axis(b, position - a).aside) - b);
     } else if (kind != CSG_FACE_PLANE) {

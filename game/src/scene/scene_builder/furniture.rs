@@ -1,0 +1,122 @@
+//! The furniture at the far end of the room, beyond the foot of the table, where the player looks.
+
+use carom_tracer::{Axis, CsgSolid, Shape};
+use glam::{DVec3, Quat, Vec2, Vec3};
+
+use super::room::{ROOM_MARGIN_M, WINDOW_M};
+use super::{SceneBuilder, subtraction};
+use crate::scene::cue_stick::{CUE_LENGTH_M, CUE_NAME, CuePose};
+
+impl SceneBuilder {
+    /// A bench, a rack of cues, a bar table with stools, and the bars of a window, whose light is
+    /// [`super::room::window`].
+    pub(super) fn far_end(&mut self) {
+        let wall_x = self.frame.outer.x + ROOM_MARGIN_M - PANELLING_M;
+        self.bench(wall_x);
+        self.cue_rack(wall_x);
+        self.bar_table(wall_x);
+        let (center, half) = WINDOW_M;
+        for (y, z) in [(half.x, 0.02), (0.02, half.y)] {
+            let bar = Vec3::new(0.03, y, z);
+            let middle = Vec3::new(wall_x + 0.02, center.x, center.y);
+            self.solid("window bar", "dark wood", middle - bar, middle + bar);
+        }
+    }
+
+    /// Three seats with backs on a plinth.
+    fn bench(&mut self, wall_x: f32) {
+        let [first_y, last_y] = BENCH_Y_M;
+        let [plinth, seat, back] = [0.24, 0.46, 0.94].map(|height| self.frame.floor + height);
+        self.solid(
+            "bench plinth",
+            "dark wood",
+            Vec3::new(wall_x - 0.56, first_y, self.frame.floor),
+            Vec3::new(wall_x, last_y, plinth),
+        );
+        let width = (last_y - first_y) / 3.0;
+        for seat_y in [0.0, 1.0, 2.0].map(|seats| first_y + seats * width) {
+            let (near, far) = (seat_y + SEAM_M, seat_y + width - SEAM_M);
+            let mut cushion = |depth: [f32; 2], bottom, top| {
+                let min = Vec3::new(wall_x - depth[0], near, bottom);
+                let max = Vec3::new(wall_x - depth[1], far, top);
+                self.solid("bench cushion", "bench leather", min, max);
+            };
+            cushion([0.62, 0.0], plinth, seat);
+            cushion([0.16, 0.0], seat, back);
+        }
+    }
+
+    /// Four cues on the wall.
+    fn cue_rack(&mut self, wall_x: f32) {
+        let floor = self.frame.floor;
+        let half = Vec2::new(0.27, 0.62);
+        let middle = Vec3::new(wall_x, RACK_Y_M, floor + 1.1);
+        let board = Vec3::new(0.02, half.x, half.y);
+        self.solid("cue rack", "rail wood", middle - board, middle + board);
+        for place in [-1.5, -0.5, 0.5, 1.5] {
+            let tip = middle + Vec3::new(-0.045, 0.14 * place, 0.5 * CUE_LENGTH_M as f32);
+            let pose = CuePose {
+                tip: tip.as_dvec3(),
+                back: DVec3::NEG_Z,
+            };
+            self.add("cue in the rack", CUE_NAME, pose.shape());
+        }
+    }
+
+    /// A round table on a post, and two stools.
+    fn bar_table(&mut self, wall_x: f32) {
+        let (x, floor) = (wall_x - 0.85, self.frame.floor);
+        let foot = Vec3::new(x, BAR_TABLE_Y_M, floor);
+        self.disc_slab(
+            "bar table",
+            "rail wood",
+            foot.with_z(floor + 1.04),
+            0.34,
+            0.03,
+        );
+        let post = Vec3::new(0.035, 0.035, 0.0);
+        self.solid("post", "enamel", foot - post, foot + post.with_z(1.01));
+        for aside in [-0.62, 0.6] {
+            let foot = foot + Vec3::new(-0.08, aside, 0.0);
+            let seat = foot.with_z(floor + 0.76);
+            self.disc_slab("stool", "bench leather", seat, 0.18, 0.06);
+            let leg = Shape::TruncatedCone {
+                center: seat - Vec3::Z * 0.06,
+                rotation: Quat::from_rotation_arc(Vec3::Z, Vec3::NEG_Z),
+                length: 0.7,
+                radii: [0.025, 0.17],
+            };
+            self.add("stool leg", "enamel", leg);
+        }
+    }
+
+    /// A round slab under a point.
+    fn disc_slab(&mut self, name: &str, material: &str, top: Vec3, radius: f32, thickness: f32) {
+        let half = Vec3::new(radius, radius, 0.0);
+        let rim = CsgSolid::ConeExterior {
+            axis: Axis::Z,
+            center: top,
+            radius,
+            taper: 0.0,
+            beyond: Vec3::ZERO,
+        };
+        let shape = Shape::CsgBox {
+            min: top - half.with_z(thickness),
+            max: top + half,
+            subtractions: vec![subtraction(rim)],
+        };
+        self.add(name, material, shape);
+    }
+
+    fn solid(&mut self, name: &str, material: &str, min: Vec3, max: Vec3) {
+        self.add(name, material, Shape::Box { min, max });
+    }
+}
+
+/// How far the panelling stands before the wall.
+const PANELLING_M: f32 = 0.05;
+const BENCH_Y_M: [f32; 2] = [-0.8, 1.9];
+/// Half the gap between two cushions of the bench.
+const SEAM_M: f32 = 0.01;
+const RACK_Y_M: f32 = 2.4;
+const BAR_TABLE_Y_M: f32 = -1.9;
