@@ -101,11 +101,11 @@ setting-ball-set = Balls
 setting-ball-set-classic = Classic
 setting-ball-set-classic-about = Phenolic resin with numbers and stripes
 setting-ball-set-glass = Glass
-setting-ball-set-glass-about = Glass: stripes are paler, and each ball throws its colour onto the cloth
+setting-ball-set-glass-about = Glass with numbers: stripes are paler, and each ball throws its colour onto the cloth
 setting-ball-set-jade = Jade
-setting-ball-set-jade-about = Jade and other translucent stone: stripes are paler
+setting-ball-set-jade-about = Jade and other translucent stone with numbers: stripes are paler
 setting-ball-set-metal = Metal
-setting-ball-set-metal-about = Anodised metal in the balls' colours: solids polished, stripes brushed
+setting-ball-set-metal-about = Anodised metal in the balls' colours, with numbers: solids polished, stripes brushed
 
 setting-cloth = Cloth
 setting-cloth-tournament = Tournament

@@ -106,6 +106,7 @@ fn matte_and_metal() -> Result<Scene, String> {
         eta: Vec3::new(0.143, 0.375, 1.442),
         k: Vec3::new(3.983, 2.386, 1.603),
         alpha: 0.2,
+        number: 0,
     };
     scene.add(floor_mesh(), textured(tiles, 0.0, 1.0, 0.0));
     for (x, material) in [

@@ -33,7 +33,7 @@ pub use self::emissive_surface::{
 };
 pub use self::environment::{CompiledEnvironment, EnvironmentSample};
 pub use self::layer_texture::LayerTextureData;
-use self::material::material_data;
+use self::material::{material_data, with_number_discs};
 pub use self::mesh::CompiledMeshes;
 pub(crate) use self::opacity::{AlphaTest, corner_weights};
 pub use self::punctual_light::PunctualLightData;
@@ -203,7 +203,7 @@ impl CompiledScene {
     /// [`Error::InvalidScene`] with the first rule that the scene breaks.
     pub fn new(scene: &Scene) -> Result<Self, Error> {
         scene.validate()?;
-        let materials = scene.materials.values();
+        let materials = with_number_discs(scene);
         let mut compiled = Self {
             camera: scene.camera,
             environment: scene.environment.radiance,
@@ -223,13 +223,13 @@ impl CompiledScene {
             emissive_surfaces: EmissiveSurfaces::default(),
             punctual_lights: scene.punctual_lights.iter().map(Into::into).collect(),
             punctual_probability: 0.0,
-            materials: scene.materials.values().map(material_data).collect(),
-            textures: CompiledTextures::new(&scene.textures, materials)?,
+            base_materials: materials.len(),
+            materials,
+            textures: CompiledTextures::new(&scene.textures, scene.materials.values())?,
             primitives: Vec::with_capacity(scene.objects.len()),
             bvh_use: BvhUse::default(),
             bvhs: Default::default(),
             base_spheres: Vec::new(),
-            base_materials: scene.materials.len(),
             cones: Vec::new(),
             base_camera: scene.camera,
         };

@@ -203,12 +203,17 @@ fn is_digit(digit: u32, x: f32, y: f32) -> bool {
         .any(|stroke| stroke.distance(x, y) < STROKE_HALF)
 }
 
+/// The place of a unit vector from a ball's centre among the circles on ±`axis`, of radius 1, upright along `up`.
+pub fn in_circle(n: DVec3, axis: DVec3, up: DVec3) -> [f32; 2] {
+    let side = n.dot(axis);
+    let (across, along) = (n.dot(up.cross(axis)) * side.signum(), n.dot(up));
+    [across as f32 / CIRCLE_SINE, along as f32 / CIRCLE_SINE]
+}
+
 /// The albedo of a numbered ball at a unit vector from its centre, `base` where there is no circle.
 /// The circles stand on ±`axis`, upright along `up`.
 pub fn numbered(number: u32, n: DVec3, axis: DVec3, up: DVec3, base: DVec3) -> DVec3 {
-    let side = n.dot(axis);
-    let (across, along) = (n.dot(up.cross(axis)) * side.signum(), n.dot(up));
-    let (x, y) = (across as f32 / CIRCLE_SINE, along as f32 / CIRCLE_SINE);
+    let [x, y] = in_circle(n, axis, up);
     if x * x + y * y >= 1.0 {
         return base;
     }

@@ -11,11 +11,11 @@ pub enum BallSet {
     /// Phenolic resin with numbers and stripes
     #[default]
     Classic,
-    /// Glass: stripes are paler, and each ball throws its colour onto the cloth
+    /// Glass with numbers: stripes are paler, and each ball throws its colour onto the cloth
     Glass,
-    /// Jade and other translucent stone: stripes are paler
+    /// Jade and other translucent stone with numbers: stripes are paler
     Jade,
-    /// Anodised metal in the balls' colours: solids polished, stripes brushed
+    /// Anodised metal in the balls' colours, with numbers: solids polished, stripes brushed
     Metal,
 }
 
@@ -36,7 +36,7 @@ impl BallSet {
                 // Light keeps the colour's share, or the stripes' paler one, after so many metres.
                 let depth_m = if is_striped { 0.45 } else { 0.2 };
                 let extinction = -colour.max(Vec3::splat(0.05)).map(f32::ln) / depth_m;
-                dielectric(1.5, extinction, Vec3::ZERO)
+                dielectric(1.5, extinction, Vec3::ZERO, number)
             }
             Self::Jade => {
                 let stone = if is_striped {
@@ -50,7 +50,7 @@ impl BallSet {
                 let albedo = stone
                     .max(Vec3::splat(0.03))
                     .map(|c| 1.0 - (((-4.318_05 * c + 2.611_88) * c - 5.094_06) * c).exp());
-                dielectric(1.55, Vec3::splat(160.0), albedo)
+                dielectric(1.55, Vec3::splat(160.0), albedo, number)
             }
             Self::Metal => {
                 let sheen = if is_striped {
@@ -58,7 +58,7 @@ impl BallSet {
                 } else {
                     colour
                 };
-                tinted_metal(sheen, if is_striped { 0.22 } else { 0.04 })
+                tinted_metal(sheen, if is_striped { 0.22 } else { 0.04 }, number)
             }
         }
     }
@@ -89,22 +89,24 @@ fn classic(number: u8, colour: Vec3, is_striped: bool) -> Material {
     }
 }
 
-fn dielectric(ior: f32, extinction: Vec3, albedo: Vec3) -> Material {
+fn dielectric(ior: f32, extinction: Vec3, albedo: Vec3, number: u8) -> Material {
     Material::Dielectric {
         ior,
         alpha: 0.0,
         medium: Some(Medium { extinction, albedo }),
+        number,
     }
 }
 
 /// A metal that reflects a colour: of index 1, where R = k² / (4 + k²) straight on.
-fn tinted_metal(colour: Vec3, alpha: f32) -> Material {
+fn tinted_metal(colour: Vec3, alpha: f32, number: u8) -> Material {
     let reflectance = colour.clamp(Vec3::splat(0.04), Vec3::splat(0.95));
     let k = (4.0 * reflectance / (1.0 - reflectance)).map(f32::sqrt);
     Material::Conductor {
         eta: Vec3::ONE,
         k,
         alpha,
+        number,
     }
 }
 

@@ -210,7 +210,12 @@ const PARTS: [FeatureChange; 14] = [
         is_used: |scene| any_material(scene, |m| matches!(m, Material::Conductor { .. })),
         add: |scene| {
             let (eta, k) = (Vec3::ONE, Vec3::splat(3.0));
-            let metal = Material::Conductor { eta, k, alpha: 0.1 };
+            let metal = Material::Conductor {
+                eta,
+                k,
+                alpha: 0.1,
+                number: 0,
+            };
             add_material(scene, "metal", metal);
         },
     },
@@ -222,6 +227,7 @@ const PARTS: [FeatureChange; 14] = [
                 ior: 1.5,
                 alpha: 0.0,
                 medium: None,
+                number: 0,
             };
             add_material(scene, "glass", glass);
         },

@@ -208,6 +208,7 @@ impl Numbers<'_> {
                 eta: self.shares(),
                 k: 4.0 * self.shares(),
                 alpha: self.share(),
+                number: 0,
             },
             3 => Material::Cloth {
                 albedo: self.shares(),
@@ -219,6 +220,7 @@ impl Numbers<'_> {
                 ior: 1.0 + self.share(),
                 alpha: self.share(),
                 medium: None::<Medium>,
+                number: 0,
             },
         }
     }

@@ -119,6 +119,7 @@ pub(crate) fn test_scene(kind: Arrangement, of: ShapeKind, count: u32, seed: u32
             ior: 1.5,
             alpha: 0.0,
             medium: None,
+            number: 0,
         },
         _ => Material::Diffuse { albedo },
     };

@@ -335,7 +335,7 @@ pub struct MaterialData {
     pub pattern: u32,
     /// Imaginary part. Of glTF's material the radiance that it emits.
     pub k: [f32; 3],
-    /// A ball's number.
+    /// A ball's number. Of metals and dielectrics the index of the material of the discs with a ball's number; 0 for none.
     pub number: u32,
     /// Extinction coefficient σt of the medium inside, m⁻¹. Of glTF's material the most that the sheen would reflect of a channel to
     /// cosines whose square roots are 0, 1/5 and 2/5; above 1 the sheen is divided by it.

@@ -10,8 +10,33 @@ use super::{
 };
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::validate::{ALPHA_SMOOTH_MAX, SHEEN_ROUGHNESS};
-use crate::scene::{ClothMarks, Layers, Material, Medium, Opacity, ProceduralTexture};
+use crate::scene::{ClothMarks, Layers, Material, Medium, Opacity, ProceduralTexture, Scene};
 use crate::sheen::{sheen_reflectance_max, sheen_reflectances};
+use crate::texture::CIRCLE_ALBEDO;
+
+/// The materials of a scene in their order, and then those of the discs that numbers of metals and dielectrics stand on.
+pub(super) fn with_number_discs(scene: &Scene) -> Vec<MaterialData> {
+    let mut all: Vec<_> = scene.materials.values().map(material_data).collect();
+    for (index, material) in scene.materials.values().enumerate() {
+        if let Material::Conductor { number, .. } | Material::Dielectric { number, .. } = *material
+            && number > 0
+        {
+            all[index].number = all.len() as u32;
+            all.push(material_data(&Material::Coated {
+                ior: DISC_IOR,
+                texture: ProceduralTexture::Ball {
+                    albedo: Vec3::from(CIRCLE_ALBEDO),
+                    stripe: None,
+                    number,
+                },
+            }));
+        }
+    }
+    all
+}
+
+/// Phenolic resin.
+const DISC_IOR: f32 = 1.5;
 
 #[expect(clippy::too_many_lines, reason = "one arm for each material")]
 pub(super) fn material_data(material: &Material) -> MaterialData {
@@ -54,14 +79,24 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             sheen_roughness,
             marks,
         } => cloth_data(albedo, sheen, sheen_roughness, marks),
-        Material::Conductor { eta, k, alpha } => MaterialData {
+        Material::Conductor {
+            eta,
+            k,
+            alpha,
+            number: _,
+        } => MaterialData {
             kind: KIND_CONDUCTOR,
             alpha: rough_alpha(alpha),
             eta: eta.to_array(),
             k: k.to_array(),
             ..MaterialData::zeroed()
         },
-        Material::Dielectric { ior, alpha, medium } => MaterialData {
+        Material::Dielectric {
+            ior,
+            alpha,
+            medium,
+            number: _,
+        } => MaterialData {
             kind: KIND_DIELECTRIC,
             ior,
             alpha: rough_alpha(alpha),
@@ -107,6 +142,12 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
 }
 
 impl MaterialData {
+    /// The index of the material of the discs with a ball's number, if it is a metal or dielectric that has some.
+    pub(crate) fn number_disc(&self) -> Option<u32> {
+        let is_body = matches!(self.kind, KIND_CONDUCTOR | KIND_DIELECTRIC);
+        (is_body && self.number > 0).then_some(self.number)
+    }
+
     /// Whether it has a clear coat or a sheen over glTF's material.
     pub(crate) fn has_layers(&self) -> bool {
         let has_some = self.stripe_albedo[0] > 0.0 || self.sheen != [0.0; 3];

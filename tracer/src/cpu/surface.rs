@@ -11,7 +11,7 @@ use super::refracted_nee::{NeeBoundaryRow, nee_boundary_row};
 use super::rows::Rows;
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
-use super::texture::{TextureRow, texture_row, textured};
+use super::texture::{TextureRow, are_on_discs, texture_row, textured};
 use super::triangle_surface::{TriangleHit, TriangleSurfaces};
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z, CSG_FACE_CYLINDER,
@@ -24,6 +24,10 @@ use crate::scene::validate::CSG_MARGIN_M;
 /// triangles.
 pub(super) struct Surfaces {
     rows: Vec<SurfaceRow>,
+    /// How many balls have another row for the discs with their numbers; 0 if none needs it.
+    balls: u32,
+    /// The first of those rows.
+    discs_first: u32,
     triangles: TriangleSurfaces,
     /// Empty if all are diffuse, bare or coated.
     microfacet: Vec<MicrofacetRow>,
@@ -158,7 +162,15 @@ impl Surfaces {
                     .map(|material| row([0.0; 3], [0.0; 3], KIND_TRIANGLE, material, [0.0; 3])),
             );
         }
+        let discs_first = rows.len() as u32;
+        let discs = number_discs(scene).zip(&scene.spheres);
+        rows.extend(discs.map(|(material, s)| {
+            let radius = [s.radius, 0.0, 0.0];
+            self::row(s.center, radius, KIND_SPHERE, material, s.stripe_axis)
+        }));
         Self {
+            balls: rows.len() as u32 - discs_first,
+            discs_first,
             rows,
             triangles: TriangleSurfaces::new(scene, triangles_first, triangles_first),
             microfacet: microfacet_rows(scene),
@@ -168,6 +180,28 @@ impl Surfaces {
             has_dielectric: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
             nee_boundaries: nee_boundary_rows(scene),
         }
+    }
+
+    /// The rows of what is met, which on the disc with a ball's number is not the ball's.
+    #[inline(always)]
+    fn with_discs<S: Simd>(
+        &self,
+        simd: S,
+        origin: Vec3x<S>,
+        direction: Vec3x<S>,
+        id: Word<S>,
+        within: Mask<S>,
+    ) -> Word<S> {
+        let balls = id.simd_lt(self.balls) & !within;
+        if !balls.any_true() {
+            return id;
+        }
+        let row = balls.select(id, Word::splat(simd, 0)) + self.discs_first;
+        let rows = Rows::new(&self.rows, row);
+        let radius = rows.triple(simd, SECOND).x;
+        let chord = Chord::new(origin, direction, rows.triple(simd, FIRST), radius);
+        let n = chord.first_from_center(direction, within) * (1.0 / radius);
+        (balls & are_on_discs(simd, &self.texture, row, n)).select(row, id)
     }
 
     #[inline(always)]
@@ -234,6 +268,9 @@ impl Surfaces {
         if !self.microfacet.is_empty() {
             id = untagged(tag);
             within = (tag & INSIDE).simd_ne(0);
+            if self.balls > 0 {
+                id = self.with_discs(simd, origin, direction, id, within);
+            }
             scattered = Some((tag & SCATTERED).simd_ne(0));
         }
         // By reference: moving it into an `Option` would copy it twice.
@@ -356,11 +393,21 @@ fn shapes_and_materials(scene: &CompiledScene) -> impl Iterator<Item = (ShapeKin
     let materials = indices
         .chain(faces)
         .map(|(shape, index)| (shape, &scene.materials[index as usize]));
-    materials.chain(
-        of_triangles
-            .iter()
-            .map(|material| (ShapeKind::Triangle, material)),
-    )
+    let of_triangles = of_triangles.iter();
+    materials
+        .chain(of_triangles.map(|material| (ShapeKind::Triangle, material)))
+        .chain(number_discs(scene).map(|material| (ShapeKind::Sphere, material)))
+}
+
+/// Of each ball the material of the discs with its number, or its own; of none if no ball has such.
+fn number_discs(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
+    let has_discs = (scene.materials.iter()).any(|m| m.number_disc().is_some());
+    let balls = if has_discs { &scene.spheres[..] } else { &[] };
+    balls.iter().map(|ball| {
+        let own = &scene.materials[ball.material as usize];
+        let disc = own.number_disc();
+        disc.map_or(own, |disc| &scene.materials[disc as usize])
+    })
 }
 
 fn microfacet_rows(scene: &CompiledScene) -> Vec<MicrofacetRow> {
@@ -390,13 +437,19 @@ fn texture_rows(scene: &CompiledScene) -> Vec<TextureRow> {
         return Vec::new();
     }
     let balls = (scene.spheres.iter()).map(|ball| Some((ball.number_axis, ball.stripe_axis)));
+    let discs = number_discs(scene).zip(balls.clone());
     let others = scene.boxes.len() + scene.discs.len() + scene.rectangles.len();
     let faces = (0..scene.csg_faces.len() as u32).map(|face| {
         let (axis, end) = scene.cone_axis(face)?;
         Some((axis.as_vec3().to_array(), [end as f32; 3]))
     });
+    let of_triangles = match scene.meshes.triangles.is_empty() {
+        true => 0,
+        false => scene.materials.len(),
+    };
     let axes = balls.chain(std::iter::repeat_n(None, others)).chain(faces);
-    let axes = axes.chain(std::iter::repeat(None));
+    let axes = axes.chain(std::iter::repeat_n(None, of_triangles));
+    let axes = axes.chain(discs.map(|(_, axes)| axes));
     materials(scene)
         .zip(axes)
         .map(|(material, axes)| texture_row(material, axes))

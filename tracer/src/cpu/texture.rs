@@ -90,15 +90,23 @@ pub(super) fn textured<S: Simd>(
     textured
 }
 
-/// The few lanes within a circle look up their numbers one by one.
+/// Which balls are met on the disc with their number, at `n` from their centres.
 #[inline(always)]
-fn numbered<S: Simd>(
+pub(super) fn are_on_discs<S: Simd>(
     simd: S,
-    rows: &Rows<'_, 16>,
-    lanes: Mask<S>,
+    table: &[TextureRow],
+    id: Word<S>,
     n: Vec3x<S>,
-    albedo: Vec3x<S>,
-) -> Vec3x<S> {
+) -> Mask<S> {
+    let rows = Rows::new(table, id);
+    let numbered_lanes = rows.number(simd, PATTERN).simd_eq(PATTERN_NUMBER as f32);
+    let (x, y) = in_circle(simd, &rows, n);
+    numbered_lanes & x.mul_add(x, y * y).simd_lt(1.0)
+}
+
+/// The places of vectors from balls' centres in the circles of their numbers, of radius 1.
+#[inline(always)]
+fn in_circle<S: Simd>(simd: S, rows: &Rows<'_, 16>, n: Vec3x<S>) -> (Float<S>, Float<S>) {
     let (axis, up) = (rows.triple(simd, AXIS), rows.triple(simd, UP));
     let one = Float::splat(simd, 1.0);
     let side = one.copysign(n.dot(axis));
@@ -108,7 +116,19 @@ fn numbered<S: Simd>(
         up.x * axis.y - up.y * axis.x,
     );
     let x = n.dot(right) * side * (1.0 / CIRCLE_SINE);
-    let y = n.dot(up) * (1.0 / CIRCLE_SINE);
+    (x, n.dot(up) * (1.0 / CIRCLE_SINE))
+}
+
+/// The few lanes within a circle look up their numbers one by one.
+#[inline(always)]
+fn numbered<S: Simd>(
+    simd: S,
+    rows: &Rows<'_, 16>,
+    lanes: Mask<S>,
+    n: Vec3x<S>,
+    albedo: Vec3x<S>,
+) -> Vec3x<S> {
+    let (x, y) = in_circle(simd, rows, n);
     let circle = lanes & x.mul_add(x, y * y).simd_lt(1.0);
     let bits = circle.to_bitmask();
     if bits == 0 {

@@ -185,6 +185,8 @@ pub(crate) struct Features {
     pub(crate) has_stripe: bool,
     /// Some ball has a number.
     pub(crate) has_number: bool,
+    /// Some ball of metal or a dielectric has its number on discs of another material.
+    pub(crate) has_number_disc: bool,
     /// Some material is wood, marked cloth or a cue.
     pub(crate) has_wood: bool,
     /// Some material is napped.
@@ -265,6 +267,7 @@ impl Features {
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),
+            has_number_disc: any(|material| material.number_disc().is_some()),
             has_wood: any(|m| !matches!(m.pattern, PATTERN_NONE | PATTERN_NUMBER)),
             has_sheen: any(|m| m.kind == KIND_LAYERED && m.sheen != [0.0; 3]),
             has_microfacet: any(|m| matches!(m.kind, KIND_CONDUCTOR | KIND_DIELECTRIC)),

@@ -253,6 +253,7 @@ fn dressed_materials() -> [(&'static str, Material); 6] {
                 eta: Vec3::new(0.143, 0.375, 1.442),
                 k: Vec3::new(3.983, 2.386, 1.603),
                 alpha: 0.3,
+                number: 0,
             },
         ),
         (
@@ -264,6 +265,7 @@ fn dressed_materials() -> [(&'static str, Material); 6] {
                     extinction: Vec3::new(4.0, 5.0, 6.0),
                     albedo: Vec3::new(0.9, 0.8, 0.7),
                 }),
+                number: 0,
             },
         ),
     ]

@@ -386,6 +386,7 @@ fn constants(features: &Features) -> String {
          const CLEARCOAT_F0: f32 = {CLEARCOAT_F0:?};\n\
          const REFRACTED_NEE_STEPS: u32 = {}u;\n\
          const HAS_NUMBER: bool = {};\n\
+         const HAS_NUMBER_DISC: bool = {};\n\
          const HAS_WOOD: bool = {};\n\
          const HAS_CSG_CONE: bool = {};\n\
          const CSG_MARGIN_M: f32 = {CSG_MARGIN_M:?};\n\
@@ -409,6 +410,7 @@ fn constants(features: &Features) -> String {
         features.area_lights > 0 || features.shares_light_sampling(),
         SphereData::REFRACTED_NEE_STEPS,
         features.has_number,
+        features.has_number_disc,
         features.has_wood,
         features.has_csg_cone
     );
@@ -1069,6 +1071,7 @@ mod tests {
         has_coat: true,
         has_stripe: true,
         has_number: true,
+        has_number_disc: true,
         has_csg_cone: true,
         has_wood: true,
         has_sheen: true,
@@ -1151,6 +1154,7 @@ mod tests {
                 materials: 1 + i % 5,
                 has_stripe: i % 3 == 0,
                 has_number: i % 11 < 6,
+                has_number_disc: i % 11 < 3,
                 has_csg_cone: i % 7 < 3,
                 has_wood: i % 13 < 7,
                 has_sheen: i % 17 < 8,

@@ -15,7 +15,7 @@ use crate::compiled::{
 };
 use crate::fresnel::fresnel_dielectric;
 use crate::sheen::sheen;
-use crate::texture::{cloth, cue, numbered, wood};
+use crate::texture::{cloth, cue, in_circle, numbered, wood};
 
 /// How one point of a surface scatters: a mirror of weight `F(cos wo)` over
 /// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, `F` being 0 without a coat.
@@ -88,6 +88,30 @@ impl Bsdf {
             bsdf.albedo = numbered(material.number, hit.n, axis, up, bsdf.albedo);
         }
         bsdf
+    }
+
+    /// The disc with a number on a metal or dielectric ball, if light leaves it along `wo`, outwards.
+    pub(super) fn of_number_disc(
+        scene: &CompiledScene,
+        material: &MaterialData,
+        hit: &Hit,
+        wo: DVec3,
+    ) -> Option<Self> {
+        let disc = &scene.materials[material.number_disc()? as usize];
+        let Primitive::Sphere(i) = hit.primitive else {
+            return None;
+        };
+        let sphere = &scene.spheres[i as usize];
+        let (axis, up) = (vector(sphere.number_axis), vector(sphere.stripe_axis));
+        let [x, y] = in_circle(hit.n, axis, up);
+        if x * x + y * y >= 1.0 || wo.dot(hit.n) < 0.0 {
+            return None;
+        }
+        let base = Self::new(disc, false);
+        Some(Self {
+            albedo: numbered(disc.number, hit.n, axis, up, base.albedo),
+            ..base
+        })
     }
 
     /// A material, in or out of its stripe.

@@ -31,6 +31,9 @@ impl Scatter {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::Layered(Bsdf::from_hit(scene, hit));
         };
+        if let Some(bsdf) = Bsdf::of_number_disc(scene, material, hit, wo) {
+            return Self::Layered(bsdf);
+        }
         let alpha = f64::from(material.alpha);
         match material.kind {
             KIND_CONDUCTOR => Self::Conductor(Conductor {

@@ -433,6 +433,7 @@ impl Material {
             ior: 1.5,
             alpha: 0.0,
             medium: None,
+            number: 0,
         }
     }
 
@@ -442,6 +443,7 @@ impl Material {
             eta: Vec3::new(0.143, 0.375, 1.442),
             k: Vec3::new(3.983, 2.386, 1.603),
             alpha,
+            number: 0,
         }
     }
 
@@ -451,6 +453,7 @@ impl Material {
             eta: Vec3::new(2.76, 2.54, 2.27),
             k: Vec3::new(3.84, 3.43, 3.04),
             alpha,
+            number: 0,
         }
     }
 

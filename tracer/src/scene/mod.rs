@@ -340,6 +340,9 @@ pub enum Material {
         /// GGX width α, in [0, 1]; below [`validate::ALPHA_SMOOTH_MAX`] a perfect mirror.
         #[serde(default)]
         alpha: f32,
+        /// Of balls, up to 99, on two white discs of coated resin as those of [`ProceduralTexture::Ball`]; 0 for none.
+        #[serde(default)]
+        number: u8,
     },
     /// A dielectric boundary, smooth or GGX-rough (Walter et al. 2007), round what fills the body. Only
     /// solids (spheres and boxes) can be of it; other bodies must not reach into them.
@@ -352,6 +355,10 @@ pub enum Material {
         /// What fills it; absent: nothing that takes or scatters light.
         #[serde(default)]
         medium: Option<Medium>,
+        /// Of balls, up to 99, on two white discs of coated resin as those of [`ProceduralTexture::Ball`]; 0 for none.
+        /// Light from within passes the discs.
+        #[serde(default)]
+        number: u8,
     },
     /// The material of glTF 2.0: a base that is diffuse or, by the share `metallic`, a metal, under a GGX-rough reflection.
     /// `f = base·(1−metallic)/π · (1−F(cos θi))(1−F(cos θo))/(1−F_avg) + D·V·F`, with Schlick's `F`

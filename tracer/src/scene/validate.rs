@@ -432,6 +432,13 @@ fn check_solid(solid: &CsgSolid) -> Check {
     }
 }
 
+fn check_number(number: u8) -> Check {
+    match number {
+        0..=99 => Ok(()),
+        _ => Err(SceneError::BallNumber(number)),
+    }
+}
+
 fn in_range(what: &'static str, value: f32, range: &RangeInclusive<f32>) -> Check {
     if range.contains(&value) {
         return Ok(());
@@ -531,8 +538,14 @@ fn check_material(material: &Material) -> Check {
             in_range("its sheen_roughness", sheen_roughness, &SHEEN_ROUGHNESS)?;
             marks.map_or(Ok(()), |marks| check_marks(&marks))
         }
-        Material::Conductor { eta, k, alpha } => {
+        Material::Conductor {
+            eta,
+            k,
+            alpha,
+            number,
+        } => {
             check_alpha(alpha)?;
+            check_number(number)?;
             let most = Vec3::splat(*IOR.end());
             if !(eta.cmpgt(Vec3::ZERO).all() && eta.cmple(most).all()) {
                 return Err(SceneError::Eta {
@@ -549,9 +562,15 @@ fn check_material(material: &Material) -> Check {
             }
             Ok(())
         }
-        Material::Dielectric { ior, alpha, medium } => {
+        Material::Dielectric {
+            ior,
+            alpha,
+            medium,
+            number,
+        } => {
             check_ior(ior)?;
             check_alpha(alpha)?;
+            check_number(number)?;
             medium.map_or(Ok(()), |medium| check_medium(&medium))
         }
         Material::MetallicRoughness {
@@ -601,9 +620,7 @@ fn check_texture(texture: &ProceduralTexture) -> Check {
             number,
         } => {
             check_albedo("its albedo", albedo)?;
-            if number > 99 {
-                return Err(SceneError::BallNumber(number));
-            }
+            check_number(number)?;
             stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
         }
         ProceduralTexture::Wood {

@@ -17,7 +17,12 @@ const SIZE: ImageSize = ImageSize::new(24, 16);
 pub(crate) const MAX_DEPTH: u32 = 8;
 
 fn glass(ior: f32, alpha: f32, medium: Option<Medium>) -> Material {
-    Material::Dielectric { ior, alpha, medium }
+    Material::Dielectric {
+        ior,
+        alpha,
+        medium,
+        number: 0,
+    }
 }
 
 fn medium(extinction: [f32; 3], albedo: f32) -> Option<Medium> {

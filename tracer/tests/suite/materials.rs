@@ -6,12 +6,13 @@ use carom_tracer::film::{trace_estimate, trace_image};
 use carom_tracer::metrics::{Estimate, Region, mean, region};
 use carom_tracer::regularisation;
 use carom_tracer::sampling::uniforms;
+use carom_tracer::scalar::scatter::Scatter;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
     Axis, CompiledScene, CsgSolid, ImageSize, Material, Medium, ObjectPose, RadianceImage,
     RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Tile, Tracer,
 };
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
 use crate::scenes::{
     furnace, glass, glass_box, gold, object, subtraction, textured_still_life, white_csg_block,
@@ -183,6 +184,7 @@ fn rough_ball_conserves_energy() {
             eta: Vec3::splat(0.01),
             k: Vec3::splat(1000.0),
             alpha,
+            number: 0,
         };
         for material in [glass(1.5, alpha, None), mirror] {
             for tracer in tracers() {
@@ -605,6 +607,35 @@ fn invalid_subtractions_are_refused_with_reasons() {
 }
 
 #[test]
+fn numbers_of_metals_and_glass_stand_on_discs_seen_from_outside() {
+    for (mut material, is_glass) in [(gold(0.1), false), (glass(1.5, 0.0, None), true)] {
+        if let Material::Conductor { number, .. } | Material::Dielectric { number, .. } =
+            &mut material
+        {
+            *number = 7;
+        }
+        let scene = CompiledScene::new(&furnace(material)).unwrap();
+        let scatter = |n: DVec3, wo: DVec3| {
+            let ray = Ray {
+                origin: 10.0 * n,
+                direction: -n,
+            };
+            Scatter::new(&scene, &intersect(&scene, &ray).unwrap(), wo, 0.0)
+        };
+        for side in [DVec3::X, DVec3::NEG_X] {
+            let Scatter::Layered(disc) = scatter(side, side) else {
+                panic!("the disc is of {material:?}")
+            };
+            assert!(disc.ior == 1.5 && disc.albedo != DVec3::ZERO);
+            let from_within = scatter(side, -side);
+            assert_eq!(matches!(from_within, Scatter::Dielectric(_)), is_glass);
+        }
+        let aside = (DVec3::X + DVec3::Y).normalize();
+        assert!(!matches!(scatter(aside, aside), Scatter::Layered(_)));
+    }
+}
+
+#[test]
 fn what_cannot_be_drawn_is_refused_with_its_reason() {
     let refusal = |material: Material| {
         let why = CompiledScene::new(&furnace(material)).map(|_| ());
@@ -616,6 +647,15 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
     };
     for (material, sentence) in [
         (glass(0.9, 0.0, None), "its ior is 0.9: it must be from 1"),
+        (
+            Material::Dielectric {
+                ior: 1.5,
+                alpha: 0.0,
+                medium: None,
+                number: 100,
+            },
+            "its number is 100: it must be from 0 to 99",
+        ),
         (
             glass(1.5, 1.5, None),
             "its alpha is 1.5: it must be from 0 to 1",

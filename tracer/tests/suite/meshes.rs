@@ -187,6 +187,7 @@ fn smooth_mirrors_reflect_the_sky_everywhere() {
         eta: Vec3::splat(0.01),
         k: Vec3::splat(1000.0),
         alpha: 0.0,
+        number: 0,
     };
     for halvings in [0, 1, 3] {
         let mut scene = with(empty(1.0), mirror, smooth_ball(halvings).into());

@@ -95,6 +95,7 @@ fn puddle() -> ParticleCloud {
         ior: 1.33,
         alpha: 0.0,
         medium: None,
+        number: 0,
     };
     cloud.form = ParticleForm::Surface {
         smoothing_m: 0.05,

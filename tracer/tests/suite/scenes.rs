@@ -138,6 +138,37 @@ pub(crate) fn still_life() -> Scene {
     scene
 }
 
+/// The still life with balls of gold, glass and a medium that scatters, whose numbers stand on discs.
+pub(crate) fn numbered_still_life() -> Scene {
+    let mut scene = still_life();
+    // Brighter, as caustics are found by chance.
+    scene.environment.radiance = Vec3::splat(0.5);
+    let medium = Medium {
+        extinction: Vec3::splat(6.0),
+        albedo: Vec3::new(0.9, 0.5, 0.3),
+    };
+    let materials = [
+        gold(0.3),
+        glass(1.5, 0.3, None),
+        glass(1.4, 0.0, Some(medium)),
+    ];
+    for (index, mut material) in (0_u8..).zip(materials) {
+        if let Material::Conductor { number, .. } | Material::Dielectric { number, .. } =
+            &mut material
+        {
+            *number = 3 + 4 * index;
+        }
+        let ball = Shape::Sphere {
+            center: Vec3::new(0.55 * f32::from(index) - 0.6, -0.6, 0.25),
+            radius: 0.24,
+            // Number and eye are on one side, or on others.
+            rotation: Quat::from_rotation_z(-1.2 - 0.7 * f32::from(index)),
+        };
+        scene = with(scene, material, ball);
+    }
+    scene
+}
+
 /// A ball of `material` before a camera that sees nothing else, in uniform light of radiance 1.
 pub(crate) fn furnace(material: Material) -> Scene {
     let ball = Object {
@@ -168,7 +199,12 @@ pub(crate) fn furnace(material: Material) -> Scene {
 }
 
 pub(crate) fn glass(ior: f32, alpha: f32, medium: Option<Medium>) -> Material {
-    Material::Dielectric { ior, alpha, medium }
+    Material::Dielectric {
+        ior,
+        alpha,
+        medium,
+        number: 0,
+    }
 }
 
 pub(crate) fn gold(alpha: f32) -> Material {
@@ -176,6 +212,7 @@ pub(crate) fn gold(alpha: f32) -> Material {
         eta: Vec3::new(0.143, 0.375, 1.442),
         k: Vec3::new(3.983, 2.386, 1.603),
         alpha,
+        number: 0,
     }
 }
 
@@ -444,6 +481,7 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
     let mut hidden = still_life();
     hidden.objects.remove(1);
     scenes.push(("still life without a ball", hidden));
+    scenes.push(("still life of numbered balls", numbered_still_life()));
     scenes.push(("still life of meshes", mesh_still_life()));
     scenes.push(("still life of image textures", image_textured_still_life()));
     scenes.push(("still life of masks and layers", layered_still_life()));
@@ -473,6 +511,7 @@ pub(crate) fn scenes_of_materials() -> Vec<LawScene> {
         eta: Vec3::splat(0.01),
         k: Vec3::splat(1000.0),
         alpha,
+        number: 0,
     };
     let medium = |extinction, albedo| Some(Medium { extinction, albedo });
     let (clear, tinted) = (

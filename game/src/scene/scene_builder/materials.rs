@@ -65,7 +65,12 @@ fn furniture() -> Vec<(&'static str, Material)> {
         dark: Vec3::new(0.105, 0.062, 0.034),
     };
     let brass = (Vec3::new(0.445, 0.527, 1.095), Vec3::new(3.7, 2.765, 1.829));
-    let metal = |(eta, k), alpha| Material::Conductor { eta, k, alpha };
+    let metal = |(eta, k), alpha| Material::Conductor {
+        eta,
+        k,
+        alpha,
+        number: 0,
+    };
     vec![
         ("carpet", soft(Vec3::new(0.085, 0.09, 0.115), 0.06)),
         ("bench leather", soft(Vec3::new(0.2, 0.06, 0.036), 0.05)),

@@ -93,11 +93,21 @@ fn sphere_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
         let number = scene_storage.materials[sphere.material].number;
         albedo = numbered(number, outward, sphere.number_axis, sphere.stripe_axis, albedo);
     }
+    var material = sphere.material;
+    let kind = scene_storage.materials[material].kind;
+    if (HAS_NUMBER_DISC && is_outside && (kind == KIND_CONDUCTOR || kind == KIND_DIELECTRIC)) {
+        let disc = scene_storage.materials[material].number;
+        if (disc > 0u && is_in_circle(outward, sphere.number_axis, sphere.stripe_axis)) {
+            material = disc;
+            let number = scene_storage.materials[disc].number;
+            albedo = numbered(number, outward, sphere.number_axis, sphere.stripe_axis, albedo);
+        }
+    }
     return Surface(
         fma(vec3f(sphere.radius), outward, sphere.center),
         select(-outward, outward, is_outside),
         albedo,
-        sphere.material,
+        material,
         !is_outside,
     );
 }

@@ -32,9 +32,18 @@ fn is_ink(number: u32, p: vec2f) -> bool {
     return is_digit(number / 10u, q + shift) || is_digit(number % 10u, q - shift);
 }
 
-fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f {
+fn in_circle(n: vec3f, axis: vec3f, up: vec3f) -> vec2f {
     let side = select(-1.0, 1.0, dot(n, axis) >= 0.0);
-    let p = vec2f(dot(n, cross(up, axis)) * side, dot(n, up)) * (1.0 / CIRCLE_SINE);
+    return vec2f(dot(n, cross(up, axis)) * side, dot(n, up)) * (1.0 / CIRCLE_SINE);
+}
+
+fn is_in_circle(n: vec3f, axis: vec3f, up: vec3f) -> bool {
+    let p = in_circle(n, axis, up);
+    return dot(p, p) < 1.0;
+}
+
+fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f {
+    let p = in_circle(n, axis, up);
     if (dot(p, p) >= 1.0) {
         return base;
     }

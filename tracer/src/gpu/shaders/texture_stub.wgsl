@@ -4,6 +4,10 @@ fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f
     return base;
 }
 
+fn is_in_circle(n: vec3f, axis: vec3f, up: vec3f) -> bool {
+    return false;
+}
+
 fn textured(surface: Surface) -> vec3f {
     return surface.albedo;
 }

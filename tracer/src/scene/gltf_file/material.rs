@@ -137,6 +137,7 @@ fn dielectric(
         ior: index_of_refraction(from),
         alpha: roughness * roughness,
         medium: (extinction != Vec3::ZERO).then_some(medium),
+        number: 0,
     })
 }
 

@@ -441,7 +441,10 @@ fn closed_meshes_with_a_volume_that_transmit_are_dielectrics() {
     // A mirrored one is closed too.
     let (body, surface) = ("0 body of glass", "0 glass");
     assert_eq!(materials, [body, surface, body, surface]);
-    let Material::Dielectric { ior, alpha, medium } = scene.materials[body] else {
+    let Material::Dielectric {
+        ior, alpha, medium, ..
+    } = scene.materials[body]
+    else {
         panic!("{:?}", scene.materials);
     };
     assert_eq!((ior, alpha), (1.6, 0.25));
