@@ -1,5 +1,6 @@
 //! A scene as flat plain-old-data arrays: the bytes that both back ends read.
 
+pub(crate) mod clusters;
 mod cone;
 mod data;
 mod emissive_surface;
@@ -19,6 +20,7 @@ use std::sync::OnceLock;
 use bytemuck::Zeroable as _;
 use glam::{DVec3, Quat, U16Vec3, Vec3, Vec3Swizzles as _};
 
+use self::clusters::Clusters;
 use self::cone::Cone;
 pub use self::data::{
     AreaLightData, BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z,
@@ -91,6 +93,10 @@ pub struct CompiledScene {
     pub bvh_use: BvhUse,
     /// Of each shape as it is now, once somebody has asked for it.
     bvhs: [OnceLock<Option<Bvh>>; ShapeKind::ALL.len()],
+    /// Of the boxes.
+    pub(crate) box_clusters: Clusters,
+    /// Of the CSG boxes.
+    pub(crate) csg_clusters: Clusters,
     /// The spheres as the scene has them: what an update starts from.
     base_spheres: Vec<SphereData>,
     /// How many materials the scene has; those of an update's particles follow.
@@ -229,6 +235,8 @@ impl CompiledScene {
             primitives: Vec::with_capacity(scene.objects.len()),
             bvh_use: BvhUse::default(),
             bvhs: Default::default(),
+            box_clusters: Clusters::NONE,
+            csg_clusters: Clusters::NONE,
             base_spheres: Vec::new(),
             cones: Vec::new(),
             base_camera: scene.camera,
@@ -248,7 +256,23 @@ impl CompiledScene {
             compiled.spheres[index].allows_refracted_nee = compiled.allows_refracted_nee(index);
         }
         compiled.base_spheres.clone_from(&compiled.spheres);
+        let middle = compiled.middle_of_spheres();
+        compiled.box_clusters = Clusters::new(&all_bounds(&compiled.boxes), middle);
+        compiled.csg_clusters = Clusters::new(&all_bounds(&compiled.csg_boxes), middle);
         Ok(compiled)
+    }
+
+    /// Of what is looked at, if there are none.
+    fn middle_of_spheres(&self) -> Vec3 {
+        let sum: Vec3 = self
+            .spheres
+            .iter()
+            .map(|ball| Vec3::from(ball.center))
+            .sum();
+        match self.spheres.len() {
+            0 => self.camera.target,
+            count => sum / count as f32,
+        }
     }
 
     #[expect(clippy::too_many_lines, reason = "one arm for each shape")]
@@ -715,6 +739,14 @@ pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
 
 /// The fewest spheres that an update's particles take up: a cloud that thins out keeps its kernel.
 const PARTICLE_SLOTS_MIN: usize = 1024;
+
+/// The bounds of primitives.
+pub(crate) fn all_bounds<T>(all: &[T]) -> Vec<Bounds>
+where
+    for<'a> Bounds: From<&'a T>,
+{
+    all.iter().map(Bounds::from).collect()
+}
 
 fn sphere_at(base: SphereData, pose: &ObjectPose) -> SphereData {
     SphereData {

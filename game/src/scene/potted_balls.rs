@@ -1,4 +1,4 @@
-//! Where potted balls lie: in their pockets, on top of each other.
+//! Places of potted balls: in their pockets, on top of each other.
 
 use carom_billiards::physics::{BallPose, Pocket, Table};
 use glam::DVec3;

@@ -73,7 +73,15 @@ const NOT_SHOWN: &[(&str, &str)] = &[
         "names of objects and materials",
     ),
     (
+        "src/scene/scene_builder/furniture.rs",
+        "names of objects and materials",
+    ),
+    (
         "src/scene/scene_builder/materials.rs",
+        "names of objects and materials",
+    ),
+    (
+        "src/scene/scene_builder/pockets.rs",
         "names of objects and materials",
     ),
     (

@@ -1,6 +1,7 @@
 //! Features of a scene that a kernel is built for: what it has none of is left out.
 
 use crate::bvh::Bvh;
+use crate::compiled::clusters::Clusters;
 use crate::compiled::{
     BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z, CompiledScene,
     CsgBoxData, CsgFaceData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
@@ -177,6 +178,9 @@ pub(crate) struct Features {
     pub(crate) materials: u32,
     /// Rays find the primitives of a shape by a BVH.
     pub(crate) bvhs: [bool; ShapeKind::ALL.len()],
+    /// Of boxes, if rays do not find them by a BVH, and of CSG boxes.
+    pub(crate) box_clusters: Clusters,
+    pub(crate) csg_clusters: Clusters,
     /// Some CSG box has a cone's exterior.
     pub(crate) has_csg_cone: bool,
     /// Some material has a dielectric coat.
@@ -223,6 +227,15 @@ pub(crate) struct Features {
 }
 
 impl Features {
+    /// Of a shape that has some.
+    pub(crate) fn clusters(&self, shape: ShapeKind) -> Clusters {
+        match shape {
+            ShapeKind::Box => self.box_clusters,
+            ShapeKind::CsgFace => self.csg_clusters,
+            _ => Clusters::NONE,
+        }
+    }
+
     /// What `scene` requires, its arrays in constant memory.
     pub(crate) fn new(scene: &CompiledScene) -> Self {
         let any = |has: fn(&MaterialData) -> bool| scene.materials.iter().any(has);
@@ -258,6 +271,11 @@ impl Features {
             punctual_halves: punctual_halves(scene),
             materials: scene.materials.len().max(1) as u32,
             bvhs: ShapeKind::ALL.map(|shape| bvh(scene, shape).is_some()),
+            box_clusters: match bvh(scene, ShapeKind::Box) {
+                Some(_) => Clusters::NONE,
+                None => scene.box_clusters,
+            },
+            csg_clusters: scene.csg_clusters,
             has_csg_cone: scene.csg_faces.iter().any(|face| {
                 matches!(
                     face.kind,

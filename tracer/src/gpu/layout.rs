@@ -3,7 +3,10 @@
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
 
+use crate::bvh::Bounds;
 use crate::bvh::{BvhNode, LEAF, leaves};
+use crate::compiled::all_bounds;
+use crate::compiled::clusters::Clusters;
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CompiledScene, CsgBoxData, CsgFaceData, DiscData,
     EmissiveSurfaceData, MaterialData, PunctualLightData, RectangleData, ShapeKind, SphereData,
@@ -165,8 +168,7 @@ impl SphereLeaf {
 }
 
 impl BoxBound {
-    fn new((min, max): ([f32; 3], [f32; 3]), farthest: f32) -> Self {
-        let (min, max) = (Vec3::from(min), Vec3::from(max));
+    fn new(Bounds { min, max }: Bounds, farthest: f32) -> Self {
         let center = 0.5 * (min + max);
         let half = (max - center).max(center - min) + BOX_SLACK * farthest;
         Self {
@@ -224,7 +226,7 @@ fn finders_bytes(features: &Features, shape: ShapeKind) -> usize {
         };
         return (leaves - 1) * size_of::<BvhNodeData>() + leaves * leaf_bytes;
     }
-    count
+    (count + features.clusters(shape).len())
         * match shape {
             ShapeKind::Sphere => size_of::<SphereBound>(),
             ShapeKind::Box | ShapeKind::CsgFace => size_of::<BoxBound>(),
@@ -329,22 +331,18 @@ fn finders(scene: &CompiledScene, shape: ShapeKind) -> Vec<u8> {
             let bounds: Vec<_> = scene.spheres.iter().map(SphereBound::new).collect();
             cast_slice(&bounds).to_vec()
         }
-        ShapeKind::Box => box_bounds(scene, scene.boxes.iter().map(|data| (data.min, data.max))),
-        ShapeKind::CsgFace => box_bounds(
-            scene,
-            scene.csg_boxes.iter().map(|data| (data.min, data.max)),
-        ),
+        ShapeKind::Box => box_bounds(scene, all_bounds(&scene.boxes), scene.box_clusters),
+        ShapeKind::CsgFace => box_bounds(scene, all_bounds(&scene.csg_boxes), scene.csg_clusters),
         ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Triangle => Vec::new(),
     }
 }
 
-/// The [`BoxBound`]s of boxes with these corners.
-fn box_bounds(
-    scene: &CompiledScene,
-    corners: impl Iterator<Item = ([f32; 3], [f32; 3])>,
-) -> Vec<u8> {
+/// The [`BoxBound`]s of boxes, and those of their clusters.
+fn box_bounds(scene: &CompiledScene, boxes: Vec<Bounds>, clusters: Clusters) -> Vec<u8> {
     let farthest = coplanar::farthest(scene);
-    let bounds: Vec<_> = corners.map(|of| BoxBound::new(of, farthest)).collect();
+    let of_clusters = clusters.bounds(&boxes);
+    let all = boxes.into_iter().chain(of_clusters);
+    let bounds: Vec<_> = all.map(|of| BoxBound::new(of, farthest)).collect();
     cast_slice(&bounds).to_vec()
 }
 

@@ -55,6 +55,7 @@ pub(crate) fn source(features: &Features) -> String {
     }
     for shape in features.shapes() {
         text += &find_part(shape, features.has_bvh(shape));
+        text += &candidates(features, shape);
     }
     text += &copies_declaration(&copies);
     text += &traverse(features);
@@ -572,6 +573,42 @@ fn scene_declaration(features: &Features) -> String {
     text
 }
 
+/// The function that tests the bounds of 32 boxes or CSG boxes, and those of clusters before their own.
+fn candidates(features: &Features, shape: ShapeKind) -> String {
+    let (name, count) = match shape {
+        ShapeKind::Box if !features.has_bvh(shape) => ("box", features.boxes),
+        ShapeKind::CsgFace => ("csg_box", features.csg_boxes),
+        _ => return String::new(),
+    };
+    let mut text = format!(
+        "// Bit i is set if the ray may meet box `first + i` before `t_max`.\n\
+         fn {name}_candidates(prepared: PreparedRay, first: u32, t_max: f32) -> u32 {{\n    \
+         var candidates = 0u;\n"
+    );
+    let each = |from: &str, to: &str| {
+        format!(
+            "    for (var i = {from}; i < {to}; i++) {{\n        \
+             let may_meet = may_meet_box(prepared, scene.{name}_bounds[first + i], t_max);\n        \
+             candidates |= select(0u, 1u << i, may_meet);\n    }}\n"
+        )
+    };
+    let clusters = features.clusters(shape);
+    let mut next = 0;
+    for (index, range) in clusters.ranges().enumerate() {
+        let bound = count as usize + index;
+        text += &each(&format!("{next}u"), &format!("{}u", range.start));
+        _ = writeln!(
+            text,
+            "    if (may_meet_box(prepared, scene.{name}_bounds[{bound}], t_max)) {{"
+        );
+        text += &each(&format!("{}u", range.start), &format!("{}u", range.end));
+        text += "    }\n";
+        next = range.end;
+    }
+    text += &each(&format!("{next}u"), &format!("min({count}u - first, 32u)"));
+    text + "    return candidates;\n}\n"
+}
+
 /// What rays find the primitives of a shape by.
 fn finders_declaration(features: &Features, shape: ShapeKind) -> String {
     let (name, count) = (shape.function(), features.count(shape));
@@ -584,11 +621,12 @@ fn finders_declaration(features: &Features, shape: ShapeKind) -> String {
              {name}_leaves: array<{leaf}, {leaves}>,\n"
         );
     }
+    let clusters = features.clusters(shape).len() as u32;
     if shape == ShapeKind::CsgFace {
-        let count = features.csg_boxes;
+        let count = features.csg_boxes + clusters;
         return format!("    csg_box_bounds: array<BoxBound, {count}>,\n");
     }
-    let bound = shape.bound();
+    let (bound, count) = (shape.bound(), count + clusters);
     bound.map_or_else(String::new, |bound| {
         format!("    {name}_bounds: array<{bound}, {count}>,\n")
     })
@@ -1026,9 +1064,12 @@ fn material_of(features: &Features) -> String {
 mod tests {
     use std::mem::offset_of;
 
+    use glam::Vec3;
     use naga::valid::{Capabilities, ValidationFlags, Validator};
 
     use super::*;
+    use crate::bvh::Bounds;
+    use crate::compiled::clusters::Clusters;
     use crate::compiled::{
         AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData,
         EmissiveSurfaceData, LayerTextureData, MaterialData, PunctualLightData, RectangleData,
@@ -1072,6 +1113,8 @@ mod tests {
         has_stripe: true,
         has_number: true,
         has_number_disc: true,
+        box_clusters: Clusters::NONE,
+        csg_clusters: Clusters::NONE,
         has_csg_cone: true,
         has_wood: true,
         has_sheen: true,
@@ -1155,6 +1198,8 @@ mod tests {
                 has_stripe: i % 3 == 0,
                 has_number: i % 11 < 6,
                 has_number_disc: i % 11 < 3,
+                box_clusters: Clusters::NONE,
+                csg_clusters: Clusters::NONE,
                 has_csg_cone: i % 7 < 3,
                 has_wood: i % 13 < 7,
                 has_sheen: i % 17 < 8,
@@ -1200,9 +1245,27 @@ mod tests {
         }
     }
 
+    /// With clusters of boxes and of CSG boxes.
+    fn clustered() -> Features {
+        let far = |x: u8| Bounds {
+            min: Vec3::new(50.0, f32::from(x), 0.0),
+            max: Vec3::new(51.0, f32::from(x) + 1.0, 1.0),
+        };
+        let boxes: Vec<_> = (0..9).map(far).collect();
+        let clusters = Clusters::new(&boxes, Vec3::ZERO);
+        assert_eq!(clusters.len(), 1);
+        Features {
+            boxes: 9,
+            box_clusters: clusters,
+            csg_boxes: 9,
+            csg_clusters: clusters,
+            ..ALL
+        }
+    }
+
     #[test]
     fn kernels_are_valid_and_scenes_have_their_size() {
-        for features in variants() {
+        for features in variants().chain([clustered()]) {
             let module = validated(&features);
             let (_, span) = structure(&module, "SceneData");
             assert_eq!(u64::from(span), scene_bytes_len(&features), "{features:?}");

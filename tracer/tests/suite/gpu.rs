@@ -9,10 +9,13 @@ use std::thread;
 
 use carom_tracer::gpu::AdapterChoice;
 use carom_tracer::{
-    CompiledScene, CpuTracer, Error, GpuTracer, ImageSize, Object, ObjectPose, RenderSettings,
-    ScalarTracer, Scene, SceneUpdate, Shape, Tile, TileGrid, TraceJob, TraceStats, Tracer,
+    Axis, CompiledScene, CpuTracer, CsgSolid, Error, GpuTracer, ImageSize, Object, ObjectPose,
+    RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Tile, TileGrid, TraceJob, TraceStats,
+    Tracer,
 };
 use glam::{Quat, Vec3};
+
+use crate::scenes::{diffuse, plastic, still_life, subtraction, with};
 
 static GPU: LazyLock<Result<GpuTracer, Error>> =
     LazyLock::new(|| GpuTracer::new(&AdapterChoice::Any));
@@ -151,6 +154,36 @@ fn bvh_of_balls_agrees_with_scalar_per_sample() {
     let picture = whole(gpu, &scene, size, settings(1));
     let truth = whole(&ScalarTracer, &scene, size, settings(1));
     assert_agrees_but_for(0.02, &picture, &truth);
+}
+
+/// Pillars and boxes that lie together, far from balls among which rays begin: their bounds are tested before them.
+#[test]
+fn clusters_of_boxes_agree_with_scalar_per_sample() {
+    let Some(gpu) = gpu() else { return };
+    let mut scene = still_life();
+    for place in 0..12_u8 {
+        let min = Vec3::new(0.3 * f32::from(place) - 1.8, 2.5, 0.0);
+        let max = min + Vec3::new(0.2, 0.3, 0.2 + 0.1 * f32::from(place));
+        scene = with(scene, diffuse(0.7), Shape::Box { min, max });
+        let (min, max) = (min + 1.2 * Vec3::Y, max + 1.2 * Vec3::Y + Vec3::Z);
+        let post = CsgSolid::ConeExterior {
+            axis: Axis::Z,
+            center: 0.5 * (min + max),
+            radius: 0.1,
+            taper: 0.02,
+            beyond: Vec3::ZERO,
+        };
+        let shape = Shape::CsgBox {
+            min,
+            max,
+            subtractions: vec![subtraction(post, None)],
+        };
+        scene = with(scene, plastic(0.5, 1.5), shape);
+    }
+    let (scene, size) = (compiled(&scene), ImageSize::new(96, 54));
+    let picture = whole(gpu, &scene, size, settings(2));
+    let truth = whole(&ScalarTracer, &scene, size, settings(2));
+    assert_agrees(&picture, &truth);
 }
 
 #[test]

@@ -52,7 +52,7 @@ fn cushions_stand_where_balls_meet_them() {
             let direction = -angle.cos() * nose.normal().extend(0.0) + angle.sin() * DVec3::Z;
             met(&scene, center, direction).distance(center)
         };
-        let nearest = (0..200).map(|step| distance(0.003 * f64::from(step)));
+        let nearest = (0..100).map(|step| distance(0.003 * f64::from(step)));
         let nearest = nearest.fold(f64::INFINITY, f64::min);
         assert!((nearest - radius).abs() < 1e-6, "{nearest}");
         // Under the nose the cushion draws back.

@@ -190,11 +190,7 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
 // Each thread walks through the few CSG boxes that its own ray may meet.
 fn nearest_csg_face(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     for (var first = 0u; first < CSG_BOX_COUNT; first += 32u) {
-        var candidates = 0u;
-        for (var i = 0u; i < min(CSG_BOX_COUNT - first, 32u); i++) {
-            let may_meet = may_meet_box(prepared, scene.csg_box_bounds[first + i], (*hit).t);
-            candidates |= select(0u, 1u << i, may_meet);
-        }
+        var candidates = csg_box_candidates(prepared, first, (*hit).t);
         while (candidates != 0u) {
             let i = first + firstTrailingBit(candidates);
             candidates &= candidates - 1u;
