@@ -142,7 +142,7 @@ fn tangent_normal(from: Vec2, middle: Vec2, sign: f32) -> Vec2 {
     let sin = NOSE_RADIUS_M / to.length();
     let across = Vec2::new(to.y, -to.x) * sign / to.length();
     let along = to / to.length();
-    across * (1.0 - sin * sin).sqrt() - along * sin
+    across * (1.0 - sin * sin).max(0.0).sqrt() - along * sin
 }
 
 /// Whether a subtraction takes something from a box.
