@@ -1,5 +1,6 @@
 //! A scene as flat plain-old-data arrays: the bytes that both back ends read.
 
+#[cfg(feature = "gpu")]
 pub(crate) mod clusters;
 mod cone;
 mod data;
@@ -20,6 +21,7 @@ use std::sync::OnceLock;
 use bytemuck::Zeroable as _;
 use glam::{DVec3, Quat, U16Vec3, Vec3, Vec3Swizzles as _};
 
+#[cfg(feature = "gpu")]
 use self::clusters::Clusters;
 use self::cone::Cone;
 pub use self::data::{
@@ -94,8 +96,10 @@ pub struct CompiledScene {
     /// Of each shape as it is now, once somebody has asked for it.
     bvhs: [OnceLock<Option<Bvh>>; ShapeKind::ALL.len()],
     /// Of the boxes.
+    #[cfg(feature = "gpu")]
     pub(crate) box_clusters: Clusters,
     /// Of the CSG boxes.
+    #[cfg(feature = "gpu")]
     pub(crate) csg_clusters: Clusters,
     /// The spheres as the scene has them: what an update starts from.
     base_spheres: Vec<SphereData>,
@@ -235,7 +239,9 @@ impl CompiledScene {
             primitives: Vec::with_capacity(scene.objects.len()),
             bvh_use: BvhUse::default(),
             bvhs: Default::default(),
+            #[cfg(feature = "gpu")]
             box_clusters: Clusters::NONE,
+            #[cfg(feature = "gpu")]
             csg_clusters: Clusters::NONE,
             base_spheres: Vec::new(),
             cones: Vec::new(),
@@ -256,23 +262,21 @@ impl CompiledScene {
             compiled.spheres[index].allows_refracted_nee = compiled.allows_refracted_nee(index);
         }
         compiled.base_spheres.clone_from(&compiled.spheres);
-        let middle = compiled.middle_of_spheres();
-        compiled.box_clusters = Clusters::new(&all_bounds(&compiled.boxes), middle);
-        compiled.csg_clusters = Clusters::new(&all_bounds(&compiled.csg_boxes), middle);
+        #[cfg(feature = "gpu")]
+        compiled.find_clusters();
         Ok(compiled)
     }
 
-    /// Of what is looked at, if there are none.
-    fn middle_of_spheres(&self) -> Vec3 {
-        let sum: Vec3 = self
-            .spheres
-            .iter()
-            .map(|ball| Vec3::from(ball.center))
-            .sum();
-        match self.spheres.len() {
+    /// For rays from the middle of the spheres; without any, from what is looked at.
+    #[cfg(feature = "gpu")]
+    fn find_clusters(&mut self) {
+        let centers = self.spheres.iter().map(|ball| Vec3::from(ball.center));
+        let middle = match self.spheres.len() {
             0 => self.camera.target,
-            count => sum / count as f32,
-        }
+            count => centers.sum::<Vec3>() / count as f32,
+        };
+        self.box_clusters = Clusters::new(&all_bounds(&self.boxes), middle);
+        self.csg_clusters = Clusters::new(&all_bounds(&self.csg_boxes), middle);
     }
 
     #[expect(clippy::too_many_lines, reason = "one arm for each shape")]
@@ -741,6 +745,7 @@ pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
 const PARTICLE_SLOTS_MIN: usize = 1024;
 
 /// The bounds of primitives.
+#[cfg(feature = "gpu")]
 pub(crate) fn all_bounds<T>(all: &[T]) -> Vec<Bounds>
 where
     for<'a> Bounds: From<&'a T>,

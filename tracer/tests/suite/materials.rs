@@ -12,7 +12,7 @@ use carom_tracer::{
     Axis, CompiledScene, CsgSolid, ImageSize, Material, Medium, ObjectPose, RadianceImage,
     RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Tile, Tracer,
 };
-use glam::{DVec3, Quat, Vec3};
+use glam::{DVec3, Quat, Vec3, Vec3Swizzles as _};
 
 use crate::scenes::{
     furnace, glass, glass_box, gold, object, subtraction, textured_still_life, white_csg_block,
@@ -384,61 +384,40 @@ fn ray_into_box(min: Vec3, max: Vec3, i: u32) -> Ray {
     }
 }
 
+type Turn = fn(Vec3) -> Vec3;
+
 /// Marches along rays in small steps until they are in what the subtractions leave.
 #[test]
 fn cones_are_hit_where_ray_marching_finds_them() {
     const STEP: f64 = 2e-4;
-    let round = |axis, center: Vec3, radius, taper, beyond| {
+    let cone = (Vec3::new(0.1, 0.0, -0.1), 0.2, -0.4, Vec3::ZERO);
+    let apex = (Vec3::new(-0.1, 0.1, 0.0), 0.15, 1.0, Vec3::ZERO);
+    let beyond = Vec3::new(0.05, -0.05, 7.0);
+    let edge = (Vec3::new(0.2, -0.1, 0.0), 0.1, 0.0, beyond);
+    let open_edge = (Vec3::new(0.1, 0.05, 0.0), 0.1, 0.0, beyond);
+    // How vectors with z along the axis lie in the world, and back.
+    let axes: [(Axis, Turn, Turn); 3] = [
+        (Axis::X, Vec3::zxy, Vec3::yzx),
+        (Axis::Y, Vec3::yzx, Vec3::zxy),
+        (Axis::Z, |v| v, |v| v),
+    ];
+    let all = axes
+        .into_iter()
+        .flat_map(|axis| [cone, apex, edge, open_edge].map(|cone| (axis, cone)));
+    for ((axis, to_world, from_world), (center, radius, taper, beyond)) in all {
         let solid = CsgSolid::ConeExterior {
             axis,
-            center,
+            center: to_world(center),
             radius,
             taper,
-            beyond,
+            beyond: to_world(beyond),
         };
-        subtraction(solid, None)
-    };
-    let cone = round(Axis::Z, Vec3::new(0.1, 0.0, -0.1), 0.2, -0.4, Vec3::ZERO);
-    let apex = round(Axis::Z, Vec3::new(-0.1, 0.1, 0.0), 0.15, 1.0, Vec3::ZERO);
-    let beyond = Vec3::new(0.05, -0.05, 7.0);
-    let edge = round(Axis::Z, Vec3::new(0.2, -0.1, 0.0), 0.1, 0.0, beyond);
-    let along_x = round(Axis::X, Vec3::new(-0.1, 0.05, 0.1), 0.15, 0.3, Vec3::ZERO);
-    let beyond = Vec3::new(7.0, 0.04, 0.06);
-    let edge_along_x = round(Axis::X, Vec3::new(0.0, 0.1, 0.3), 0.1, 0.0, beyond);
-    let along_y = round(Axis::Y, Vec3::new(0.05, 0.1, 0.1), 0.15, -0.3, Vec3::ZERO);
-    let beyond = Vec3::new(-0.04, 7.0, 0.06);
-    let edge_along_y = round(Axis::Y, Vec3::new(-0.1, 0.0, 0.3), 0.1, 0.0, beyond);
-    let all = [
-        cone,
-        apex,
-        edge,
-        along_x,
-        edge_along_x,
-        along_y,
-        edge_along_y,
-    ];
-    for subtraction in all {
-        let CsgSolid::ConeExterior {
-            axis,
-            center,
-            radius,
-            taper,
-            beyond,
-        } = subtraction.solid
-        else {
-            panic!("all are cones")
-        };
-        let (min, max) = (Vec3::new(-0.3, -0.2, -0.5), Vec3::new(0.3, 0.2, 0.5));
-        let axis = match axis {
-            Axis::X => Vec3::X,
-            Axis::Y => Vec3::Y,
-            Axis::Z => Vec3::Z,
-        };
+        let subtraction = subtraction(solid, None);
+        let [min, max] = [Vec3::new(-0.3, -0.2, -0.5), Vec3::new(0.3, 0.2, 0.5)].map(to_world);
         let is_body = |p: Vec3| {
-            let along = (p - center).dot(axis);
-            let from_axis = p - center - along * axis;
-            let beyond = beyond.reject_from(axis);
-            let is_outside = from_axis.length() > radius + taper * along;
+            let from_center = from_world(p) - center;
+            let (from_axis, beyond) = (from_center.truncate(), beyond.truncate());
+            let is_outside = from_axis.length() > radius + taper * from_center.z;
             let is_cut = is_outside && from_axis.dot(beyond) >= beyond.length_squared();
             p.cmpge(min).all() && p.cmple(max).all() && !is_cut
         };
