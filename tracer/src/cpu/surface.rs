@@ -18,7 +18,6 @@ use crate::compiled::{
     CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CompiledScene, KIND_DIELECTRIC, KIND_LAYERED,
     KIND_METALLIC_ROUGHNESS, MaterialData, PATTERN_NONE, ShapeKind,
 };
-use crate::scene::validate::CSG_MARGIN_M;
 
 /// One row of numbers per primitive that scatters, in the order of ids; after them one per material, for
 /// triangles.
@@ -538,7 +537,8 @@ fn round_normal<S: Simd>(
     normal
 }
 
-/// The normal of a cone's exterior about the third axis, on the cone or, off it, on the plane that it begins beyond.
+/// The normal of a cone's exterior about the third axis, on the cone or on the plane that it begins beyond, whichever
+/// is nearer.
 #[inline(always)]
 fn cone_normal<S: Simd>(position: Vec3x<S>, first: Vec3x<S>, second: Vec3x<S>) -> Vec3x<S> {
     let (x, y) = (position.x - first.x, position.y - first.y);
@@ -546,7 +546,10 @@ fn cone_normal<S: Simd>(position: Vec3x<S>, first: Vec3x<S>, second: Vec3x<S>) -
     let (across, taper) = (1.0 / from_axis, second.x);
     let on_cone = Vec3x::new(x * across, y * across, -taper);
     let on_plane = Vec3x::new(second.y, second.z, taper * 0.0);
-    let plane = from_axis.simd_gt(position.z.mul_add(taper, first.z + CSG_MARGIN_M));
+    let off_cone = from_axis - position.z.mul_add(taper, first.z);
+    let beyond_squared = second.y.mul_add(second.y, second.z * second.z);
+    let off_plane = x.mul_add(second.y, y * second.z) - beyond_squared;
+    let plane = (off_plane * off_plane).simd_lt(off_cone * off_cone * beyond_squared);
     let outwards = Vec3x::select(plane, on_plane, on_cone);
     outwards * (1.0 / outwards.length_squared().sqrt())
 }

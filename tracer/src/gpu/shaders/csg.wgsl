@@ -214,8 +214,10 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     } else if (HAS_CSG_CONE && (kind == CSG_FACE_CONE_X || kind == CSG_FACE_CONE_Y || kind == CSG_FACE_CONE_Z)) {
         let p = axis_last(kind, position);
         let from_axis = p.xy - a.xy;
-        // Off the cone it is the plane that has been met.
-        let is_plane = length(from_axis) > fma(p.z, b.x, a.z) + CSG_MARGIN_M;
+        // The cone or the plane, whichever is nearer.
+        let off_cone = length(from_axis) - fma(p.z, b.x, a.z);
+        let off_plane = dot(from_axis, b.yz) - dot(b.yz, b.yz);
+        let is_plane = off_plane * off_plane < off_cone * off_cone * dot(b.yz, b.yz);
         let n = select(vec3f(normalize(from_axis), -b.x), vec3f(b.yz, 0.0), is_plane);
         normal = axis_in_place(kind, normalize(n));
     } else if (HAS_CSG_CONE && kind == CSG_FACE_APEX_CONE) {
