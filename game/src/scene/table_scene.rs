@@ -189,7 +189,10 @@ mod tests {
     #[test]
     fn balls_are_drawn_where_they_lie_and_those_off_the_table_are_not() {
         let table_scene = TableScene::room(BallSet::Classic);
-        let poses = [pose(0, 0.25, true), pose(9, -0.5, false)];
+        let pocket = &table_scene.table.pockets()[0];
+        let mut potted = pose(3, 0.0, false);
+        potted.position = pocket.center.extend(-0.1);
+        let poses = [pose(0, 0.25, true), potted, pose(9, -0.5, false)];
         let update = table_scene.update(table_scene.scene().camera, &poses, None);
         let mut compiled = CompiledScene::new(table_scene.scene()).unwrap();
         compiled.apply(&update).unwrap();
@@ -198,8 +201,11 @@ mod tests {
             .iter()
             .filter(|ball| ball.radius > 0.0)
             .collect();
-        assert_eq!(visible.len(), 1);
+        assert_eq!(visible.len(), 2);
         assert!(table_scene.cue.is_some());
         assert_eq!(visible[0].center, [0.25, 0.1, 0.028575]);
+        let in_pocket = Vec3::from(visible[1].center).as_dvec3();
+        assert!(in_pocket.truncate().distance(pocket.center) < pocket.radius_m);
+        assert!(in_pocket.z < -0.1, "{in_pocket}");
     }
 }

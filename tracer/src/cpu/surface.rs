@@ -20,7 +20,7 @@ use crate::compiled::{
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids; after them one per material, for
-/// triangles.
+/// triangles, and one per ball, for the discs with their numbers.
 pub(super) struct Surfaces {
     rows: Vec<SurfaceRow>,
     /// How many balls have another row for the discs with their numbers; 0 if none needs it.

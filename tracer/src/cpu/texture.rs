@@ -110,12 +110,7 @@ fn in_circle<S: Simd>(simd: S, rows: &Rows<'_, 16>, n: Vec3x<S>) -> (Float<S>, F
     let (axis, up) = (rows.triple(simd, AXIS), rows.triple(simd, UP));
     let one = Float::splat(simd, 1.0);
     let side = one.copysign(n.dot(axis));
-    let right = Vec3x::new(
-        up.y * axis.z - up.z * axis.y,
-        up.z * axis.x - up.x * axis.z,
-        up.x * axis.y - up.y * axis.x,
-    );
-    let x = n.dot(right) * side * (1.0 / CIRCLE_SINE);
+    let x = n.dot(up.cross(axis)) * side * (1.0 / CIRCLE_SINE);
     (x, n.dot(up) * (1.0 / CIRCLE_SINE))
 }
 

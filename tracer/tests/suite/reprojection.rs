@@ -194,15 +194,17 @@ fn last_frames(
     (scene, last)
 }
 
+/// The errors of [`last_frames`] of single samples.
+fn last_errors(updates: impl Iterator<Item = SceneUpdate>) -> [f64; 2] {
+    let (scene, frames) = last_frames(1, updates);
+    let truth = frame(&scene, 256, 0);
+    frames.map(|frame| difference(&frame, &truth))
+}
+
 #[test]
 fn a_still_view_becomes_the_mean_of_its_frames() {
     let updates = std::iter::repeat_n(SceneUpdate::default(), 8);
-    let (scene, [single, accumulated]) = last_frames(1, updates);
-    let truth = frame(&scene, 256, 0);
-    let (single, accumulated) = (
-        difference(&single, &truth),
-        difference(&accumulated, &truth),
-    );
+    let [single, accumulated] = last_errors(updates);
     assert!(accumulated < 0.7 * single, "{accumulated} of {single}");
 }
 
@@ -217,12 +219,7 @@ fn a_turning_view_is_nearer_to_the_truth_than_its_single_frames() {
             ..SceneUpdate::default()
         }
     });
-    let (scene, [single, accumulated]) = last_frames(1, updates);
-    let truth = frame(&scene, 256, 0);
-    let (single, accumulated) = (
-        difference(&single, &truth),
-        difference(&accumulated, &truth),
-    );
+    let [single, accumulated] = last_errors(updates);
     assert!(accumulated < 0.85 * single, "{accumulated} of {single}");
 }
 

@@ -175,7 +175,7 @@ fn beyond(point: Vec3, normal: Vec3) -> Subtraction {
 /// Where tables without rails of their own get some.
 const CUSHION_M: f64 = 0.05;
 const RAIL_M: f64 = 0.18;
-/// From the cloth to the floor of the pockets, under which the frame ends.
+/// From the cloth down to the floor of the pockets.
 pub(super) const POCKET_DEPTH_M: f32 = 0.165;
 /// How far the frame reaches below the cloth.
 const APRON_M: f32 = 0.17;
