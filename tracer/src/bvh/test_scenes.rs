@@ -102,7 +102,11 @@ fn shape(of: ShapeKind, kind: Arrangement, (center, radius): (Vec3, f32), i: u32
             half_u: radius * u,
             half_v: radius * (0.5 + 0.5 * d) * v,
         },
-        ShapeKind::CsgFace => panic!("faces have no BVH"),
+        ShapeKind::CsgFace => Shape::CsgBox {
+            min: center - radius,
+            max: center + radius,
+            subtractions: Vec::new(),
+        },
         ShapeKind::Triangle => {
             let corners = [u, v, -0.5 * u - d * v].map(|corner| radius * corner);
             Mesh::new(corners.into(), vec![[0, 1, 2]]).at(center).into()

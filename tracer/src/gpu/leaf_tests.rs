@@ -52,7 +52,7 @@ fn run_on(
     let memory = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE;
     let text = shader::source(&features) + ENTRY + body + "}";
     let mesh = (features.triangles > 0).then(|| layout::mesh_bytes(scene));
-    let scene = scene_bytes(scene, ImageSize::new(1, 1)).unwrap();
+    let scene = scene_bytes(scene, ImageSize::new(EDGE, EDGE)).unwrap();
     let bytes = 16 * count as u64;
     let (commands, readback) = device
         .guarded(|wgpu| {
@@ -95,6 +95,9 @@ fn run_on(
     let view = readback.slice(..).get_mapped_range().unwrap();
     pod_collect_to_vec(&view)
 }
+
+/// Pixels across and down the image of a scene's camera.
+const EDGE: u32 = 64;
 
 const ENTRY: &str = "
 @group(0) @binding(7) var<storage, read> leaf_input: array<u32>;
@@ -669,5 +672,70 @@ fn no_ray_passes_an_edge_or_a_corner_of_a_closed_mesh() {
         };
         let missed = hits.iter().filter(|hit| hit[0] == u32::MAX).count();
         assert_eq!(missed, 0, "{bvh_use:?}: of {count}");
+    }
+}
+
+/// What the camera rays of a block meet among the primitives in its frustum is what they meet among all, seen wide and
+/// through a telescope, with and without a lens, and far from the origin.
+#[test]
+fn camera_rays_meet_the_same_in_their_frustum() {
+    use crate::bvh::test_scenes::{Arrangement, test_scene};
+    use crate::compiled::{BvhUse, ShapeKind};
+    const COUNT: usize = (EDGE * EDGE) as usize;
+    const PRIMITIVES: u32 = 150;
+    let body = format!(
+        "
+        let block = vec2u(i / 64u % {0}u, i / 64u / {0}u);
+        let pixel = 8u * block + vec2u(i % 8u, i / 8u % 8u);
+        list_primitives(Place(pixel.x, pixel.y, 0u, 0u, true), i % 64u);
+        let film = vec2f(pixel) + vec2f(number(2u * i), number(2u * i + 1u));
+        let camera = scene.header.camera;
+        let direction = camera.corner + film.x * camera.dx + film.y * camera.dy;
+        let ray = Ray(camera.eye, direction / length(direction));
+        let hit = nearest(ray, NO_PRIMITIVE);
+        let found = nearest_of_camera_ray(ray, 0u);
+        var count = 0u;
+        for (var word = 0u; word < LIST_WORDS; word++) {{ count += countOneBits(listed(0u, word)); }}
+        let is_same = hit.primitive == found.primitive && hit.t == found.t;
+        result(i, vec4u(u32(is_same), hit.primitive, found.primitive, count));",
+        EDGE / 8
+    );
+    let Some(device) = device() else {
+        return;
+    };
+    // Corners of pixels, too.
+    let jitter = (0..COUNT).flat_map(|i| {
+        let [x, y, is_corner, _] = random(i);
+        [x, y].map(|at| if is_corner < 0.2 { at.round() } else { at } as f32)
+    });
+    let input: Vec<u32> = jitter.map(f32::to_bits).collect();
+    let views = [(40.0, 3.0), (170.0, 0.5), (1.0, 100.0), (1e-2, 1e4)];
+    for shape in [ShapeKind::Sphere, ShapeKind::Box, ShapeKind::CsgFace] {
+        for arrangement in [Arrangement::Cloud, Arrangement::Far] {
+            let mut scene = test_scene(arrangement, shape, PRIMITIVES, 1);
+            scene.bvh_use = BvhUse::Never;
+            let target = scene.camera.target;
+            for ((fov_x_deg, distance), aperture_radius_m) in views
+                .into_iter()
+                .flat_map(|view| [(view, 0.0), (view, 0.1)])
+            {
+                scene.camera.eye = target + distance * Vec3::new(0.6, -0.5, 0.62).normalize();
+                scene.camera.fov_x_deg = fov_x_deg;
+                scene.camera.lens.aperture_radius_m = aperture_radius_m;
+                let results = run_on(&device, &scene, &body, &input, COUNT);
+                let of = format!("{shape:?}, {arrangement:?}, {fov_x_deg} degrees");
+                for (i, result) in results.iter().enumerate() {
+                    assert_eq!(result[0], 1, "{of}, ray {i}: {result:?}");
+                }
+                let hits = results.iter().filter(|hit| hit[1] != u32::MAX).count();
+                assert!(hits > COUNT / 50, "{of}: {hits} hits");
+                let listed: u32 = results.iter().map(|result| result[3]).sum();
+                let listed = f64::from(listed) / COUNT as f64 / f64::from(PRIMITIVES);
+                match aperture_radius_m > 0.0 {
+                    true => assert_eq!(listed, 1.0, "{of}, with a lens"),
+                    false => assert!(listed < 0.5, "{of}: {listed} of all listed"),
+                }
+            }
+        }
     }
 }

@@ -21,6 +21,7 @@ mod denoise;
 mod device;
 mod features;
 mod frame;
+mod frustum;
 mod image_buffers;
 mod layout;
 mod mesh_buffer;
@@ -202,7 +203,7 @@ impl GpuTracer {
             uniforms: Vec::new(),
         };
         let settings = &work.job.settings;
-        let step = chunk.samples_per_dispatch(limits);
+        let step = chunk.samples_per_dispatch(settings.samples, limits);
         let mut begin = 0;
         while begin < settings.samples {
             if work.job.cancelled.load(Ordering::Relaxed) {
@@ -439,6 +440,7 @@ mod tests {
         }
     }
 
+    /// More samples than workgroups of several blocks trace in a batch.
     fn trace(tracer: &GpuTracer) -> Result<(Vec<TileRadiance>, TraceStats), Error> {
         let scene = CompiledScene::new(&probe::scene())?;
         let tiles: Vec<_> = GRID.tiles(GRID.all()).collect();
@@ -446,7 +448,7 @@ mod tests {
             size: GRID.size,
             tiles: &tiles,
             settings: RenderSettings {
-                samples: 5,
+                samples: 37,
                 ..RenderSettings::default()
             },
             cancelled: &AtomicBool::new(false),

@@ -22,6 +22,11 @@ const LEARN_NANOS_MIN: f64 = 1e6;
 const FEMTOS_PER_WORK: u64 = 100_000;
 /// Blocks that fill a large GPU: 4096 × 64 pixels, 2000 threads on each of 132 processors.
 const CHUNK_BLOCKS_MIN: u32 = 4096;
+/// Blocks of which a dispatch takes some samples rather than a chunk some tiles: the end of a dispatch, where processors
+/// run out of work one by one, is short beside the rest of eight times what fills a GPU.
+const CHUNK_BLOCKS: u32 = 1 << 15;
+/// Samples that such a dispatch takes at least.
+const DISPATCH_SAMPLES_MIN: u32 = 8;
 /// Tiles of a chunk: their list stays small.
 const CHUNK_TILES_MAX: usize = 1 << 16;
 /// Pixels of a block.
@@ -118,8 +123,11 @@ impl Chunk {
         for tile in tiles[first..].iter().take(CHUNK_TILES_MAX) {
             let blocks = chunk.blocks + blocks(tile);
             let pixels = chunk.pixels + tile.pixels() as u64;
-            let work = u64::from(blocks) * BLOCK_PIXELS * u64::from(samples);
-            let is_long = work > limits.samples && blocks > CHUNK_BLOCKS_MIN;
+            let is_long = |samples: u32| {
+                u64::from(blocks) * BLOCK_PIXELS * u64::from(samples) > limits.samples
+            };
+            let is_long = is_long(samples.min(DISPATCH_SAMPLES_MIN)) && blocks > CHUNK_BLOCKS_MIN
+                || is_long(samples) && blocks > CHUNK_BLOCKS;
             if !chunk.entries.is_empty() && (is_long || pixels > limits.pixels) {
                 break;
             }
@@ -154,10 +162,11 @@ impl Chunk {
         self.tiles.end += 1;
     }
 
-    /// Samples of a dispatch over the whole chunk.
-    pub(crate) fn samples_per_dispatch(&self, limits: ChunkLimits) -> u32 {
-        let samples = limits.samples / (u64::from(self.blocks) * BLOCK_PIXELS).max(1);
-        samples.clamp(1, u64::from(limits.pixel_samples)) as u32
+    /// Samples of each dispatch over the whole chunk, about as many in all: so the last is no short one.
+    pub(crate) fn samples_per_dispatch(&self, samples: u32, limits: ChunkLimits) -> u32 {
+        let most = limits.samples / (u64::from(self.blocks) * BLOCK_PIXELS).max(1);
+        let most = most.clamp(1, u64::from(limits.pixel_samples)) as u32;
+        samples.div_ceil(samples.div_ceil(most).max(1))
     }
 }
 
@@ -195,7 +204,7 @@ mod tests {
             assert_eq!(chunk.tiles.start, next);
             next = chunk.tiles.end;
             assert!(chunk.pixels <= limits.pixels);
-            let dispatch = u64::from(chunk.samples_per_dispatch(limits)) * chunk.pixels;
+            let dispatch = u64::from(chunk.samples_per_dispatch(16, limits)) * chunk.pixels;
             assert!(dispatch <= limits.samples, "{dispatch}");
         }
         assert_eq!(next, tiles.len());
@@ -213,7 +222,7 @@ mod tests {
         };
         let chunk = Chunk::next(&tiles, 0, 16, limits);
         assert_eq!(chunk.tiles, 0..tiles.len());
-        assert!(chunk.samples_per_dispatch(limits) >= 16);
+        assert!(chunk.samples_per_dispatch(16, limits) >= 16);
     }
 
     #[test]
@@ -231,7 +240,7 @@ mod tests {
         };
         assert_eq!(chunks(&[tile; 3], 1000, limits).len(), 3);
         assert_eq!(
-            chunks(&[tile], 1000, limits)[0].samples_per_dispatch(limits),
+            chunks(&[tile], 1000, limits)[0].samples_per_dispatch(1000, limits),
             1
         );
     }
@@ -252,7 +261,10 @@ mod tests {
             samples: u64::MAX,
             pixel_samples,
         };
-        assert_eq!(chunk.samples_per_dispatch(limits), pixel_samples);
+        assert_eq!(
+            chunk.samples_per_dispatch(5 * pixel_samples, limits),
+            pixel_samples
+        );
         assert_eq!(software_samples(&settings, 1e5), 0);
     }
 

@@ -11,6 +11,7 @@ use crate::compiled::{
     ShapeKind, SphereData, TextureData, TriangleData, WRAP_CLAMP, WRAP_REPEAT,
 };
 use crate::gpu::features::{Features, KernelOutput, SceneMemory};
+use crate::gpu::frustum;
 use crate::gpu::layout::{
     BVH_LEAF, COUNTERS_BEFORE_TILES, ENVIRONMENT_BINDING, LISTED_PIXELS, MESH_BINDING,
     SPHERE_SLACK, TEXTURE_BINDING,
@@ -57,6 +58,7 @@ pub(crate) fn source(features: &Features) -> String {
         text += &find_part(shape, features.has_bvh(shape));
         text += &candidates(features, shape);
     }
+    text += &frustum::declaration(features);
     text += &copies_declaration(&copies);
     text += &traverse(features);
     text += &surface_at(features);
@@ -430,6 +432,7 @@ fn constants(features: &Features) -> String {
     text += &kinds();
     let floats = KernelOutput::Aovs.floats();
     _ = writeln!(text, "const AOV_FLOATS: u32 = {floats}u;");
+    _ = writeln!(text, "const FIRST_HITS: u32 = {}u;", features.first_hits());
     text += &texture::wgsl();
     text + &primitive_numbers(features)
 }
@@ -575,15 +578,23 @@ fn scene_declaration(features: &Features) -> String {
 
 /// The function that tests the bounds of 32 boxes or CSG boxes, and those of clusters before their own.
 fn candidates(features: &Features, shape: ShapeKind) -> String {
-    let (name, count) = match shape {
-        ShapeKind::Box if !features.has_bvh(shape) => ("box", features.boxes),
-        ShapeKind::CsgFace => ("csg_box", features.csg_boxes),
+    let (name, constant, count) = match shape {
+        ShapeKind::Box if !features.has_bvh(shape) => ("box", "BOX", features.boxes),
+        ShapeKind::CsgFace => ("csg_box", "CSG_BOX", features.csg_boxes),
         _ => return String::new(),
     };
     let mut text = format!(
         "// Bit i is set if the ray may meet box `first + i` before `t_max`.\n\
          fn {name}_candidates(prepared: PreparedRay, first: u32, t_max: f32) -> u32 {{\n    \
-         var candidates = 0u;\n"
+         var candidates = 0u;\n    \
+         if (prepared.block != NO_BLOCK) {{\n        \
+         var left = listed(prepared.block, {constant}_WORD + first / 32u);\n        \
+         while (left != 0u) {{\n            \
+         let i = firstTrailingBit(left);\n            \
+         left &= left - 1u;\n            \
+         let may_meet = may_meet_box(prepared, scene.{name}_bounds[first + i], t_max);\n            \
+         candidates |= select(0u, 1u << i, may_meet);\n        }}\n        \
+         return candidates;\n    }}\n"
     );
     let each = |from: &str, to: &str| {
         format!(
@@ -921,8 +932,7 @@ fn with_lit_cosine(part: &str, text: String) -> String {
 /// The nearest surface along a ray, and whether anything is in the way of one to an area light.
 fn traverse(features: &Features) -> String {
     let mut text = String::from(
-        "fn traverse(ray: Ray, start: u32, t_max: f32, is_shadow: bool, target_light: u32) -> Hit {\n    \
-         let prepared = prepare_ray(ray);\n    \
+        "fn traverse(prepared: PreparedRay, start: u32, t_max: f32, is_shadow: bool, target_light: u32) -> Hit {\n    \
          var hit = Hit(t_max, select(NO_PRIMITIVE, 0u, is_shadow));\n",
     );
     for shape in features.shapes() {
@@ -942,9 +952,11 @@ fn traverse(features: &Features) -> String {
     };
     text + "    return hit;\n}\n\
             fn nearest(ray: Ray, start: u32) -> Hit {\n    \
-            return traverse(ray, start, T_MISS, false, 0u);\n}\n\
+            return traverse(prepare_ray(ray), start, T_MISS, false, 0u);\n}\n\
+            fn nearest_of_camera_ray(ray: Ray, block: u32) -> Hit {\n    \
+            return traverse(prepare_camera_ray(ray, block), NO_PRIMITIVE, T_MISS, false, 0u);\n}\n\
             fn occluded(ray: Ray, start: u32, target_light: u32, t_max: f32) -> bool {\n    \
-            return traverse(ray, start, t_max, true, target_light).t < t_max;\n}\n"
+            return traverse(prepare_ray(ray), start, t_max, true, target_light).t < t_max;\n}\n"
 }
 
 fn surface_at(features: &Features) -> String {

@@ -283,7 +283,7 @@ impl RegionFrame<'_> {
         part: &'k TracedPart,
     ) -> Result<bool, Error> {
         let traced = self.filter_job.traced;
-        let step = traced.samples_per_dispatch(self.limits);
+        let step = traced.samples_per_dispatch(part.settings.samples, self.limits);
         for begin in (0..part.settings.samples).step_by(step as usize) {
             let end = begin.saturating_add(step).min(part.settings.samples);
             let samples = u64::from(end - begin) * traced.pixels;

@@ -15,13 +15,13 @@ fn place_in_list(index: u32) -> Place {
 }
 
 // Means over the pixel's samples.
-fn trace_aovs(x: u32, y: u32, pixel: u32) {
+fn trace_aovs(x: u32, y: u32, pixel: u32, block: u32) {
     var sum = Aovs(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
     if (job.sample_begin > 0u) {
         sum = aovs_at(pixel);
     }
     for (var index = job.sample_begin; index < job.sample_end; index++) {
-        let hit = first_hit(camera_path(x, y, job.first_sample + index).ray);
+        let hit = first_hit(camera_path(x, y, job.first_sample + index).ray, block);
         sum.albedo += hit.albedo;
         sum.normal += hit.normal;
         sum.inverse_depth += hit.inverse_depth;
@@ -40,9 +40,9 @@ fn aovs_at(pixel: u32) -> Aovs {
     return Aovs(film_numbers(first), film_numbers(first + 3u), film[first + 6u], film_numbers(first + 7u));
 }
 
-fn first_hit(ray: Ray) -> Aovs {
+fn first_hit(ray: Ray, block: u32) -> Aovs {
     var met = Aovs(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
-    let hit = nearest(ray, NO_PRIMITIVE);
+    let hit = nearest_of_camera_ray(ray, block);
     if (hit.primitive >= AREA_LIGHT_FIRST) {
         met.emission = emission(ray, hit);
         return met;

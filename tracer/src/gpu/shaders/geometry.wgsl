@@ -17,9 +17,17 @@ struct PreparedRay {
     along: f32,
     // (1 − SPHERE_SLACK) |origin|²
     power: f32,
+    // Of a camera ray its block of the workgroup, whose list has what it may meet; else `NO_BLOCK`.
+    block: u32,
 }
 
+const NO_BLOCK: u32 = 0xffffffffu;
+
 fn prepare_ray(ray: Ray) -> PreparedRay {
+    return prepare_camera_ray(ray, NO_BLOCK);
+}
+
+fn prepare_camera_ray(ray: Ray, block: u32) -> PreparedRay {
     let inverse = inverse_direction(ray.direction);
     return PreparedRay(
         ray,
@@ -28,6 +36,7 @@ fn prepare_ray(ray: Ray) -> PreparedRay {
         ray.origin * inverse,
         dot(ray.origin, ray.direction),
         dot(ray.origin, ray.origin) * (1.0 - SPHERE_SLACK),
+        block,
     );
 }
 

@@ -144,9 +144,9 @@ fn emission_of_hit(path: Path, met: Hit) -> vec3f {
     return path.beta * emission * emission_weight(met.primitive, material, path.ray.origin, met.t, cosine);
 }
 
-fn first_hit(ray: Ray) -> Aovs {
+fn first_hit(ray: Ray, block: u32) -> Aovs {
     texture_footprint = length(scene.header.camera.dx);
-    return plain_first_hit(ray);
+    return plain_first_hit(ray, block);
 }
 
 fn reflected_by(h: vec3f, wo: vec3f) -> vec3f {

@@ -80,7 +80,7 @@ fn trace_ray(path: ptr<function, Path>, hit: ptr<function, Hit>, state: u32, ray
         t_max = shadow.distance;
     }
     *rays += 1u;
-    let met = traverse(ray, start, t_max, is_shadow, shadow.target_light);
+    let met = traverse(prepare_ray(ray), start, t_max, is_shadow, shadow.target_light);
     if (!is_shadow) {
         *hit = met;
         return extend(path, met, rays);

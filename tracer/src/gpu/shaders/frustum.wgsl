@@ -1,0 +1,71 @@
+// Frustum culling: a list of the primitives that the camera rays of a block of 8 x 8 pixels may meet.
+
+// Bit i of a shape's words is set for its primitive i.
+var<workgroup> block_lists: array<atomic<u32>, LIST_WORDS * WORKGROUP_BLOCKS>;
+
+// Unit normals of four planes through the eye: the rays lie on the positive sides of all.
+struct Frustum {
+    left: vec3f,
+    right: vec3f,
+    top: vec3f,
+    bottom: vec3f,
+}
+
+// The bounds of a primitive, and its place in a list.
+struct ListedBound {
+    center: vec3f,
+    half: vec3f,
+    word: u32,
+    bit: u32,
+}
+
+// The frustum of the block whose first pixel is at `x`, `y`, a quarter of a pixel wider on each side.
+fn block_frustum(x: u32, y: u32) -> Frustum {
+    let camera = scene.header.camera;
+    let first = vec2f(f32(x), f32(y)) - 0.25;
+    let last = first + f32(BLOCK_EDGE) + 0.5;
+    let side = sign(dot(cross(camera.corner, camera.dy), camera.dx));
+    return Frustum(
+        side * normalize(cross(camera.corner + first.x * camera.dx, camera.dy)),
+        -side * normalize(cross(camera.corner + last.x * camera.dx, camera.dy)),
+        -side * normalize(cross(camera.corner + first.y * camera.dy, camera.dx)),
+        side * normalize(cross(camera.corner + last.y * camera.dy, camera.dx)),
+    );
+}
+
+// Whether some of a box may lie in a frustum.
+fn may_lie_in(frustum: Frustum, center: vec3f, half: vec3f) -> bool {
+    let to_center = center - scene.header.camera.eye;
+    let slack = FRUSTUM_SLACK * (largest(abs(to_center)) + largest(half));
+    let is_outside = reach(frustum.left, to_center, half) < -slack
+        || reach(frustum.right, to_center, half) < -slack
+        || reach(frustum.top, to_center, half) < -slack
+        || reach(frustum.bottom, to_center, half) < -slack;
+    return !is_outside;
+}
+
+// How far a box reaches along a normal.
+fn reach(normal: vec3f, center: vec3f, half: vec3f) -> f32 {
+    return dot(normal, center) + dot(abs(normal), half);
+}
+
+// Makes the list of a block, whose threads share the work. All threads of a workgroup call it.
+fn list_primitives(place: Place, thread: u32) {
+    let local = thread % BLOCK_PIXELS;
+    let frustum = block_frustum(place.x - local % BLOCK_EDGE, place.y - local / BLOCK_EDGE);
+    // Rays from a lens go through no common point.
+    let has_lens = scene.header.camera.lens_steps > 0.0;
+    let first_word = LIST_WORDS * (thread / BLOCK_PIXELS);
+    for (var i = local; i < LISTED_PRIMITIVES; i += BLOCK_PIXELS) {
+        let bound = listed_bound(i);
+        if (has_lens || may_lie_in(frustum, bound.center, bound.half)) {
+            atomicOr(&block_lists[first_word + bound.word], 1u << bound.bit);
+        }
+    }
+    workgroupBarrier();
+}
+
+// A word of a block's list.
+fn listed(block: u32, word: u32) -> u32 {
+    return atomicLoad(&block_lists[LIST_WORDS * block + word]);
+}
