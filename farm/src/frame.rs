@@ -38,8 +38,8 @@ pub struct Frame {
 /// Pixels in the format that was asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pixels {
-    /// [`PixelFormat::Srgb8`].
-    Srgb8(Vec<[u8; 3]>),
+    /// [`PixelFormat::Srgb8`], and 255 for opaque: as a window's texture takes them.
+    Srgb8(Vec<[u8; 4]>),
     /// [`PixelFormat::LinearF16`] and [`PixelFormat::LinearF32`].
     Linear(Vec<[f32; 3]>),
 }

@@ -32,7 +32,7 @@ impl FrameBuffer {
         let content = match format {
             _ if passes.count() > 1 => BufferContent::Sums(film::Film::new(size)),
             PixelFormat::Srgb8 { .. } => {
-                BufferContent::Pixels(Pixels::Srgb8(vec![[0; 3]; size.pixels()]))
+                BufferContent::Pixels(Pixels::Srgb8(vec![[0; 4]; size.pixels()]))
             }
             PixelFormat::LinearF16 | PixelFormat::LinearF32 => {
                 BufferContent::Pixels(Pixels::Linear(vec![[0.0; 3]; size.pixels()]))
@@ -109,6 +109,10 @@ impl FrameBuffer {
     /// The picture as it is: the mean of the samples that are there, black without any.
     pub(super) fn pixels(&self) -> Pixels {
         match &self.content {
+            BufferContent::Pixels(Pixels::Srgb8(pixels)) => {
+                let opaque = |&[r, g, b, _]: &[u8; 4]| [r, g, b, 255];
+                Pixels::Srgb8(pixels.iter().map(opaque).collect())
+            }
             BufferContent::Pixels(pixels) => pixels.clone(),
             BufferContent::Sums(sums) => Pixels::Linear(sums.image().pixels),
         }
@@ -126,10 +130,10 @@ impl FrameBuffer {
         let width = self.passes.grid.size.width as usize;
         match (&mut self.content, from) {
             (BufferContent::Pixels(Pixels::Srgb8(to)), TilePixels::Srgb8(from)) => {
-                copy_rows(to, width, tile, &from[start..]);
+                copy_rows(to, width, tile, &from[start..], |&[r, g, b]| [r, g, b, 255]);
             }
             (BufferContent::Pixels(Pixels::Linear(to)), TilePixels::Linear(from)) => {
-                copy_rows(to, width, tile, &from[start..]);
+                copy_rows(to, width, tile, &from[start..], |pixel| *pixel);
             }
             (BufferContent::Sums(sums), TilePixels::Linear(from)) => {
                 let samples = self.passes.samples(unit).len() as u32;
@@ -149,11 +153,19 @@ pub(super) fn is_finite(pixels: &TilePixels) -> bool {
     }
 }
 
-fn copy_rows<T: Copy>(to: &mut [T], image_width: usize, tile: Tile, from: &[T]) {
+fn copy_rows<From, To>(
+    to: &mut [To],
+    image_width: usize,
+    tile: Tile,
+    from: &[From],
+    pixel: impl Fn(&From) -> To,
+) {
     let width = tile.width as usize;
     let rows = from.chunks_exact(width).take(tile.height as usize);
     for (row, pixels) in rows.enumerate() {
         let start = (tile.y as usize + row) * image_width + tile.x as usize;
-        to[start..start + width].copy_from_slice(pixels);
+        for (to, from) in to[start..start + width].iter_mut().zip(pixels) {
+            *to = pixel(from);
+        }
     }
 }

@@ -428,7 +428,7 @@ impl FilmRun {
         let SampleBatch { frame, .. } = batch;
         if render.is_done() {
             let rgb = match (sums, frame.pixels) {
-                (None, Pixels::Srgb8(rgb)) => rgb,
+                (None, Pixels::Srgb8(rgba)) => rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
                 (None, Pixels::Linear(pixels)) => self.film.tone_map(&pixels),
                 (Some(sums), _) => self.film.tone_map(&sums.image().pixels),
             };

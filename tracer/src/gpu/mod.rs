@@ -21,7 +21,6 @@ mod denoise;
 mod device;
 mod features;
 mod frame;
-mod frustum;
 mod image_buffers;
 mod layout;
 mod mesh_buffer;
@@ -141,9 +140,36 @@ impl GpuTracer {
         self.device.device.destroy();
     }
 
+    /// Compiles what a picture needs, side by side with the start-up probe: each takes a second or more where the driver
+    /// has not compiled it before.
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device refuses or traces the probe wrongly.
+    fn prepare(&self, scene: &CompiledScene, settings: &RenderSettings) -> Result<(), Error> {
+        if self.is_ready(scene, settings) {
+            return self.prove();
+        }
+        let kernel = |output| {
+            let features = self.features(scene, output);
+            self.kernels.kernel(&self.device, features).map(drop)
+        };
+        let kernels = || {
+            if !settings.denoise {
+                return kernel(KernelOutput::Radiance);
+            }
+            let [paths, hits] = [KernelOutput::Reflected, KernelOutput::Aovs];
+            let (filter, (paths, hits)) = rayon::join(
+                || self.filter_kernels().map(drop),
+                || rayon::join(|| kernel(paths), || kernel(hits)),
+            );
+            filter.and(paths).and(hits)
+        };
+        let (proof, kernels) = rayon::join(|| self.prove(), kernels);
+        proof.and(kernels)
+    }
+
     fn check(&self, job: &TraceJob<'_>) -> Result<(), Error> {
         job.validate()?;
-        self.prove()?;
         let is_too_large = |tile: &&Tile| tile.pixels() as u64 > self.pixels_max;
         job.tiles.iter().find(is_too_large).map_or(Ok(()), |tile| {
             Err(self.device.error(format!(
@@ -272,6 +298,7 @@ impl Tracer for GpuTracer {
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
         self.check(job)?;
+        self.prepare(scene, &job.settings)?;
         if job.settings.denoise {
             return self.trace_denoised(scene, job, sink);
         }
@@ -289,6 +316,7 @@ impl Tracer for GpuTracer {
             return self.trace(scene, job, &|tile| sink(tile.srgb8(exposure)));
         }
         self.check(job)?;
+        self.prepare(scene, &job.settings)?;
         self.trace_denoised_srgb8(scene, job, exposure, sink)
     }
 
@@ -299,6 +327,7 @@ impl Tracer for GpuTracer {
         sink: &(dyn Fn(TileAovs) + Sync),
     ) -> Result<(), Error> {
         self.check(job)?;
+        self.prove()?;
         self.trace_aovs(scene, job, sink)
     }
 }

@@ -3,8 +3,19 @@
 use super::compared_pixels;
 use crate::{Error, ImageSize};
 
-/// Dots in a million pixels of an 8-bit picture: a channel is [`DOT_LEVELS`] or more above the
-/// median of the eight pixels around it, and in the reference it is not.
+/// Dots in a million pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dots {
+    /// Anywhere.
+    pub all: f64,
+    /// Of these the ones where the reference is smooth: no channel of a pixel and those around it spans [`DOT_LEVELS`].
+    /// The others lie at edges and in details of a pixel's size, whose own contrast passes that height in the test
+    /// picture and not in the reference.
+    pub smooth: f64,
+}
+
+/// The dots of an 8-bit picture: a channel is [`DOT_LEVELS`] or more above the median of the eight pixels around it, and
+/// in the reference it is not.
 ///
 /// # Errors
 /// [`Error::InvalidSettings`] if a picture has not as many pixels as `size`, or there are none.
@@ -12,7 +23,7 @@ pub fn dots_per_million(
     size: ImageSize,
     test: &[[u8; 3]],
     reference: &[[u8; 3]],
-) -> Result<f64, Error> {
+) -> Result<Dots, Error> {
     let pixels = compared_pixels(size, test, reference)?;
     let is_dot = |index: &usize| {
         (0..3).any(|c| {
@@ -20,8 +31,14 @@ pub fn dots_per_million(
                 && rise(size, reference, *index, c) < DOT_LEVELS
         })
     };
-    let dots = (0..pixels).filter(is_dot).count();
-    Ok(dots as f64 * 1e6 / pixels as f64)
+    let dots: Vec<usize> = (0..pixels).filter(is_dot).collect();
+    let is_smooth = |index: &&usize| (0..3).all(|c| span(size, reference, **index, c) < DOT_LEVELS);
+    let smooth = dots.iter().filter(is_smooth).count();
+    let per_million = |count: usize| count as f64 * 1e6 / pixels as f64;
+    Ok(Dots {
+        all: per_million(dots.len()),
+        smooth: per_million(smooth),
+    })
 }
 
 /// Steps of 255 above its neighbours' median from which a pixel is a dot.
@@ -30,21 +47,35 @@ pub const DOT_LEVELS: i32 = 24;
 /// How far a channel is above the median of the pixels around it; of an even number the higher one
 /// of the two in the middle.
 fn rise(size: ImageSize, picture: &[[u8; 3]], index: usize, channel: usize) -> i32 {
-    let (width, height) = (size.width as usize, size.height as usize);
-    let (x, y) = (index % width, index / width);
     let (mut around, mut count) = ([0; 8], 0);
-    for v in y.saturating_sub(1)..=(y + 1).min(height - 1) {
-        for u in x.saturating_sub(1)..=(x + 1).min(width - 1) {
-            if (u, v) != (x, y) {
-                around[count] = picture[v * width + u][channel];
-                count += 1;
-            }
-        }
+    for place in around_pixel(size, index) {
+        around[count] = picture[place][channel];
+        count += 1;
     }
     let around = &mut around[..count];
     around.sort_unstable();
     let median = around.get(count / 2).copied().unwrap_or_default();
     i32::from(picture[index][channel]) - i32::from(median)
+}
+
+/// How far a channel of a pixel and those around it are apart.
+fn span(size: ImageSize, picture: &[[u8; 3]], index: usize, channel: usize) -> i32 {
+    let (mut least, mut most) = (picture[index][channel], picture[index][channel]);
+    for place in around_pixel(size, index) {
+        let level = picture[place][channel];
+        (least, most) = (least.min(level), most.max(level));
+    }
+    i32::from(most) - i32::from(least)
+}
+
+/// The pixels around one, eight in the midst of a picture.
+fn around_pixel(size: ImageSize, index: usize) -> impl Iterator<Item = usize> {
+    let (width, height) = (size.width as usize, size.height as usize);
+    let (x, y) = (index % width, index / width);
+    let rows = y.saturating_sub(1)..=(y + 1).min(height - 1);
+    let columns = x.saturating_sub(1)..=(x + 1).min(width - 1);
+    let places = rows.flat_map(move |v| columns.clone().map(move |u| v * width + u));
+    places.filter(move |place| *place != index)
 }
 
 #[cfg(test)]
@@ -63,7 +94,11 @@ mod tests {
     #[test]
     fn one_bright_channel_is_a_dot() {
         let plain = with_blue(0, 100);
-        let dots = |index, blue| dots_per_million(SIZE, &with_blue(index, blue), &plain).unwrap();
+        let dots = |index, blue| {
+            dots_per_million(SIZE, &with_blue(index, blue), &plain)
+                .unwrap()
+                .all
+        };
         for corner_edge_or_middle in [0, 19, 60, 199, 105] {
             assert_eq!(dots(corner_edge_or_middle, 124), 5000.0);
             assert_eq!(dots(corner_edge_or_middle, 123), 0.0);
@@ -74,7 +109,22 @@ mod tests {
     #[test]
     fn what_the_reference_shows_is_no_dot() {
         let glint = with_blue(105, 255);
-        assert_eq!(dots_per_million(SIZE, &glint, &glint).unwrap(), 0.0);
+        assert_eq!(dots_per_million(SIZE, &glint, &glint).unwrap().all, 0.0);
         assert!(dots_per_million(ImageSize::new(0, 0), &[], &[]).is_err());
+    }
+
+    #[test]
+    fn dots_in_details_of_the_reference_are_not_among_the_smooth() {
+        let dots = |index, reference: &[[u8; 3]]| {
+            dots_per_million(SIZE, &with_blue(index, 124), reference).unwrap()
+        };
+        let expected = |all, smooth| Dots { all, smooth };
+        // 23 levels of green beside it are smooth, 24 are a detail.
+        let mut reference = with_blue(0, 100);
+        reference[104][1] = 123;
+        assert_eq!(dots(105, &reference), expected(5000.0, 5000.0));
+        reference[104][1] = 124;
+        assert_eq!(dots(105, &reference), expected(5000.0, 0.0));
+        assert_eq!(dots(107, &reference), expected(5000.0, 5000.0));
     }
 }

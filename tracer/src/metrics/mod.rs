@@ -3,7 +3,7 @@
 mod dots;
 mod flip;
 
-pub use dots::{DOT_LEVELS, dots_per_million};
+pub use dots::{DOT_LEVELS, Dots, dots_per_million};
 pub use flip::{Flip, flip};
 
 use crate::image::RadianceImage;

@@ -332,11 +332,11 @@ impl FrameScheduler {
         let samples = pending.settings.samples;
         match (pending.role, frame.pixels) {
             (RequestKind::Interactive, Pixels::Srgb8(_)) if self.keeps_still(frame.size) => {}
-            (RequestKind::Interactive, Pixels::Srgb8(rgb)) => {
-                self.show(frame.size, opaque(&rgb), samples, pending.update);
+            (RequestKind::Interactive, Pixels::Srgb8(rgba)) => {
+                self.show(frame.size, rgba, samples, pending.update);
             }
-            (RequestKind::Lookahead(at), Pixels::Srgb8(rgb)) => {
-                let picture = self.picture_of(frame.size, opaque(&rgb), pending.update);
+            (RequestKind::Lookahead(at), Pixels::Srgb8(rgba)) => {
+                let picture = self.picture_of(frame.size, rgba, pending.update);
                 self.add_moment(frame.id, at, picture, frame.missing);
                 self.stats.samples = samples;
             }
@@ -627,10 +627,6 @@ struct AccumulationState {
     render: AccumulatedRender,
     /// Samples of each pixel that have come back as a picture.
     accumulated: u32,
-}
-
-fn opaque(rgb: &[[u8; 3]]) -> Vec<[u8; 4]> {
-    rgb.iter().map(|&[r, g, b]| [r, g, b, 255]).collect()
 }
 
 /// The window's first panels move the camera that much later still, without the player's doing.

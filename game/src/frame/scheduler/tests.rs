@@ -123,7 +123,7 @@ impl TestBench {
             .map_or(0.0, |camera| camera.eye.x);
         let pixels = match request.spec.format {
             PixelFormat::Srgb8 { .. } => Pixels::Srgb8(vec![
-                [(place * 100.0).round() as u8; 3];
+                [(place * 100.0).round() as u8; 4];
                 request.spec.size.pixels()
             ]),
             _ => Pixels::Linear(vec![[0.25; 3]; request.spec.size.pixels()]),
@@ -303,7 +303,7 @@ fn frame(id: u64, value: u8, missing: bool) -> Frame {
     Frame {
         id: FrameId(id),
         size: WINDOW,
-        pixels: Pixels::Srgb8(vec![[value; 3]; WINDOW.pixels()]),
+        pixels: Pixels::Srgb8(vec![[value; 4]; WINDOW.pixels()]),
         missing: missing.then_some(left).into_iter().collect(),
         stats: FrameStats::default(),
     }

@@ -246,7 +246,7 @@ impl GpuTracer {
         })
     }
 
-    fn filter_kernels(&self) -> Result<&FilterKernels, Error> {
+    pub(in crate::gpu) fn filter_kernels(&self) -> Result<&FilterKernels, Error> {
         if let Some(kernels) = self.filter.get() {
             return Ok(kernels);
         }

@@ -10,7 +10,7 @@ use crate::gpu::features::Features;
 const SLACK: f32 = 1e-5;
 
 /// The list of each block, how it is made, and where each shape's primitives lie in it.
-pub(crate) fn declaration(features: &Features) -> String {
+pub(super) fn declaration(features: &Features) -> String {
     let mut text = String::new();
     let mut bounds = String::from("fn listed_bound(i: u32) -> ListedBound {\n    var index = i;\n");
     let (mut words, mut primitives) = (0, 0);
@@ -46,7 +46,7 @@ pub(crate) fn declaration(features: &Features) -> String {
          const FRUSTUM_SLACK: f32 = {SLACK:e};",
         words.max(1)
     );
-    text += include_str!("shaders/frustum.wgsl");
+    text += include_str!("../shaders/frustum.wgsl");
     text + &bounds + "    return ListedBound(vec3f(0.0), vec3f(0.0), 0u, 0u);\n}\n"
 }
 

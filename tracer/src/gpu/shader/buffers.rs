@@ -1,0 +1,210 @@
+//! Declarations of the buffers that a kernel reads: the scene, its triangles, image textures and environment map.
+
+use std::fmt::Write as _;
+
+use crate::bvh;
+use crate::compiled::{
+    MaterialTextureData, OPACITY_MASK, OPACITY_OPAQUE, ShapeKind, TextureData, TriangleData,
+    WRAP_CLAMP, WRAP_REPEAT,
+};
+use crate::gpu::features::{Features, SceneMemory};
+use crate::gpu::layout::{ENVIRONMENT_BINDING, MESH_BINDING, TEXTURE_BINDING};
+use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
+use crate::scene::validate::SHEEN_ROUGHNESS;
+use crate::sheen::{SHEEN_REFLECTANCES, SHEEN_ROOT_MIN};
+
+/// The scene's arrays as one buffer, in the order of [`crate::gpu::layout::scene_bytes`].
+pub(super) fn scene_declaration(features: &Features) -> String {
+    let mut text = String::from("struct SceneData {\n    header: SceneHeader,\n");
+    for shape in features.shapes_of_scene() {
+        let (field, ty, count) = (shape.array(), shape.type_name(), features.count(shape));
+        _ = writeln!(text, "    {field}: array<{ty}, {count}>,");
+    }
+    if features.csg_boxes > 0 {
+        let count = features.csg_boxes;
+        _ = writeln!(text, "    csg_boxes: array<CsgBoxData, {count}>,");
+    }
+    if features.area_lights > 0 {
+        _ = writeln!(
+            text,
+            "    area_lights: array<AreaLightData, {}>,",
+            features.area_lights
+        );
+    }
+    if features.punctual_lights > 0 {
+        let count = features.punctual_lights;
+        _ = writeln!(
+            text,
+            "    punctual_lights: array<PunctualLightData, {count}>,"
+        );
+    }
+    if features.emissive_shapes() > 0 {
+        let count = features.emissive_shapes();
+        _ = writeln!(
+            text,
+            "    emissive_shapes: array<EmissiveSurfaceData, {count}>,"
+        );
+    }
+    _ = writeln!(
+        text,
+        "    materials: array<MaterialData, {}>,",
+        features.materials
+    );
+    for shape in features.shapes_of_scene() {
+        text += &finders_declaration(features, shape);
+    }
+    let space = match features.memory {
+        SceneMemory::Uniform => "uniform",
+        SceneMemory::Storage => "storage, read",
+    };
+    _ = writeln!(
+        text,
+        "}}\n\
+         @group(0) @binding(0) var<{space}> scene: SceneData;\n\
+         // The same bytes, for reads whose place differs from thread to thread: constant memory\n\
+         // serves those one after the other.\n\
+         @group(0) @binding(6) var<storage, read> scene_storage: SceneData;"
+    );
+    text
+}
+
+/// What rays find the primitives of a shape by.
+fn finders_declaration(features: &Features, shape: ShapeKind) -> String {
+    let (name, count) = (shape.function(), features.count(shape));
+    if features.has_bvh(shape) {
+        let leaves = bvh::leaves(count as usize);
+        let nodes = leaves - 1;
+        let leaf = shape.leaf();
+        return format!(
+            "    {name}_nodes: array<BvhNodeData, {nodes}>,\n    \
+             {name}_leaves: array<{leaf}, {leaves}>,\n"
+        );
+    }
+    let clusters = features.clusters(shape).len() as u32;
+    if shape == ShapeKind::CsgFace {
+        let count = features.csg_boxes + clusters;
+        return format!("    csg_box_bounds: array<BoxBound, {count}>,\n");
+    }
+    let (bound, count) = (shape.bound(), count + clusters);
+    bound.map_or_else(String::new, |bound| {
+        format!("    {name}_bounds: array<{bound}, {count}>,\n")
+    })
+}
+
+/// The triangles of the scene, in the order of [`crate::gpu::layout::mesh_bytes`]; nothing without any.
+pub(super) fn mesh_declaration(features: &Features) -> String {
+    let (triangles, normals) = (features.triangles, features.smooth_triangles);
+    if triangles == 0 {
+        return String::new();
+    }
+    let mut text = format!(
+        "const FLAT: u32 = {}u;\n\
+         const COLORED_TRIANGLE_COUNT: u32 = {}u;\n\
+         const OPACITY_OPAQUE: f32 = {OPACITY_OPAQUE:?};\n\
+         const OPACITY_MASK: f32 = {OPACITY_MASK:?};\n\
+         const POINT_ROUNDING: f32 = {POINT_ROUNDING:e};\n\
+         const REFLECTION_SINE_MIN: f32 = {REFLECTION_SINE_MIN:e};\n\
+         const HAS_DIELECTRIC_MESH: bool = {};\n\
+         struct MeshData {{\n    triangles: array<TriangleData, {triangles}>,\n",
+        TriangleData::FLAT,
+        features.colored_triangles,
+        features.has_dielectric_mesh
+    );
+    if normals > 0 {
+        _ = writeln!(text, "    normals: array<TriangleNormals, {normals}>,");
+    }
+    if features.uv_triangles > 0 {
+        let count = features.uv_triangles;
+        _ = writeln!(text, "    uvs: array<TriangleUvs, {count}>,");
+    }
+    if features.colored_triangles > 0 {
+        let count = features.colored_triangles;
+        _ = writeln!(text, "    colors: array<TriangleColors, {count}>,");
+    }
+    if features.emissive_triangles() > 0 {
+        let count = features.emissive_triangles();
+        _ = writeln!(text, "    lights: array<EmissiveSurfaceData, {count}>,");
+    }
+    text += &finders_declaration(features, ShapeKind::Triangle);
+    text + "}\n@group(0) @binding("
+        + &MESH_BINDING.to_string()
+        + ") var<storage, read> mesh: MeshData;\n"
+}
+
+/// The image textures of the scene, as [`crate::gpu::image_buffers`] lays them out; nothing without any.
+pub(super) fn texture_declaration(features: &Features) -> String {
+    let Features {
+        textures,
+        textured_materials,
+        ..
+    } = features;
+    if *textures == 0 {
+        return String::new();
+    }
+    let layers = match features.has_layer_textures() {
+        true => format!("    layers: array<LayerTextureData, {textured_materials}>,\n"),
+        false => String::new(),
+    };
+    let transmission = match features.has_transmission_textures {
+        true => format!("    transmission: array<u32, {textured_materials}>,\n"),
+        false => String::new(),
+    };
+    let text = format!(
+        "const NO_TEXTURE: u32 = {}u;\n\
+         const WRAP_REPEAT: u32 = {WRAP_REPEAT}u;\n\
+         const WRAP_CLAMP: u32 = {WRAP_CLAMP}u;\n\
+         struct TextureMemory {{\n    \
+         images: array<TextureData, {textures}>,\n    \
+         materials: array<MaterialTextureData, {textured_materials}>,\n\
+         {layers}{transmission}    srgb: array<f32, 256>,\n    \
+         texels: array<u32>,\n}}\n\
+         @group(0) @binding({TEXTURE_BINDING}) var<storage, read> textures: TextureMemory;\n",
+        MaterialTextureData::NONE
+    );
+    match features.has_layer_textures() {
+        true => text + &layer_texture_constants(features),
+        false => text,
+    }
+}
+
+/// Numbers that textures of layers need.
+fn layer_texture_constants(features: &Features) -> String {
+    let last = SHEEN_REFLECTANCES.len() - 1;
+    let halves = SHEEN_REFLECTANCES.as_flattened().chunks(3);
+    let halves = halves.map(|half| format!("vec3f({:?}, {:?}, {:?})", half[0], half[1], half[2]));
+    let halves: Vec<String> = halves.collect();
+    format!(
+        "const TEXTURE_ALPHA: u32 = {}u;\n\
+         const HAS_LAYER_FACTORS: bool = {};\n\
+         const HAS_COAT_NORMALS: bool = {};\n\
+         const SHEEN_WIDTH_MIN: f32 = {:?};\n\
+         const SHEEN_ROOT_MIN: f32 = {SHEEN_ROOT_MIN:?};\n\
+         const SHEEN_ROWS_PER_ROOT: f32 = {:?};\n\
+         const SHEEN_ROW_LAST: u32 = {last}u;\n\
+         const SHEEN_REFLECTANCES = array<vec3f, {}>({});\n",
+        TextureData::ALPHA,
+        features.has_layer_factors,
+        features.has_coat_normals,
+        SHEEN_ROUGHNESS.start(),
+        last as f32 / (1.0 - SHEEN_ROOT_MIN),
+        halves.len(),
+        halves.join(", ")
+    )
+}
+
+/// The environment map, as [`crate::gpu::image_buffers`] lays it out; nothing without.
+pub(super) fn environment_declaration(features: &Features) -> String {
+    if !features.has_environment_map() {
+        return String::new();
+    }
+    let [width, height] = features.environment_map;
+    format!(
+        "const ENVIRONMENT_WIDTH: u32 = {width}u;\n\
+         const ENVIRONMENT_HEIGHT: u32 = {height}u;\n\
+         struct EnvironmentMemory {{\n    \
+         turn: f32,\n    \
+         probability: f32,\n    \
+         numbers: array<f32>,\n}}\n\
+         @group(0) @binding({ENVIRONMENT_BINDING}) var<storage, read> environment_map: EnvironmentMemory;\n"
+    )
+}

@@ -1,0 +1,179 @@
+//! Constants of a kernel: numbers that Rust owns.
+
+use std::fmt::Write as _;
+
+use crate::bvh::{DEPTH_MAX, LEAF, SLACK};
+use crate::compiled::{
+    AreaLightData, CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z,
+    CSG_FACE_CYLINDER, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, KIND_CONDUCTOR, KIND_DIELECTRIC,
+    KIND_LAYERED, KIND_METALLIC_ROUGHNESS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NUMBER,
+    PATTERN_PLANKS, PATTERN_WOOD, SphereData,
+};
+use crate::gpu::features::{Features, KernelOutput};
+use crate::gpu::layout::{BVH_LEAF, COUNTERS_BEFORE_TILES, LISTED_PIXELS, SPHERE_SLACK};
+use crate::gpu::shader::BLOCK_EDGE;
+use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
+use crate::sampling::{
+    BELOW_1, BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SCRAMBLE, SURVIVAL_PER_THROUGHPUT,
+};
+use crate::scalar::metallic_roughness::{ALPHA_LEAST, CLEARCOAT_F0};
+use crate::scene::validate::CSG_MARGIN_M;
+use crate::texture;
+
+/// Numbers that Rust owns.
+pub(super) fn constants(features: &Features) -> String {
+    let mut text = format!(
+        "const SOLID_ANGLE_MIN: f32 = {};\n\
+         const COMPENSATED: bool = {};\n\
+         const DISCS_COPLANAR: bool = {};\n\
+         const AREA_LIGHTS_COPLANAR: bool = {};\n\
+         const AREA_LIGHTS_SCALED: bool = {};\n\
+         const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
+         const BVH_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
+         const BVH_LEAF: u32 = {BVH_LEAF}u;\n\
+         const LEAF: u32 = {LEAF}u;\n\
+         const BVH_SLACK: f32 = {SLACK:e};\n\
+         const HAS_COAT: bool = {};\n\
+         const HAS_STRIPE: bool = {};\n\
+         const HAS_DIELECTRIC: bool = {};\n\
+         const HAS_REFRACTED_NEE: bool = {};\n\
+         const HAS_METALLIC_ROUGHNESS: bool = {};\n\
+         const HAS_LAYERS: bool = {};\n\
+         const HAS_EMISSION: bool = {};\n\
+         const HAS_ENVIRONMENT_MAP: bool = {};\n\
+         const SAMPLES_LIGHT: bool = {};\n\
+         const ALPHA_LEAST: f32 = {ALPHA_LEAST:?};\n\
+         const CLEARCOAT_F0: f32 = {CLEARCOAT_F0:?};\n\
+         const REFRACTED_NEE_STEPS: u32 = {}u;\n\
+         const HAS_NUMBER: bool = {};\n\
+         const HAS_NUMBER_DISC: bool = {};\n\
+         const HAS_WOOD: bool = {};\n\
+         const HAS_CSG_CONE: bool = {};\n\
+         const CSG_MARGIN_M: f32 = {CSG_MARGIN_M:?};\n\
+         const REGULARISED_KEY_MASK: u32 = {KEY_MASK}u;\n\
+         const CONE_COSINE: f32 = {CONE_COSINE:?};\n\
+         const CONE_DENSITY: f32 = {CONE_DENSITY:?};\n\
+         const ALPHA_MIN: f32 = {ALPHA_MIN:?};\n",
+        AreaLightData::SOLID_ANGLE_MIN,
+        features.is_compensated,
+        features.discs_coplanar,
+        features.area_lights_coplanar,
+        features.area_lights_scaled,
+        features.has_coat,
+        features.has_stripe,
+        features.has_dielectric,
+        features.has_refracted_nee,
+        features.has_metallic_roughness,
+        features.has_layers,
+        features.has_emission,
+        features.has_environment_map(),
+        features.area_lights > 0 || features.shares_light_sampling(),
+        SphereData::REFRACTED_NEE_STEPS,
+        features.has_number,
+        features.has_number_disc,
+        features.has_wood,
+        features.has_csg_cone
+    );
+    _ = writeln!(text, "const OUTPUT: u32 = {}u;", features.output as u32);
+    for output in KernelOutput::ALL {
+        _ = writeln!(
+            text,
+            "const {}: u32 = {}u;",
+            output.constant(),
+            output as u32
+        );
+    }
+    text += &dispatch_constants(features.workgroup_blocks);
+    text += &light_sampling_constants(features);
+    text += &sampling_constants();
+    text += &kinds();
+    let floats = KernelOutput::Aovs.floats();
+    _ = writeln!(text, "const AOV_FLOATS: u32 = {floats}u;");
+    _ = writeln!(text, "const FIRST_HITS: u32 = {}u;", features.first_hits());
+    text += &texture::wgsl();
+    text + &primitive_numbers(features)
+}
+
+/// Numbers of primitives, area lights last.
+fn primitive_numbers(features: &Features) -> String {
+    let (mut text, mut first) = (String::new(), 0);
+    for shape in features.numbered_shapes() {
+        let (name, count) = (shape.constant(), features.count(shape));
+        _ = writeln!(
+            text,
+            "const {name}_FIRST: u32 = {first}u;\nconst {name}_COUNT: u32 = {count}u;"
+        );
+        first += count;
+    }
+    let lights = features.area_lights;
+    _ = writeln!(text, "const CSG_BOX_COUNT: u32 = {}u;", features.csg_boxes);
+    _ = writeln!(
+        text,
+        "const AREA_LIGHT_FIRST: u32 = {first}u;\nconst AREA_LIGHT_COUNT: u32 = {lights}u;"
+    );
+    text
+}
+
+/// How light sampling is divided among kinds of lights.
+fn light_sampling_constants(features: &Features) -> String {
+    let punctual = 0.5 * features.punctual_halves as f32;
+    // Where there are no others, so that nothing is divided by 0.
+    let others = if punctual < 1.0 { 1.0 - punctual } else { 1.0 };
+    let emissive = features.emissive_surface_sixteenths as f32 / 16.0;
+    let lamps = if emissive < 1.0 { 1.0 - emissive } else { 1.0 };
+    let others = others * lamps;
+    format!(
+        "const SHARES_LIGHT_SAMPLING: bool = {};\n\
+         const PUNCTUAL_LIGHT_COUNT: u32 = {}u;\n\
+         const PUNCTUAL_SHARE: f32 = {punctual:?};\n\
+         const OTHERS_SHARE: f32 = {others:?};\n\
+         const LAMP_SHARE: f32 = {lamps:?};\n",
+        features.shares_light_sampling(),
+        features.punctual_lights
+    )
+}
+
+/// Pixels of a block, blocks of a workgroup, and places among the counters.
+pub(crate) fn dispatch_constants(workgroup_blocks: u32) -> String {
+    format!(
+        "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
+         const WORKGROUP_BLOCKS: u32 = {workgroup_blocks}u;\n\
+         const COUNTERS_BEFORE_TILES: u32 = {COUNTERS_BEFORE_TILES}u;\n\
+         const LISTED_PIXELS: u32 = {LISTED_PIXELS}u;\n"
+    )
+}
+
+/// Numbers of [`crate::sampling`].
+fn sampling_constants() -> String {
+    let [a, b, c] = SCRAMBLE;
+    format!(
+        "const SCRAMBLE: vec3u = vec3u({a}u, {b}u, {c}u);\n\
+         const BELOW_1: f32 = {BELOW_1};\n\
+         const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
+         const BLOCK_LENS: u32 = {BLOCK_LENS}u;\n\
+         const ROULETTE_DEPTH: u32 = {ROULETTE_DEPTH}u;\n\
+         const SURVIVAL_PER_THROUGHPUT: f32 = {SURVIVAL_PER_THROUGHPUT:?};\n"
+    )
+}
+
+/// Numbers that stand for kinds.
+fn kinds() -> String {
+    format!(
+        "const PATTERN_NUMBER: u32 = {PATTERN_NUMBER}u;\n\
+         const PATTERN_WOOD: u32 = {PATTERN_WOOD}u;\n\
+         const PATTERN_PLANKS: u32 = {PATTERN_PLANKS}u;\n\
+         const PATTERN_CLOTH: u32 = {PATTERN_CLOTH}u;\n\
+         const PATTERN_CUE: u32 = {PATTERN_CUE}u;\n\
+         const CSG_FACE_OUTER_BOX: u32 = {CSG_FACE_OUTER_BOX}u;\n\
+         const CSG_FACE_PLANE: u32 = {CSG_FACE_PLANE}u;\n\
+         const CSG_FACE_CYLINDER: u32 = {CSG_FACE_CYLINDER}u;\n\
+         const CSG_FACE_CONE_X: u32 = {CSG_FACE_CONE_X}u;\n\
+         const CSG_FACE_CONE_Y: u32 = {CSG_FACE_CONE_Y}u;\n\
+         const CSG_FACE_CONE_Z: u32 = {CSG_FACE_CONE_Z}u;\n\
+         const CSG_FACE_APEX_CONE: u32 = {CSG_FACE_APEX_CONE}u;\n\
+         const KIND_LAYERED: u32 = {KIND_LAYERED}u;\n\
+         const KIND_CONDUCTOR: u32 = {KIND_CONDUCTOR}u;\n\
+         const KIND_DIELECTRIC: u32 = {KIND_DIELECTRIC}u;\n\
+         const KIND_METALLIC_ROUGHNESS: u32 = {KIND_METALLIC_ROUGHNESS}u;\n"
+    )
+}

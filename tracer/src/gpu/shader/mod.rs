@@ -1,0 +1,127 @@
+//! The kernel as text: parts joined from a table, with only what a scene requires.
+
+mod buffers;
+mod constants;
+mod emissive_surfaces;
+mod frustum;
+mod parts;
+mod traversal;
+mod wrappers;
+
+#[cfg(test)]
+mod tests;
+
+use std::fmt::Write as _;
+
+use buffers::{environment_declaration, mesh_declaration, scene_declaration, texture_declaration};
+use constants::constants;
+pub(crate) use constants::dispatch_constants;
+use emissive_surfaces::emissive_surface_functions;
+use parts::parts;
+use traversal::{candidates, find_part, material_of, surface_at, traverse};
+use wrappers::with_wrappers;
+
+use crate::gpu::features::Features;
+
+/// Pixels along the edge of a block, of which a workgroup traces one or some.
+pub(crate) const BLOCK_EDGE: u32 = 8;
+
+/// The kernel for scenes of `features`.
+pub(crate) fn source(features: &Features) -> String {
+    let mut text = constants(features);
+    text += &scene_declaration(features);
+    text += &mesh_declaration(features);
+    text += &texture_declaration(features);
+    text += &environment_declaration(features);
+    let copies = workgroup_copies(features);
+    for part in parts(features) {
+        let part = with_wrappers(features, part);
+        let part = copies.iter().fold(part, |part, copy| {
+            let (read, copied) = (
+                format!("{}[", copy.source),
+                format!("copied_{}[", copy.array),
+            );
+            part.replace(&read, &copied)
+        });
+        text += &match features.has_dielectric_mesh {
+            true => part.replace(
+                "Ray(surface.position, next.wi)",
+                "Ray(origin_towards(surface, primitive, next.wi), next.wi)",
+            ),
+            false => part,
+        };
+    }
+    for shape in features.shapes() {
+        text += &find_part(shape, features.has_bvh(shape));
+        text += &candidates(features, shape);
+    }
+    text += &frustum::declaration(features);
+    text += &copies_declaration(&copies);
+    text += &traverse(features);
+    text += &surface_at(features);
+    text += &material_of(features);
+    text += &emissive_surface_functions(features);
+    text
+}
+
+/// An array of the scene that a workgroup keeps in its own memory.
+struct WorkgroupCopy {
+    /// What the parts of a kernel read it as.
+    source: &'static str,
+    array: &'static str,
+    element: &'static str,
+    count: u32,
+}
+
+/// The arrays that threads of a workgroup read at different indices: its own memory serves them at once, constants
+/// one after the other.
+fn workgroup_copies(features: &Features) -> Vec<WorkgroupCopy> {
+    let copy = |source, array, element, count| WorkgroupCopy {
+        source,
+        array,
+        element,
+        count,
+    };
+    let (faces, boxes) = (features.csg_faces, features.csg_boxes);
+    let mut copies = match features.copies_primitives() {
+        true => vec![
+            copy("scene.csg_faces", "csg_faces", "CsgFaceData", faces),
+            copy("scene.csg_boxes", "csg_boxes", "CsgBoxData", boxes),
+            copy("scene_storage.boxes", "boxes", "BoxData", features.boxes),
+            copy(
+                "scene_storage.spheres",
+                "spheres",
+                "SphereData",
+                features.spheres,
+            ),
+        ],
+        false => Vec::new(),
+    };
+    copies.retain(|copy| copy.count > 0);
+    copies
+}
+
+/// The copies, and how a workgroup's threads make them.
+fn copies_declaration(copies: &[WorkgroupCopy]) -> String {
+    let mut text = String::new();
+    for copy in copies {
+        let (array, element, count) = (copy.array, copy.element, copy.count);
+        _ = writeln!(
+            text,
+            "var<workgroup> copied_{array}: array<{element}, {count}>;"
+        );
+    }
+    text += "fn copy_primitives(thread: u32) {\n";
+    for copy in copies {
+        let (array, count) = (copy.array, copy.count);
+        _ = writeln!(
+            text,
+            "    for (var i = thread; i < {count}u; i += BLOCK_PIXELS * WORKGROUP_BLOCKS) {{\n        \
+             copied_{array}[i] = scene_storage.{array}[i];\n    }}"
+        );
+    }
+    if !copies.is_empty() {
+        text += "    workgroupBarrier();\n";
+    }
+    text + "}\n"
+}
