@@ -687,7 +687,7 @@ fn camera_rays_meet_the_same_in_their_frustum() {
         "
         let block = vec2u(i / 64u % {0}u, i / 64u / {0}u);
         let pixel = 8u * block + vec2u(i % 8u, i / 8u % 8u);
-        list_primitives(Place(pixel.x, pixel.y, 0u, 0u, true), i % 64u);
+        find_block_candidates(Place(pixel.x, pixel.y, 0u, 0u, true), i % 64u);
         let film = vec2f(pixel) + vec2f(number(2u * i), number(2u * i + 1u));
         let camera = scene.header.camera;
         let direction = camera.corner + film.x * camera.dx + film.y * camera.dy;
@@ -695,7 +695,7 @@ fn camera_rays_meet_the_same_in_their_frustum() {
         let hit = nearest(ray, NO_PRIMITIVE);
         let found = nearest_of_camera_ray(ray, 0u);
         var count = 0u;
-        for (var word = 0u; word < LIST_WORDS; word++) {{ count += countOneBits(listed(0u, word)); }}
+        for (var word = 0u; word < CANDIDATE_WORDS; word++) {{ count += countOneBits(candidates_of_block(0u, word)); }}
         let is_same = hit.primitive == found.primitive && hit.t == found.t;
         result(i, vec4u(u32(is_same), hit.primitive, found.primitive, count));",
         EDGE / 8
@@ -729,11 +729,11 @@ fn camera_rays_meet_the_same_in_their_frustum() {
                 }
                 let hits = results.iter().filter(|hit| hit[1] != u32::MAX).count();
                 assert!(hits > COUNT / 50, "{of}: {hits} hits");
-                let listed: u32 = results.iter().map(|result| result[3]).sum();
-                let listed = f64::from(listed) / COUNT as f64 / f64::from(PRIMITIVES);
+                let candidates: u32 = results.iter().map(|result| result[3]).sum();
+                let share = f64::from(candidates) / COUNT as f64 / f64::from(PRIMITIVES);
                 match aperture_radius_m > 0.0 {
-                    true => assert_eq!(listed, 1.0, "{of}, with a lens"),
-                    false => assert!(listed < 0.5, "{of}: {listed} of all listed"),
+                    true => assert_eq!(share, 1.0, "{of}, with a lens"),
+                    false => assert!(share < 0.5, "{of}: {share} of all are candidates"),
                 }
             }
         }

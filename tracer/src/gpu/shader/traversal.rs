@@ -41,8 +41,8 @@ pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
         "// Bit i is set if the ray may meet box `first + i` before `t_max`.\n\
          fn {name}_candidates(prepared: PreparedRay, first: u32, t_max: f32) -> u32 {{\n    \
          var candidates = 0u;\n    \
-         if (prepared.block != NO_BLOCK) {{\n        \
-         var left = listed(prepared.block, {constant}_WORD + first / 32u);\n        \
+         if ({constant}_IS_CULLED && prepared.block != NO_BLOCK) {{\n        \
+         var left = candidates_of_block(prepared.block, {constant}_WORD + first / 32u);\n        \
          while (left != 0u) {{\n            \
          let i = firstTrailingBit(left);\n            \
          left &= left - 1u;\n            \

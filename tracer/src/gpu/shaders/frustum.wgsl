@@ -1,7 +1,7 @@
-// Frustum culling: a list of the primitives that the camera rays of a block of 8 x 8 pixels may meet.
+// Frustum culling: the candidates of a block of 8 x 8 pixels, primitives that its camera rays may meet.
 
 // Bit i of a shape's words is set for its primitive i.
-var<workgroup> block_lists: array<atomic<u32>, LIST_WORDS * WORKGROUP_BLOCKS>;
+var<workgroup> block_candidates: array<atomic<u32>, CANDIDATE_WORDS * WORKGROUP_BLOCKS>;
 
 // Unit normals of four planes through the eye: the rays lie on the positive sides of all.
 struct Frustum {
@@ -11,8 +11,8 @@ struct Frustum {
     bottom: vec3f,
 }
 
-// The bounds of a primitive, and its place in a list.
-struct ListedBound {
+// The bounds of a primitive, and its place among the bits of candidates.
+struct CandidateBound {
     center: vec3f,
     half: vec3f,
     word: u32,
@@ -49,23 +49,23 @@ fn reach(normal: vec3f, center: vec3f, half: vec3f) -> f32 {
     return dot(normal, center) + dot(abs(normal), half);
 }
 
-// Makes the list of a block, whose threads share the work. All threads of a workgroup call it.
-fn list_primitives(place: Place, thread: u32) {
+// Finds the candidates of a block, whose threads share the work. All threads of a workgroup call it.
+fn find_block_candidates(place: Place, thread: u32) {
     let local = thread % BLOCK_PIXELS;
     let frustum = block_frustum(place.x - local % BLOCK_EDGE, place.y - local / BLOCK_EDGE);
     // Rays from a lens go through no common point.
     let has_lens = scene.header.camera.lens_steps > 0.0;
-    let first_word = LIST_WORDS * (thread / BLOCK_PIXELS);
-    for (var i = local; i < LISTED_PRIMITIVES; i += BLOCK_PIXELS) {
-        let bound = listed_bound(i);
+    let first_word = CANDIDATE_WORDS * (thread / BLOCK_PIXELS);
+    for (var i = local; i < CULLED_COUNT; i += BLOCK_PIXELS) {
+        let bound = candidate_bound(i);
         if (has_lens || may_lie_in(frustum, bound.center, bound.half)) {
-            atomicOr(&block_lists[first_word + bound.word], 1u << bound.bit);
+            atomicOr(&block_candidates[first_word + bound.word], 1u << bound.bit);
         }
     }
     workgroupBarrier();
 }
 
-// A word of a block's list.
-fn listed(block: u32, word: u32) -> u32 {
-    return atomicLoad(&block_lists[LIST_WORDS * block + word]);
+// A word of a block's candidates.
+fn candidates_of_block(block: u32, word: u32) -> u32 {
+    return atomicLoad(&block_candidates[CANDIDATE_WORDS * block + word]);
 }

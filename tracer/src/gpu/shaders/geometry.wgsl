@@ -17,7 +17,7 @@ struct PreparedRay {
     along: f32,
     // (1 − SPHERE_SLACK) |origin|²
     power: f32,
-    // Of a camera ray its block of the workgroup, whose list has what it may meet; else `NO_BLOCK`.
+    // Of a camera ray its block of the workgroup, whose candidates it may meet; else `NO_BLOCK`.
     block: u32,
 }
 

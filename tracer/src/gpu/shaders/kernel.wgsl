@@ -24,15 +24,15 @@ fn trace(
     let is_block = block < job.block_count;
     var place = place_of(min(block, job.block_count - 1u), thread % BLOCK_PIXELS);
     place.is_inside = place.is_inside && is_block;
-    list_primitives(place, thread);
+    find_block_candidates(place, thread);
     if (OUTPUT == OUTPUT_AOVS) {
-        var listed_block = thread / BLOCK_PIXELS;
+        var frustum_block = thread / BLOCK_PIXELS;
         if (job.is_list != 0u) {
             place = place_in_list(BLOCK_PIXELS * block + thread % BLOCK_PIXELS);
-            listed_block = NO_BLOCK;
+            frustum_block = NO_BLOCK;
         }
         if (place.is_inside) {
-            trace_aovs(place.x, place.y, place.pixel, listed_block);
+            trace_aovs(place.x, place.y, place.pixel, frustum_block);
         }
     } else {
         let mean = trace_pixel(place, thread);
