@@ -34,7 +34,7 @@ use std::sync::Arc;
 use carom_farm::quality::{QUALITY_LEVELS, QualityLevel, QualityPreference};
 use carom_farm::{Balancing, Distribution, NodeStatus};
 use carom_tracer::ImageSize;
-use egui::{Context, Rect};
+use egui::{Context, Rect, Vec2};
 
 use self::frame_rate::FrameRate;
 use self::frame_record::{FrameRecord, FrameSample};
@@ -114,6 +114,29 @@ pub enum StatsCommand {
     QualityPreference(QualityPreference),
 }
 
+/// The lower end of the line at the top: no higher than it was at the same level and in the same window. Figures that
+/// grow and shrink wrap the line anew, and a picture that is framed in what is left would not come to rest.
+#[derive(Debug, Default)]
+struct SteadyLine {
+    level: StatsLevel,
+    screen: Vec2,
+    bottom: f32,
+}
+
+impl SteadyLine {
+    fn bottom(&mut self, level: StatsLevel, screen: Vec2, bottom: f32) -> f32 {
+        if (self.level, self.screen) != (level, screen) {
+            *self = Self {
+                level,
+                screen,
+                bottom,
+            };
+        }
+        self.bottom = self.bottom.max(bottom);
+        self.bottom
+    }
+}
+
 /// The overlay.
 #[derive(Debug)]
 pub struct Stats {
@@ -122,6 +145,7 @@ pub struct Stats {
     redraws: FrameRate,
     summary: StatsSummary,
     board_secs: f64,
+    line: SteadyLine,
     /// The picture that is inspected; the newest if there is none.
     frozen: Option<Arc<FrameRecord>>,
     maps: Maps,
@@ -141,6 +165,7 @@ impl Stats {
             redraws: FrameRate::default(),
             summary: StatsSummary::default(),
             board_secs: f64::NEG_INFINITY,
+            line: SteadyLine::default(),
             frozen: None,
             maps: Maps::default(),
             scales: charts::Scales::default(),

@@ -41,8 +41,11 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, input: &StatsInput<'_>) -> 
             }
         });
     });
+    let top = stats
+        .line
+        .bottom(stats.level, screen.size(), above.bottom());
     if stats.level < StatsLevel::Full || !is_wide {
-        return screen.with_min_y(above.bottom());
+        return screen.with_min_y(top);
     }
     let table_height = stats.rows.height().min(TABLE_SHARE * screen.height()) + TABLE_MARGIN;
     let table = Rect::from_min_max(
@@ -50,7 +53,7 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, input: &StatsInput<'_>) -> 
         screen.max,
     );
     let side = Rect::from_min_max(
-        Pos2::new(screen.right() - SIDE_WIDTH, above.bottom() + GAP),
+        Pos2::new(screen.right() - SIDE_WIDTH, top + GAP),
         Pos2::new(screen.right(), table.top() - GAP),
     );
     panel(ctx, "stats-side", side, true, |ui| {
@@ -63,7 +66,7 @@ pub(super) fn draw(stats: &mut Stats, ctx: &Context, input: &StatsInput<'_>) -> 
         nodes(ui, stats, table_height - TABLE_MARGIN);
     });
     Rect::from_min_max(
-        Pos2::new(screen.left(), above.bottom()),
+        Pos2::new(screen.left(), top),
         Pos2::new(side.left(), table.top()),
     )
 }

@@ -385,3 +385,50 @@ fn recording_begins_and_ends_with_its_level() {
     let csv = std::fs::read_to_string(folder.path().join("stats_0001.csv")).unwrap();
     assert_eq!(csv.lines().count(), 1 + frames.len() * nodes().len());
 }
+
+/// A picture that is framed in the free part comes to rest however long the sentences at the top are.
+#[test]
+fn the_free_part_of_the_window_stays_as_the_line_wraps_anew() {
+    struct Shown {
+        stats: Stats,
+        now_secs: f64,
+        has_lost: bool,
+        rooms: Vec<Rect>,
+    }
+    for (level, size) in [
+        (StatsLevel::Line, WINDOW),
+        (StatsLevel::Full, WINDOW),
+        (StatsLevel::Full, Vec2::new(640.0, 360.0)),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let state = Shown {
+            stats: overlay(level, folder.path()),
+            now_secs: 100.0,
+            has_lost: false,
+            rooms: Vec::new(),
+        };
+        let draw = |ui: &mut egui::Ui, shown: &mut Shown| {
+            shown.now_secs += 0.3;
+            let mut nodes = nodes();
+            if !shown.has_lost {
+                nodes.truncate(4);
+            }
+            let room = shown.stats.draw(ui.ctx(), shown.now_secs, &input(&nodes));
+            shown.rooms.push(room);
+        };
+        let builder = Harness::builder().with_size(size).with_step_dt(0.3);
+        let mut harness = builder.build_ui_state(draw, state);
+        let mut top = |has_lost| {
+            harness.state_mut().has_lost = has_lost;
+            harness.run_steps(4);
+            harness.state().rooms.last().unwrap().top()
+        };
+        // One node less is a line less of trouble.
+        let [without, with, without_again] = [false, true, false].map(&mut top);
+        assert!(with >= without, "{level:?}: {without}, {with}");
+        assert_eq!(without_again, with, "{level:?} in {size:?}");
+        if (level, size) == (StatsLevel::Line, WINDOW) {
+            assert!(with > without, "the sentence has no line of its own");
+        }
+    }
+}
