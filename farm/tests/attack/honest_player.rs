@@ -8,7 +8,7 @@ use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use crate::attacked_node::AttackedNode;
 
-/// Frames whose times are compared.
+/// Frames whose times are compared, at least.
 const FRAMES: usize = 200;
 /// Far longer than a frame takes; a test that needs it has failed.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -52,10 +52,14 @@ impl HonestPlayer {
         begun.elapsed()
     }
 
-    /// The 99th percentile of the times of frames, in seconds.
-    pub(crate) fn p99_secs(&mut self) -> f64 {
-        let mut times: Vec<Duration> = (0..FRAMES).map(|_| self.frame()).collect();
+    /// The 99th percentile of the times of frames, which go on for `duration` at least, in seconds.
+    pub(crate) fn p99_secs(&mut self, duration: Duration) -> f64 {
+        let begun = Instant::now();
+        let mut times = Vec::new();
+        while times.len() < FRAMES || begun.elapsed() < duration {
+            times.push(self.frame());
+        }
         times.sort_unstable();
-        times[FRAMES * 99 / 100 - 1].as_secs_f64()
+        times[times.len() * 99 / 100 - 1].as_secs_f64()
     }
 }
