@@ -32,8 +32,10 @@ mod shader;
 #[cfg(test)]
 mod leaf_tests;
 
+use std::panic::resume_unwind;
 use std::sync::OnceLock;
 use std::sync::atomic::Ordering;
+use std::thread;
 
 use bytemuck::{bytes_of, cast_slice};
 use rayon::prelude::*;
@@ -153,19 +155,23 @@ impl GpuTracer {
             let features = self.features(scene, output);
             self.kernels.kernel(&self.device, features).map(drop)
         };
-        let kernels = || {
-            if !settings.denoise {
-                return kernel(KernelOutput::Radiance);
-            }
-            let [paths, hits] = [KernelOutput::Reflected, KernelOutput::Aovs];
-            let (filter, (paths, hits)) = rayon::join(
-                || self.filter_kernels().map(drop),
-                || rayon::join(|| kernel(paths), || kernel(hits)),
-            );
-            filter.and(paths).and(hits)
+        let compile = |output: Option<KernelOutput>| match output {
+            Some(output) => kernel(output),
+            None => self.filter_kernels().map(drop),
         };
-        let (proof, kernels) = rayon::join(|| self.prove(), kernels);
-        proof.and(kernels)
+        let filter = settings.denoise.then_some(None);
+        let parts = outputs(settings).iter().copied().map(Some).chain(filter);
+        // On threads of their own: one of a pool that waits may begin another job, which would wait for the probe that it
+        // is tracing itself. What gets no thread is compiled when it is needed.
+        thread::scope(|scope| {
+            let spawn = |part| thread::Builder::new().spawn_scoped(scope, move || compile(part));
+            let threads: Vec<_> = parts.filter_map(|part| spawn(part).ok()).collect();
+            let proof = self.prove();
+            let compiled = threads
+                .into_iter()
+                .map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
+            proof.and(compiled.collect())
+        })
     }
 
     fn check(&self, job: &TraceJob<'_>) -> Result<(), Error> {
@@ -283,12 +289,8 @@ impl Tracer for GpuTracer {
             Some(Ok(())) => {}
         }
         let is_compiled = |output| self.kernels.has(&self.features(scene, output));
-        if settings.denoise {
-            let outputs = [KernelOutput::Reflected, KernelOutput::Aovs];
-            self.filter.get().is_some() && outputs.into_iter().all(is_compiled)
-        } else {
-            is_compiled(KernelOutput::Radiance)
-        }
+        let has_filter = !settings.denoise || self.filter.get().is_some();
+        has_filter && outputs(settings).iter().all(|&output| is_compiled(output))
     }
 
     fn trace(
@@ -424,6 +426,14 @@ impl GpuTracer {
             workgroup_blocks: features.workgroup_blocks(self.device.workgroup_blocks),
             ..features
         }
+    }
+}
+
+/// What the kernels of a picture find.
+const fn outputs(settings: &RenderSettings) -> &'static [KernelOutput] {
+    match settings.denoise {
+        true => &[KernelOutput::Reflected, KernelOutput::Aovs],
+        false => &[KernelOutput::Radiance],
     }
 }
 

@@ -62,6 +62,7 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
     var path = camera_path(x, y, job.first_sample + index);
     var hit = Hit(T_MISS, NO_PRIMITIVE);
     var state = TRACE;
+    // What the camera rays of a batch of samples meet.
     var first_hits: array<Hit, FIRST_HITS + 1u>;
     var round = 0u;
     for (var batch = job.sample_begin; batch < job.sample_end; batch = batch_end(batch)) {
