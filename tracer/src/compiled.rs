@@ -29,8 +29,9 @@ pub use self::data::{
     CSG_FACE_CYLINDER, CSG_FACE_INNER_BOX, CSG_FACE_OUTER_BOX, CSG_FACE_PLANE, CameraFrame,
     CsgBoxData, CsgFaceData, DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
     KIND_METALLIC_ROUGHNESS, MaterialData, OPACITY_BLEND, OPACITY_MASK, OPACITY_OPAQUE,
-    PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
-    RectangleData, SphereData, TriangleColors, TriangleData, TriangleNormals, TriangleUvs,
+    PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_DIAL, PATTERN_NONE, PATTERN_NUMBER,
+    PATTERN_PLANKS, PATTERN_WOOD, RectangleData, SphereData, TriangleColors, TriangleData,
+    TriangleNormals, TriangleUvs,
 };
 pub use self::emissive_surface::{
     EMISSIVE_SURFACE_REACH, EMISSIVE_SURFACES_MAX, EmissiveSurfaceData, EmissiveSurfaces,

@@ -26,6 +26,22 @@ pub const PLANK_M: f32 = 0.13;
 /// Share of a plank's width that the gap beside it takes.
 pub const PLANK_GAP: f32 = 0.025;
 
+/// Length and height in m of a brick with its joints.
+pub const BRICK_M: [f32; 2] = [0.225, 0.075];
+/// Width of a joint in m.
+pub const JOINT_M: f32 = 0.01;
+
+/// How far from its middle the numbers of a dial stand, and their height over 1.5; the radius is 1.
+pub const DIAL_NUMBERS_AT: f32 = 0.66;
+/// See [`DIAL_NUMBERS_AT`].
+pub const DIAL_DIGIT: f32 = 0.17;
+/// The marks of its numbers reach from here to the rim, and so far to both sides.
+pub const DIAL_MARKS_FROM: f32 = 0.84;
+/// See [`DIAL_MARKS_FROM`].
+pub const DIAL_MARK_HALF: f32 = 0.025;
+/// The rim begins here.
+pub const DIAL_RIM_FROM: f32 = 0.95;
+
 /// Albedo of chalk on the cloth, and of its lines.
 pub const CHALK_ALBEDO: [f32; 3] = [0.5, 0.56, 0.6];
 /// How far a line on the cloth reaches to both sides of its middle, in m.
@@ -187,7 +203,7 @@ pub const DIGIT_SCALE: [f32; 2] = [0.66, 0.52];
 /// See [`DIGIT_SCALE`]; in digits' units.
 pub const DIGIT_SHIFT: f32 = 0.56;
 
-/// Whether the number, 1 to 99, has ink at a point of its circle of radius 1, y up.
+/// Whether the number, 0 to 99, has ink at a point of its circle of radius 1, y up.
 pub fn is_ink(number: u32, x: f32, y: f32) -> bool {
     if number < 10 {
         return is_digit(number, x / DIGIT_SCALE[0], y / DIGIT_SCALE[0]);
@@ -201,6 +217,27 @@ fn is_digit(digit: u32, x: f32, y: f32) -> bool {
     strokes
         .iter()
         .any(|stroke| stroke.distance(x, y) < STROKE_HALF)
+}
+
+/// Whether a dial of so many numbers has ink at a point, y up, its radius 1.
+pub fn is_dial_ink(numbers: u32, x: f32, y: f32) -> bool {
+    let from_middle = (x * x + y * y).sqrt();
+    if from_middle > DIAL_RIM_FROM {
+        return true;
+    }
+    let turns = x.atan2(y) / std::f32::consts::TAU + 1.0;
+    let nearest = (turns * numbers as f32 + 0.5) as u32 % numbers;
+    let (sin, cos) = (std::f32::consts::TAU * nearest as f32 / numbers as f32).sin_cos();
+    if from_middle > DIAL_MARKS_FROM {
+        return (x * cos - y * sin).abs() < DIAL_MARK_HALF;
+    }
+    let number = if nearest == 0 && numbers == 12 {
+        12
+    } else {
+        nearest
+    };
+    let (x, y) = (x - DIAL_NUMBERS_AT * sin, y - DIAL_NUMBERS_AT * cos);
+    is_ink(number, x / DIAL_DIGIT, y / DIAL_DIGIT)
 }
 
 /// The place of a unit vector from a ball's centre among the circles on ±`axis`, of radius 1, upright along `up`.
@@ -276,6 +313,36 @@ pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
     triple(material.albedo).lerp(triple(material.stripe_albedo), dark)
 }
 
+/// The albedo of a wall of bricks at a point of the world.
+pub fn bricks(material: &MaterialData, p: DVec3) -> DVec3 {
+    let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
+    let [length, height] = BRICK_M.map(f64::from);
+    let course = (p.z / height).floor();
+    let along = (p.x + p.y) / length + 0.5 * course;
+    let brick = along.floor();
+    let joint = f64::from(JOINT_M);
+    if (along - brick) * length < joint || p.z - course * height < joint {
+        return triple(material.sights);
+    }
+    let fired = 0.5 + 0.5 * wave(0.381_966 * brick + 0.754_878 * course);
+    let speckle = wave(31.0 * p.z + 1.3 * fired) * wave(17.0 * (p.x + p.y) + fired);
+    let dark = (fired + 0.12 * speckle).clamp(0.0, 1.0);
+    triple(material.albedo).lerp(triple(material.stripe_albedo), dark)
+}
+
+/// The albedo of a dial at a point of the world.
+pub fn dial(material: &MaterialData, p: DVec3) -> DVec3 {
+    let [y, z, radius] = material.sights.map(f64::from);
+    let (across, up) = ((y - p.y) / radius, (p.z - z) / radius);
+    let is_ink = is_dial_ink(material.number, across as f32, up as f32);
+    let albedo = if is_ink {
+        material.stripe_albedo
+    } else {
+        material.albedo
+    };
+    DVec3::from(albedo.map(f64::from))
+}
+
 /// The albedo of a cue at a distance in m from the end of its tip.
 pub fn cue(material: &MaterialData, from_tip_m: f64) -> DVec3 {
     let part = CUE_ENDS_M
@@ -343,6 +410,13 @@ pub(crate) fn wgsl() -> String {
          const SIGHT_HALF_M: vec2f = vec2f({:?}, {:?});\n\
          const PLANK_M: f32 = {PLANK_M:?};\n\
          const PLANK_GAP: f32 = {PLANK_GAP:?};\n\
+         const BRICK_M: vec2f = vec2f({:?}, {:?});\n\
+         const JOINT_M: f32 = {JOINT_M:?};\n\
+         const DIAL_NUMBERS_AT: f32 = {DIAL_NUMBERS_AT:?};\n\
+         const DIAL_DIGIT: f32 = {DIAL_DIGIT:?};\n\
+         const DIAL_MARKS_FROM: f32 = {DIAL_MARKS_FROM:?};\n\
+         const DIAL_MARK_HALF: f32 = {DIAL_MARK_HALF:?};\n\
+         const DIAL_RIM_FROM: f32 = {DIAL_RIM_FROM:?};\n\
          const CHALK_ALBEDO: vec3f = {};\n\
          const LINE_HALF_M: f32 = {LINE_HALF_M:?};\n\
          const LINE_SHARE: f32 = {LINE_SHARE:?};\n\
@@ -365,6 +439,8 @@ pub(crate) fn wgsl() -> String {
         triple(SIGHT_ALBEDO),
         SIGHT_HALF_M[0],
         SIGHT_HALF_M[1],
+        BRICK_M[0],
+        BRICK_M[1],
         triple(CHALK_ALBEDO),
         CUE_ENDS_M.len(),
         CUE_ENDS_M.map(|end| format!("{end:?}")).join(", "),

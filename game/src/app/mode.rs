@@ -9,6 +9,7 @@ use crate::particles::ParticleMoment;
 use crate::play::practice::Practice;
 use crate::play::{Game, ShotClock};
 use crate::scene::cue_stick::CuePose;
+use crate::scene::scoreboard::ScoreReading;
 use crate::scene::table_scene::TableScene;
 
 /// What the window shows.
@@ -40,6 +41,8 @@ pub struct ModeView {
     pub aperture_radius_m: f32,
     /// The balls.
     pub poses: Vec<BallPose>,
+    /// What the scoreboard on the wall shows.
+    pub scores: ScoreReading,
     /// The cue, while there is one to show.
     pub cue: Option<CuePose>,
     /// Particles.
@@ -60,13 +63,15 @@ impl ModeView {
         let camera = self.camera(room.table_inside());
         let clouds = (self.particles).clouds(room.particle_detail(), room.cloth_albedo());
         let update = room.update(camera, &self.poses, self.cue.as_ref());
-        update.particles(clouds)
+        let hands = room.hand_poses(self.scores);
+        hands.fold(update, SceneUpdate::pose).particles(clouds)
     }
 }
 
 impl Mode {
     /// The view of this mode, beside `game`.
     pub fn view(&self, game: &Game, time: ViewTime) -> ModeView {
+        let scores = ScoreReading::of(game.contest());
         match self {
             Self::Game => {
                 let (clock, moment) = time.resolve(|now| game.shot_clock(now));
@@ -77,6 +82,7 @@ impl Mode {
                 ModeView {
                     viewpoint: game.viewpoint(moment),
                     aperture_radius_m: 0.0,
+                    scores,
                     poses: game.poses(moment),
                     cue: cue.map(|cue| cue.pose(game.table().cue_ball().radius_m)),
                     particles: game.particles(moment),
@@ -88,6 +94,7 @@ impl Mode {
                 ModeView {
                     viewpoint: player.viewpoint(game, moment),
                     aperture_radius_m: APERTURE_RADIUS_M,
+                    scores,
                     poses: player.poses(moment),
                     cue: player.cue(game.table(), moment),
                     particles: player.particles(moment),
@@ -98,6 +105,7 @@ impl Mode {
             Self::Practice(practice) => ModeView {
                 viewpoint: game.viewpoint(0.0),
                 aperture_radius_m: 0.0,
+                scores,
                 poses: practice.poses(),
                 cue: None,
                 particles: practice.particles(),

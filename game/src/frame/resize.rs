@@ -4,7 +4,7 @@ use carom_tracer::ImageSize;
 use rayon::prelude::*;
 
 /// The pixels of a picture at another size, interpolated as the window interpolates them.
-pub fn interpolated(pixels: &[[u8; 4]], from: ImageSize, to: ImageSize) -> Vec<[u8; 4]> {
+pub(super) fn interpolated(pixels: &[[u8; 4]], from: ImageSize, to: ImageSize) -> Vec<[u8; 4]> {
     let columns: Vec<(usize, usize, f32)> = (0..to.width)
         .map(|x| taps(x, to.width, from.width))
         .collect();
@@ -39,7 +39,7 @@ fn taps(at: u32, to: u32, from: u32) -> (usize, usize, f32) {
 
 /// The pixels of a picture at a smaller size, each the mean of the area that it covers, on the threads of the current pool.
 /// The result replaces what is in `averaged`.
-pub fn average_into(
+pub(super) fn average_into(
     pixels: &[[u8; 4]],
     from: ImageSize,
     to: ImageSize,

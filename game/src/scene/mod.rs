@@ -5,6 +5,7 @@ pub mod cue_stick;
 pub mod export;
 mod potted_balls;
 pub mod scene_builder;
+pub mod scoreboard;
 pub mod table_args;
 pub mod table_scene;
 pub mod table_style;

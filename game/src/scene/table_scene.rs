@@ -9,7 +9,8 @@ use glam::{Quat, Vec3};
 use crate::particles::ParticleDetail;
 use crate::scene::cue_stick::{CUE_NAME, CuePose};
 use crate::scene::potted_balls::potted_balls;
-use crate::scene::scene_builder::room;
+use crate::scene::scene_builder::{room, scoreboard};
+use crate::scene::scoreboard::{HAND_NAME, ScoreReading, Scoreboard};
 use crate::scene::table_style::TableStyle;
 
 /// The pool table's scene, and which of its objects is which ball.
@@ -18,6 +19,9 @@ pub struct TableScene {
     table: Table,
     scene: Scene,
     balls: Vec<(u8, u32)>,
+    scoreboard: Scoreboard,
+    /// The objects of its hands.
+    hands: Vec<u32>,
     /// The cue's object, which a table without a cue ball has none of.
     cue: Option<u32>,
     detail: ParticleDetail,
@@ -61,8 +65,12 @@ impl TableScene {
             .collect();
         let is_cue = |object: &Object| object.name == CUE_NAME;
         let cue = scene.objects.iter().position(is_cue);
+        let objects = (0..).zip(&scene.objects);
+        let hands = objects.filter(|(_, object)| object.name == HAND_NAME);
         Self {
             table: table.clone(),
+            scoreboard: scoreboard(table),
+            hands: hands.map(|(index, _)| index).collect(),
             detail: style.particles,
             cloth_albedo: style.cloth.albedo(rules),
             cue: cue.map(|index| index as u32),
@@ -119,6 +127,17 @@ impl TableScene {
                 .collect(),
             particles: Vec::new(),
         }
+    }
+
+    /// The scoreboard's hands as they show `reading`.
+    pub fn hand_poses(&self, reading: ScoreReading) -> impl Iterator<Item = ObjectPose> {
+        let poses = self.scoreboard.hands(reading);
+        self.hands.iter().zip(poses).map(|(hand, pose)| ObjectPose {
+            object: *hand,
+            position: pose.tip,
+            rotation: pose.rotation,
+            visible: true,
+        })
     }
 
     fn cue_pose(&self, cue: Option<&CuePose>) -> Option<ObjectPose> {
@@ -184,6 +203,32 @@ mod tests {
         let update = table_scene.update(camera, &[], None);
         compiled.apply(&update).unwrap();
         assert!(distance(&compiled) > 1.0);
+    }
+
+    #[test]
+    fn hands_of_the_scoreboard_turn_with_the_scores() {
+        let table_scene = TableScene::room(BallSet::Classic);
+        let mut compiled = CompiledScene::new(table_scene.scene()).unwrap();
+        // Looked at from before the tip of the first dial's long hand when the score is 3.
+        let reading = ScoreReading {
+            scores: [3, 0],
+            minutes: 0,
+        };
+        let poses: Vec<_> = table_scene.hand_poses(reading).collect();
+        assert_eq!(poses.len(), 6);
+        let tip = (poses[1].position + poses[1].rotation * (0.01 * Vec3::Z)).as_dvec3();
+        let towards = Ray {
+            origin: tip - DVec3::X,
+            direction: DVec3::X,
+        };
+        let distance = |compiled: &CompiledScene| intersect(compiled, &towards).unwrap().t;
+        let at_zero = distance(&compiled);
+        let update = poses
+            .into_iter()
+            .fold(SceneUpdate::default(), SceneUpdate::pose);
+        compiled.apply(&update).unwrap();
+        assert!((distance(&compiled) - 1.0).abs() < 0.006);
+        assert!(at_zero > 1.006, "{at_zero}");
     }
 
     #[test]

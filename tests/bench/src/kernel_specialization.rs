@@ -362,7 +362,10 @@ fn is_wood(material: &Material) -> bool {
     };
     matches!(
         texture,
-        ProceduralTexture::Wood { .. } | ProceduralTexture::Planks { .. }
+        ProceduralTexture::Wood { .. }
+            | ProceduralTexture::Planks { .. }
+            | ProceduralTexture::Bricks { .. }
+            | ProceduralTexture::Dial { .. }
     )
 }
 

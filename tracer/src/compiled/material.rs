@@ -5,8 +5,8 @@ use glam::Vec3;
 
 use super::{
     KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS, MaterialData, OPACITY_BLEND,
-    OPACITY_MASK, OPACITY_OPAQUE, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER,
-    PATTERN_PLANKS, PATTERN_WOOD,
+    OPACITY_MASK, OPACITY_OPAQUE, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_DIAL,
+    PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::validate::{ALPHA_SMOOTH_MAX, SHEEN_ROUGHNESS};
@@ -252,6 +252,31 @@ fn textured(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
             stripe_albedo: dark.to_array(),
             pattern: PATTERN_PLANKS,
             scale: 1.0,
+            ..coat
+        },
+        ProceduralTexture::Bricks {
+            light,
+            dark,
+            mortar,
+        } => MaterialData {
+            albedo: light.to_array(),
+            stripe_albedo: dark.to_array(),
+            pattern: PATTERN_BRICKS,
+            sights: mortar.to_array(),
+            ..coat
+        },
+        ProceduralTexture::Dial {
+            face,
+            ink,
+            center: [y, z],
+            radius,
+            numbers,
+        } => MaterialData {
+            albedo: face.to_array(),
+            stripe_albedo: ink.to_array(),
+            pattern: PATTERN_DIAL,
+            sights: [y, z, radius],
+            number: u32::from(numbers),
             ..coat
         },
     }

@@ -6,13 +6,14 @@ use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rows::Rows;
 use super::sampling::sin_cos_turns;
 use crate::compiled::{
-    MaterialData, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS,
-    PATTERN_WOOD,
+    MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_DIAL, PATTERN_NONE,
+    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
 };
 use crate::texture::{
-    CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, CUE_COLLAR_ALBEDO, CUE_ENDS_M, CUE_FERRULE_ALBEDO,
-    CUE_TIP_ALBEDO, CUE_WRAP_ALBEDO, INK_ALBEDO, LINE_HALF_M, LINE_SHARE, MARK_REACH_M, PLANK_GAP,
-    PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SPOT_RADIUS_M, SPOT_SHARE, WORN_M2, WORN_SHARE, is_ink,
+    BRICK_M, CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, CUE_COLLAR_ALBEDO, CUE_ENDS_M,
+    CUE_FERRULE_ALBEDO, CUE_TIP_ALBEDO, CUE_WRAP_ALBEDO, INK_ALBEDO, JOINT_M, LINE_HALF_M,
+    LINE_SHARE, MARK_REACH_M, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SPOT_RADIUS_M,
+    SPOT_SHARE, WORN_M2, WORN_SHARE, is_dial_ink, is_ink,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -81,6 +82,16 @@ pub(super) fn textured<S: Simd>(
     if cues.any_true() {
         let cue = cue(simd, &rows, position, albedo);
         textured = Vec3x::select(cues, cue, textured);
+    }
+    let bricked = pattern.simd_eq(PATTERN_BRICKS as f32);
+    if bricked.any_true() {
+        let bricks = bricks(simd, &rows, position, albedo);
+        textured = Vec3x::select(bricked, bricks, textured);
+    }
+    let dials = pattern.simd_eq(PATTERN_DIAL as f32);
+    if dials.any_true() {
+        let ink = dial_ink(simd, &rows, dials, position);
+        textured = Vec3x::select(ink, rows.triple(simd, DARK), textured);
     }
     let woven = pattern.simd_eq(PATTERN_CLOTH as f32);
     if woven.any_true() {
@@ -204,6 +215,39 @@ fn wood<S: Simd>(
         + off.abs() * (1.0 / SIGHT_HALF_M[1]);
     let sight = has_sights & exists & diamond.simd_lt(1.0) & p.z.simd_gt(0.0);
     Vec3x::select(sight, Vec3x::splat(simd, SIGHT_ALBEDO), wood)
+}
+
+#[inline(always)]
+fn bricks<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -> Vec3x<S> {
+    let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+    let [length, height] = BRICK_M;
+    let course = (p.z / height).floor();
+    let along = (p.x + p.y) / length + course * 0.5;
+    let brick = along.floor();
+    let joint =
+        ((along - brick) * length).simd_lt(JOINT_M) | (p.z - course * height).simd_lt(JOINT_M);
+    let fired = wave(brick * 0.381_966 + course * 0.754_878) * 0.5 + 0.5;
+    let speckle = wave(p.z * 31.0 + fired * 1.3) * wave((p.x + p.y) * 17.0 + fired);
+    let shade = (fired + speckle * 0.12).max(zero).min(one);
+    let bricks = (rows.triple(simd, DARK) - light).mul_add(shade, light);
+    Vec3x::select(joint, rows.triple(simd, SIGHTS), bricks)
+}
+
+/// The few lanes on a dial look up its numbers one by one.
+#[inline(always)]
+fn dial_ink<S: Simd>(simd: S, rows: &Rows<'_, 16>, lanes: Mask<S>, p: Vec3x<S>) -> Mask<S> {
+    let place = rows.triple(simd, SIGHTS);
+    let across = ((place.x - p.y) / place.z).to_array();
+    let up = ((p.z - place.y) / place.z).to_array();
+    let numbers = rows.number(simd, NUMBER).to_array();
+    let bits = lanes.to_bitmask();
+    let mut ink = 0;
+    for lane in 0..LANES {
+        if bits >> lane & 1 == 1 && is_dial_ink(numbers[lane] as u32, across[lane], up[lane]) {
+            ink |= 1 << lane;
+        }
+    }
+    Mask::from_bitmask(simd, ink)
 }
 
 #[inline(always)]

@@ -437,6 +437,28 @@ pub enum ProceduralTexture {
         /// Albedo of the rings, per channel, in [0, 1].
         dark: Vec3,
     },
+    /// Walls across x or y of bricks in running bond, 215 mm long and 65 mm high with joints of 10 mm.
+    Bricks {
+        /// Albedo of the lightest brick, per channel, in [0, 1].
+        light: Vec3,
+        /// Albedo of the darkest brick, per channel, in [0, 1].
+        dark: Vec3,
+        /// Albedo of the mortar, per channel, in [0, 1].
+        mortar: Vec3,
+    },
+    /// A dial on a surface across x, as it is seen along +x, y to the left: evenly spaced numbers, clockwise from the top.
+    Dial {
+        /// Albedo of the face, per channel, in [0, 1].
+        face: Vec3,
+        /// Albedo of the numbers, their marks and the rim, per channel, in [0, 1].
+        ink: Vec3,
+        /// Middle of the dial, its y and z in metres.
+        center: [f32; 2],
+        /// Radius of its rim in metres.
+        radius: f32,
+        /// How many numbers there are, 2 to 12: of twelve the topmost is 12, as on a clock, else 0.
+        numbers: u8,
+    },
 }
 
 fn one() -> f32 {

@@ -339,6 +339,24 @@ pub(crate) fn textured_still_life() -> Scene {
         ("upright", wood(Axis::Z, None)),
         ("planks", coated(ProceduralTexture::Planks { light, dark })),
         (
+            "bricks",
+            coated(ProceduralTexture::Bricks {
+                light,
+                dark,
+                mortar: Vec3::splat(0.6),
+            }),
+        ),
+        (
+            "dial",
+            coated(ProceduralTexture::Dial {
+                face: Vec3::splat(0.8),
+                ink: dark,
+                center: [0.35, 0.35],
+                radius: 0.25,
+                numbers: 12,
+            }),
+        ),
+        (
             "cue",
             coated(ProceduralTexture::Cue {
                 shaft: light,
@@ -377,6 +395,22 @@ pub(crate) fn textured_still_life() -> Scene {
         object("post", "upright", post),
         object("rod", "cue", rod),
         object("floor", "planks", plate(-0.3, 3.0)),
+        object(
+            "wall",
+            "bricks",
+            Shape::Box {
+                min: Vec3::new(-1.5, 1.2, -0.3),
+                max: Vec3::new(1.5, 1.3, 0.9),
+            },
+        ),
+        object(
+            "dial",
+            "dial",
+            Shape::Box {
+                min: Vec3::new(0.95, 0.1, 0.1),
+                max: Vec3::new(1.0, 0.6, 0.6),
+            },
+        ),
         object(
             "rails",
             "rails",

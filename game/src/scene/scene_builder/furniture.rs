@@ -6,15 +6,17 @@ use glam::{DVec3, Quat, Vec2, Vec3};
 use super::room::{ROOM_MARGIN_M, WINDOW_M};
 use super::{SceneBuilder, subtraction};
 use crate::scene::cue_stick::{CUE_LENGTH_M, CUE_NAME, CuePose};
+use crate::scene::scoreboard::HAND_NAME;
 
 impl SceneBuilder {
-    /// A bench, a rack of cues, a bar table with stools, and the bars of a window, whose light is
+    /// A bench, a rack of cues, a bar table with stools, a scoreboard, and the bars of a window, whose light is
     /// [`super::room::window`].
     pub(super) fn far_end(&mut self) {
         let wall_x = self.frame.outer.x + ROOM_MARGIN_M - PANELLING_M;
         self.bench(wall_x);
         self.cue_rack(wall_x);
         self.bar_table(wall_x);
+        self.scoreboard();
         let (center, half) = WINDOW_M;
         for (y, z) in [(half.x, 0.02), (0.02, half.y)] {
             let bar = Vec3::new(0.03, y, z);
@@ -60,6 +62,18 @@ impl SceneBuilder {
                 back: DVec3::NEG_Z,
             };
             self.add("cue in the rack", CUE_NAME, pose.shape());
+        }
+    }
+
+    /// Two dials with scores and a clock, on the wall over the bench.
+    fn scoreboard(&mut self) {
+        let scoreboard = self.frame.scoreboard();
+        self.add("scoreboard", "dark wood", scoreboard.board());
+        for dial in scoreboard.dials() {
+            self.add(dial.name, dial.name, dial.shape());
+        }
+        for hand in scoreboard.hand_shapes() {
+            self.add(HAND_NAME, "enamel", hand);
         }
     }
 

@@ -36,6 +36,11 @@ pub(super) fn materials(
             MAHOGANY.wood(Axis::X, Some(sights(frame, table, rules))),
         ),
     ]);
+    let dials = frame.scoreboard().dials().map(|dial| {
+        let texture = dial.texture();
+        (dial.name, Material::Coated { ior: 1.15, texture })
+    });
+    let fabric = fabric.chain(dials);
     let last = if rules == RuleSet::Snooker { 21 } else { 15 };
     let balls = (0..=last).map(|number| {
         let material = style.balls.material(rules, number);
@@ -64,6 +69,11 @@ fn furniture() -> Vec<(&'static str, Material)> {
         light: Vec3::new(0.17, 0.105, 0.058),
         dark: Vec3::new(0.105, 0.062, 0.034),
     };
+    let bricks = ProceduralTexture::Bricks {
+        light: Vec3::new(0.34, 0.155, 0.095),
+        dark: Vec3::new(0.17, 0.075, 0.052),
+        mortar: Vec3::new(0.36, 0.33, 0.29),
+    };
     let brass = (Vec3::new(0.445, 0.527, 1.095), Vec3::new(3.7, 2.765, 1.829));
     let metal = |(eta, k), alpha| Material::Conductor {
         eta,
@@ -87,7 +97,13 @@ fn furniture() -> Vec<(&'static str, Material)> {
         ("collar leather", soft(Vec3::new(0.075, 0.038, 0.022), 0.03)),
         ("brass", metal(brass, 0.2)),
         ("enamel", lacquer(Vec3::new(0.012, 0.014, 0.018))),
-        ("wall", diffuse(Vec3::new(0.36, 0.33, 0.28))),
+        (
+            "wall",
+            Material::Coated {
+                ior: 1.05,
+                texture: bricks,
+            },
+        ),
         ("picture red", diffuse(Vec3::new(0.3, 0.07, 0.04))),
         ("picture blue", diffuse(Vec3::new(0.05, 0.1, 0.25))),
     ]

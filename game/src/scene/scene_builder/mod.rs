@@ -21,6 +21,7 @@ use glam::{DVec2, Quat, Vec2, Vec3};
 
 use self::materials::materials;
 use self::room::{lamp, window};
+use crate::scene::scoreboard::Scoreboard;
 use crate::scene::table_style::TableStyle;
 
 /// The exposure that the room's area lights are set for.
@@ -105,6 +106,18 @@ impl TableMeasures {
             scale: (table.length_m() / NINE_FOOT_M) as f32,
         }
     }
+
+    /// On the far wall, over the bench.
+    fn scoreboard(&self) -> Scoreboard {
+        let wall_x = self.outer.x + room::ROOM_MARGIN_M;
+        Scoreboard {
+            center: Vec3::new(
+                wall_x - SCOREBOARD_M.x,
+                SCOREBOARD_M.y,
+                self.floor + SCOREBOARD_M.z,
+            ),
+        }
+    }
 }
 
 struct SceneBuilder {
@@ -172,6 +185,13 @@ fn beyond(point: Vec3, normal: Vec3) -> Subtraction {
     subtraction(CsgSolid::HalfSpace { point, normal })
 }
 
+/// The scoreboard of a table's room.
+pub fn scoreboard(table: &Table) -> Scoreboard {
+    TableMeasures::of(table).scoreboard()
+}
+
+/// The middle of the clock: before the far wall, towards +y, over the floor.
+const SCOREBOARD_M: Vec3 = Vec3::new(0.035, 0.55, 1.25);
 /// Where tables without rails of their own get some.
 const CUSHION_M: f64 = 0.05;
 const RAIL_M: f64 = 0.18;

@@ -1,4 +1,4 @@
-// Procedural textures: numbers on balls, the grain of wood (see `texture` in Rust).
+// Procedural textures: numbers on balls, the grain of wood, bricks, dials (see `texture` in Rust).
 
 fn stroke_distance(index: u32, p: vec2f) -> f32 {
     let ends = STROKE_ENDS[index];
@@ -136,6 +136,45 @@ fn cloth(material: u32, p: vec3f) -> vec3f {
     return min(colour, vec3f(most));
 }
 
+fn bricks(material: u32, p: vec3f) -> vec3f {
+    let course = floor(p.z / BRICK_M.y);
+    let along = (p.x + p.y) / BRICK_M.x + 0.5 * course;
+    let brick = floor(along);
+    if ((along - brick) * BRICK_M.x < JOINT_M || p.z - course * BRICK_M.y < JOINT_M) {
+        return scene_storage.materials[material].sights;
+    }
+    let fired = 0.5 + 0.5 * wave(0.381966 * brick + 0.754878 * course);
+    let speckle = wave(31.0 * p.z + 1.3 * fired) * wave(17.0 * (p.x + p.y) + fired);
+    let dark = clamp(fired + 0.12 * speckle, 0.0, 1.0);
+    return mix(scene_storage.materials[material].albedo, scene_storage.materials[material].stripe_albedo, dark);
+}
+
+fn is_dial_ink(numbers: u32, p: vec2f) -> bool {
+    let from_middle = length(p);
+    if (from_middle > DIAL_RIM_FROM) {
+        return true;
+    }
+    let turns = atan2(p.x, p.y) * 0.15915494 + 1.0;
+    var number = u32(turns * f32(numbers) + 0.5) % numbers;
+    let direction = circle(f32(number) / f32(numbers)).yx;
+    if (from_middle > DIAL_MARKS_FROM) {
+        return abs(p.x * direction.y - p.y * direction.x) < DIAL_MARK_HALF;
+    }
+    if (number == 0u && numbers == 12u) {
+        number = 12u;
+    }
+    return is_ink(number, (p - DIAL_NUMBERS_AT * direction) / DIAL_DIGIT);
+}
+
+fn dial(material: u32, p: vec3f) -> vec3f {
+    let place = scene_storage.materials[material].sights;
+    let q = vec2f(place.x - p.y, p.z - place.y) / place.z;
+    if (is_dial_ink(scene_storage.materials[material].number, q)) {
+        return scene_storage.materials[material].stripe_albedo;
+    }
+    return scene_storage.materials[material].albedo;
+}
+
 fn cue(material: u32, from_tip_m: f32) -> vec3f {
     var part = 0u;
     for (var end = 0u; end < 6u; end++) {
@@ -158,6 +197,12 @@ fn textured(surface: Surface) -> vec3f {
     }
     if (pattern == PATTERN_CLOTH) {
         return cloth(surface.material, surface.position);
+    }
+    if (pattern == PATTERN_BRICKS) {
+        return bricks(surface.material, surface.position);
+    }
+    if (pattern == PATTERN_DIAL) {
+        return dial(surface.material, surface.position);
     }
     return surface.albedo;
 }

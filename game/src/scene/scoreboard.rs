@@ -1,0 +1,226 @@
+//! The scoreboard on the far wall: a clock between two dials with the players' scores.
+
+use carom_billiards::game_match::Match;
+use carom_tracer::{Axis, CsgSolid, ProceduralTexture, Shape, Subtraction};
+use glam::{Quat, Vec3};
+
+/// What the scoreboard shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ScoreReading {
+    /// Racks, frames or points of the first two players.
+    pub scores: [i32; 2],
+    /// Minutes since eight o'clock.
+    pub minutes: u32,
+}
+
+impl ScoreReading {
+    /// What is shown of a match, which begins at eight: the clock goes on by a minute with each stroke, and so stands still
+    /// while the table does.
+    pub fn of(contest: &Match) -> Self {
+        let scores = contest.referee().scores();
+        Self {
+            scores: [0, 1].map(|player| scores.get(player).copied().unwrap_or(0)),
+            minutes: contest.turns().len() as u32,
+        }
+    }
+}
+
+/// Where a scoreboard hangs.
+#[derive(Clone, Copy, Debug)]
+pub struct Scoreboard {
+    /// The middle of its clock, before the wall, metres.
+    pub center: Vec3,
+}
+
+/// A dial of the scoreboard: the first player's score, the clock, the second player's score.
+#[derive(Clone, Copy, Debug)]
+pub struct ScoreDial {
+    /// The name of its objects and its material.
+    pub name: &'static str,
+    /// The middle of its face.
+    center: Vec3,
+    numbers: u8,
+}
+
+/// Where a hand points.
+#[derive(Clone, Copy, Debug)]
+pub struct HandPose {
+    /// Its tip, metres.
+    pub tip: Vec3,
+    /// `world_from_cone` of its object.
+    pub rotation: Quat,
+}
+
+impl Scoreboard {
+    /// Its dials, from left to right.
+    pub fn dials(&self) -> [ScoreDial; 3] {
+        [
+            ("first score", 1.0, 10),
+            ("clock", 0.0, 12),
+            ("second score", -1.0, 10),
+        ]
+        .map(|(name, aside, numbers)| ScoreDial {
+            name,
+            center: self.center + Vec3::Y * (aside * DIAL_SPACING_M),
+            numbers,
+        })
+    }
+
+    /// The board behind the dials.
+    pub fn board(&self) -> Shape {
+        let half = Vec3::new(0.0, DIAL_SPACING_M, 0.0) + Vec3::splat(DIAL_RADIUS_M + BOARD_RIM_M);
+        let back = self.center + Vec3::X * FACE_M;
+        Shape::Box {
+            min: (back - half).with_x(back.x),
+            max: (back + half).with_x(back.x + BOARD_M),
+        }
+    }
+
+    /// The hands of each dial in turn, a short one for tens or hours and a long one for units or minutes.
+    pub fn hands(&self, reading: ScoreReading) -> [HandPose; 6] {
+        let [first, clock, second] = self.dials();
+        let turns = |units: i32, round: i32| units.rem_euclid(round) as f32 / round as f32;
+        let minutes = (8 * 60 + reading.minutes) as i32;
+        let [score, other_score] = reading.scores;
+        [
+            first.hand(SHORT_HAND_M, turns(score, 100)),
+            first.hand(LONG_HAND_M, turns(score, 10)),
+            clock.hand(SHORT_HAND_M, turns(minutes, 12 * 60)),
+            clock.hand(LONG_HAND_M, turns(minutes, 60)),
+            second.hand(SHORT_HAND_M, turns(other_score, 100)),
+            second.hand(LONG_HAND_M, turns(other_score, 10)),
+        ]
+    }
+
+    /// The hands as they are before a match, in the order of [`Scoreboard::hands`].
+    pub fn hand_shapes(&self) -> [Shape; 6] {
+        let lengths = [
+            SHORT_HAND_M,
+            LONG_HAND_M,
+            SHORT_HAND_M,
+            LONG_HAND_M,
+            SHORT_HAND_M,
+            LONG_HAND_M,
+        ];
+        let poses = self.hands(ScoreReading::default());
+        std::array::from_fn(|place| Shape::TruncatedCone {
+            center: poses[place].tip,
+            rotation: poses[place].rotation,
+            length: lengths[place] + TAIL_M,
+            radii: HAND_RADII_M,
+        })
+    }
+}
+
+impl ScoreDial {
+    /// Its texture.
+    pub fn texture(&self) -> ProceduralTexture {
+        ProceduralTexture::Dial {
+            face: Vec3::new(0.62, 0.59, 0.5),
+            ink: Vec3::splat(0.02),
+            center: [self.center.y, self.center.z],
+            radius: DIAL_RADIUS_M,
+            numbers: self.numbers,
+        }
+    }
+
+    /// Its disc.
+    pub fn shape(&self) -> Shape {
+        let half = Vec3::new(0.0, DIAL_RADIUS_M, DIAL_RADIUS_M);
+        let rim = CsgSolid::ConeExterior {
+            axis: Axis::X,
+            center: self.center,
+            radius: DIAL_RADIUS_M,
+            taper: 0.0,
+            beyond: Vec3::ZERO,
+        };
+        Shape::CsgBox {
+            min: self.center - half,
+            max: self.center + half + Vec3::X * FACE_M,
+            subtractions: vec![Subtraction {
+                solid: rim,
+                material: None,
+            }],
+        }
+    }
+
+    /// A hand of a length that points so many turns clockwise from the top, seen along +x.
+    fn hand(&self, length: f32, turns: f32) -> HandPose {
+        let (sin, cos) = (std::f32::consts::TAU * turns).sin_cos();
+        let direction = Vec3::new(0.0, -sin, cos);
+        HandPose {
+            tip: self.center - Vec3::X * HAND_GAP_M + length * direction,
+            rotation: Quat::from_rotation_arc(Vec3::Z, -direction),
+        }
+    }
+}
+
+/// The name of the hands' objects.
+pub const HAND_NAME: &str = "hand";
+const DIAL_RADIUS_M: f32 = 0.16;
+const DIAL_SPACING_M: f32 = 0.37;
+/// Thickness of a dial.
+const FACE_M: f32 = 0.012;
+const BOARD_M: f32 = 0.02;
+const BOARD_RIM_M: f32 = 0.03;
+/// Lengths of hands before the middle of their dial.
+const SHORT_HAND_M: f32 = 0.078;
+const LONG_HAND_M: f32 = 0.125;
+/// Radii of a hand at its tip and at its other end.
+const HAND_RADII_M: [f32; 2] = [0.003, 0.006];
+/// How far a hand reaches behind the middle.
+const TAIL_M: f32 = 0.02;
+/// From a face to the middle line of its hands.
+const HAND_GAP_M: f32 = 0.012;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where the hands point, in turns clockwise from the top.
+    fn turns(reading: ScoreReading) -> [f32; 6] {
+        let board = Scoreboard {
+            center: Vec3::new(6.0, 0.5, 0.7),
+        };
+        board.hands(reading).map(|pose| {
+            let direction = pose.rotation * Vec3::NEG_Z;
+            assert!(direction.x.abs() < 1e-6);
+            (-direction.y)
+                .atan2(direction.z)
+                .rem_euclid(std::f32::consts::TAU)
+                / std::f32::consts::TAU
+        })
+    }
+
+    fn is_close(found: [f32; 6], wanted: [f32; 6]) -> bool {
+        let aside = |(a, b): (f32, f32)| ((a - b).abs() - (a - b).abs().round()).abs();
+        found.into_iter().zip(wanted).all(|pair| aside(pair) < 1e-5)
+    }
+
+    #[test]
+    fn hands_show_tens_and_units_and_the_time() {
+        let before = turns(ScoreReading::default());
+        assert!(
+            is_close(before, [0.0, 0.0, 8.0 / 12.0, 0.0, 0.0, 0.0]),
+            "{before:?}"
+        );
+        let later = turns(ScoreReading {
+            scores: [37, 105],
+            minutes: 75,
+        });
+        let wanted = [0.37, 0.7, 9.25 / 12.0, 0.25, 0.05, 0.5];
+        assert!(is_close(later, wanted), "{later:?}");
+    }
+
+    #[test]
+    fn a_score_below_zero_turns_back_from_the_top() {
+        let found = turns(ScoreReading {
+            scores: [-2, 0],
+            minutes: 0,
+        });
+        assert!(
+            is_close(found, [0.98, 0.8, 8.0 / 12.0, 0.0, 0.0, 0.0]),
+            "{found:?}"
+        );
+    }
+}
