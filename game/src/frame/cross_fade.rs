@@ -1,8 +1,7 @@
 //! Cross-fade from the last picture of a moving view to the first one of the view at rest.
 
+use carom_tracer::ImageSize;
 use carom_window::display::DisplayFrame;
-
-use crate::frame::resize::interpolated;
 
 /// Blends the picture that was on the screen into the one that replaces it, so that the change of resolution and noise when
 /// the view comes to rest is no jump.
@@ -33,7 +32,7 @@ impl CrossFade {
         self.fade = Some(Fade {
             before: match before.size == after.size {
                 true => before.rgba.clone(),
-                false => interpolated(&before.rgba, before.size, after.size),
+                false => resized(before, after.size),
             },
             began_secs: now_secs,
             blended: after.clone(),
@@ -72,6 +71,41 @@ impl CrossFade {
     }
 }
 
+/// A picture's pixels at another size, interpolated as the window interpolates them.
+fn resized(picture: &DisplayFrame, to: ImageSize) -> Vec<[u8; 4]> {
+    let from = picture.size;
+    let columns: Vec<(usize, usize, f32)> = (0..to.width)
+        .map(|x| taps(x, to.width, from.width))
+        .collect();
+    let rows = (0..to.height).flat_map(|y| {
+        let (top, bottom, down) = taps(y, to.height, from.height);
+        let row = |y: usize| &picture.rgba[y * from.width as usize..][..from.width as usize];
+        let (top, bottom) = (row(top), row(bottom));
+        columns.iter().map(move |&(left, right, along)| {
+            std::array::from_fn(|channel| {
+                let mix = |row: &[[u8; 4]]| {
+                    let (a, b) = (
+                        f32::from(row[left][channel]),
+                        f32::from(row[right][channel]),
+                    );
+                    a + (b - a) * along
+                };
+                let (above, below) = (mix(top), mix(bottom));
+                (above + (below - above) * down + 0.5) as u8
+            })
+        })
+    });
+    rows.collect()
+}
+
+/// The two pixels of `from` beside the middle of pixel `at` of `to`, and the share of the second.
+fn taps(at: u32, to: u32, from: u32) -> (usize, usize, f32) {
+    let place = (at as f32 + 0.5) * from as f32 / to as f32 - 0.5;
+    let place = place.clamp(0.0, from as f32 - 1.0);
+    let first = place as usize;
+    (first, (first + 1).min(from as usize - 1), place.fract())
+}
+
 /// Long enough that the eye sees no step, short enough that the sharp picture is not waited for.
 const FADE_SECS: f64 = 0.15;
 /// Blended pictures are numbered from here: neither traced nor reprojected ones get so far.
@@ -79,7 +113,7 @@ const SERIALS_FIRST: u64 = 3 << 62;
 
 #[cfg(test)]
 mod tests {
-    use carom_tracer::{ImageSize, SceneUpdate};
+    use carom_tracer::SceneUpdate;
 
     use super::*;
 
@@ -130,5 +164,16 @@ mod tests {
         moved.update.camera = Some(crate::camera::Viewpoint::behind(glam::DVec3::X, 0.0).camera());
         fade.advance(0.01, &moved);
         assert!(fade.blended().is_none());
+    }
+
+    #[test]
+    fn a_resized_ramp_stays_a_ramp() {
+        let mut ramp = picture(1, 4, 0);
+        for (place, pixel) in ramp.rgba.iter_mut().enumerate() {
+            pixel[0] = (place % 4 * 80) as u8;
+        }
+        let wide = resized(&ramp, ImageSize::new(8, 4));
+        let row: Vec<u8> = wide[..8].iter().map(|pixel| pixel[0]).collect();
+        assert_eq!(row, [0, 20, 60, 100, 140, 180, 220, 240]);
     }
 }

@@ -6,5 +6,4 @@ pub mod farm_startup;
 pub mod opening_still;
 pub mod pipeline;
 pub mod reprojection;
-mod resize;
 pub mod scheduler;

@@ -11,11 +11,8 @@ use carom_tracer::{CompiledScene, ImageSize, Scene, SceneUpdate, Tile};
 use carom_window::display::DisplayFrame;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::frame::resize::average_into;
-
 /// Accumulates and moves pictures. Costs [`NEW_PIXEL_NANOS`], [`ACCUMULATED_PIXEL_NANOS`] and [`MOVED_PIXEL_NANOS`] of
 /// processor time, on all threads, and no more than the first two while the newest picture is of the present.
-/// Pictures too large for that are averaged to the size that they are moved in.
 #[derive(Debug)]
 pub struct Reprojector {
     scene: CompiledScene,
@@ -23,8 +20,6 @@ pub struct Reprojector {
     expected: VecDeque<ExpectedView>,
     /// What the picture of that serial number was taken of.
     from: Option<(u64, View)>,
-    /// The pixels of that picture at the size of its view, where that is not its own.
-    averaged: (Option<u64>, Vec<[u8; 4]>),
     /// A view that is not needed any more, for its memory.
     spare: Option<View>,
     /// The last view that a picture was moved to, for its memory.
@@ -65,7 +60,6 @@ impl Reprojector {
             scene: CompiledScene::new(scene)?,
             expected: VecDeque::new(),
             from: None,
-            averaged: (None, Vec::new()),
             spare: None,
             to: None,
             moved: None,
@@ -78,7 +72,7 @@ impl Reprojector {
 
     /// Begins to find what a picture of `size` after `update` will show, so that it can be moved as soon as it is there.
     pub fn expect(&mut self, update: &SceneUpdate, size: ImageSize) {
-        let (update, size) = (bodies(update), self.view_size(size));
+        let update = bodies(update);
         let (sender, found) = channel();
         let (mut scene, of, earlier) = (self.scene.clone(), update.clone(), self.spare.take());
         self.threads.spawn(move || {
@@ -97,8 +91,8 @@ impl Reprojector {
 
     /// What `picture` shows, if that was asked for.
     fn expected(&mut self, picture: &DisplayFrame) -> Option<View> {
-        let (update, size) = (bodies(&picture.update), self.view_size(picture.size));
-        let is_of = |view: &ExpectedView| (view.size, &view.update) == (size, &update);
+        let update = bodies(&picture.update);
+        let is_of = |view: &ExpectedView| (view.size, &view.update) == (picture.size, &update);
         let place = self.expected.iter().position(is_of)?;
         self.expected.remove(place)?.view.recv().ok()
     }
@@ -113,7 +107,9 @@ impl Reprojector {
         if self.accumulated == Some(picture.serial) {
             return true;
         }
-        if !is_accumulated(picture.size, self.threads.current_num_threads()) {
+        let threads = self.threads.current_num_threads() as f64;
+        let nanos = picture.size.pixels() as f64 * ACCUMULATED_PIXEL_NANOS;
+        if nanos > threads * ACCUMULATE_NANOS {
             return false;
         }
         let earlier = self.from.take();
@@ -121,15 +117,14 @@ impl Reprojector {
         let Some((_, view)) = &self.from else {
             return false;
         };
-        let (accumulation, averaged) = (&mut self.accumulation, &mut self.averaged);
+        let accumulation = &mut self.accumulation;
         let is_accumulated = earlier.as_ref().map(|(of, _)| *of) == self.accumulated;
         self.threads.install(|| match &earlier {
             Some((_, earlier)) if is_accumulated => {
                 accumulation.accumulate(earlier, view, &mut picture.rgba);
             }
             Some((of, earlier)) if let Some(rest) = at_rest.filter(|rest| rest.serial == *of) => {
-                let rest = of_view(rest, earlier, averaged);
-                accumulation.begin(earlier, rest, STILL_FRAMES_MAX);
+                accumulation.begin(earlier, &rest.rgba, STILL_FRAMES_MAX);
                 accumulation.accumulate(earlier, view, &mut picture.rgba);
             }
             _ => accumulation.begin(view, &picture.rgba, 1.0),
@@ -147,10 +142,10 @@ impl Reprojector {
         }
         let earlier = self.from.take().map(|(_, view)| view);
         self.spare = earlier.or_else(|| self.spare.take());
-        let size = self.view_size(picture.size);
         let found = self.expected(picture).or_else(|| {
             let Self { scene, spare, .. } = self;
             scene.apply(&bodies(&picture.update)).ok()?;
+            let size = picture.size;
             Some(self.threads.install(|| view(scene, size, spare.take())))
         });
         self.from = found.map(|view| (picture.serial, view));
@@ -209,15 +204,6 @@ impl Reprojector {
         self.moved.as_ref().map(|moved| moved.disocclusion_fraction)
     }
 
-    /// The size in which a picture is looked at: its own if it is accumulated, else the one that it is moved in.
-    fn view_size(&self, size: ImageSize) -> ImageSize {
-        let threads = self.threads.current_num_threads();
-        match is_accumulated(size, threads) {
-            true => size,
-            false => moved_size(size, threads),
-        }
-    }
-
     /// Pictures moved, ever.
     pub fn count(&self) -> u64 {
         self.count
@@ -232,11 +218,7 @@ impl Reprojector {
     ) -> Option<ReprojectedFrame> {
         self.look_at(picture);
         let Self {
-            scene,
-            from,
-            averaged,
-            to,
-            ..
+            scene, from, to, ..
         } = self;
         let now = bodies(now);
         let size = moved_size(picture.size, self.threads.current_num_threads());
@@ -245,7 +227,7 @@ impl Reprojector {
         let reprojected = self.threads.install(|| {
             let earlier = to.take();
             let to = to.insert(view(scene, size, earlier));
-            from.reproject_into(of_view(picture, from, averaged), to, memory)
+            from.reproject_into(&picture.rgba, to, memory)
         });
         self.count += 1;
         Some(ReprojectedFrame {
@@ -279,38 +261,11 @@ fn bodies(update: &SceneUpdate) -> SceneUpdate {
     }
 }
 
-/// The pixels of `picture` at the size of its view, on the threads of the current pool; `averaged` holds those of the last one.
-fn of_view<'a>(
-    picture: &'a DisplayFrame,
-    view: &View,
-    averaged: &'a mut (Option<u64>, Vec<[u8; 4]>),
-) -> &'a [[u8; 4]] {
-    if view.size() == picture.size {
-        return &picture.rgba;
-    }
-    let (of, pixels) = averaged;
-    if *of != Some(picture.serial) {
-        average_into(&picture.rgba, picture.size, view.size(), pixels);
-        *of = Some(picture.serial);
-    }
-    pixels
-}
-
-/// Whether the threads can accumulate pictures of a size in time.
-fn is_accumulated(size: ImageSize, threads: usize) -> bool {
-    size.pixels() as f64 * ACCUMULATED_PIXEL_NANOS <= threads as f64 * ACCUMULATE_NANOS
-}
-
 /// The size in which a picture is moved: its own where the threads can take that in time. What moves fast needs no more.
 fn moved_size(size: ImageSize, threads: usize) -> ImageSize {
-    let (nanos, full) = (threads as f64 * MOVE_NANOS, size.pixels() as f64);
-    let pixels = match is_accumulated(size, threads) {
-        true => (nanos - full * NEW_PIXEL_NANOS) / MOVED_PIXEL_NANOS,
-        false => (nanos - full * AVERAGED_PIXEL_NANOS) / (NEW_PIXEL_NANOS + MOVED_PIXEL_NANOS),
-    };
-    let share = (pixels.max(PIXELS_MIN as f64) / full.max(1.0))
-        .sqrt()
-        .min(1.0);
+    let left_nanos = threads as f64 * MOVE_NANOS - size.pixels() as f64 * NEW_PIXEL_NANOS;
+    let pixels = (left_nanos / MOVED_PIXEL_NANOS).max(PIXELS_MIN as f64);
+    let share = (pixels / size.pixels().max(1) as f64).sqrt().min(1.0);
     let edge = |pixels: u32| ((f64::from(pixels) * share).round() as u32).max(1);
     ImageSize::new(edge(size.width), edge(size.height))
 }
@@ -323,8 +278,6 @@ const MOVE_NANOS: f64 = 4e6;
 /// `reprojection_speed` of `carom-tracer`.
 const NEW_PIXEL_NANOS: f64 = 20.0;
 const MOVED_PIXEL_NANOS: f64 = 50.0;
-/// Time of a thread a pixel of a picture that is averaged to a smaller size.
-const AVERAGED_PIXEL_NANOS: f64 = 4.0;
 /// Time of a thread to accumulate a pixel, by the same example, and what a picture may take of each thread.
 const ACCUMULATED_PIXEL_NANOS: f64 = 60.0;
 const ACCUMULATE_NANOS: f64 = 4.5e6;
