@@ -35,12 +35,12 @@ pub const JOINT_M: f32 = 0.01;
 pub const DIAL_NUMBERS_AT: f32 = 0.66;
 /// See [`DIAL_NUMBERS_AT`].
 pub const DIAL_DIGIT: f32 = 0.17;
-/// The marks of its numbers reach from here to the rim, and so far to both sides.
+/// The marks of its numbers reach from here outwards, and so far to both sides.
 pub const DIAL_MARKS_FROM: f32 = 0.84;
 /// See [`DIAL_MARKS_FROM`].
 pub const DIAL_MARK_HALF: f32 = 0.025;
-/// The rim begins here.
-pub const DIAL_RIM_FROM: f32 = 0.95;
+/// From the middle of a dial to that of the next one.
+pub const DIAL_SPACING: f32 = 2.3;
 
 /// Albedo of chalk on the cloth, and of its lines.
 pub const CHALK_ALBEDO: [f32; 3] = [0.5, 0.56, 0.6];
@@ -219,10 +219,13 @@ fn is_digit(digit: u32, x: f32, y: f32) -> bool {
         .any(|stroke| stroke.distance(x, y) < STROKE_HALF)
 }
 
-/// Whether a dial of so many numbers has ink at a point, y up, its radius 1.
-pub fn is_dial_ink(numbers: u32, x: f32, y: f32) -> bool {
+/// Whether a scoreboard has ink at a point, y up, the radius of its dials 1.
+pub fn is_scoreboard_ink(x: f32, y: f32) -> bool {
+    let dial = (x / DIAL_SPACING + 0.5).floor().clamp(-1.0, 1.0);
+    let numbers: u32 = if dial == 0.0 { 12 } else { 10 };
+    let x = x - DIAL_SPACING * dial;
     let from_middle = (x * x + y * y).sqrt();
-    if from_middle > DIAL_RIM_FROM {
+    if from_middle > 1.0 {
         return true;
     }
     let turns = x.atan2(y) / std::f32::consts::TAU + 1.0;
@@ -330,12 +333,11 @@ pub fn bricks(material: &MaterialData, p: DVec3) -> DVec3 {
     triple(material.albedo).lerp(triple(material.stripe_albedo), dark)
 }
 
-/// The albedo of a dial at a point of the world.
-pub fn dial(material: &MaterialData, p: DVec3) -> DVec3 {
+/// The albedo of a scoreboard at a point of the world.
+pub fn scoreboard(material: &MaterialData, p: DVec3) -> DVec3 {
     let [y, z, radius] = material.sights.map(f64::from);
     let (across, up) = ((y - p.y) / radius, (p.z - z) / radius);
-    let is_ink = is_dial_ink(material.number, across as f32, up as f32);
-    let albedo = if is_ink {
+    let albedo = if is_scoreboard_ink(across as f32, up as f32) {
         material.stripe_albedo
     } else {
         material.albedo
@@ -416,7 +418,7 @@ pub(crate) fn wgsl() -> String {
          const DIAL_DIGIT: f32 = {DIAL_DIGIT:?};\n\
          const DIAL_MARKS_FROM: f32 = {DIAL_MARKS_FROM:?};\n\
          const DIAL_MARK_HALF: f32 = {DIAL_MARK_HALF:?};\n\
-         const DIAL_RIM_FROM: f32 = {DIAL_RIM_FROM:?};\n\
+         const DIAL_SPACING: f32 = {DIAL_SPACING:?};\n\
          const CHALK_ALBEDO: vec3f = {};\n\
          const LINE_HALF_M: f32 = {LINE_HALF_M:?};\n\
          const LINE_SHARE: f32 = {LINE_SHARE:?};\n\

@@ -1,7 +1,8 @@
 //! The scoreboard on the far wall: a clock between two dials with the players' scores.
 
 use carom_billiards::game_match::Match;
-use carom_tracer::{Axis, CsgSolid, ProceduralTexture, Shape, Subtraction};
+use carom_tracer::texture::DIAL_SPACING;
+use carom_tracer::{ProceduralTexture, Shape};
 use glam::{Quat, Vec3};
 
 /// What the scoreboard shows.
@@ -32,18 +33,8 @@ pub struct Scoreboard {
     pub center: Vec3,
 }
 
-/// A dial of the scoreboard: the first player's score, the clock, the second player's score.
-#[derive(Clone, Copy, Debug)]
-pub struct ScoreDial {
-    /// The name of its objects and its material.
-    pub name: &'static str,
-    /// The middle of its face.
-    center: Vec3,
-    numbers: u8,
-}
-
 /// Where a hand points.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandPose {
     /// Its tip, metres.
     pub tip: Vec3,
@@ -52,43 +43,37 @@ pub struct HandPose {
 }
 
 impl Scoreboard {
-    /// Its dials, from left to right.
-    pub fn dials(&self) -> [ScoreDial; 3] {
-        [
-            ("first score", 1.0, 10),
-            ("clock", 0.0, 12),
-            ("second score", -1.0, 10),
-        ]
-        .map(|(name, aside, numbers)| ScoreDial {
-            name,
-            center: self.center + Vec3::Y * (aside * DIAL_SPACING_M),
-            numbers,
-        })
+    /// The board.
+    pub fn shape(&self) -> Shape {
+        let half = Vec3::new(0.0, DIAL_SPACING_M, 0.0) + Vec3::splat(DIAL_RADIUS_M + BOARD_RIM_M);
+        Shape::Box {
+            min: (self.center - half).with_x(self.center.x),
+            max: (self.center + half).with_x(self.center.x + BOARD_M),
+        }
     }
 
-    /// The board behind the dials.
-    pub fn board(&self) -> Shape {
-        let half = Vec3::new(0.0, DIAL_SPACING_M, 0.0) + Vec3::splat(DIAL_RADIUS_M + BOARD_RIM_M);
-        let back = self.center + Vec3::X * FACE_M;
-        Shape::Box {
-            min: (back - half).with_x(back.x),
-            max: (back + half).with_x(back.x + BOARD_M),
+    /// Its dials.
+    pub fn texture(&self) -> ProceduralTexture {
+        ProceduralTexture::Scoreboard {
+            face: Vec3::new(0.62, 0.59, 0.5),
+            ink: Vec3::new(0.03, 0.02, 0.014),
+            center: [self.center.y, self.center.z],
+            radius: DIAL_RADIUS_M,
         }
     }
 
     /// The hands of each dial in turn, a short one for tens or hours and a long one for units or minutes.
     pub fn hands(&self, reading: ScoreReading) -> [HandPose; 6] {
-        let [first, clock, second] = self.dials();
         let turns = |units: i32, round: i32| units.rem_euclid(round) as f32 / round as f32;
         let minutes = (8 * 60 + reading.minutes) as i32;
         let [score, other_score] = reading.scores;
         [
-            first.hand(SHORT_HAND_M, turns(score, 100)),
-            first.hand(LONG_HAND_M, turns(score, 10)),
-            clock.hand(SHORT_HAND_M, turns(minutes, 12 * 60)),
-            clock.hand(LONG_HAND_M, turns(minutes, 60)),
-            second.hand(SHORT_HAND_M, turns(other_score, 100)),
-            second.hand(LONG_HAND_M, turns(other_score, 10)),
+            self.hand(1.0, SHORT_HAND_M, turns(score, 100)),
+            self.hand(1.0, LONG_HAND_M, turns(score, 10)),
+            self.hand(0.0, SHORT_HAND_M, turns(minutes, 12 * 60)),
+            self.hand(0.0, LONG_HAND_M, turns(minutes, 60)),
+            self.hand(-1.0, SHORT_HAND_M, turns(other_score, 100)),
+            self.hand(-1.0, LONG_HAND_M, turns(other_score, 10)),
         ]
     }
 
@@ -110,46 +95,14 @@ impl Scoreboard {
             radii: HAND_RADII_M,
         })
     }
-}
 
-impl ScoreDial {
-    /// Its texture.
-    pub fn texture(&self) -> ProceduralTexture {
-        ProceduralTexture::Dial {
-            face: Vec3::new(0.62, 0.59, 0.5),
-            ink: Vec3::splat(0.02),
-            center: [self.center.y, self.center.z],
-            radius: DIAL_RADIUS_M,
-            numbers: self.numbers,
-        }
-    }
-
-    /// Its disc.
-    pub fn shape(&self) -> Shape {
-        let half = Vec3::new(0.0, DIAL_RADIUS_M, DIAL_RADIUS_M);
-        let rim = CsgSolid::ConeExterior {
-            axis: Axis::X,
-            center: self.center,
-            radius: DIAL_RADIUS_M,
-            taper: 0.0,
-            beyond: Vec3::ZERO,
-        };
-        Shape::CsgBox {
-            min: self.center - half,
-            max: self.center + half + Vec3::X * FACE_M,
-            subtractions: vec![Subtraction {
-                solid: rim,
-                material: None,
-            }],
-        }
-    }
-
-    /// A hand of a length that points so many turns clockwise from the top, seen along +x.
-    fn hand(&self, length: f32, turns: f32) -> HandPose {
+    /// A hand of a length, on the dial so many dials aside, that points so many turns clockwise from the top as seen along +x.
+    fn hand(&self, aside: f32, length: f32, turns: f32) -> HandPose {
         let (sin, cos) = (std::f32::consts::TAU * turns).sin_cos();
         let direction = Vec3::new(0.0, -sin, cos);
+        let middle = self.center + Vec3::new(-HAND_GAP_M, aside * DIAL_SPACING_M, 0.0);
         HandPose {
-            tip: self.center - Vec3::X * HAND_GAP_M + length * direction,
+            tip: middle + length * direction,
             rotation: Quat::from_rotation_arc(Vec3::Z, -direction),
         }
     }
@@ -158,9 +111,7 @@ impl ScoreDial {
 /// The name of the hands' objects.
 pub const HAND_NAME: &str = "hand";
 const DIAL_RADIUS_M: f32 = 0.16;
-const DIAL_SPACING_M: f32 = 0.37;
-/// Thickness of a dial.
-const FACE_M: f32 = 0.012;
+const DIAL_SPACING_M: f32 = DIAL_SPACING * DIAL_RADIUS_M;
 const BOARD_M: f32 = 0.02;
 const BOARD_RIM_M: f32 = 0.03;
 /// Lengths of hands before the middle of their dial.

@@ -129,10 +129,13 @@ impl TableScene {
         }
     }
 
-    /// The scoreboard's hands as they show `reading`.
+    /// Those hands of the scoreboard that `reading` turns from where the scene has them.
     pub fn hand_poses(&self, reading: ScoreReading) -> impl Iterator<Item = ObjectPose> {
         let poses = self.scoreboard.hands(reading);
-        self.hands.iter().zip(poses).map(|(hand, pose)| ObjectPose {
+        let before = self.scoreboard.hands(ScoreReading::default());
+        let hands = self.hands.iter().zip(poses.into_iter().zip(before));
+        let turned = hands.filter(|(_, (pose, before))| pose != before);
+        turned.map(|(hand, (pose, _))| ObjectPose {
             object: *hand,
             position: pose.tip,
             rotation: pose.rotation,
@@ -209,13 +212,14 @@ mod tests {
     fn hands_of_the_scoreboard_turn_with_the_scores() {
         let table_scene = TableScene::room(BallSet::Classic);
         let mut compiled = CompiledScene::new(table_scene.scene()).unwrap();
+        assert_eq!(table_scene.hand_poses(ScoreReading::default()).count(), 0);
         // Looked at from before the tip of the first dial's long hand when the score is 3.
         let reading = ScoreReading {
             scores: [3, 0],
             minutes: 0,
         };
         let poses: Vec<_> = table_scene.hand_poses(reading).collect();
-        assert_eq!(poses.len(), 6);
+        assert_eq!(poses.len(), 2);
         let tip = (poses[1].position + poses[1].rotation * (0.01 * Vec3::Z)).as_dvec3();
         let towards = Ray {
             origin: tip - DVec3::X,

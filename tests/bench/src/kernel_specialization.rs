@@ -365,7 +365,7 @@ fn is_wood(material: &Material) -> bool {
         ProceduralTexture::Wood { .. }
             | ProceduralTexture::Planks { .. }
             | ProceduralTexture::Bricks { .. }
-            | ProceduralTexture::Dial { .. }
+            | ProceduralTexture::Scoreboard { .. }
     )
 }
 

@@ -18,9 +18,11 @@ impl Clusters {
     pub(crate) const NONE: Self = Self {
         ranges: [(0, 0); Self::COUNT_MAX],
     };
-    const COUNT_MAX: usize = 6;
-    /// The most boxes that are divided: those whose bounds a kernel tests together.
-    const BOXES_MAX: usize = 32;
+    const COUNT_MAX: usize = 10;
+    /// Boxes whose bounds a kernel tests together: none are in one cluster with those of another group.
+    pub(crate) const GROUP: usize = 32;
+    /// The most boxes that are divided.
+    const BOXES_MAX: usize = 2 * Self::GROUP;
     const LENGTH_MIN: usize = 3;
 
     /// The division with the fewest tests of boxes and bounds for rays that leave `origin` in all directions; no clusters of
@@ -38,7 +40,8 @@ impl Clusters {
                 let walked = share_of_groups(bound, origin) * (end - first) as f32;
                 (best[first].0 + 1.0 + walked, first)
             };
-            let clusters = (0..(end + 1).saturating_sub(Self::LENGTH_MIN)).map(cluster);
+            let group_first = (end - 1) / Self::GROUP * Self::GROUP;
+            let clusters = (group_first..(end + 1).saturating_sub(Self::LENGTH_MIN)).map(cluster);
             best.push(clusters.fold(single, |a, b| if b.0 < a.0 { b } else { a }));
         }
         let mut ranges = Vec::new();
@@ -139,15 +142,22 @@ mod tests {
 
     #[test]
     fn few_and_many_boxes_are_no_clusters() {
-        for count in [0, 1, 2, 33, 40] {
+        for count in [0, 1, 2, 65, 70] {
             let all = boxes(&vec![[9.0, 0.0, 0.0]; count], 0.1);
             assert_eq!(Clusters::new(&all, Vec3::ZERO).len(), 0, "{count}");
         }
     }
 
     #[test]
+    fn boxes_that_are_tested_apart_are_in_no_cluster_together() {
+        let all = boxes(&[[9.0, 0.0, 0.0]; 45], 0.1);
+        let clusters = Clusters::new(&all, Vec3::ZERO);
+        assert!(clusters.ranges().eq([0..32, 32..45]));
+    }
+
+    #[test]
     fn there_are_at_most_as_many_clusters_as_fit() {
-        // Eight groups, by turns on either side of the origin.
+        // Sixteen groups, by turns on either side of the origin.
         let center = |i: u8| {
             let side = if (i / 4).is_multiple_of(2) {
                 20.0
@@ -156,7 +166,7 @@ mod tests {
             };
             [side, 0.1 * f32::from(i), 0.0]
         };
-        let centers: Vec<_> = (0..32).map(center).collect();
+        let centers: Vec<_> = (0..64).map(center).collect();
         let clusters = Clusters::new(&boxes(&centers, 0.05), Vec3::ZERO);
         assert_eq!(clusters.len(), Clusters::COUNT_MAX);
         let mut end = 0;
@@ -164,6 +174,6 @@ mod tests {
             assert!(range.start >= end && range.len() == 4, "{range:?}");
             end = range.end;
         }
-        assert!(end <= 32);
+        assert!(end <= 64);
     }
 }

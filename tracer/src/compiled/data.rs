@@ -298,8 +298,8 @@ pub const PATTERN_CLOTH: u32 = 4;
 pub const PATTERN_CUE: u32 = 5;
 /// [`MaterialData::pattern`] of bricks.
 pub const PATTERN_BRICKS: u32 = 6;
-/// [`MaterialData::pattern`] of a dial.
-pub const PATTERN_DIAL: u32 = 7;
+/// [`MaterialData::pattern`] of a scoreboard.
+pub const PATTERN_SCOREBOARD: u32 = 7;
 
 /// The last of [`MaterialData::sights`] of a surface that is all there.
 pub const OPACITY_OPAQUE: f32 = 0.0;
@@ -334,12 +334,12 @@ pub struct MaterialData {
     /// a texture multiplies it before it is limited to `diffuse_scale`.
     pub eta: [f32; 3],
     /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`], [`PATTERN_PLANKS`], [`PATTERN_CLOTH`], [`PATTERN_CUE`],
-    /// [`PATTERN_BRICKS`] or [`PATTERN_DIAL`]. The rings of wood, the butt of a cue, the darkest brick and the ink of a dial
-    /// have the stripe's albedo; a cloth has the x of its spots there.
+    /// [`PATTERN_BRICKS`] or [`PATTERN_SCOREBOARD`]. The rings of wood, the butt of a cue, the darkest brick and the ink of a
+    /// scoreboard have the stripe's albedo; a cloth has the x of its spots there.
     pub pattern: u32,
     /// Imaginary part. Of glTF's material the radiance that it emits.
     pub k: [f32; 3],
-    /// A ball's number; how many a dial has. Of metals and dielectrics the index of the material of the discs with a ball's number; 0 for none.
+    /// A ball's number. Of metals and dielectrics the index of the material of the discs with a ball's number; 0 for none.
     pub number: u32,
     /// Extinction coefficient σt of the medium inside, m⁻¹. Of glTF's material the most that the sheen would reflect of a channel to
     /// cosines whose square roots are 0, 1/5 and 2/5; above 1 the sheen is divided by it.
@@ -355,8 +355,8 @@ pub struct MaterialData {
     /// Share of metal of glTF's material.
     pub metallic: f32,
     /// Spacing of sights, 0 for none, and their x in end rails and y in side rails, metres; 0 where there
-    /// are no mitred rails. Of a cloth the x of its line and the radius of its D. Of bricks the albedo of their mortar. Of a dial
-    /// its middle's y and z and its radius, metres. Of glTF's material its alpha, the cutoff of
+    /// are no mitred rails. Of a cloth the x of its line and the radius of its D. Of bricks the albedo of their mortar. Of a
+    /// scoreboard y and z of its middle and the radius of its dials, metres. Of glTF's material its alpha, the cutoff of
     /// that and [`OPACITY_OPAQUE`], [`OPACITY_MASK`] or [`OPACITY_BLEND`].
     pub sights: [f32; 3],
     /// Reciprocal of the size of wood's pattern; of a cloth the most that its base may reflect.

@@ -5,8 +5,8 @@ use glam::Vec3;
 
 use super::{
     KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS, MaterialData, OPACITY_BLEND,
-    OPACITY_MASK, OPACITY_OPAQUE, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_DIAL,
-    PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    OPACITY_MASK, OPACITY_OPAQUE, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE,
+    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_SCOREBOARD, PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::validate::{ALPHA_SMOOTH_MAX, SHEEN_ROUGHNESS};
@@ -265,18 +265,16 @@ fn textured(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
             sights: mortar.to_array(),
             ..coat
         },
-        ProceduralTexture::Dial {
+        ProceduralTexture::Scoreboard {
             face,
             ink,
             center: [y, z],
             radius,
-            numbers,
         } => MaterialData {
             albedo: face.to_array(),
             stripe_albedo: ink.to_array(),
-            pattern: PATTERN_DIAL,
+            pattern: PATTERN_SCOREBOARD,
             sights: [y, z, radius],
-            number: u32::from(numbers),
             ..coat
         },
     }

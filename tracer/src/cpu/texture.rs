@@ -6,14 +6,14 @@ use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rows::Rows;
 use super::sampling::sin_cos_turns;
 use crate::compiled::{
-    MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_DIAL, PATTERN_NONE,
-    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_WOOD,
+    MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER,
+    PATTERN_PLANKS, PATTERN_SCOREBOARD, PATTERN_WOOD,
 };
 use crate::texture::{
     BRICK_M, CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, CUE_COLLAR_ALBEDO, CUE_ENDS_M,
     CUE_FERRULE_ALBEDO, CUE_TIP_ALBEDO, CUE_WRAP_ALBEDO, INK_ALBEDO, JOINT_M, LINE_HALF_M,
     LINE_SHARE, MARK_REACH_M, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SPOT_RADIUS_M,
-    SPOT_SHARE, WORN_M2, WORN_SHARE, is_dial_ink, is_ink,
+    SPOT_SHARE, WORN_M2, WORN_SHARE, is_ink, is_scoreboard_ink,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -88,9 +88,9 @@ pub(super) fn textured<S: Simd>(
         let bricks = bricks(simd, &rows, position, albedo);
         textured = Vec3x::select(bricked, bricks, textured);
     }
-    let dials = pattern.simd_eq(PATTERN_DIAL as f32);
-    if dials.any_true() {
-        let ink = dial_ink(simd, &rows, dials, position);
+    let scoreboards = pattern.simd_eq(PATTERN_SCOREBOARD as f32);
+    if scoreboards.any_true() {
+        let ink = scoreboard_ink(simd, &rows, scoreboards, position);
         textured = Vec3x::select(ink, rows.triple(simd, DARK), textured);
     }
     let woven = pattern.simd_eq(PATTERN_CLOTH as f32);
@@ -233,17 +233,16 @@ fn bricks<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -
     Vec3x::select(joint, rows.triple(simd, SIGHTS), bricks)
 }
 
-/// The few lanes on a dial look up its numbers one by one.
+/// The few lanes on a scoreboard look up its numbers one by one.
 #[inline(always)]
-fn dial_ink<S: Simd>(simd: S, rows: &Rows<'_, 16>, lanes: Mask<S>, p: Vec3x<S>) -> Mask<S> {
+fn scoreboard_ink<S: Simd>(simd: S, rows: &Rows<'_, 16>, lanes: Mask<S>, p: Vec3x<S>) -> Mask<S> {
     let place = rows.triple(simd, SIGHTS);
     let across = ((place.x - p.y) / place.z).to_array();
     let up = ((p.z - place.y) / place.z).to_array();
-    let numbers = rows.number(simd, NUMBER).to_array();
     let bits = lanes.to_bitmask();
     let mut ink = 0;
     for lane in 0..LANES {
-        if bits >> lane & 1 == 1 && is_dial_ink(numbers[lane] as u32, across[lane], up[lane]) {
+        if bits >> lane & 1 == 1 && is_scoreboard_ink(across[lane], up[lane]) {
             ink |= 1 << lane;
         }
     }

@@ -10,12 +10,12 @@ use glam::DVec3;
 use super::intersect::{Hit, vector};
 use crate::CompiledScene;
 use crate::compiled::{
-    MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_DIAL, PATTERN_NUMBER,
-    PATTERN_PLANKS, PATTERN_WOOD, Primitive,
+    MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS,
+    PATTERN_SCOREBOARD, PATTERN_WOOD, Primitive,
 };
 use crate::fresnel::fresnel_dielectric;
 use crate::sheen::sheen;
-use crate::texture::{bricks, cloth, cue, dial, in_circle, numbered, wood};
+use crate::texture::{bricks, cloth, cue, in_circle, numbered, scoreboard, wood};
 
 /// How one point of a surface scatters: a mirror of weight `F(cos wo)` over
 /// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, `F` being 0 without a coat.
@@ -65,7 +65,7 @@ impl Bsdf {
             PATTERN_WOOD | PATTERN_PLANKS => Some(wood(material, hit.point)),
             PATTERN_CLOTH => Some(cloth(material, hit.point)),
             PATTERN_BRICKS => Some(bricks(material, hit.point)),
-            PATTERN_DIAL => Some(dial(material, hit.point)),
+            PATTERN_SCOREBOARD => Some(scoreboard(material, hit.point)),
             PATTERN_CUE => Some(from_tip_m(scene, hit).map_or_else(
                 || vector(material.stripe_albedo),
                 |from_tip_m| cue(material, from_tip_m),

@@ -446,18 +446,17 @@ pub enum ProceduralTexture {
         /// Albedo of the mortar, per channel, in [0, 1].
         mortar: Vec3,
     },
-    /// A dial on a surface across x, as it is seen along +x, y to the left: evenly spaced numbers, clockwise from the top.
-    Dial {
-        /// Albedo of the face, per channel, in [0, 1].
+    /// A clock's dial with the numbers 1 to 12 between two with 0 to 9, on a board across x as it is seen along +x. The middles of
+    /// the dials are 2.3 radii apart.
+    Scoreboard {
+        /// Albedo of the dials, per channel, in [0, 1].
         face: Vec3,
-        /// Albedo of the numbers, their marks and the rim, per channel, in [0, 1].
+        /// Albedo of the numbers and of the board, per channel, in [0, 1].
         ink: Vec3,
-        /// Middle of the dial, its y and z in metres.
+        /// Middle of the clock, its y and z in metres.
         center: [f32; 2],
-        /// Radius of its rim in metres.
+        /// Radius of the dials in metres.
         radius: f32,
-        /// How many numbers there are, 2 to 12: of twelve the topmost is 12, as on a clock, else 0.
-        numbers: u8,
     },
 }
 

@@ -69,8 +69,6 @@ pub const CONE_SLOPE: RangeInclusive<f32> = 1e-4..=1.0;
 pub const CSG_MARGIN_M: f32 = 1e-5;
 /// The range of a texture's scale.
 pub const TEXTURE_SCALE: RangeInclusive<f32> = 1e-3..=1e3;
-/// How many numbers a dial may have.
-pub const DIAL_NUMBERS: RangeInclusive<f32> = 2.0..=12.0;
 /// The range of the width of a sheen.
 pub const SHEEN_ROUGHNESS: RangeInclusive<f32> = 0.1..=1.0;
 /// The range of a full horizontal field of view in degrees.
@@ -659,21 +657,18 @@ fn check_texture(texture: &ProceduralTexture) -> Check {
             check_albedo("its dark albedo", dark)?;
             check_albedo("the albedo of its mortar", mortar)
         }
-        ProceduralTexture::Dial {
+        ProceduralTexture::Scoreboard {
             face,
             ink,
             center,
             radius,
-            numbers,
         } => {
-            check_albedo("the albedo of its face", face)?;
+            check_albedo("the albedo of its dials", face)?;
             check_albedo("the albedo of its ink", ink)?;
             let along = -COORDINATE_M_MAX..=COORDINATE_M_MAX;
             let mut center = center.into_iter();
-            center.try_for_each(|at| in_range("the centre of its dial", at, &along))?;
-            extent("the radius of its dial", radius)?;
-            let numbers = f32::from(numbers);
-            in_range("how many numbers its dial has", numbers, &DIAL_NUMBERS)
+            center.try_for_each(|at| in_range("the centre of its dials", at, &along))?;
+            extent("the radius of its dials", radius)
         }
     }
 }

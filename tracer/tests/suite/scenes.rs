@@ -347,13 +347,12 @@ pub(crate) fn textured_still_life() -> Scene {
             }),
         ),
         (
-            "dial",
-            coated(ProceduralTexture::Dial {
+            "scoreboard",
+            coated(ProceduralTexture::Scoreboard {
                 face: Vec3::splat(0.8),
                 ink: dark,
                 center: [0.35, 0.35],
-                radius: 0.25,
-                numbers: 12,
+                radius: 0.1,
             }),
         ),
         (
@@ -404,8 +403,8 @@ pub(crate) fn textured_still_life() -> Scene {
             },
         ),
         object(
-            "dial",
-            "dial",
+            "scoreboard",
+            "scoreboard",
             Shape::Box {
                 min: Vec3::new(0.95, 0.1, 0.1),
                 max: Vec3::new(1.0, 0.6, 0.6),

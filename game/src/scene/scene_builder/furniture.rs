@@ -68,10 +68,7 @@ impl SceneBuilder {
     /// Two dials with scores and a clock, on the wall over the bench.
     fn scoreboard(&mut self) {
         let scoreboard = self.frame.scoreboard();
-        self.add("scoreboard", "dark wood", scoreboard.board());
-        for dial in scoreboard.dials() {
-            self.add(dial.name, dial.name, dial.shape());
-        }
+        self.add("scoreboard", "scoreboard", scoreboard.shape());
         for hand in scoreboard.hand_shapes() {
             self.add(HAND_NAME, "enamel", hand);
         }

@@ -26,6 +26,13 @@ pub(super) fn materials(
     };
     let fabric = furniture().into_iter().chain([
         (CUE_NAME, cue),
+        (
+            "scoreboard",
+            Material::Coated {
+                ior: 1.15,
+                texture: frame.scoreboard().texture(),
+            },
+        ),
         ("cloth", cloth(green, Some(marks(table, rules)))),
         (
             "cushion cloth",
@@ -36,11 +43,6 @@ pub(super) fn materials(
             MAHOGANY.wood(Axis::X, Some(sights(frame, table, rules))),
         ),
     ]);
-    let dials = frame.scoreboard().dials().map(|dial| {
-        let texture = dial.texture();
-        (dial.name, Material::Coated { ior: 1.15, texture })
-    });
-    let fabric = fabric.chain(dials);
     let last = if rules == RuleSet::Snooker { 21 } else { 15 };
     let balls = (0..=last).map(|number| {
         let material = style.balls.material(rules, number);

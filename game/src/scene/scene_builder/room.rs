@@ -55,13 +55,11 @@ impl SceneBuilder {
                 .into(),
         };
         self.add("lampshade", "enamel", shade);
-        for x in [-0.6 * scale, 0.6 * scale] {
-            let rod = Shape::Box {
-                min: Vec3::new(x - 0.004, -0.004, high),
-                max: Vec3::new(x + 0.004, 0.004, ROOM_HEIGHT_M),
-            };
-            self.add("lamp rod", "brass", rod);
-        }
+        let rod = Shape::Box {
+            min: Vec3::new(-0.008, -0.008, high),
+            max: Vec3::new(0.008, 0.008, ROOM_HEIGHT_M),
+        };
+        self.add("lamp rod", "brass", rod);
     }
 
     /// Floor, carpet, panelled walls with pictures, and no ceiling: the environment comes in there.

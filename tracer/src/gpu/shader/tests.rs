@@ -190,13 +190,13 @@ fn clustered() -> Features {
         min: Vec3::new(50.0, f32::from(x), 0.0),
         max: Vec3::new(51.0, f32::from(x) + 1.0, 1.0),
     };
-    let boxes: Vec<_> = (0..9).map(far).collect();
+    let boxes: Vec<_> = (0..45).map(far).collect();
     let clusters = Clusters::new(&boxes, Vec3::ZERO);
-    assert_eq!(clusters.len(), 1);
+    assert_eq!(clusters.len(), 2);
     Features {
-        boxes: 9,
+        boxes: 45,
         box_clusters: clusters,
-        csg_boxes: 9,
+        csg_boxes: 45,
         csg_clusters: clusters,
         ..ALL
     }

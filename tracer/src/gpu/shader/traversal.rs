@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::compiled::ShapeKind;
+use crate::compiled::clusters::Clusters;
 use crate::gpu::features::Features;
 
 /// How rays find the primitives of a shape.
@@ -58,19 +59,32 @@ pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
         )
     };
     let clusters = features.clusters(shape);
-    let mut next = 0;
-    for (index, range) in clusters.ranges().enumerate() {
-        let bound = count as usize + index;
-        text += &each(&format!("{next}u"), &format!("{}u", range.start));
-        _ = writeln!(
-            text,
-            "    if (may_meet_box(prepared, scene.{name}_bounds[{bound}], t_max)) {{"
-        );
-        text += &each(&format!("{}u", range.start), &format!("{}u", range.end));
-        text += "    }\n";
-        next = range.end;
+    let last = format!("min({count}u - first, 32u)");
+    if clusters.len() == 0 {
+        return text + &each("0u", &last) + "    return candidates;\n}\n";
     }
-    text += &each(&format!("{next}u"), &format!("min({count}u - first, 32u)"));
+    for group in 0..(count as usize).div_ceil(Clusters::GROUP) {
+        let first = group * Clusters::GROUP;
+        _ = writeln!(text, "    if (first == {first}u) {{");
+        let mut next = 0;
+        for (index, range) in clusters.ranges().enumerate() {
+            if range.start / Clusters::GROUP != group {
+                continue;
+            }
+            let (start, end) = (range.start - first, range.end - first);
+            let bound = count as usize + index;
+            text += &each(&format!("{next}u"), &format!("{start}u"));
+            _ = writeln!(
+                text,
+                "    if (may_meet_box(prepared, scene.{name}_bounds[{bound}], t_max)) {{"
+            );
+            text += &each(&format!("{start}u"), &format!("{end}u"));
+            text += "    }\n";
+            next = end;
+        }
+        text += &each(&format!("{next}u"), &last);
+        text += "    }\n";
+    }
     text + "    return candidates;\n}\n"
 }
 

@@ -1,4 +1,4 @@
-// Procedural textures: numbers on balls, the grain of wood, bricks, dials (see `texture` in Rust).
+// Procedural textures: numbers on balls, the grain of wood, bricks, a scoreboard (see `texture` in Rust).
 
 fn stroke_distance(index: u32, p: vec2f) -> f32 {
     let ends = STROKE_ENDS[index];
@@ -149,9 +149,12 @@ fn bricks(material: u32, p: vec3f) -> vec3f {
     return mix(scene_storage.materials[material].albedo, scene_storage.materials[material].stripe_albedo, dark);
 }
 
-fn is_dial_ink(numbers: u32, p: vec2f) -> bool {
+fn is_scoreboard_ink(place: vec2f) -> bool {
+    let dial = clamp(floor(place.x / DIAL_SPACING + 0.5), -1.0, 1.0);
+    let numbers = select(10u, 12u, dial == 0.0);
+    let p = place - vec2f(DIAL_SPACING * dial, 0.0);
     let from_middle = length(p);
-    if (from_middle > DIAL_RIM_FROM) {
+    if (from_middle > 1.0) {
         return true;
     }
     let turns = atan2(p.x, p.y) * 0.15915494 + 1.0;
@@ -166,10 +169,10 @@ fn is_dial_ink(numbers: u32, p: vec2f) -> bool {
     return is_ink(number, (p - DIAL_NUMBERS_AT * direction) / DIAL_DIGIT);
 }
 
-fn dial(material: u32, p: vec3f) -> vec3f {
+fn scoreboard(material: u32, p: vec3f) -> vec3f {
     let place = scene_storage.materials[material].sights;
     let q = vec2f(place.x - p.y, p.z - place.y) / place.z;
-    if (is_dial_ink(scene_storage.materials[material].number, q)) {
+    if (is_scoreboard_ink(q)) {
         return scene_storage.materials[material].stripe_albedo;
     }
     return scene_storage.materials[material].albedo;
@@ -201,8 +204,8 @@ fn textured(surface: Surface) -> vec3f {
     if (pattern == PATTERN_BRICKS) {
         return bricks(surface.material, surface.position);
     }
-    if (pattern == PATTERN_DIAL) {
-        return dial(surface.material, surface.position);
+    if (pattern == PATTERN_SCOREBOARD) {
+        return scoreboard(surface.material, surface.position);
     }
     return surface.albedo;
 }
