@@ -544,4 +544,50 @@ mod tests {
             assert_ne!(at(0.25, -0.68), ink);
         }
     }
+
+    #[test]
+    fn a_wall_has_the_mortar_that_its_joints_take() {
+        let material = MaterialData {
+            albedo: [0.4; 3],
+            stripe_albedo: [0.1; 3],
+            sights: [0.9; 3],
+            ..bytemuck::Zeroable::zeroed()
+        };
+        let count = 600;
+        let at = |i: i32| 3.0 * f64::from(i) / f64::from(count) - 1.5;
+        let mortar = (0..count * count).filter(|i| {
+            let albedo = bricks(&material, DVec3::new(at(i % count), 7.0, at(i / count))).x;
+            assert!(albedo > 0.89 || (0.09..0.41).contains(&albedo), "{albedo}");
+            albedo > 0.89
+        });
+        let share = mortar.count() as f32 / (count * count) as f32;
+        let [length, height] = BRICK_M;
+        let wanted = 1.0 - (1.0 - JOINT_M / length) * (1.0 - JOINT_M / height);
+        assert!((share - wanted).abs() < 0.01, "{share} {wanted}");
+    }
+
+    #[test]
+    fn a_scoreboard_has_its_numbers_where_a_clock_has_them() {
+        let is_number = |dial: f32, number: u32, place: f32, of: f32| {
+            let (sin, cos) = (std::f32::consts::TAU * place / of).sin_cos();
+            (0..40 * 40).all(|i| {
+                let (x, y) = (
+                    (i % 40) as f32 / 20.0 - 0.975,
+                    (i / 40) as f32 / 20.0 - 0.975,
+                );
+                let (across, up) = (0.13 * x, 0.13 * y);
+                let is_found = is_scoreboard_ink(
+                    dial * DIAL_SPACING + DIAL_NUMBERS_AT * sin + across,
+                    DIAL_NUMBERS_AT * cos + up,
+                );
+                is_found == is_ink(number, across / DIAL_DIGIT, up / DIAL_DIGIT)
+            })
+        };
+        assert!((1..=12).all(|hour| is_number(0.0, hour, hour as f32, 12.0)));
+        for dial in [-1.0, 1.0] {
+            assert!((0..10).all(|number| is_number(dial, number, number as f32, 10.0)));
+        }
+        assert!(!is_number(0.0, 3, 9.0, 12.0));
+        assert!(is_scoreboard_ink(0.5 * DIAL_SPACING, 0.3) && !is_scoreboard_ink(0.1, 0.1));
+    }
 }

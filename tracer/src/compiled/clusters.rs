@@ -21,8 +21,9 @@ impl Clusters {
     const COUNT_MAX: usize = 10;
     /// Boxes whose bounds a kernel tests together: none are in one cluster with those of another group.
     pub(crate) const GROUP: usize = 32;
-    /// The most boxes that are divided.
-    const BOXES_MAX: usize = 2 * Self::GROUP;
+    /// Groups of boxes that are divided at most.
+    pub(crate) const GROUPS_MAX: usize = 2;
+    const BOXES_MAX: usize = Self::GROUPS_MAX * Self::GROUP;
     const LENGTH_MIN: usize = 3;
 
     /// The division with the fewest tests of boxes and bounds for rays that leave `origin` in all directions; no clusters of

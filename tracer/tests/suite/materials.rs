@@ -9,8 +9,8 @@ use carom_tracer::sampling::uniforms;
 use carom_tracer::scalar::scatter::Scatter;
 use carom_tracer::scalar::{Ray, intersect};
 use carom_tracer::{
-    Axis, CompiledScene, CsgSolid, ImageSize, Material, Medium, ObjectPose, RadianceImage,
-    RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Tile, Tracer,
+    Axis, CompiledScene, CsgSolid, ImageSize, Material, Medium, ObjectPose, ProceduralTexture,
+    RadianceImage, RenderSettings, ScalarTracer, Scene, SceneUpdate, Shape, Tile, Tracer,
 };
 use glam::{DVec3, Quat, Vec3, Vec3Swizzles as _};
 
@@ -624,6 +624,15 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
         let albedo = Vec3::splat(albedo);
         glass(1.5, 0.0, Some(Medium { extinction, albedo }))
     };
+    let coated = |texture| Material::Coated { ior: 1.5, texture };
+    let scoreboard = |center, radius| {
+        coated(ProceduralTexture::Scoreboard {
+            face: Vec3::ONE,
+            ink: Vec3::ZERO,
+            center,
+            radius,
+        })
+    };
     for (material, sentence) in [
         (glass(0.9, 0.0, None), "its ior is 0.9: it must be from 1"),
         (
@@ -652,6 +661,19 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
             medium(Vec3::new(0.0, 1.0, 1.0), 0.5),
             "none more than 8 times another",
         ),
+        (
+            coated(ProceduralTexture::Bricks {
+                light: Vec3::ONE,
+                dark: Vec3::ZERO,
+                mortar: Vec3::splat(1.5),
+            }),
+            "the albedo of its mortar is [1.5, 1.5, 1.5]",
+        ),
+        (
+            scoreboard([0.0, f32::NAN], 0.1),
+            "the centre of its dials is NaN",
+        ),
+        (scoreboard([0.0, 1.0], 0.0), "the radius of its dials is 0"),
     ] {
         let refusal = refusal(material);
         assert!(

@@ -282,7 +282,7 @@ pub(crate) fn csg_block(bore_material: Option<&str>) -> Shape {
     }
 }
 
-/// A CSG block, numbered balls, wood, planks and cloth under an area light.
+/// A CSG block, numbered balls, wood, planks, bricks, a scoreboard and cloth under an area light.
 #[expect(clippy::too_many_lines, reason = "a scene as data")]
 pub(crate) fn textured_still_life() -> Scene {
     let coated = |texture| Material::Coated { ior: 1.5, texture };

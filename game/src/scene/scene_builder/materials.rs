@@ -29,7 +29,7 @@ pub(super) fn materials(
         (
             "scoreboard",
             Material::Coated {
-                ior: 1.15,
+                ior: 1.05,
                 texture: frame.scoreboard().texture(),
             },
         ),

@@ -51,39 +51,42 @@ pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
          candidates |= select(0u, 1u << i, may_meet);\n        }}\n        \
          return candidates;\n    }}\n"
     );
-    let each = |from: &str, to: &str| {
+    // Bounds at literal places are operands of instructions, others are loaded.
+    let each = |first: &str, start: usize, end: &str| {
         format!(
-            "    for (var i = {from}; i < {to}; i++) {{\n        \
-             let may_meet = may_meet_box(prepared, scene.{name}_bounds[first + i], t_max);\n        \
+            "    for (var i = {start}u; i < {end}; i++) {{\n        \
+             let may_meet = may_meet_box(prepared, scene.{name}_bounds[{first} + i], t_max);\n        \
              candidates |= select(0u, 1u << i, may_meet);\n    }}\n"
         )
     };
-    let clusters = features.clusters(shape);
-    let last = format!("min({count}u - first, 32u)");
-    if clusters.len() == 0 {
-        return text + &each("0u", &last) + "    return candidates;\n}\n";
-    }
-    for group in 0..(count as usize).div_ceil(Clusters::GROUP) {
+    let (count, clusters) = (count as usize, features.clusters(shape));
+    let groups = count.div_ceil(Clusters::GROUP);
+    for group in 0..groups.min(Clusters::GROUPS_MAX) {
         let first = group * Clusters::GROUP;
+        let literal = format!("{first}u");
         _ = writeln!(text, "    if (first == {first}u) {{");
         let mut next = 0;
         for (index, range) in clusters.ranges().enumerate() {
             if range.start / Clusters::GROUP != group {
                 continue;
             }
-            let (start, end) = (range.start - first, range.end - first);
-            let bound = count as usize + index;
-            text += &each(&format!("{next}u"), &format!("{start}u"));
+            let range = range.start - first..range.end - first;
+            text += &each(&literal, next, &format!("{}u", range.start));
+            let bound = count + index;
             _ = writeln!(
                 text,
                 "    if (may_meet_box(prepared, scene.{name}_bounds[{bound}], t_max)) {{"
             );
-            text += &each(&format!("{start}u"), &format!("{end}u"));
+            next = range.end;
+            text += &each(&literal, range.start, &format!("{next}u"));
             text += "    }\n";
-            next = end;
         }
-        text += &each(&format!("{next}u"), &last);
-        text += "    }\n";
+        let end = (count - first).min(Clusters::GROUP);
+        text += &each(&literal, next, &format!("{end}u"));
+        text += "    return candidates;\n    }\n";
+    }
+    if groups > Clusters::GROUPS_MAX {
+        text += &each("first", 0, &format!("min({count}u - first, 32u)"));
     }
     text + "    return candidates;\n}\n"
 }

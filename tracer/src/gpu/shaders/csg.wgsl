@@ -189,11 +189,21 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
 
 // Each thread walks through the few CSG boxes that its own ray may meet.
 fn nearest_csg_face(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
-    for (var first = 0u; first < CSG_BOX_COUNT; first += 32u) {
-        var candidates = csg_box_candidates(prepared, first, (*hit).t);
-        while (candidates != 0u) {
-            let i = first + firstTrailingBit(candidates);
-            candidates &= candidates - 1u;
+    for (var first = 0u; first < CSG_BOX_COUNT; first += 64u) {
+        // In one loop, so that threads with boxes of either half walk together.
+        var candidates = vec2u(csg_box_candidates(prepared, first, (*hit).t), 0u);
+        if (first + 32u < CSG_BOX_COUNT) {
+            candidates.y = csg_box_candidates(prepared, first + 32u, (*hit).t);
+        }
+        while ((candidates.x | candidates.y) != 0u) {
+            var i = first;
+            if (candidates.x != 0u) {
+                i += firstTrailingBit(candidates.x);
+                candidates.x &= candidates.x - 1u;
+            } else {
+                i += 32u + firstTrailingBit(candidates.y);
+                candidates.y &= candidates.y - 1u;
+            }
             let met = intersect_csg_box(prepared.ray, prepared.inverse, i, start, (*hit).t);
             if (met.t < (*hit).t) {
                 *hit = Hit(met.t, CSG_FACE_FIRST + met.face);
