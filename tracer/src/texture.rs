@@ -327,7 +327,12 @@ pub fn bricks(material: &MaterialData, p: DVec3) -> DVec3 {
     if (along - brick) * length < joint || p.z - course * height < joint {
         return triple(material.sights);
     }
-    let fired = 0.5 + 0.5 * wave(0.381_966 * brick + 0.754_878 * course);
+    // A sum would repeat in rows that are seen from afar as stripes.
+    let kiln = [
+        wave(0.381_966 * brick + 0.271 * course),
+        wave(0.754_878 * course - 0.137 * brick),
+    ];
+    let fired = 0.5 + 0.5 * wave(5.3 * kiln[0] + 7.7 * kiln[1]);
     let speckle = wave(31.0 * p.z + 1.3 * fired) * wave(17.0 * (p.x + p.y) + fired);
     let dark = (fired + 0.12 * speckle).clamp(0.0, 1.0);
     triple(material.albedo).lerp(triple(material.stripe_albedo), dark)

@@ -51,7 +51,7 @@ pub enum SceneView {
     Table,
     /// The object balls from near
     Rack,
-    /// Over the rack to the cue, from a low eye and with depth of field
+    /// The rack before the far end of the room, from a low eye and with depth of field
     Title,
 }
 
@@ -83,17 +83,17 @@ impl SceneView {
     }
 }
 
-/// A lens of 50 mm at f/2.
-const TITLE_APERTURE_RADIUS_M: f32 = 0.0125;
+/// A lens of 50 mm at f/2.8.
+const TITLE_APERTURE_RADIUS_M: f32 = 0.009;
 
-/// From behind the rack, low over the rail.
+/// From before the rack, low over the cloth, past it to the window.
 fn title(rack: DVec3) -> Viewpoint {
     Viewpoint {
-        focus: rack,
-        bearing_rad: 2.82,
-        pitch_rad: 0.22,
-        distance_m: 0.85,
-        fov_x_deg: 50.0,
+        focus: rack + DVec3::new(-0.03, -0.06, 0.05),
+        bearing_rad: -0.55,
+        pitch_rad: 0.1,
+        distance_m: 0.82,
+        fov_x_deg: 46.0,
     }
 }
 

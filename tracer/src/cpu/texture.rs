@@ -226,7 +226,11 @@ fn bricks<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -
     let brick = along.floor();
     let joint =
         ((along - brick) * length).simd_lt(JOINT_M) | (p.z - course * height).simd_lt(JOINT_M);
-    let fired = wave(brick * 0.381_966 + course * 0.754_878) * 0.5 + 0.5;
+    let kiln = [
+        wave(brick * 0.381_966 + course * 0.271),
+        wave(course * 0.754_878 - brick * 0.137),
+    ];
+    let fired = wave(kiln[0] * 5.3 + kiln[1] * 7.7) * 0.5 + 0.5;
     let speckle = wave(p.z * 31.0 + fired * 1.3) * wave((p.x + p.y) * 17.0 + fired);
     let shade = (fired + speckle * 0.12).max(zero).min(one);
     let bricks = (rows.triple(simd, DARK) - light).mul_add(shade, light);

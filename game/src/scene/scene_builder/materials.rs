@@ -74,7 +74,7 @@ fn furniture() -> Vec<(&'static str, Material)> {
     let bricks = ProceduralTexture::Bricks {
         light: Vec3::new(0.34, 0.155, 0.095),
         dark: Vec3::new(0.17, 0.075, 0.052),
-        mortar: Vec3::new(0.36, 0.33, 0.29),
+        mortar: Vec3::new(0.28, 0.25, 0.215),
     };
     let brass = (Vec3::new(0.445, 0.527, 1.095), Vec3::new(3.7, 2.765, 1.829));
     let metal = |(eta, k), alpha| Material::Conductor {

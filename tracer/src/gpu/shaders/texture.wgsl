@@ -143,7 +143,8 @@ fn bricks(material: u32, p: vec3f) -> vec3f {
     if ((along - brick) * BRICK_M.x < JOINT_M || p.z - course * BRICK_M.y < JOINT_M) {
         return scene_storage.materials[material].sights;
     }
-    let fired = 0.5 + 0.5 * wave(0.381966 * brick + 0.754878 * course);
+    let kiln = vec2f(wave(0.381966 * brick + 0.271 * course), wave(0.754878 * course - 0.137 * brick));
+    let fired = 0.5 + 0.5 * wave(5.3 * kiln.x + 7.7 * kiln.y);
     let speckle = wave(31.0 * p.z + 1.3 * fired) * wave(17.0 * (p.x + p.y) + fired);
     let dark = clamp(fired + 0.12 * speckle, 0.0, 1.0);
     return mix(scene_storage.materials[material].albedo, scene_storage.materials[material].stripe_albedo, dark);
