@@ -246,11 +246,11 @@ fn scale(table: &Table) -> f64 {
     (table.length_m() / 2.54).max(table.width_m() / 1.27)
 }
 
-const AIM_AHEAD_M: f64 = 0.95;
-/// An eye 28 cm over the cloth and 92 cm behind the ball: a player's who is down on the shot, with the far end of the room
+const AIM_AHEAD_M: f64 = 0.71;
+/// An eye 27 cm over the cloth and 92 cm behind the ball: a player's who is down on the shot, with the far end of the room
 /// above the rack.
-const AIM_PITCH_RAD: f64 = 0.149;
-const AIM_DISTANCE_M: f64 = 1.89;
+const AIM_PITCH_RAD: f64 = 0.1614;
+const AIM_DISTANCE_M: f64 = 1.651;
 const AIM_FOV_X_DEG: f64 = 40.0;
 const BESIDE_RAD: f64 = 0.6;
 /// A view that panels turn up still meets the cloth.
