@@ -309,10 +309,10 @@ impl Coordinator {
         let secs = now.as_secs_f64();
         while let Some(index) = self.nodes.next_due(now) {
             self.ping(secs, index);
-            let hedged = self.nodes.hedged;
+            let takes_over = self.nodes.takes_over();
             let node = &mut self.nodes[index];
             self.has_unassigned |= node.resume(secs);
-            self.has_unassigned |= node.time_out(secs, hedged);
+            self.has_unassigned |= node.time_out(secs, takes_over);
             self.nodes.arm(index);
         }
         self.advance(secs);

@@ -56,6 +56,19 @@ fn a_node_that_is_asked_for_all_that_it_takes_loses_nothing() {
     }
 }
 
+/// Nobody else could bring what the only node is late with: it would be asked for it again, and trace it twice.
+#[test]
+fn the_only_node_loses_nothing_while_it_is_late() {
+    let node = NodePlan::new(1e-3, 1.0).with(0.2, NodeChange::Slow(2000.0));
+    let plan = FarmPlan {
+        balancing: Algorithm::WaterFilling.hedged(),
+        frames_in_flight: 4,
+        ..super::plan(vec![node], Algorithm::WaterFilling, 40)
+    };
+    let report = run(&plan, 400.0);
+    assert_eq!((report.nodes[0].lost_tiles, report.wrong_frames), (0, 0));
+}
+
 /// What a node says no sooner than it is too late: that it is slow.
 #[test]
 fn a_node_that_slows_down_delays_no_frame_by_two_periods() {
