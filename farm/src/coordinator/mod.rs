@@ -309,10 +309,10 @@ impl Coordinator {
         let secs = now.as_secs_f64();
         while let Some(index) = self.nodes.next_due(now) {
             self.ping(secs, index);
-            let takes_over = self.nodes.takes_over();
+            let others_take_over = self.nodes.others_take_over();
             let node = &mut self.nodes[index];
             self.has_unassigned |= node.resume(secs);
-            self.has_unassigned |= node.time_out(secs, takes_over);
+            self.has_unassigned |= node.time_out(secs, others_take_over);
             self.nodes.arm(index);
         }
         self.advance(secs);

@@ -65,9 +65,9 @@ impl NodeTable {
 
     /// Sees to it that a node is looked at when it is due.
     pub(super) fn arm(&mut self, index: NodeIndex) {
-        let takes_over = self.takes_over();
+        let others_take_over = self.others_take_over();
         let entry = &mut self.entries[index.0];
-        let Some(at) = entry.next_timeout(takes_over).map(timer) else {
+        let Some(at) = entry.next_timeout(others_take_over).map(timer) else {
             return;
         };
         // A later time needs no entry: the node is looked at too early once, and armed again.
@@ -78,7 +78,7 @@ impl NodeTable {
     }
 
     /// Whether others take over what a node is late with. Of the only one it would be asked for again, and traced twice.
-    pub(super) fn takes_over(&self) -> bool {
+    pub(super) fn others_take_over(&self) -> bool {
         let mut open = self.entries.iter().filter(|node| node.is_open());
         self.hedged && open.nth(1).is_some()
     }

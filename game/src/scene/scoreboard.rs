@@ -67,37 +67,30 @@ impl Scoreboard {
         let turns = |units: i32, round: i32| units.rem_euclid(round) as f32 / round as f32;
         let minutes = (8 * 60 + reading.minutes) as i32;
         let [score, other_score] = reading.scores;
-        [
-            self.hand(1.0, SHORT_HAND_M, turns(score, 100)),
-            self.hand(1.0, LONG_HAND_M, turns(score, 10)),
-            self.hand(0.0, SHORT_HAND_M, turns(minutes, 12 * 60)),
-            self.hand(0.0, LONG_HAND_M, turns(minutes, 60)),
-            self.hand(-1.0, SHORT_HAND_M, turns(other_score, 100)),
-            self.hand(-1.0, LONG_HAND_M, turns(other_score, 10)),
-        ]
+        let turns = [
+            turns(score, 100),
+            turns(score, 10),
+            turns(minutes, 12 * 60),
+            turns(minutes, 60),
+            turns(other_score, 100),
+            turns(other_score, 10),
+        ];
+        std::array::from_fn(|hand| self.hand(HANDS[hand], turns[hand]))
     }
 
     /// The hands as they are before a match, in the order of [`Scoreboard::hands`].
     pub fn hand_shapes(&self) -> [Shape; 6] {
-        let lengths = [
-            SHORT_HAND_M,
-            LONG_HAND_M,
-            SHORT_HAND_M,
-            LONG_HAND_M,
-            SHORT_HAND_M,
-            LONG_HAND_M,
-        ];
         let poses = self.hands(ScoreReading::default());
-        std::array::from_fn(|place| Shape::TruncatedCone {
-            center: poses[place].tip,
-            rotation: poses[place].rotation,
-            length: lengths[place] + TAIL_M,
+        std::array::from_fn(|hand| Shape::TruncatedCone {
+            center: poses[hand].tip,
+            rotation: poses[hand].rotation,
+            length: HANDS[hand].1 + TAIL_M,
             radii: HAND_RADII_M,
         })
     }
 
-    /// A hand of a length, on the dial so many dials aside, that points so many turns clockwise from the top as seen along +x.
-    fn hand(&self, aside: f32, length: f32, turns: f32) -> HandPose {
+    /// One of [`HANDS`] that points so many turns clockwise from the top as seen along +x.
+    fn hand(&self, (aside, length): (f32, f32), turns: f32) -> HandPose {
         let (sin, cos) = (std::f32::consts::TAU * turns).sin_cos();
         let direction = Vec3::new(0.0, -sin, cos);
         let middle = self.center + Vec3::new(-HAND_GAP_M, aside * DIAL_SPACING_M, 0.0);
@@ -114,7 +107,15 @@ const DIAL_RADIUS_M: f32 = 0.16;
 const DIAL_SPACING_M: f32 = DIAL_SPACING * DIAL_RADIUS_M;
 const BOARD_M: f32 = 0.02;
 const BOARD_RIM_M: f32 = 0.03;
-/// Lengths of hands before the middle of their dial.
+/// Of each hand, how many dials its own hangs towards +y of the clock, and how far it reaches from the middle.
+const HANDS: [(f32, f32); 6] = [
+    (1.0, SHORT_HAND_M),
+    (1.0, LONG_HAND_M),
+    (0.0, SHORT_HAND_M),
+    (0.0, LONG_HAND_M),
+    (-1.0, SHORT_HAND_M),
+    (-1.0, LONG_HAND_M),
+];
 const SHORT_HAND_M: f32 = 0.078;
 const LONG_HAND_M: f32 = 0.125;
 /// Radii of a hand at its tip and at its other end.

@@ -23,6 +23,7 @@ impl Clusters {
     pub(crate) const GROUP: usize = 32;
     /// Groups of boxes that are divided at most.
     pub(crate) const GROUPS_MAX: usize = 2;
+    /// The most boxes that are divided.
     const BOXES_MAX: usize = Self::GROUPS_MAX * Self::GROUP;
     const LENGTH_MIN: usize = 3;
 

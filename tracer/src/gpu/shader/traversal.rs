@@ -64,7 +64,7 @@ pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
     for group in 0..groups.min(Clusters::GROUPS_MAX) {
         let first = group * Clusters::GROUP;
         let literal = format!("{first}u");
-        _ = writeln!(text, "    if (first == {first}u) {{");
+        _ = writeln!(text, "    if (first == {literal}) {{");
         let mut next = 0;
         for (index, range) in clusters.ranges().enumerate() {
             if range.start / Clusters::GROUP != group {
