@@ -116,7 +116,7 @@ impl Prepared {
         let distance = met.select(nearest.distance, Float::splat(simd, 1.0));
         let footprint = self.footprint;
         let hit =
-            (self.surfaces).hit::<S, true>(simd, rays.origin, direction, distance, id, footprint);
+            (self.surfaces).general_hit(simd, rays.origin, direction, distance, id, footprint);
         let bsdf = Bsdf::new(simd, &hit, -direction);
         self.surface_aovs(simd, met, id, &hit, &bsdf, length / distance, emitted)
     }

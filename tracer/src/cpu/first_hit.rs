@@ -180,41 +180,46 @@ impl<'a> FirstRays<'a> {
     }
 
     /// Traces the rays through pixels of row `y`, in the order of their columns.
-    #[inline(always)]
+    #[inline(never)]
     fn trace<S: Simd>(
         &self,
         simd: S,
         columns: &[usize; LANES],
         y: usize,
     ) -> ([f32; LANES], [u32; LANES]) {
-        let camera = &self.camera;
-        let dx = Vec3::from(camera.dx);
-        let left = Vec3::from(camera.corner) + (y as f32 + 0.5) * Vec3::from(camera.dy);
-        let mut steps = [0.0; LANES];
-        for (step, column) in steps.iter_mut().zip(columns) {
-            *step = *column as f32 + 0.5;
-        }
-        let (first, last) = (steps[0], steps[LANES - 1]);
-        let steps = Float::load_array(simd, steps);
-        let right = Vec3x::splat(simd, camera.dx);
-        let direction = right.mul_add(steps, Vec3x::splat(simd, left.into()));
-        let length = direction.length_squared().sqrt();
-        let direction = direction * (1.0 / length);
-        let eye = Vec3x::splat(simd, camera.eye);
-        let rays = Rays::new(simd, eye, direction, Word::splat(simd, NONE));
-        let beam = Beam::between(camera.eye, left + first * dx, left + last * dx);
-        let nearest = self.geometry.nearest(simd, &rays, Some(&beam));
-        let mut primitives = nearest.id.to_array();
-        let triangles = self.scene.meshes.triangles.len() as u32;
-        if triangles > 0 {
-            for id in &mut primitives {
-                let triangle = id.wrapping_sub(self.first_triangle);
-                if triangle < triangles {
-                    *id = self.first_triangle + self.scene.meshes.first_of_mesh(triangle);
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let camera = &self.camera;
+                let dx = Vec3::from(camera.dx);
+                let left = Vec3::from(camera.corner) + (y as f32 + 0.5) * Vec3::from(camera.dy);
+                let mut steps = [0.0; LANES];
+                for (step, column) in steps.iter_mut().zip(columns) {
+                    *step = *column as f32 + 0.5;
                 }
-            }
-        }
-        ((length / nearest.distance).to_array(), primitives)
+                let (first, last) = (steps[0], steps[LANES - 1]);
+                let steps = Float::load_array(simd, steps);
+                let right = Vec3x::splat(simd, camera.dx);
+                let direction = right.mul_add(steps, Vec3x::splat(simd, left.into()));
+                let length = direction.length_squared().sqrt();
+                let direction = direction * (1.0 / length);
+                let eye = Vec3x::splat(simd, camera.eye);
+                let rays = Rays::new(simd, eye, direction, Word::splat(simd, NONE));
+                let beam = Beam::between(camera.eye, left + first * dx, left + last * dx);
+                let nearest = self.geometry.nearest(simd, &rays, Some(&beam));
+                let mut primitives = nearest.id.to_array();
+                let triangles = self.scene.meshes.triangles.len() as u32;
+                if triangles > 0 {
+                    for id in &mut primitives {
+                        let triangle = id.wrapping_sub(self.first_triangle);
+                        if triangle < triangles {
+                            *id = self.first_triangle + self.scene.meshes.first_of_mesh(triangle);
+                        }
+                    }
+                }
+                ((length / nearest.distance).to_array(), primitives)
+            },
+        )
     }
 }
 

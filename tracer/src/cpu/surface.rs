@@ -245,6 +245,23 @@ impl Surfaces {
         FreeFlight::new(simd, &self.microfacet, body, within, distance, u)
     }
 
+    /// [`Surfaces::hit`] of any scene, as a function of its own: its callers share a copy of so much code.
+    #[inline(never)]
+    pub(super) fn general_hit<S: Simd>(
+        &self,
+        simd: S,
+        origin: Vec3x<S>,
+        direction: Vec3x<S>,
+        distance: Float<S>,
+        tag: Word<S>,
+        footprint: f32,
+    ) -> Hit<S> {
+        simd.vectorize(
+            #[inline(always)]
+            || self.hit::<S, true>(simd, origin, direction, distance, tag, footprint),
+        )
+    }
+
     /// The surface of the primitive in `tag` at `distance` along the ray, or the point inside it
     /// where the path was scattered. At a distance of 1 m a ray sees as much of it as `footprint`, in metres; 0 for
     /// the finest level of textures.

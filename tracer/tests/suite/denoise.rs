@@ -113,7 +113,7 @@ fn paths_and_aovs_add_up_to_the_whole_picture() {
 fn assert_paths_and_aovs_add_up(scene: &CompiledScene) {
     let size = ImageSize::new(96, 54);
     for tracer in tracers() {
-        let settings = denoised(256);
+        let settings = denoised(32);
         let plain = RenderSettings {
             denoise: false,
             ..settings

@@ -1,0 +1,196 @@
+//! The integrator's stage that finds what paths meet next.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use fearless_simd::prelude::*;
+
+use super::beam::Beam;
+use super::lanes::{Float, Vec3x, Word};
+use super::light_sampling::power_heuristic;
+use super::microfacet::{SCATTERED, untagged};
+use super::prepared::Prepared;
+use super::rays::{INSIDE, NONE, Nearest, Rays};
+use super::sampling::pair;
+use super::stream::{Stream, load, load_words, packets, store, store_words};
+use crate::sampling::block_choice;
+
+/// Finds what each path meets next, ends those that meet light or nothing, or all if this is
+/// their last edge, and closes the ranks of the others. Returns the number of rays.
+///
+/// A function as other stages: methods would all be compiled in one piece, that of their type's module.
+pub(super) fn extend<S: Simd>(
+    scene: &Prepared,
+    simd: S,
+    stream: &mut Stream,
+    depth: u32,
+    last: bool,
+    cancelled: &AtomicBool,
+) -> u64 {
+    simd.vectorize(
+        #[inline(always)]
+        || scene.extend_packets(simd, stream, depth, last, cancelled),
+    )
+}
+
+impl Prepared {
+    #[inline(always)]
+    fn extend_packets<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        depth: u32,
+        last: bool,
+        cancelled: &AtomicBool,
+    ) -> u64 {
+        let (mut kept, mut rays) = (0, 0);
+        for packet in packets(stream.len) {
+            // A packet may take a millisecond, a batch of them seconds.
+            if cancelled.load(Ordering::Relaxed) {
+                break;
+            }
+            let at = packet.at;
+            let origin = stream.origin.load(simd, at);
+            let direction = stream.direction.load(simd, at);
+            let start = load_words(simd, &stream.primitive, at);
+            let edges = Rays::new(simd, origin, direction, start);
+            let mut alive = packet.mask(simd);
+            if depth > 0 {
+                // Those that ended and kept their place have not left any primitive.
+                alive &= start.simd_ne(NONE);
+            }
+            // Deeper rays lead everywhere: a beam of theirs leaves out little.
+            let endless = Float::splat(simd, f32::INFINITY);
+            let beam = if depth == 0 {
+                Beam::new(simd, &edges, alive, endless)
+            } else {
+                None
+            };
+            let mut nearest = self.geometry.nearest(simd, &edges, beam.as_ref());
+            rays += u64::from(alive.to_bitmask().count_ones());
+            let mut met = nearest.id;
+            if self.surfaces.has_dielectric {
+                self.sample_distance(simd, stream, at, depth, &mut nearest);
+                met = untagged(nearest.id);
+            }
+            let unscattered = met.simd_ge(self.geometry.area_lights_first) & alive;
+            if unscattered.any_true() {
+                let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
+                let mut light = self.emission_with_mis(simd, stream, at, light_id);
+                if self.settings.denoise && depth <= 1 {
+                    light = self.without_emission(simd, stream, at, light);
+                }
+                let radiance = stream.radiance.load(simd, at);
+                stream.finish(packet, unscattered, radiance + light);
+            }
+            let scattering = alive & !unscattered;
+            if last {
+                let mut radiance = stream.radiance.load(simd, at);
+                if self.has_emission && scattering.any_true() {
+                    radiance = radiance
+                        + self.last_emission(simd, stream, at, depth, scattering, &nearest);
+                }
+                stream.finish(packet, scattering, radiance);
+            } else if self.records_aovs_at(depth) {
+                // In the order of slots, in which first hits are noted.
+                let emission = self.emission(simd, direction, &nearest, unscattered);
+                let length = load(simd, &stream.distance, at);
+                stream.store_emission(at, length / nearest.distance, emission);
+                store(&mut stream.distance, at, nearest.distance);
+                let none = Word::splat(simd, NONE);
+                store_words(
+                    &mut stream.primitive,
+                    at,
+                    scattering.select(nearest.id, none),
+                );
+                kept = at + packet.lanes;
+            } else {
+                store(&mut stream.distance, at, nearest.distance);
+                store_words(&mut stream.primitive, at, nearest.id);
+                kept = stream.keep(simd, packet, scattering, kept);
+            }
+        }
+        stream.len = kept;
+        rays
+    }
+
+    /// Flies through what fills dielectrics: light is absorbed, and may be scattered before the
+    /// boundary.
+    #[inline(always)]
+    fn sample_distance<S: Simd>(
+        &self,
+        simd: S,
+        stream: &mut Stream,
+        at: usize,
+        depth: u32,
+        nearest: &mut Nearest<S>,
+    ) {
+        let start = load_words(simd, &stream.primitive, at);
+        let none = Word::splat(simd, NONE);
+        let within = (start & INSIDE).simd_ne(0) & start.simd_ne(none);
+        if !within.any_true() {
+            return;
+        }
+        let pixel = load_words(simd, &stream.pixel, at);
+        let sample = load_words(simd, &stream.sample, at);
+        let [_, u] = pair(pixel, sample, block_choice(depth), self.settings.seed);
+        let flight = self
+            .surfaces
+            .sample_distance(simd, within, start, nearest.distance, u);
+        let beta = stream.beta.load(simd, at);
+        stream.beta.store(at, beta.scale(flight.weight));
+        nearest.distance = flight.distance;
+        nearest.id = flight.scattered.select(start | SCATTERED, nearest.id);
+    }
+
+    /// Light that comes in along rays that meet an area light or nothing.
+    #[inline(always)]
+    fn emission_with_mis<S: Simd>(
+        &self,
+        simd: S,
+        stream: &Stream,
+        at: usize,
+        id: Word<S>,
+    ) -> Vec3x<S> {
+        let beta = stream.beta.load(simd, at);
+        let escaped = id.simd_eq(NONE);
+        let direction = stream.direction.load(simd, at);
+        let sampled_pdf = || load(simd, &stream.sampled_pdf, at);
+        let environment =
+            (self.environment).radiance_with_mis(simd, direction, escaped, sampled_pdf);
+        let environment = beta.scale(environment);
+        if escaped.all_true() || self.area_lights.is_empty() {
+            return environment;
+        }
+        let first = self.geometry.area_lights_first;
+        let lit = id.simd_ge(first) & !escaped;
+        let light = lit.select(id - first, Word::splat(simd, 0));
+        let emission = self.area_lights.emission(simd, light);
+        let cos_light = -direction.dot(emission.normal);
+        let pdf = load(simd, &stream.pdf, at);
+        // An area light that does not shine has no brightness: 0 / 0.
+        // ∞ of a mirror gives a weight of 1, 0 of a coat's mirror one of 0: its light has been
+        // added already.
+        let weight = power_heuristic(emission.brightness.max(f32::MIN_POSITIVE) / pdf);
+        let emitted = beta.scale(emission.radiance) * weight;
+        let black = Vec3x::splat(simd, [0.0; 3]);
+        let emitted = Vec3x::select(lit & cos_light.simd_gt(0.0), emitted, black);
+        Vec3x::select(escaped, environment, emitted)
+    }
+
+    /// Leaves out light that is in the emission of first hits, which is traced apart.
+    #[inline(always)]
+    fn without_emission<S: Simd>(
+        &self,
+        simd: S,
+        stream: &Stream,
+        at: usize,
+        light: Vec3x<S>,
+    ) -> Vec3x<S> {
+        // A mirror's density is infinite, a coat's 0.
+        let pdf = load(simd, &stream.pdf, at);
+        let scattered = pdf.simd_lt(f32::INFINITY) & pdf.simd_gt(0.0);
+        let left = load_words(simd, &stream.primitive, at);
+        let within = (left & INSIDE).simd_ne(0) & left.simd_ne(NONE);
+        Vec3x::select(scattered | within, light, Vec3x::splat(simd, [0.0; 3]))
+    }
+}
