@@ -268,7 +268,9 @@ fn argument_of(expression: &InlineExpression<&str>, into: &mut BTreeSet<String>)
 
 /// The strings of each source that is not a test, by its path from `game/`.
 fn literals() -> Vec<(String, Literals)> {
-    let game = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    // Not of the checkout that the test was built in: several share a target folder.
+    let package = std::env::var("CARGO_MANIFEST_DIR").expect("cargo says where the package is");
+    let game = Path::new(&package).join("..");
     let mut sources = Vec::new();
     for folder in SHOWN_BY {
         read_sources(&game, folder, &mut sources);

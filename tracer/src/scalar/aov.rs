@@ -3,8 +3,9 @@
 use glam::DVec3;
 
 use super::environment::environment_radiance;
+use super::integrator::{PathTracer, camera_ray};
 use super::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
-use super::{PathTracer, Vertex, camera_ray};
+use super::vertex::Vertex;
 use crate::compiled::Primitive;
 use crate::sampling::{BLOCK_CAMERA, BLOCK_LENS, pair, pixel_key, sample_key};
 use crate::{Aovs, Tile};

@@ -65,7 +65,7 @@ pub(super) fn parts(features: &Features) -> Vec<&'static str> {
         parts.extend(triangle_normal_parts(features));
     }
     parts.push(AOV);
-    parts.push(include_str!("../shaders/path.wgsl"));
+    parts.push(include_str!("../shaders/integrator.wgsl"));
     parts.push(include_str!("../shaders/block.wgsl"));
     parts.push(include_str!("../shaders/kernel.wgsl"));
     parts

@@ -1,0 +1,376 @@
+//! The integrator: one path from the camera to its end.
+
+use std::f64::consts::TAU;
+use std::sync::atomic::Ordering;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::emissive_surface::emissive_surface_density;
+use super::environment::environment_radiance;
+use super::intersect::{Hit, Ray, RayOrigin, intersect_from, vector};
+use super::medium::{Medium, uniform_direction};
+use super::vertex::Vertex;
+use crate::compiled::{AreaLightData, CameraFrame, Primitive, SphereData};
+use crate::regularisation::KEY_MASK;
+use crate::sampling::{
+    BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light,
+    block_scatter, pair, pixel_key, sample_key,
+};
+use crate::tracer::{TraceJob, TraceStats};
+use crate::{CompiledScene, RenderSettings, Tile};
+
+/// The ray through film position `(x, y)`, in pixels from the image's top left corner, and through the point of the lens
+/// that `lens` in the unit square is mapped to.
+pub fn camera_ray(frame: &CameraFrame, [x, y]: [f64; 2], lens: [f64; 2]) -> Ray {
+    let (dx, dy) = (vector(frame.dx), vector(frame.dy));
+    let [u, v] = [lens[0].sqrt(), TAU * lens[1]];
+    let (u, v) = (u * v.cos(), u * v.sin());
+    let (lens_steps, lens_film) = (f64::from(frame.lens_steps), f64::from(frame.lens_film));
+    let (film_x, film_y) = (x - lens_film * u, y - lens_film * v);
+    let direction = vector(frame.corner) + film_x * dx + film_y * dy;
+    Ray {
+        origin: vector(frame.eye) + lens_steps * (u * dx + v * dy),
+        direction: direction.normalize(),
+    }
+}
+
+/// What all paths of a picture share.
+#[derive(Clone, Copy)]
+pub(super) struct PathTracer<'a> {
+    pub(super) scene: &'a CompiledScene,
+    pub(super) frame: CameraFrame,
+    pub(super) settings: RenderSettings,
+}
+
+/// A row of a tile.
+#[derive(Default)]
+pub(super) struct TileRow {
+    pub(super) radiance: Vec<[f32; 3]>,
+    /// Of the first half of the samples.
+    pub(super) half: Vec<[f32; 3]>,
+    pub(super) dropped_samples: u32,
+    rays: u64,
+}
+
+impl<'a> PathTracer<'a> {
+    pub(super) fn new(scene: &'a CompiledScene, job: &TraceJob<'_>) -> Self {
+        Self {
+            scene,
+            frame: scene.camera_frame(job.size),
+            settings: job.settings,
+        }
+    }
+
+    /// Traces a job and hands the rows of each tile over.
+    pub(super) fn trace(
+        &self,
+        job: &TraceJob<'_>,
+        sink: impl Fn(usize, Tile, Vec<TileRow>) + Sync,
+    ) -> TraceStats {
+        let tiles = job.tiles.par_iter().enumerate();
+        let rays = tiles.map(|(index, tile)| self.tile(index, tile, job, &sink));
+        let (pixels, rays) = rays.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        TraceStats {
+            samples: pixels * u64::from(job.settings.samples),
+            rays,
+            ..TraceStats::default()
+        }
+    }
+
+    /// Traces a tile and hands it over; returns its pixels and rays, none if cancelled on the way.
+    fn tile(
+        &self,
+        index: usize,
+        tile: &Tile,
+        job: &TraceJob<'_>,
+        sink: &(impl Fn(usize, Tile, Vec<TileRow>) + Sync),
+    ) -> (u64, u64) {
+        let rows = (tile.y..tile.y + tile.height).into_par_iter();
+        let rows =
+            rows.map(|y| (!job.cancelled.load(Ordering::Relaxed)).then(|| self.row(tile, y)));
+        let Some(rows) = rows.collect::<Option<Vec<TileRow>>>() else {
+            return (0, 0);
+        };
+        let rays = rows.iter().map(|row| row.rays).sum();
+        sink(index, *tile, rows);
+        (tile.pixels() as u64, rays)
+    }
+
+    fn row(&self, tile: &Tile, y: u32) -> TileRow {
+        let mut row = TileRow::default();
+        for x in tile.x..tile.x + tile.width {
+            let mut sum = DVec3::ZERO;
+            let half = self.settings.samples / 2;
+            for taken in 0..self.settings.samples {
+                if taken == half {
+                    let mean = sum / f64::from(half.max(1));
+                    row.half.push(mean.as_vec3().to_array());
+                }
+                let sample = self.settings.first_sample.wrapping_add(taken);
+                let radiance = self.path(x, y, sample, &mut row.rays);
+                if radiance.is_finite() {
+                    sum += radiance;
+                } else {
+                    row.dropped_samples += 1;
+                }
+            }
+            let mean = sum / f64::from(self.settings.samples);
+            row.radiance.push(mean.as_vec3().to_array());
+        }
+        row
+    }
+
+    /// Radiance along one path.
+    #[expect(clippy::too_many_lines, reason = "one path's steps in order")]
+    fn path(&self, x: u32, y: u32, sample: u32, rays: &mut u64) -> DVec3 {
+        let (pixel, key) = (pixel_key(x, y), sample_key(sample));
+        let random = |block| pair(pixel, key, block, self.settings.seed).map(f64::from);
+        let [u, v] = random(BLOCK_CAMERA);
+        let film = [f64::from(x) + u, f64::from(y) + v];
+        let mut ray = camera_ray(&self.frame, film, random(BLOCK_LENS));
+        let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
+        let mut start = None;
+        let mut prev = PrevVertex::UNWEIGHED;
+        for depth in 0..=self.settings.max_depth {
+            *rays += 1;
+            let is_emission = depth <= 1 && self.is_emission(prev, start);
+            let Some(hit) = intersect_from(self.scene, &ray, start) else {
+                if is_emission {
+                    return radiance;
+                }
+                return radiance + beta * self.environment_with_mis(ray.direction, prev);
+            };
+            let ([u1, u2], [u0, u3]) = (random(block_scatter(depth)), random(block_choice(depth)));
+            if let Some((medium, enclosing)) = self.medium(start) {
+                let flight = medium.sample_distance(hit.t, u3);
+                beta *= flight.weight;
+                if let Some(distance) = flight.scattered_at {
+                    let point = ray.origin + distance * ray.direction;
+                    // The refraction counts as a scattering.
+                    if depth + 2 <= self.settings.max_depth {
+                        let u = random(block_light(depth));
+                        radiance += beta
+                            * self
+                                .sample_light_through_boundary(enclosing, &medium, point, u, rays);
+                    }
+                    ray = Ray {
+                        origin: point,
+                        direction: uniform_direction(u1, u2),
+                    };
+                    prev = PrevVertex::SCATTERED;
+                    continue;
+                }
+            }
+            if let Primitive::AreaLight(light) = hit.primitive {
+                if is_emission {
+                    return radiance;
+                }
+                let light = &self.scene.area_lights[light as usize];
+                return radiance + beta * self.emission_with_mis(light, &ray, &hit, prev);
+            }
+            let is_last = depth == self.settings.max_depth;
+            if is_last && !self.scene.has_emission() {
+                return radiance;
+            }
+            let footprint_m = self.footprint_m(&hit, depth);
+            let vertex = Vertex::new(self.scene, &ray, &hit, footprint_m);
+            radiance += beta * self.surface_emission_with_mis(&vertex, &hit, prev);
+            if is_last {
+                return radiance;
+            }
+            let vertex = vertex.regularised(prev.is_spread && key & KEY_MASK == 0);
+            if !vertex.is_regularised && (!self.settings.denoise || depth > 0) {
+                radiance += beta * self.coat_reflected_light(&vertex, rays);
+            }
+            radiance += beta * self.direct_light(&vertex, random(block_light(depth)), rays);
+            let sample = vertex.sample([u0, u1, u2, u3]);
+            beta *= sample.weight;
+            ray = Ray {
+                origin: vertex.point,
+                direction: sample.wi,
+            };
+            start = Some(vertex.ray_origin(sample.wi));
+            let is_known = prev.is_scattered && self.exits_by_nee_hemisphere(&vertex, start, hit.t);
+            prev = prev.next(&vertex, sample.pdf, is_known);
+            // The number that a body's flight would take.
+            beta *= survival_weight(depth, start, beta, || random(block_choice(depth + 1))[1]);
+            if beta == DVec3::ZERO {
+                return radiance;
+            }
+        }
+        radiance
+    }
+
+    /// About how wide the surface is that a pixel sees where a camera ray meets it, in metres; 0 where others meet it.
+    pub(super) fn footprint_m(&self, hit: &Hit, depth: u32) -> f64 {
+        match depth {
+            0 => hit.t * vector(self.frame.dx).length(),
+            _ => 0.0,
+        }
+    }
+
+    /// Whether light that a path ends in is first hits' emission, which for denoised pictures is traced
+    /// apart.
+    fn is_emission(&self, prev: PrevVertex, start: Option<RayOrigin>) -> bool {
+        let is_outside = start.is_none_or(|start| !start.is_inside);
+        self.settings.denoise && prev.is_mirror() && is_outside
+    }
+
+    /// What a ray flies through, and what that fills.
+    fn medium(&self, start: Option<RayOrigin>) -> Option<(Medium, Primitive)> {
+        let enclosing = start.filter(|start| start.is_inside)?.primitive;
+        let material = self.scene.material_of(enclosing)?;
+        Some((Medium::new(material), enclosing))
+    }
+
+    /// A body through whose boundary light that is scattered inside aims at area lights.
+    pub(super) fn nee_boundary(&self, enclosing: Primitive) -> Option<NeeBoundary<'a>> {
+        let Primitive::Sphere(index) = enclosing else {
+            return None;
+        };
+        let sphere = &self.scene.spheres[index as usize];
+        let material = self.scene.material_of(enclosing)?;
+        (sphere.allows_refracted_nee == 1).then_some(NeeBoundary {
+            sphere,
+            ior: f64::from(material.ior),
+            primitive: enclosing,
+        })
+    }
+
+    /// Whether a ray that was scattered inside leaves, after `length`, where area lights have been
+    /// aimed at.
+    fn exits_by_nee_hemisphere(
+        &self,
+        vertex: &Vertex,
+        start: Option<RayOrigin>,
+        length: f64,
+    ) -> bool {
+        let cos_i = vertex.wo.dot(vertex.n);
+        start.is_some_and(|start| !start.is_inside)
+            && (self.nee_boundary(vertex.primitive))
+                .is_some_and(|boundary| length <= f64::from(boundary.sphere.radius) * cos_i)
+    }
+
+    /// Weighted radiance of an area light that a ray finds.
+    fn emission_with_mis(
+        &self,
+        light: &AreaLightData,
+        ray: &Ray,
+        hit: &Hit,
+        prev: PrevVertex,
+    ) -> DVec3 {
+        if ray.direction.dot(hit.n) >= 0.0 || light.brightness == 0.0 {
+            return DVec3::ZERO;
+        }
+        let density = f64::from(light.brightness) / prev.light_weight_sum;
+        let weight = prev.pdf.map_or(1.0, |pdf| power_heuristic(pdf, density));
+        weight * vector(light.radiance)
+    }
+
+    /// Weighted radiance that a surface emits which a ray finds.
+    fn surface_emission_with_mis(&self, vertex: &Vertex, hit: &Hit, prev: PrevVertex) -> DVec3 {
+        let emission = vertex.scatter.emission();
+        let Some(pdf) = prev.sampled_pdf else {
+            return emission;
+        };
+        let origin = vertex.point + hit.t * vertex.wo;
+        let cosine = vertex.wo.dot(vertex.geometric_n).abs();
+        let density = emissive_surface_density(self.scene, hit.primitive, origin, hit.t, cosine);
+        emission * power_heuristic(pdf, density)
+    }
+
+    /// Weighted radiance of the environment that a ray finds.
+    fn environment_with_mis(&self, direction: DVec3, prev: PrevVertex) -> DVec3 {
+        let map = &self.scene.environment_map;
+        let radiance = environment_radiance(self.scene, direction);
+        match prev.sampled_pdf {
+            Some(pdf) if map.probability > 0.0 => {
+                let density = f64::from(map.probability) * map.pdf(direction);
+                radiance * power_heuristic(pdf, density)
+            }
+            _ => radiance,
+        }
+    }
+}
+
+/// A ball through whose boundary area lights are aimed at.
+pub(super) struct NeeBoundary<'a> {
+    pub(super) sphere: &'a SphereData,
+    pub(super) ior: f64,
+    pub(super) primitive: Primitive,
+}
+
+/// How a ray's direction was found: what weighs an area light along it.
+#[derive(Clone, Copy)]
+struct PrevVertex {
+    /// That of [`super::bsdf::BsdfSample`].
+    pdf: Option<f64>,
+    /// [`super::area_light::light_weight_sum`] where the ray began.
+    light_weight_sum: f64,
+    /// The density of its direction, if it has one.
+    sampled_pdf: Option<f64>,
+    /// It began where light was scattered inside a body.
+    is_scattered: bool,
+    /// It comes from a diffuse surface, or by way of coats and metals from one.
+    is_spread: bool,
+}
+
+impl PrevVertex {
+    /// By the camera.
+    const UNWEIGHED: Self = Self {
+        pdf: None,
+        light_weight_sum: 0.0,
+        sampled_pdf: None,
+        is_scattered: false,
+        is_spread: false,
+    };
+    /// In a medium.
+    const SCATTERED: Self = Self {
+        is_scattered: true,
+        ..Self::UNWEIGHED
+    };
+
+    /// Of a direction drawn at `vertex`, along which area lights may be known already.
+    fn next(self, vertex: &Vertex, pdf: Option<f64>, is_known: bool) -> Self {
+        let is_diffuse = vertex.scatter.is_layered();
+        Self {
+            pdf: if is_known { Some(0.0) } else { pdf },
+            light_weight_sum: vertex.light_weight_sum,
+            sampled_pdf: pdf.filter(|&pdf| pdf > 0.0),
+            is_scattered: false,
+            is_spread: pdf.is_some_and(|pdf| self.is_spread || (pdf > 0.0 && is_diffuse)),
+        }
+    }
+
+    /// Or by the camera.
+    fn is_mirror(self) -> bool {
+        self.pdf.is_none_or(|pdf| pdf == 0.0)
+    }
+}
+
+/// What a path's throughput is multiplied by at Russian roulette: 0 if it ends.
+fn survival_weight(
+    depth: u32,
+    start: Option<RayOrigin>,
+    beta: DVec3,
+    random: impl Fn() -> f64,
+) -> f64 {
+    let survival = f64::from(SURVIVAL_PER_THROUGHPUT) * beta.max_element();
+    let is_inside = start.is_some_and(|start| start.is_inside);
+    if depth < ROULETTE_DEPTH || is_inside || survival >= 1.0 {
+        return 1.0;
+    }
+    if random() < survival {
+        survival.recip()
+    } else {
+        0.0
+    }
+}
+
+/// Weight of a sample drawn with density `chosen` where a second technique has density `other`
+/// (Veach 1997, section 9.2.4, exponent 2).
+pub(super) fn power_heuristic(chosen: f64, other: f64) -> f64 {
+    let ratio = other / chosen;
+    1.0 / (1.0 + ratio * ratio)
+}

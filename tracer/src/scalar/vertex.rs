@@ -1,0 +1,123 @@
+//! A vertex of a path on a surface.
+
+use glam::DVec3;
+
+use super::area_light::light_weight_sum;
+use super::bsdf::BsdfSample;
+use super::intersect::{Hit, Ray, RayOrigin};
+use super::metallic_roughness::MetallicRoughness;
+use super::microfacet::Conductor;
+use super::scatter::Scatter;
+use super::triangle::visible_shading_normal;
+use crate::CompiledScene;
+use crate::compiled::Primitive;
+use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY};
+
+/// A vertex of a path on a surface that scatters.
+pub(super) struct Vertex {
+    pub(super) point: DVec3,
+    /// Unit normal to shade with, on the side of `wo`.
+    pub(super) n: DVec3,
+    /// Unit normal of the surface on the side of `wo`.
+    pub(super) geometric_n: DVec3,
+    pub(super) wo: DVec3,
+    pub(super) primitive: Primitive,
+    /// `wo` is inside the body.
+    pub(super) is_inside: bool,
+    pub(super) scatter: Scatter,
+    /// [`light_weight_sum`] at the point, over the probability with which an area light is aimed at at all.
+    pub(super) light_weight_sum: f64,
+    /// Its mirror is mollified ([`crate::regularisation`]).
+    pub(super) is_regularised: bool,
+}
+
+impl Vertex {
+    pub(super) fn new(scene: &CompiledScene, ray: &Ray, hit: &Hit, footprint_m: f64) -> Self {
+        let wo = -ray.direction;
+        let is_inside = hit.n.dot(wo) < 0.0;
+        let side = if is_inside { -1.0 } else { 1.0 };
+        let geometric_n = side * hit.n;
+        let n = match hit.shading_n == hit.n {
+            true => geometric_n,
+            false => visible_shading_normal(side * hit.shading_n, geometric_n, wo),
+        };
+        Self {
+            point: hit.point,
+            n,
+            geometric_n,
+            wo,
+            primitive: hit.primitive,
+            is_inside,
+            scatter: Scatter::new(scene, hit, wo, footprint_m),
+            light_weight_sum: light_weight_sum(&scene.area_lights, hit.point)
+                / scene.area_light_probability(),
+            is_regularised: false,
+        }
+    }
+
+    /// The cosine at which light falls in from `wi`.
+    pub(super) fn cosine(&self, wi: DVec3) -> f64 {
+        self.scatter.cosine(wi, self.n).abs()
+    }
+
+    /// Whether `wi` is on the other side of a surface than of the normal that it is shaded with; what lets no light pass
+    /// has only one.
+    pub(super) fn is_below(&self, wi: DVec3) -> bool {
+        let is_passed = self.scatter.lets_light_pass() && wi.dot(self.n) < 0.0;
+        let height = wi.dot(self.geometric_n) * if is_passed { -1.0 } else { 1.0 };
+        let is_smooth = self.n != self.geometric_n || self.scatter.has_clearcoat_normal();
+        is_smooth && height <= 0.0
+    }
+
+    /// Draws a direction: one below the surface brings nothing.
+    pub(super) fn sample(&self, u: [f64; 4]) -> BsdfSample {
+        let mut sample = self.scatter.sample(self.wo, self.n, u);
+        if self.is_below(sample.wi) {
+            sample.weight = DVec3::ZERO;
+        }
+        sample
+    }
+
+    /// Its mirror mollified, if it is to be.
+    pub(super) fn regularised(mut self, is_regularised: bool) -> Self {
+        self.is_regularised = is_regularised;
+        if !is_regularised {
+            return self;
+        }
+        match &mut self.scatter {
+            Scatter::Conductor(Conductor { alpha, .. }) => {
+                *alpha = alpha.max(f64::from(ALPHA_MIN));
+            }
+            Scatter::MetallicRoughness(MetallicRoughness {
+                alpha,
+                clearcoat_alpha,
+                ..
+            }) => {
+                *alpha = alpha.max(f64::from(ALPHA_MIN));
+                *clearcoat_alpha = clearcoat_alpha.max(f64::from(ALPHA_MIN));
+            }
+            Scatter::Layered(_) | Scatter::Dielectric(_) => {}
+        }
+        self
+    }
+
+    /// The share of light from `wi` that a coat's mirror reflects where it is regularised, sr⁻¹.
+    pub(super) fn regularised_coat(&self, wi: DVec3) -> f64 {
+        let cos_o = self.wo.dot(self.n);
+        let mirrored = 2.0 * cos_o * self.n - self.wo;
+        let is_in_cone = wi.dot(mirrored) > f64::from(CONE_COSINE) && wi.dot(self.n) > 0.0;
+        if !self.is_regularised || !is_in_cone {
+            return 0.0;
+        }
+        self.scatter.coat(cos_o) * f64::from(CONE_DENSITY)
+    }
+
+    /// How a ray towards `wi` begins: what is not transmissive is left outwards, on either side.
+    pub(super) fn ray_origin(&self, wi: DVec3) -> RayOrigin {
+        let is_passed = wi.dot(self.n) < 0.0;
+        RayOrigin {
+            primitive: self.primitive,
+            is_inside: self.scatter.is_dielectric() && self.is_inside != is_passed,
+        }
+    }
+}
