@@ -255,25 +255,28 @@ impl<S: Simd> MicrofacetBsdf<S> {
     /// [`crate::fresnel::fresnel_conductor`] by channel.
     #[inline(always)]
     fn reflectance(&self, simd: S, cos: Float<S>) -> Vec3x<S> {
-        let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
-        let cos = cos.max(zero).min(one);
-        let (cos2, sin2) = (cos * cos, one - cos * cos);
-        let channel = |eta: Float<S>, k: Float<S>| {
-            let (eta2, k2) = (eta * eta, k * k);
-            let difference = eta2 - k2 - sin2;
-            let sum = difference.mul_add(difference, eta2 * k2 * 4.0).sqrt();
-            let a = ((sum + difference) * 0.5).max(zero).sqrt();
-            let (even, odd) = (sum + cos2, cos * a * 2.0);
-            let perpendicular = (even - odd) / (even + odd);
-            let (even, odd) = (cos2.mul_add(sum, sin2 * sin2), odd * sin2);
-            perpendicular * 0.5 * (1.0 + (even - odd) / (even + odd))
-        };
+        let (eta, k) = (self.metal_eta, self.metal_k);
+        let cos = cos.max(0.0).min(Float::splat(simd, 1.0));
         Vec3x::new(
-            channel(self.metal_eta.x, self.metal_k.x),
-            channel(self.metal_eta.y, self.metal_k.y),
-            channel(self.metal_eta.z, self.metal_k.z),
+            fresnel_conductor(cos, eta.x, k.x),
+            fresnel_conductor(cos, eta.y, k.y),
+            fresnel_conductor(cos, eta.z, k.z),
         )
     }
+}
+
+/// A function, as a closure that is used thrice would stay a call, and each operation in it one too.
+#[inline(always)]
+fn fresnel_conductor<S: Simd>(cos: Float<S>, eta: Float<S>, k: Float<S>) -> Float<S> {
+    let (cos2, sin2) = (cos * cos, 1.0 - cos * cos);
+    let (eta2, k2) = (eta * eta, k * k);
+    let difference = eta2 - k2 - sin2;
+    let sum = difference.mul_add(difference, eta2 * k2 * 4.0).sqrt();
+    let a = ((sum + difference) * 0.5).max(0.0).sqrt();
+    let (even, odd) = (sum + cos2, cos * a * 2.0);
+    let perpendicular = (even - odd) / (even + odd);
+    let (even, odd) = (cos2.mul_add(sum, sin2 * sin2), odd * sin2);
+    perpendicular * 0.5 * (1.0 + (even - odd) / (even + odd))
 }
 
 /// The sine is measured rather than the cosine, of which nothing is left near 1.

@@ -127,7 +127,10 @@ impl<S: Simd> NeeBoundaries<S> {
         let rows = Rows::new(table, mask.select(body, Word::splat(simd, 0)));
         let radius = rows.number(simd, RADIUS);
         let lanes = mask & radius.simd_gt(0.0);
-        lanes.any_true().then(|| Self {
+        if !lanes.any_true() {
+            return None;
+        }
+        Some(Self {
             lanes,
             center: rows.triple(simd, CENTER),
             radius,

@@ -4,7 +4,6 @@ use fearless_simd::prelude::*;
 
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rows::Rows;
-use super::sampling::sin_cos_turns;
 use crate::compiled::{
     MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER,
     PATTERN_PLANKS, PATTERN_SCOREBOARD, PATTERN_WOOD,
@@ -12,8 +11,8 @@ use crate::compiled::{
 use crate::texture::{
     BRICK_M, CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, CUE_COLLAR_ALBEDO, CUE_ENDS_M,
     CUE_FERRULE_ALBEDO, CUE_TIP_ALBEDO, CUE_WRAP_ALBEDO, INK_ALBEDO, JOINT_M, LINE_HALF_M,
-    LINE_SHARE, MARK_REACH_M, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SPOT_RADIUS_M,
-    SPOT_SHARE, WORN_M2, WORN_SHARE, is_ink, is_scoreboard_ink,
+    LINE_SHARE, MARK_REACH_M, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SINE_OF_TURNS,
+    SPOT_RADIUS_M, SPOT_SHARE, WORN_M2, WORN_SHARE, is_ink, is_scoreboard_ink,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -154,9 +153,15 @@ fn numbered<S: Simd>(
     Vec3x::select(circle, texture, albedo)
 }
 
+/// The sine: a half turn about 0, folded to a quarter.
 #[inline(always)]
 fn wave<S: Simd>(turns: Float<S>) -> Float<S> {
-    sin_cos_turns(turns - turns.floor()).0
+    let x = turns - (turns + 0.5).floor();
+    let t = x.abs().min(x.abs() * -1.0 + 0.5);
+    let t2 = t * t;
+    let [c1, c3, c5, c7] = SINE_OF_TURNS;
+    let sine = t * t2.mul_add(c7, c5).mul_add(t2, c3).mul_add(t2, c1);
+    x.simd_lt(0.0).select(-sine, sine)
 }
 
 #[inline(always)]

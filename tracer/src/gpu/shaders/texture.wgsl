@@ -50,8 +50,14 @@ fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f
     return select(CIRCLE_ALBEDO, INK_ALBEDO, is_ink(number, p));
 }
 
+// The sine: a half turn about 0, folded to a quarter.
 fn wave(turns: f32) -> f32 {
-    return circle(turns - floor(turns)).y;
+    let x = turns - floor(turns + 0.5);
+    let t = min(abs(x), 0.5 - abs(x));
+    let t2 = t * t;
+    let c = SINE_OF_TURNS;
+    let sine = t * (c.x + t2 * (c.y + t2 * (c.z + t2 * c.w)));
+    return select(sine, -sine, x < 0.0);
 }
 
 fn wood(material: u32, place: vec3f) -> vec3f {
