@@ -95,12 +95,10 @@ fn circle(u: f32) -> vec2f {
     let s = x * (1.0 + x2 * (-1.0 / 6.0 + x2 * (1.0 / 120.0 + x2 * (-1.0 / 5040.0
         + x2 * (1.0 / 362880.0)))));
     let c = 1.0 + x2 * (-0.5 + x2 * (1.0 / 24.0 + x2 * (-1.0 / 720.0 + x2 * (1.0 / 40320.0))));
-    switch u32(quarter) & 3u {
-        case 0u: { return vec2f(c, s); }
-        case 1u: { return vec2f(-s, c); }
-        case 2u: { return vec2f(-c, -s); }
-        default: { return vec2f(s, -c); }
-    }
+    // Quarters 1 and 3 swap the two; 1 and 2 turn the cosine's sign, 2 and 3 the sine's.
+    let turns = u32(quarter);
+    let size = select(vec2f(c, s), vec2f(s, c), (turns & 1u) == 1u);
+    return select(size, -size, vec2<bool>(((turns + 1u) & 2u) == 2u, (turns & 2u) == 2u));
 }
 
 // A direction about the unit normal `n`, cosine-weighted: pdf = cos θ / π.
