@@ -115,12 +115,8 @@ impl Beam {
     /// The largest coordinate of an origin.
     #[inline(always)]
     pub(super) fn origin_max(&self) -> f32 {
-        // A loop: the functions that arrays are mapped by may stay calls in here.
-        let mut largest = 0.0_f32;
-        for face in self.faces.as_flattened() {
-            largest = largest.max(face.origin.abs());
-        }
-        largest
+        let [[a, b], [c, d], [e, f]] = self.faces.map(|axis| axis.map(|face| face.origin.abs()));
+        a.max(b).max(c.max(d)).max(e.max(f))
     }
 }
 

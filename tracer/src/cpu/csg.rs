@@ -230,8 +230,7 @@ impl<S: Simd> ApexCone<S> {
     fn new(simd: S, subtraction: &CsgFaceData) -> Self {
         let [x, y, z] = subtraction.b;
         let slope = x.mul_add(x, y.mul_add(y, z * z)).sqrt();
-        let [x, y, z] = subtraction.b;
-        let axis = Vec3x::splat(simd, [x / slope, y / slope, z / slope]);
+        let axis = Vec3x::splat(simd, subtraction.b.map(|c| c / slope));
         Self { axis, slope }
     }
 

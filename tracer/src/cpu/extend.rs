@@ -17,7 +17,8 @@ use crate::sampling::block_choice;
 /// Finds what each path meets next, ends those that meet light or nothing, or all if this is
 /// their last edge, and closes the ranks of the others. Returns the number of rays.
 ///
-/// A function as other stages: methods would all be compiled in one piece, that of their type's module.
+/// A function, as [`shade`](super::shade::shade) is: rustc compiles methods in the unit of their type's module, all of
+/// [`Prepared`]'s in one, and functions in that of their own.
 pub(super) fn extend<S: Simd>(
     scene: &Prepared,
     simd: S,

@@ -153,11 +153,11 @@ fn numbered<S: Simd>(
     Vec3x::select(circle, texture, albedo)
 }
 
-/// The sine: a half turn about 0, folded to a quarter.
+/// The sine of an angle in turns, by a polynomial over the first quarter.
 #[inline(always)]
 fn wave<S: Simd>(turns: Float<S>) -> Float<S> {
     let x = turns - (turns + 0.5).floor();
-    let t = x.abs().min(x.abs() * -1.0 + 0.5);
+    let t = x.abs().min(0.5 - x.abs());
     let t2 = t * t;
     let [c1, c3, c5, c7] = SINE_OF_TURNS;
     let sine = t * t2.mul_add(c7, c5).mul_add(t2, c3).mul_add(t2, c1);

@@ -96,9 +96,9 @@ fn circle(u: f32) -> vec2f {
         + x2 * (1.0 / 362880.0)))));
     let c = 1.0 + x2 * (-0.5 + x2 * (1.0 / 24.0 + x2 * (-1.0 / 720.0 + x2 * (1.0 / 40320.0))));
     // Quarters 1 and 3 swap the two; 1 and 2 turn the cosine's sign, 2 and 3 the sine's.
-    let turns = u32(quarter);
-    let size = select(vec2f(c, s), vec2f(s, c), (turns & 1u) == 1u);
-    return select(size, -size, vec2<bool>(((turns + 1u) & 2u) == 2u, (turns & 2u) == 2u));
+    let quarters = u32(quarter);
+    let swapped = select(vec2f(c, s), vec2f(s, c), (quarters & 1u) == 1u);
+    return select(swapped, -swapped, vec2<bool>(((quarters + 1u) & 2u) == 2u, (quarters & 2u) == 2u));
 }
 
 // A direction about the unit normal `n`, cosine-weighted: pdf = cos θ / π.

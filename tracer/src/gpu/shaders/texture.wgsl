@@ -50,7 +50,7 @@ fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f
     return select(CIRCLE_ALBEDO, INK_ALBEDO, is_ink(number, p));
 }
 
-// The sine: a half turn about 0, folded to a quarter.
+// The sine of an angle in turns, by a polynomial over the first quarter.
 fn wave(turns: f32) -> f32 {
     let x = turns - floor(turns + 0.5);
     let t = min(abs(x), 0.5 - abs(x));
