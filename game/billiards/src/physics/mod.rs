@@ -53,7 +53,6 @@ mod laws;
 mod motion;
 mod orientation;
 mod particles;
-mod pot_search;
 mod rack;
 mod rapier_engine;
 mod rebound;
@@ -82,7 +81,6 @@ pub(crate) use particles::BedSave;
 pub use particles::{
     ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, ParticleTrack, TrackGroup,
 };
-pub use pot_search::{Suggestion, suggest};
 pub use rack::BallLayout;
 pub use rebound::{REBOUND_ENERGY_J, REBOUND_SPEED_M_S};
 pub use recording::{BYTES_MAX, CLIPS_MAX, Clip, Recording, TITLE_BYTES_MAX};

@@ -1,4 +1,4 @@
-//! The aim line and suggested strokes: they are what the shot does.
+//! The aim line: it is what the shot does.
 
 use super::*;
 
@@ -97,57 +97,6 @@ fn assert_predicted(world: &World, stroke: Stroke) {
     }
 }
 
-#[test]
-fn a_suggested_stroke_does_what_it_says() {
-    let (mut asked, mut found) = (0, 0);
-    for world in (0..24).filter_map(position) {
-        let targets = [1, 2];
-        let suggestion = suggest(&world, &targets, 400).expect("within limits");
-        assert_eq!(
-            suggestion,
-            suggest(&world, &targets, 400).expect("within limits")
-        );
-        asked += 1;
-        let Some(Suggestion {
-            stroke,
-            ball,
-            pocket,
-            simulated,
-            ..
-        }) = suggestion
-        else {
-            continue;
-        };
-        found += 1;
-        assert!(simulated <= 400 && targets.contains(&ball));
-        let shot = world.strike(stroke).expect("valid");
-        let pots = |e: &Event| matches!(e.kind, EventKind::Pocketed { ball: b, pocket: p, .. } if (b, p) == (ball, pocket));
-        assert!(shot.events().iter().any(pots), "{suggestion:?}");
-        let ends = shot.final_states();
-        assert!(ends[0].phase.is_on_table(), "the cue ball stays");
-        let line = predict(&world, stroke).expect("valid");
-        let AimContact::Ball { number, .. } = line.contact else {
-            panic!("{:?}", line.contact);
-        };
-        assert!(targets.contains(&number), "a target is touched first");
-    }
-    assert!(
-        asked > 12 && 2 * found > asked,
-        "{found} of {asked} positions"
-    );
-}
-
-#[test]
-fn pot_searches_are_bounded() {
-    let world = position(1).expect("valid");
-    for bound in [0, 1, 7] {
-        let found = suggest(&world, &[1, 2], bound).expect("within limits");
-        assert!(found.is_none_or(|found| found.simulated <= bound));
-    }
-    assert_eq!(suggest(&world, &[], 400).expect("nothing to do"), None);
-    assert_eq!(suggest(&world, &[0, 9], 400).expect("nothing to do"), None);
-}
-
 /// The ball that is hit from above is thrown back at the cue ball by the slate, at the same instant.
 #[test]
 fn a_ball_that_is_hit_twice_at_once_is_predicted_so() {
@@ -206,22 +155,6 @@ proptest! {
         if let Some(world) = position(seed) {
             let stroke = Stroke { direction_rad, speed_m_s, side, vertical, elevation_rad };
             assert_predicted(&world, stroke);
-        }
-    }
-
-    /// What is suggested is a stroke like any other: aimed it shows what it does, and played it does
-    /// what was said.
-    #[test]
-    fn a_suggestion_is_aimed_and_played_as_it_was_found(seed in 0u32..100_000) {
-        if let Some(world) = position(seed)
-            && let Some(found) = suggest(&world, &[1, 2], 60).expect("within limits")
-        {
-            let shot = world.strike(found.stroke).expect("valid");
-            let pots = |event: &Event| matches!(event.kind, EventKind::Pocketed { ball, pocket, .. }
-                if (ball, pocket) == (found.ball, found.pocket));
-            prop_assert!(shot.events().iter().any(pots), "{found:?}");
-            prop_assert!(shot.final_states()[0].phase.is_on_table());
-            assert_predicted(&world, found.stroke);
         }
     }
 }

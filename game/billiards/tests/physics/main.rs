@@ -18,8 +18,8 @@ use std::f64::consts::PI;
 use carom_billiards::Error;
 use carom_billiards::physics::{
     AimContact, BallBallLaw, BallBody, BallLayout, BallState, CLUSTER_ENERGY_J, Circle, Event,
-    EventKind, Laws, Nose, Phase, REBOUND_ENERGY_J, Shot, Stroke, Suggestion, Table, TableParts,
-    World, predict, suggest,
+    EventKind, Laws, Nose, Phase, REBOUND_ENERGY_J, Shot, Stroke, Table, TableParts, World,
+    predict,
 };
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
