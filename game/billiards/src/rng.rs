@@ -11,15 +11,22 @@ use crate::deterministic_math::{cos, log, sin_cos};
 pub struct CounterRng {
     seed: u32,
     stream: u32,
+    domain: u32,
     drawn: u32,
 }
 
 impl CounterRng {
     /// Draws of a seed; different streams are independent.
     pub fn new(seed: u32, stream: u32) -> Self {
+        Self::in_domain(seed, stream, DICE)
+    }
+
+    /// Draws apart from those of other domains, whatever the stream.
+    pub(crate) fn in_domain(seed: u32, stream: u32, domain: u32) -> Self {
         Self {
             seed,
             stream,
+            domain,
             drawn: 0,
         }
     }
@@ -27,7 +34,7 @@ impl CounterRng {
     /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
         self.drawn = self.drawn.wrapping_add(1);
-        let [word, ..] = pcg4d([self.drawn, self.seed, self.stream, DICE]);
+        let [word, ..] = pcg4d([self.drawn, self.seed, self.stream, self.domain]);
         f64::from(word) / 4_294_967_296.0
     }
 

@@ -2,12 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DQuat, DVec2};
-
-use crate::rng::pcg4d;
+use glam::DVec2;
 
 use super::{ball::BallState, table::Table};
-use crate::deterministic_math::unit_at;
+use crate::{deterministic_math::unit_at, rng::CounterRng};
 
 /// The balls of a game and where they lie.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,14 +22,14 @@ impl Table {
     /// racks have: they decide how a rack breaks.
     pub fn rack_eight(&self, seed: u32) -> BallLayout {
         let body = self.ball();
-        let mut draw = Draw { seed, drawn: 0 };
-        let numbers = order_eight(&mut draw);
+        let mut rng = CounterRng::in_domain(seed, RACK_STREAM, RACK_DOMAIN);
+        let numbers = order_eight(&mut rng);
         let pitch = 2.0 * body.radius_m + RACK_GAP_M;
         let mut balls = Vec::with_capacity(16);
         let head = self.head_spot();
         balls.push(turned(
             BallState::at_rest(0, head.x, head.y, &self.cue_ball()),
-            &mut draw,
+            &mut rng,
         ));
         let mut numbers = numbers.into_iter();
         for row in 0..5u8 {
@@ -43,10 +41,10 @@ impl Table {
                             f64::from(row) * 0.75f64.sqrt(),
                             f64::from(place) - 0.5 * f64::from(row),
                         );
-                let offset = 0.25 * RACK_GAP_M * unit_at(TAU * draw.unit());
-                let place = spot + draw.unit() * offset;
+                let offset = 0.25 * RACK_GAP_M * unit_at(TAU * rng.unit());
+                let place = spot + rng.unit() * offset;
                 let ball = BallState::at_rest(number, place.x, place.y, &body);
-                balls.push(turned(ball, &mut draw));
+                balls.push(turned(ball, &mut rng));
             }
         }
         BallLayout { balls }
@@ -54,70 +52,35 @@ impl Table {
 }
 
 /// Numbers by place, from the apex row by row.
-fn order_eight(draw: &mut Draw) -> [u8; 15] {
+fn order_eight(rng: &mut CounterRng) -> [u8; 15] {
     const MIDDLE: usize = 4;
     const CORNERS: [usize; 2] = [10, 14];
-    let mut solids = draw.shuffled([1, 2, 3, 4, 5, 6, 7]).to_vec();
-    let mut stripes = draw.shuffled([9, 10, 11, 12, 13, 14, 15]).to_vec();
-    let solid_left = usize::from(draw.unit() < 0.5);
+    let (mut solids, mut stripes) = ([1, 2, 3, 4, 5, 6, 7], [9, 10, 11, 12, 13, 14, 15]);
+    rng.shuffle(&mut solids);
+    rng.shuffle(&mut stripes);
+    let solid_left = usize::from(rng.unit() < 0.5);
     let mut order = [8; 15];
-    order[CORNERS[solid_left]] = solids.pop().unwrap_or(8);
-    order[CORNERS[1 - solid_left]] = stripes.pop().unwrap_or(8);
-    solids.extend(stripes);
-    let rest: [u8; 12] = std::array::from_fn(|i| solids[i]);
+    order[CORNERS[solid_left]] = solids[6];
+    order[CORNERS[1 - solid_left]] = stripes[6];
+    let mut rest = [&solids[..6], &stripes[..6]].concat();
+    rng.shuffle(&mut rest);
     let places = (0..15).filter(|place| *place != MIDDLE && !CORNERS.contains(place));
-    for (place, number) in places.zip(draw.shuffled(rest)) {
+    for (place, number) in places.zip(rest) {
         order[place] = number;
     }
     order
 }
 
-fn turned(ball: BallState, draw: &mut Draw) -> BallState {
+fn turned(ball: BallState, rng: &mut CounterRng) -> BallState {
     BallState {
-        orientation: draw.rotation(),
+        orientation: rng.rotation(),
         ..ball
-    }
-}
-
-/// Numbers as a hash of the seed and how many were drawn.
-struct Draw {
-    seed: u32,
-    drawn: u32,
-}
-
-impl Draw {
-    /// In [0, 1).
-    fn unit(&mut self) -> f64 {
-        self.drawn += 1;
-        let [word, ..] = pcg4d([self.drawn, self.seed, RACK_STREAM, 0]);
-        f64::from(word) / 4_294_967_296.0
-    }
-
-    /// Fisher and Yates.
-    fn shuffled<const N: usize>(&mut self, mut items: [u8; N]) -> [u8; N] {
-        for last in (1..N).rev() {
-            let other = (self.unit() * (last + 1) as f64) as usize;
-            items.swap(last, other.min(last));
-        }
-        items
-    }
-
-    /// Uniform over all rotations: Shoemake, "Uniform random rotations", Graphics Gems III.
-    fn rotation(&mut self) -> DQuat {
-        let (radius, first, second) = (self.unit(), self.unit(), self.unit());
-        let (first, second) = (unit_at(TAU * first), unit_at(TAU * second));
-        let (low, high) = ((1.0 - radius).sqrt(), radius.sqrt());
-        DQuat::from_xyzw(
-            low * first.y,
-            low * first.x,
-            high * second.y,
-            high * second.x,
-        )
-        .normalize()
     }
 }
 
 /// Keeps these numbers apart from others drawn with the same seed.
 const RACK_STREAM: u32 = 0x7261_636b;
+/// A rack's own, on whose bits pictures and measured breaks rest.
+const RACK_DOMAIN: u32 = 0;
 /// The mean gap between neighbours.
 const RACK_GAP_M: f64 = 40e-6;
