@@ -261,18 +261,12 @@ impl Practice {
         }
         balls.retain(|ball| ball.number != number);
         let table = self.world.table();
-        let body = if number == 0 {
-            table.cue_ball()
-        } else {
-            table.ball()
-        };
         let place = |at: DVec2| {
-            let ball = BallState::at_rest(number, at.x, at.y, &body);
             let mut balls = balls.clone();
-            balls.push(ball);
+            balls.push(table.resting_ball(number, at));
             with_balls(&self.world, balls).ok()
         };
-        let mut places = rings(1.1 * body.radius_m, table.length_m());
+        let mut places = rings(1.1 * table.body_of(number).radius_m, table.length_m());
         let found = places.find_map(place);
         self.world = found.ok_or(PracticeFault::NoRoom { ball: number })?;
         Ok(())
@@ -369,10 +363,9 @@ type LayParticles = fn(
     ParticlePrecision,
 ) -> carom_billiards::Result<ParticleBed>;
 
-/// The same table and laws with other balls.
+/// The same table with other balls.
 fn with_balls(world: &World, balls: Vec<BallState>) -> carom_billiards::Result<World> {
-    let mut laid = World::with_laws(world.table().clone(), *world.laws(), balls)?;
-    laid.set_engine(world.engine());
+    let mut laid = world.with_balls(balls)?;
     laid.set_particles(world.particles().map(Arc::clone));
     Ok(laid)
 }

@@ -1,7 +1,7 @@
 //! Trick tables: what lies on the cloth, and a shot that shows it.
 
 use carom_billiards::physics::{
-    BallState, ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, Stroke, Table,
+    BallLayout, ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, Stroke, Table,
     World,
 };
 use clap::ValueEnum;
@@ -64,25 +64,11 @@ impl TrickTable {
         table: &Table,
         precision: ParticlePrecision,
     ) -> carom_billiards::Result<(World, Stroke)> {
-        let place = |number, at: DVec2| {
-            let body = if number == 0 {
-                table.cue_ball()
-            } else {
-                table.ball()
-            };
-            BallState::at_rest(number, at.x, at.y, &body)
-        };
-        let balls = vec![
-            place(0, DVec2::new(-0.35, 0.02)),
-            place(1, DVec2::new(0.5, 0.03)),
-            place(9, DVec2::new(0.12, 0.26)),
-        ];
+        let places = [(0, [-0.35, 0.02]), (1, [0.5, 0.03]), (9, [0.12, 0.26])];
+        let balls = places.map(|(number, at)| table.resting_ball(number, at.into()));
+        let balls = balls.to_vec();
         let bed = ParticleBed::new(table, &balls, &self.patches(), precision)?;
-        let mut world = World::with_laws(
-            table.clone(),
-            carom_billiards::physics::Laws::of(table),
-            balls,
-        )?;
+        let mut world = World::new(table.clone(), BallLayout { balls })?;
         world.set_particles(Some(Arc::new(bed)));
         Ok((world, Stroke::straight(0.0, self.speed_m_s())))
     }

@@ -217,8 +217,7 @@ impl ParticleTable {
             }
         }
         let bed = self.bed.restore(world.table())?;
-        let mut laid = World::with_laws(world.table().clone(), *world.laws(), balls)?;
-        laid.set_engine(world.engine());
+        let mut laid = world.with_balls(balls)?;
         laid.set_particles(Some(Arc::new(bed)));
         *world = laid;
         Ok(())
@@ -248,14 +247,8 @@ impl Match {
             }
             MatchAction::Layout(places) => {
                 let table = self.world().table();
-                let lying = places.iter().map(|&(number, at)| {
-                    let body = if number == 0 {
-                        table.cue_ball()
-                    } else {
-                        table.ball()
-                    };
-                    BallState::at_rest(number, at.x, at.y, &body)
-                });
+                let lying = places.iter();
+                let lying = lying.map(|&(number, at)| table.resting_ball(number, at));
                 let balls: Vec<_> = lying.collect();
                 self.arrange(&balls, None)?;
             }

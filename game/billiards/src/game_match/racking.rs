@@ -26,8 +26,7 @@ impl Match {
             return Err(RuleFault::NotFreeTable.into());
         }
         let world = &self.now.world;
-        let mut arranged = World::with_laws(world.table().clone(), *world.laws(), balls.to_vec())?;
-        arranged.set_engine(world.engine());
+        let mut arranged = world.with_balls(balls.to_vec())?;
         arranged.set_particles(particles);
         let places = balls
             .iter()
@@ -79,9 +78,8 @@ impl Match {
                 other => other,
             };
         }
-        match World::with_laws(world.table().clone(), *world.laws(), balls) {
-            Ok(mut swapped) => {
-                swapped.set_engine(world.engine());
+        match world.with_balls(balls) {
+            Ok(swapped) => {
                 self.now.world = swapped;
                 self.now.swapped = !self.now.swapped;
             }
@@ -99,16 +97,10 @@ pub(super) fn racked_world(
 ) -> Result<World> {
     let mut rng = CounterRng::new(seed, TURNED);
     let mut seen = HashSet::new();
-    let balls = positions.iter().filter(|p| seen.insert(p.ball)).map(|p| {
-        let body = if p.ball == 0 {
-            table.cue_ball()
-        } else {
-            table.ball()
-        };
-        BallState {
-            orientation: rng.rotation(),
-            ..BallState::at_rest(p.ball, p.at.x, p.at.y, &body)
-        }
+    let balls = positions.iter().filter(|p| seen.insert(p.ball));
+    let balls = balls.map(|p| BallState {
+        orientation: rng.rotation(),
+        ..table.resting_ball(p.ball, p.at)
     });
     let mut world = World::with_laws(table.clone(), Laws::of(table), balls.collect())?;
     world.set_engine(engine);

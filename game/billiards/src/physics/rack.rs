@@ -21,16 +21,11 @@ impl Table {
     /// The seed draws the order, how each ball is turned, and the gaps of 20–60 µm that real
     /// racks have: they decide how a rack breaks.
     pub fn rack_eight(&self, seed: u32) -> BallLayout {
-        let body = self.ball();
         let mut rng = CounterRng::in_domain(seed, RACK_STREAM, RACK_DOMAIN);
         let numbers = order_eight(&mut rng);
-        let pitch = 2.0 * body.radius_m + RACK_GAP_M;
+        let pitch = 2.0 * self.ball().radius_m + RACK_GAP_M;
         let mut balls = Vec::with_capacity(16);
-        let head = self.head_spot();
-        balls.push(turned(
-            BallState::at_rest(0, head.x, head.y, &self.cue_ball()),
-            &mut rng,
-        ));
+        balls.push(turned(self.resting_ball(0, self.head_spot()), &mut rng));
         let mut numbers = numbers.into_iter();
         for row in 0..5u8 {
             for place in 0..=row {
@@ -43,8 +38,7 @@ impl Table {
                         );
                 let offset = 0.25 * RACK_GAP_M * unit_at(TAU * rng.unit());
                 let place = spot + rng.unit() * offset;
-                let ball = BallState::at_rest(number, place.x, place.y, &body);
-                balls.push(turned(ball, &mut rng));
+                balls.push(turned(self.resting_ball(number, place), &mut rng));
             }
         }
         BallLayout { balls }

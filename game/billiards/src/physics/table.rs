@@ -7,7 +7,10 @@ use serde::Deserialize;
 
 use crate::{Result, TableFault};
 
-use super::{ball::BallBody, cloth::TableSpeed};
+use super::{
+    ball::{BallBody, BallState},
+    cloth::TableSpeed,
+};
 
 /// The nose line of a straight cushion: balls touch it from the left of `from` → `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -409,6 +412,19 @@ impl Table {
     /// The cue ball, which may be larger than the others.
     pub fn cue_ball(&self) -> BallBody {
         self.cue_ball
+    }
+
+    /// What the ball of this number is: the cue ball is 0.
+    pub fn body_of(&self, number: u8) -> BallBody {
+        match number {
+            0 => self.cue_ball,
+            _ => self.ball,
+        }
+    }
+
+    /// The ball of this number at rest, in m from the table's middle.
+    pub fn resting_ball(&self, number: u8, at: DVec2) -> BallState {
+        BallState::at_rest(number, at.x, at.y, &self.body_of(number))
     }
 
     /// How far a ball rolls on its cloth.

@@ -63,6 +63,16 @@ impl World {
         Ok(world)
     }
 
+    /// The same table, laws and engine with other balls and without particles.
+    ///
+    /// # Errors
+    /// [`crate::Error::Layout`] as in [`World::new`].
+    pub fn with_balls(&self, balls: Vec<BallState>) -> Result<Self> {
+        let mut world = Self::with_laws(self.table.clone(), self.laws, balls)?;
+        world.engine = self.engine;
+        Ok(world)
+    }
+
     /// The balls, in a fixed order.
     pub fn balls(&self) -> Vec<BallState> {
         self.balls.clone()

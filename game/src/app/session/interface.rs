@@ -1,6 +1,6 @@
 //! The session's interface over the picture: the cue and its aim, pages, sentences, statistics.
 
-use carom_billiards::physics::BallBody;
+use carom_billiards::physics::{BallBody, BallState};
 use carom_billiards::rules::RuleSet;
 use carom_farm::quality::QUALITY_LEVELS;
 use carom_text::text;
@@ -105,15 +105,9 @@ impl GameSession {
         let film = self.game.framing().film;
         let projection = Projection::new(&camera, film.x, film.y);
         let table = self.game.table();
-        let radius_m = |number: u8| match number {
-            0 => table.cue_ball().radius_m,
-            _ => table.ball().radius_m,
-        };
-        let balls = self.game.contest().world().balls();
-        let balls: Vec<_> = balls
-            .iter()
-            .map(|ball| (ball.position, radius_m(ball.number)))
-            .collect();
+        let balls = self.game.contest().world().balls().into_iter();
+        let sphere = |ball: BallState| (ball.position, table.body_of(ball.number).radius_m);
+        let balls: Vec<_> = balls.map(sphere).collect();
         let overlay = ui::aim::AimOverlay {
             rules: self.game.contest().referee().rules(),
             balls: &balls,

@@ -143,11 +143,7 @@ impl SceneBuilder {
             self.cue(at.extend(radius_m), radius_m);
         }
         for (number, at) in racked {
-            let body = if number == 0 {
-                table.cue_ball()
-            } else {
-                table.ball()
-            };
+            let body = table.body_of(number);
             let shape = Shape::Sphere {
                 center: at.extend(body.radius_m).as_vec3(),
                 radius: body.radius_m as f32,
