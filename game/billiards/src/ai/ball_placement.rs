@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use super::{Position, pot_candidates::pot_candidates, skill::Skill};
 use crate::deterministic_math::unit_at;
-use crate::rules::{BallPosition, BallPositions, PlacementArea};
+use crate::rules::{BallPosition, BallPositions, PlacementArea, place_of};
 
 /// The best place for the cue ball: behind a ball that is on, in line with a pocket or a little off it,
 /// where the chance of the pot is greatest; none where it lies is as good. Ties go to the first.
@@ -23,7 +23,7 @@ pub(crate) fn best_placement(
         let found = pot_candidates(layout, &positions, &on, skill);
         found.first().map_or(0.0, |line| line.chance)
     };
-    let stays = positions.iter().find(|p| p.ball == 0).map(|p| p.at);
+    let stays = place_of(&positions, 0);
     let mut best = stays.map_or((-1.0, None), |at| (chance(at), None));
     for at in placement_candidates(position, &others, &on) {
         if layout.may_place(&others, at, area).is_ok() {

@@ -9,7 +9,7 @@ use super::Position;
 use crate::deterministic_math::{angle_of, asin};
 use crate::physics::Stroke;
 use crate::rng::CounterRng;
-use crate::rules::RuleSet;
+use crate::rules::{RuleSet, place_of};
 
 /// Strokes to be tried, `count` at most, in an order that the dice draw: half of them straight at a
 /// ball that is on, full or thin, half anywhere, for ways by cushions.
@@ -20,7 +20,7 @@ pub(crate) fn contact_candidates(
 ) -> Vec<Stroke> {
     let positions = position.ball_positions();
     let on = position.referee.legal_targets(&positions);
-    let Some(cue) = positions.iter().find(|p| p.ball == 0).map(|p| p.at) else {
+    let Some(cue) = place_of(&positions, 0) else {
         return Vec::new();
     };
     let reach = position.layout.radius_m + position.layout.cue_radius_m;

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use super::skill::Skill;
 use crate::deterministic_math::{angle_of, exp};
-use crate::rules::{BallPosition, TableLayout};
+use crate::rules::{BallPosition, TableLayout, place_of};
 
 /// A straight way from the cue ball by an object ball to a pocket, clear of other balls.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub(crate) fn pot_candidates(
     targets: &[u8],
     skill: &Skill,
 ) -> Vec<PotCandidate> {
-    let Some(cue) = positions.iter().find(|p| p.ball == 0).map(|p| p.at) else {
+    let Some(cue) = place_of(positions, 0) else {
         return Vec::new();
     };
     let mut pot_candidates = Vec::new();

@@ -36,6 +36,7 @@ use crate::ai::Position;
 use crate::physics::{self, AimContact, Engine, Shot, Stroke, World};
 use crate::rules::{
     self, BallPositions, Call, Choice, PlacementArea, Referee, RuleSet, TableLayout, Verdict,
+    place_of,
 };
 use crate::shot_report::{ball_positions, report, table_layout};
 use crate::{PlacementFault, Result, RuleFault};
@@ -276,8 +277,7 @@ impl Match {
     /// Where the cue ball lies that is in hand, if it is.
     pub fn cue_ball_in_hand(&self) -> Option<DVec2> {
         self.ball_in_hand_area()?;
-        let cue_ball = self.ball_positions().into_iter().find(|p| p.ball == 0);
-        cue_ball.map(|p| p.at)
+        place_of(&self.ball_positions(), 0)
     }
 
     /// The call that counts for a stroke: what was said, or what is obvious from the aim.

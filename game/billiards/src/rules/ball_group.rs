@@ -1,11 +1,9 @@
 //! The two groups of 8-ball.
 
 use carom_text::text;
-use serde::{Deserialize, Serialize};
 
 /// A player's seven balls.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BallGroup {
     /// 1 to 7.
     Solids,

@@ -14,9 +14,9 @@ use crate::deterministic_math::angle_between;
 use crate::rng::CounterRng;
 
 use super::{
-    layout::{BallPosition, BallPositions, TableLayout},
+    layout::{BallPosition, BallPositions, TableLayout, object_balls, place_of},
     rack_state::{Drill, Nine},
-    referee::{Game, JudgedShot, Referee, object_balls},
+    referee::{Game, JudgedShot, Referee},
     ruleset::RuleSet,
     verdict::Verdict,
 };
@@ -161,8 +161,7 @@ fn apart(
 /// Whether ball 1 goes into some pocket straight from the cue ball: neither way is blocked, the cut is
 /// [`CUT_RAD_MAX`] at most, and neither is longer than half the table.
 fn has_plain_pot(layout: &TableLayout, positions: &BallPositions) -> bool {
-    let at = |ball: u8| positions.iter().find(|p| p.ball == ball).map(|p| p.at);
-    let (Some(cue), Some(object)) = (at(0), at(1)) else {
+    let (Some(cue), Some(object)) = (place_of(positions, 0), place_of(positions, 1)) else {
         return false;
     };
     let room = 1.3 * layout.radius_m;

@@ -277,7 +277,7 @@ mod tests {
         for (events, why) in [
             (vec![rail(0)], Foul::NoBallHit),
             (vec![rail(0), hit(4)], Foul::NoRail),
-            (vec![hit(4), off(4)], Foul::BallOff { ball: 4 }),
+            (vec![hit(4), off(4)], Foul::BallOff(4)),
             (vec![hit(4), pot(0, 2)], Foul::Scratch),
             (vec![hit(4), off(0)], Foul::CueBallOff),
         ] {
@@ -294,10 +294,7 @@ mod tests {
         let mut scene = with_groups();
         let mut report = scene.report(&[hit(4), rail(4)]);
         report.double_hit = Some(4);
-        assert_eq!(
-            scene.judge(&report, None).fouls,
-            [Foul::DoubleHit { ball: 4 }]
-        );
+        assert_eq!(scene.judge(&report, None).fouls, [Foul::DoubleHit(4)]);
     }
 
     #[test]
@@ -427,7 +424,7 @@ mod tests {
         report.reach_x_m = -0.8;
         assert_eq!(
             scene.judge(&report, None).fouls,
-            [Foul::BehindHeadString { ball: 4 }]
+            [Foul::BehindHeadString(4)]
         );
     }
 

@@ -1,13 +1,11 @@
 //! Fouls, in words with the reason, and those that games have in common.
 
 use carom_text::text;
-use serde::{Deserialize, Serialize};
 
 use super::ruleset::RuleSet;
 
-/// What a player did wrong.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+/// What a player did wrong, and by which ball.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Foul {
     /// The cue ball fell into a pocket (WPA 6.1).
     Scratch,
@@ -25,21 +23,12 @@ pub enum Foul {
     /// No ball was driven to a cushion after the contact (WPA 6.3).
     NoRail,
     /// An object ball was driven off the table (WPA 6.5).
-    BallOff {
-        /// The ball.
-        ball: u8,
-    },
+    BallOff(u8),
     /// The tip met the cue ball twice (WPA 6.7).
-    DoubleHit {
-        /// The ball that lay too near.
-        ball: u8,
-    },
+    DoubleHit(u8),
     /// From behind the head string the cue ball first touched a ball that lies there, without having
     /// crossed the line (WPA 6.11).
-    BehindHeadString {
-        /// The ball.
-        ball: u8,
-    },
+    BehindHeadString(u8),
     /// The break drove too few balls to cushions (WPA 2.3, 4.3).
     WeakBreak {
         /// How many object balls were driven to a cushion.
@@ -48,28 +37,24 @@ pub enum Foul {
         needed: usize,
     },
     /// A ball that was not on was potted (WPBSA 10).
-    WrongPot {
-        /// The ball.
-        ball: u8,
-    },
+    WrongPot(u8),
     /// The cue ball jumped over a ball (WPBSA 10).
-    Jump {
-        /// The ball.
-        ball: u8,
-    },
+    Jump(u8),
     /// The cue ball was played into a ball that touched it (WPBSA 8; UMB 27).
-    PushStroke {
-        /// The ball.
-        ball: u8,
-    },
+    PushStroke(u8),
     /// The free ball and no other hides the ball on from the next player (WPBSA 12).
-    FreeBallSnooker {
-        /// The ball.
-        ball: u8,
-    },
+    FreeBallSnooker(u8),
 }
 
 impl Foul {
+    /// That this ball left the table.
+    pub(crate) fn off_table(ball: u8) -> Self {
+        match ball {
+            0 => Self::CueBallOff,
+            ball => Self::BallOff(ball),
+        }
+    }
+
     /// The reason, without a full stop, to follow "fouled: ".
     pub fn display_text(&self, rules: RuleSet) -> String {
         let name = |ball: &u8| rules.ball_name(*ball);
@@ -81,22 +66,16 @@ impl Foul {
                 text!("foul-wrong-ball", hit = name(hit), on = on.as_str())
             }
             Self::NoRail => text!("foul-no-rail").to_owned(),
-            Self::BallOff { ball } => text!("foul-ball-off", ball = name(ball)),
-            Self::DoubleHit { ball } => {
-                text!("foul-double-hit", ball = name(ball))
-            }
-            Self::BehindHeadString { ball } => text!("foul-behind-head-string", ball = name(ball)),
+            Self::BallOff(ball) => text!("foul-ball-off", ball = name(ball)),
+            Self::DoubleHit(ball) => text!("foul-double-hit", ball = name(ball)),
+            Self::BehindHeadString(ball) => text!("foul-behind-head-string", ball = name(ball)),
             Self::WeakBreak { driven, needed } => {
                 text!("foul-weak-break", driven = *driven, needed = *needed)
             }
-            Self::WrongPot { ball } => text!("foul-wrong-pot", ball = name(ball)),
-            Self::Jump { ball } => text!("foul-jump", ball = name(ball)),
-            Self::PushStroke { ball } => {
-                text!("foul-push-stroke", ball = name(ball))
-            }
-            Self::FreeBallSnooker { ball } => {
-                text!("foul-free-ball-snooker", ball = name(ball))
-            }
+            Self::WrongPot(ball) => text!("foul-wrong-pot", ball = name(ball)),
+            Self::Jump(ball) => text!("foul-jump", ball = name(ball)),
+            Self::PushStroke(ball) => text!("foul-push-stroke", ball = name(ball)),
+            Self::FreeBallSnooker(ball) => text!("foul-free-ball-snooker", ball = name(ball)),
         }
     }
 }

@@ -2,13 +2,12 @@
 
 use carom_text::text;
 use glam::DVec2;
-use serde::{Deserialize, Serialize};
 
 use crate::PlacementFault;
 use crate::deterministic_math::unit_at;
 
 /// A ball that lies on the table: its number and its centre seen from above, in m.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BallPosition {
     /// 0 is the cue ball.
     pub ball: u8,
@@ -19,9 +18,19 @@ pub struct BallPosition {
 /// The balls that lie on the table.
 pub type BallPositions = Vec<BallPosition>;
 
+/// Where this ball lies, if it is on the table.
+pub(crate) fn place_of(positions: &[BallPosition], ball: u8) -> Option<DVec2> {
+    positions.iter().find(|p| p.ball == ball).map(|p| p.at)
+}
+
+/// The numbers of all but the cue ball.
+pub(crate) fn object_balls(positions: &[BallPosition]) -> Vec<u8> {
+    let balls = positions.iter().map(|p| p.ball);
+    balls.filter(|&ball| ball != 0).collect()
+}
+
 /// Where a player may put the cue ball.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlacementArea {
     /// Anywhere on the table.
     Anywhere,

@@ -40,6 +40,7 @@ pub use ball_group::BallGroup;
 pub use call::{Call, infer};
 pub use foul::Foul;
 pub(crate) use free::capital;
+pub(crate) use layout::place_of;
 pub use layout::{BallPosition, BallPositions, PlacementArea, TableLayout};
 pub use rack::rack;
 pub use referee::{Referee, apply_moves};

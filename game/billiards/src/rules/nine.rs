@@ -5,7 +5,7 @@ use carom_text::text;
 use super::{
     call::Call,
     foul::Foul,
-    layout::{BallPositions, PlacementArea},
+    layout::{BallPositions, PlacementArea, object_balls},
     rack_state::Nine,
     referee::{Game, JudgedShot, Referee},
     verdict::{Choice, Verdict},
@@ -14,8 +14,11 @@ use super::{
 impl Nine {
     /// The lowest ball on the table.
     pub(crate) fn legal_targets(positions: &BallPositions) -> Vec<u8> {
-        let balls = positions.iter().map(|p| p.ball);
-        balls.filter(|&ball| ball != 0).min().into_iter().collect()
+        object_balls(positions)
+            .into_iter()
+            .min()
+            .into_iter()
+            .collect()
     }
 }
 

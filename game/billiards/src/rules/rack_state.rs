@@ -1,25 +1,23 @@
 //! The state of a rack or frame that only one game has, beside what the referee keeps for all.
 
-use serde::{Deserialize, Serialize};
-
 use super::ball_group::BallGroup;
 
 /// What 8-ball remembers of a rack.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Eight {
     /// The group of player 0, once the table is no longer open.
     pub(crate) first: Option<BallGroup>,
 }
 
 /// What 9-ball remembers of a rack.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Nine {
     /// Whether the next shot may be a push-out: it is the first after a legal break.
     pub(crate) may_push: bool,
 }
 
 /// What straight pool remembers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Straight {
     /// Balls of the run that is on.
     pub(crate) run: u32,
@@ -28,7 +26,7 @@ pub(crate) struct Straight {
 }
 
 /// What snooker remembers of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Snooker {
     /// Whether a colour is on, after a red.
     pub(crate) on_colour: bool,
@@ -43,7 +41,7 @@ pub(crate) struct Snooker {
 }
 
 /// What a drill remembers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Drill {
     /// Attempts that are over.
     pub(crate) attempts: u32,

@@ -2,14 +2,13 @@
 
 use carom_text::text;
 use glam::DVec2;
-use serde::{Deserialize, Serialize};
 
 use crate::RuleFault;
 
 use super::{
     ball_group::BallGroup,
     call::Call,
-    layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
+    layout::{BallPosition, BallPositions, PlacementArea, TableLayout, object_balls, place_of},
     rack_state::{Drill, Eight, Nine, Snooker, Straight},
     report::ShotReport,
     ruleset::{Calls, RuleInfo, RuleSet},
@@ -17,7 +16,7 @@ use super::{
 };
 
 /// The state of a match: everything that the rules remember.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Referee {
     rules: RuleSet,
     target: u32,
@@ -34,8 +33,7 @@ pub struct Referee {
 }
 
 /// What a game remembers beside.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Game {
     Free,
     Eight(Eight),
@@ -457,7 +455,7 @@ impl Referee {
             return;
         }
         let positions = apply_moves(positions, &verdict.moves);
-        let cue_ball = positions.iter().find(|p| p.ball == 0).map(|p| p.at);
+        let cue_ball = place_of(&positions, 0);
         let area = match (self.hand, cue_ball) {
             (None, Some(_)) => return,
             (None, None) => self.info().after_loss,
@@ -491,9 +489,4 @@ fn uncapital(words: &str) -> String {
     letters.next().map_or(String::new(), |first| {
         first.to_lowercase().chain(letters).collect()
     })
-}
-
-pub(crate) fn object_balls(positions: &BallPositions) -> Vec<u8> {
-    let balls = positions.iter().map(|p| p.ball);
-    balls.filter(|&ball| ball != 0).collect()
 }

@@ -22,19 +22,12 @@ impl Referee {
         if report.scratch().is_some() {
             fouls.push(Foul::Scratch);
         }
-        for ball in report.off_table() {
-            fouls.push(match ball {
-                0 => Foul::CueBallOff,
-                ball => Foul::BallOff { ball },
-            });
-        }
+        fouls.extend(report.off_table().map(Foul::off_table));
         fouls.extend(self.contact_foul(shot, on, legal_targets_text));
         if info.needs_rail && report.first_hit().is_some() && !report.rail_after_contact() {
             fouls.push(Foul::NoRail);
         }
-        if let Some(ball) = report.double_hit {
-            fouls.push(Foul::DoubleHit { ball });
-        }
+        fouls.extend(report.double_hit.map(Foul::DoubleHit));
         fouls
     }
 
@@ -56,7 +49,7 @@ impl Referee {
         let lies_behind = |p: &&BallPosition| p.ball == hit && p.at.x <= head_x;
         let behind = report.before.iter().find(lies_behind).is_some();
         let stays_behind = shot.hand == Some(PlacementArea::Kitchen) && report.reach_x_m <= head_x;
-        (behind && stays_behind).then_some(Foul::BehindHeadString { ball: hit })
+        (behind && stays_behind).then_some(Foul::BehindHeadString(hit))
     }
 
     /// A break that potted nothing and drove too few balls to cushions.

@@ -6,7 +6,7 @@ use glam::DVec2;
 use super::{
     call::Call,
     foul::Foul,
-    layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
+    layout::{BallPosition, BallPositions, PlacementArea, TableLayout, place_of},
     rack::{is_in_rack, rack_of_fourteen},
     rack_state::Straight,
     referee::{Game, JudgedShot, Referee, apply_moves},
@@ -136,7 +136,7 @@ impl Referee {
         self.set_game(Game::Straight(Straight { racks, ..straight }));
         let last_ball = last.map_or_else(|| shot.report.potted().last().copied(), |p| Some(p.ball));
         let others: Vec<u8> = (1..=15).filter(|ball| Some(*ball) != last_ball).collect();
-        let cue_ball = positions.iter().find(|p| p.ball == 0).map(|p| p.at);
+        let cue_ball = place_of(&positions, 0);
         let (last_at, cue_at) = special_places(shot.layout, last.map(|p| p.at), cue_ball);
         let seed = self.seed().wrapping_mul(31).wrapping_add(racks);
         verdict.moves = rack_of_fourteen(shot.layout, &others, seed);

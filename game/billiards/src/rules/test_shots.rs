@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use super::{
     BallPosition, BallPositions, Call, Referee, RuleSet, ShotEvent, ShotReport, TableLayout,
-    Verdict, rack, referee::apply_moves,
+    Verdict, layout::place_of, rack, referee::apply_moves,
 };
 
 /// A table with a referee.
@@ -112,7 +112,7 @@ impl TestTable {
     }
 
     pub(crate) fn at(&self, ball: u8) -> Option<DVec2> {
-        self.positions.iter().find(|p| p.ball == ball).map(|p| p.at)
+        place_of(&self.positions, ball)
     }
 }
 

@@ -20,17 +20,10 @@ impl Referee {
     pub(crate) fn judge_three_cushion(&mut self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let (report, player) = (shot.report, self.turn());
         let off: Vec<u8> = report.off_table().collect();
-        verdict.fouls.extend(off.iter().map(|&ball| match ball {
-            0 => Foul::CueBallOff,
-            ball => Foul::BallOff { ball },
-        }));
-        let pushed = pushed_ball(report);
-        verdict
-            .fouls
-            .extend(pushed.map(|ball| Foul::PushStroke { ball }));
-        verdict
-            .fouls
-            .extend(report.double_hit.map(|ball| Foul::DoubleHit { ball }));
+        let fouls = &mut verdict.fouls;
+        fouls.extend(off.iter().copied().map(Foul::off_table));
+        fouls.extend(pushed_ball(report).map(Foul::PushStroke));
+        fouls.extend(report.double_hit.map(Foul::DoubleHit));
         // The first shot of a match is played on the red (UMB 23).
         let hit = report.first_hit();
         if let (true, Some(hit)) = (self.is_break() && hit != Some(2), hit) {
@@ -211,7 +204,7 @@ mod tests {
         scene.put(0, -0.2, 0.3);
         scene.put(1, 0.3, 0.3);
         let verdict = scene.play(&[hit(1), rail(0), rail(0), rail(0), hit(2), off(2)], None);
-        assert_eq!(verdict.fouls, [Foul::BallOff { ball: 2 }]);
+        assert_eq!(verdict.fouls, [Foul::BallOff(2)]);
         assert_eq!(scene.at(2), Some(scene.layout.foot_spot()));
         let mut scene = opened();
         scene.put(0, 0.71, 0.01);
@@ -229,10 +222,7 @@ mod tests {
         let mut scene = opened();
         let mut report = scene.report(&[hit(2), rail(0), rail(0), rail(0), hit(1)]);
         report.frozen = vec![2];
-        assert_eq!(
-            scene.judge(&report, None).fouls,
-            [Foul::PushStroke { ball: 2 }]
-        );
+        assert_eq!(scene.judge(&report, None).fouls, [Foul::PushStroke(2)]);
         let mut scene = opened();
         let mut report = scene.report(&[rail(0), rail(0), rail(0), hit(2), hit(1)]);
         report.frozen = vec![2];

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{foul::Foul, layout::BallPositions};
 
 /// What a referee says after a shot, or after a choice.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verdict {
     /// What was wrong, the gravest first.
     pub fouls: Vec<Foul>,

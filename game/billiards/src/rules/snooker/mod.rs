@@ -10,7 +10,7 @@ use glam::DVec2;
 
 use super::{
     foul::Foul,
-    layout::{BallPosition, BallPositions, PlacementArea, TableLayout},
+    layout::{BallPosition, BallPositions, PlacementArea, TableLayout, object_balls, place_of},
     rack_state::Snooker,
     referee::{Game, JudgedShot, Referee, apply_moves},
     ruleset::RuleSet,
@@ -80,10 +80,7 @@ impl Referee {
         if report.scratch().is_some() {
             fouls.push(Foul::Scratch);
         }
-        fouls.extend(report.off_table().map(|ball| match ball {
-            0 => Foul::CueBallOff,
-            ball => Foul::BallOff { ball },
-        }));
+        fouls.extend(report.off_table().map(Foul::off_table));
         // Playing away from a touching ball that is on counts as hitting it (8).
         let touches_on = report.frozen.iter().any(|&ball| aim.allows(ball));
         match report.first_hit() {
@@ -98,15 +95,15 @@ impl Referee {
             .first_hit()
             .filter(|ball| report.frozen.contains(ball))
         {
-            fouls.push(Foul::PushStroke { ball });
+            fouls.push(Foul::PushStroke(ball));
         }
         let wrong = report
             .potted()
             .into_iter()
             .filter(|&ball| aim.points(ball).is_none());
-        fouls.extend(wrong.map(|ball| Foul::WrongPot { ball }));
-        fouls.extend(report.jumped.map(|ball| Foul::Jump { ball }));
-        fouls.extend(report.double_hit.map(|ball| Foul::DoubleHit { ball }));
+        fouls.extend(wrong.map(Foul::WrongPot));
+        fouls.extend(report.jumped.map(Foul::Jump));
+        fouls.extend(report.double_hit.map(Foul::DoubleHit));
         fouls.extend(self.free_ball_snooker(snooker, aim, shot));
         fouls
     }
@@ -121,7 +118,7 @@ impl Referee {
         let ball = aim.nominated.filter(|_| aim.is_free)?;
         let after = &shot.report.after;
         let potted = !shot.report.potted().is_empty();
-        let few = after.iter().filter(|p| p.ball != 0).count() <= 2;
+        let few = object_balls(after).len() <= 2;
         if potted || few {
             return None;
         }
@@ -130,11 +127,11 @@ impl Referee {
             ..snooker
         }
         .legal_targets(after);
-        let cue_ball = after.iter().find(|p| p.ball == 0)?.at;
+        let cue_ball = place_of(after, 0)?;
         let without: BallPositions = after.iter().filter(|p| p.ball != ball).copied().collect();
         let hides = is_snookered(shot.layout, after, cue_ball, &on)
             && !is_snookered(shot.layout, &without, cue_ball, &on);
-        hides.then_some(Foul::FreeBallSnooker { ball })
+        hides.then_some(Foul::FreeBallSnooker(ball))
     }
 
     /// Colours come back, except those that are legally potted in the order of the end (7).
@@ -174,11 +171,7 @@ impl Referee {
         positions: &BallPositions,
         verdict: &mut Verdict,
     ) -> bool {
-        let colours: Vec<u8> = positions
-            .iter()
-            .map(|p| p.ball)
-            .filter(|&ball| ball != 0)
-            .collect();
+        let colours = object_balls(positions);
         let black_shot = colours.is_empty() || colours == [BLACK] && verdict.is_foul();
         if !black_shot || verdict.points == 0 {
             return false;
@@ -225,7 +218,7 @@ impl Referee {
         verdict: &mut Verdict,
     ) {
         let on = snooker.legal_targets(positions);
-        let cue_ball = positions.iter().find(|p| p.ball == 0).map(|p| p.at);
+        let cue_ball = place_of(positions, 0);
         let snookered = match cue_ball {
             Some(at) => is_snookered(layout, positions, at, &on),
             None => {
@@ -294,12 +287,12 @@ fn free_spot(layout: &TableLayout, positions: &BallPositions, ball: u8) -> DVec2
 fn penalty(aim: ShotTarget, fouls: &[Foul]) -> i32 {
     let concerned = fouls.iter().filter_map(|foul| match foul {
         Foul::WrongBall { hit: ball, .. }
-        | Foul::BallOff { ball }
-        | Foul::WrongPot { ball }
-        | Foul::Jump { ball }
-        | Foul::PushStroke { ball }
-        | Foul::FreeBallSnooker { ball }
-        | Foul::DoubleHit { ball } => Some(value(*ball)),
+        | Foul::BallOff(ball)
+        | Foul::WrongPot(ball)
+        | Foul::Jump(ball)
+        | Foul::PushStroke(ball)
+        | Foul::FreeBallSnooker(ball)
+        | Foul::DoubleHit(ball) => Some(value(*ball)),
         _ => None,
     });
     concerned.chain([aim.value(), 4]).max().unwrap_or(4)
@@ -506,7 +499,7 @@ mod tests {
         scene.put(16, -1.6, 0.5);
         scene.put(17, -0.5, 0.8);
         let verdict = scene.play(&[hit(16), rail(0)], nominate(16));
-        assert_eq!(verdict.fouls, [Foul::FreeBallSnooker { ball: 16 }]);
+        assert_eq!(verdict.fouls, [Foul::FreeBallSnooker(16)]);
 
         let mut scene = broken();
         let verdict = scene.play(&[rail(0)], None);
@@ -536,10 +529,7 @@ mod tests {
         let mut scene = broken();
         let mut report = scene.report(&[hit(3), rail(0)]);
         report.frozen = vec![3];
-        assert_eq!(
-            scene.judge(&report, None).fouls,
-            [Foul::PushStroke { ball: 3 }]
-        );
+        assert_eq!(scene.judge(&report, None).fouls, [Foul::PushStroke(3)]);
     }
 
     #[test]

@@ -3,7 +3,11 @@
 use carom_text::text;
 
 use crate::rules::{
-    call::Call, layout::BallPositions, rack_state::Snooker, referee::JudgedShot, ruleset::RuleSet,
+    call::Call,
+    layout::{BallPositions, object_balls},
+    rack_state::Snooker,
+    referee::JudgedShot,
+    ruleset::RuleSet,
 };
 
 /// What is on.
@@ -55,10 +59,9 @@ impl Snooker {
     /// The balls that may be hit first.
     pub(crate) fn legal_targets(self, positions: &BallPositions) -> Vec<u8> {
         let on = self.ball_on(positions);
-        let balls = positions.iter().map(|p| p.ball).filter(|&ball| ball != 0);
+        let mut balls = object_balls(positions);
+        balls.retain(|&ball| self.free_ball || on.includes(ball));
         balls
-            .filter(|&ball| self.free_ball || on.includes(ball))
-            .collect()
     }
 
     /// What is on, in words.
