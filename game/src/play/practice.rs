@@ -128,15 +128,12 @@ impl Practice {
 
     /// The patches under the brush that lie on the cloth and are not covered so.
     fn dab(&self, at: DVec2) -> impl Iterator<Item = ParticlePatch> {
-        let half = 0.5 * DVec2::new(self.world.table().length_m(), self.world.table().width_m());
         let steps = (-1..=1).flat_map(|x| (-1..=1).map(move |y| DVec2::new(x.into(), y.into())));
         let places = steps.map(move |step| at + ParticlePatch::EDGE_M * step);
         let patches = places.filter_map(|at| ParticlePatch::around(self.brush?, at));
         patches.filter(move |patch| {
-            let (low, high) = (patch.corner(), patch.corner() + ParticlePatch::EDGE_M);
-            let is_on_cloth = low.cmpge(-half).all() && high.cmple(half).all();
             let there = self.patches.get(&(patch.column, patch.row));
-            is_on_cloth && there != Some(&patch.material)
+            patch.is_on_cloth(self.world.table()) && there != Some(&patch.material)
         })
     }
 

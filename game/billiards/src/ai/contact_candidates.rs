@@ -97,7 +97,13 @@ fn breaks(
         return (0..count)
             .map(|i| {
                 let thin = 2.0 * rng.unit() - 1.0;
-                carom(towards(cue, red, reach, thin), 0, rng).harder(i)
+                let stroke = carom(towards(cue, red, reach, thin), 0, rng);
+                // Every other one a third harder.
+                let factor = if i % 2 == 1 { 1.33 } else { 1.0 };
+                Stroke {
+                    speed_m_s: stroke.speed_m_s * factor,
+                    ..stroke
+                }
             })
             .collect();
     }
@@ -114,21 +120,6 @@ fn breaks(
             Some(Stroke::straight(towards(cue, target, reach, thin), speed))
         })
         .collect()
-}
-
-trait Harder {
-    fn harder(self, step: u32) -> Self;
-}
-
-impl Harder for Stroke {
-    /// Every other one a third harder.
-    fn harder(self, step: u32) -> Self {
-        let factor = if step % 2 == 1 { 1.33 } else { 1.0 };
-        Self {
-            speed_m_s: self.speed_m_s * factor,
-            ..self
-        }
-    }
 }
 
 /// More find nothing better, and each takes memory.

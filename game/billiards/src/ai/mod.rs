@@ -24,7 +24,8 @@ pub use skill::Skill;
 pub use worker::AiWorker;
 
 use crate::physics::World;
-use crate::rules::{BallPosition, BallPositions, Referee, TableLayout};
+use crate::rules::{BallPositions, Referee, TableLayout};
+use crate::shot_report::ball_positions;
 
 /// What the computer looks at: the table, and where the match stands.
 #[derive(Clone, Debug)]
@@ -39,13 +40,6 @@ pub struct Position {
 
 impl Position {
     pub(crate) fn ball_positions(&self) -> BallPositions {
-        let balls = self.world.balls().into_iter();
-        balls
-            .filter(|ball| ball.phase.is_on_table())
-            .map(|ball| BallPosition {
-                ball: ball.number,
-                at: ball.position.truncate(),
-            })
-            .collect()
+        ball_positions(&self.world.balls())
     }
 }

@@ -79,7 +79,7 @@ pub use flight::HOP_LEAST_M;
 pub use laws::Laws;
 pub(crate) use particles::BedSave;
 pub use particles::{
-    ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, ParticleTrack, TrackGroup,
+    ParticleBed, ParticleGroup, ParticleMaterial, ParticlePatch, ParticlePrecision, ParticleTrack,
 };
 pub use rack::BallLayout;
 pub use rebound::{REBOUND_ENERGY_J, REBOUND_SPEED_M_S};

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec2, DVec3, Vec3};
 
 use super::height_map::HeightMap;
 use super::marbles;
-use super::{ParticleMaterial, ParticlePatch, ParticlePrecision};
+use super::{ParticleGroup, ParticleMaterial, ParticlePatch, ParticlePrecision};
 use crate::physics::{BallState, Table};
 use crate::{ParticleFault, Result};
 
@@ -20,7 +20,7 @@ pub struct ParticleBed {
     marbles: Marbles,
     obstacles: Vec<Obstacle>,
     /// Materials in the order of the particles' numbers, each with how many there are.
-    groups: Vec<(ParticleMaterial, u32)>,
+    groups: Vec<ParticleGroup>,
     /// Where particles were when last looked for, in m.
     bounds: [DVec2; 2],
     /// Between two shots.
@@ -85,7 +85,8 @@ impl ParticleBed {
                 let volume_m3 = spacing_m(precision).powi(3) as f32;
                 let added = simulation.add(&places, model, volume_m3, Vec3::ZERO);
                 added.map_err(ParticleFault::from)?;
-                groups.push((material, places.len() as u32));
+                let count = places.len() as u32;
+                groups.push(ParticleGroup { material, count });
             }
         }
         let marbles = marbles::laid(&patches, |place, radius_m| {
@@ -98,7 +99,10 @@ impl ParticleBed {
         check_count(count, marbles::MARBLES_MAX)?;
         check_count(simulation.len() + count, Self::PARTICLES_MAX)?;
         if count > 0 {
-            groups.push((ParticleMaterial::Marbles, count as u32));
+            groups.push(ParticleGroup {
+                material: ParticleMaterial::Marbles,
+                count: count as u32,
+            });
         }
         Self::assemble(table, patches, precision, (simulation, marbles), groups)
     }
@@ -132,7 +136,7 @@ impl ParticleBed {
         patches: Vec<ParticlePatch>,
         precision: ParticlePrecision,
         (simulation, marbles): (Simulation, Marbles),
-        groups: Vec<(ParticleMaterial, u32)>,
+        groups: Vec<ParticleGroup>,
     ) -> Result<Self> {
         check_places(table, &patches)?;
         if groups.is_empty() {
@@ -165,7 +169,8 @@ impl ParticleBed {
         obstacles: Vec<Obstacle>,
     ) -> Self {
         let count = simulation.len() as u32;
-        let groups = vec![(ParticleMaterial::Water, count)];
+        let material = ParticleMaterial::Water;
+        let groups = vec![ParticleGroup { material, count }];
         let precision = ParticlePrecision::Fine;
         let marbles = marbles::none().expect("a valid marble");
         let bed = Self::assemble(table, Vec::new(), precision, (simulation, marbles), groups);
@@ -186,7 +191,7 @@ impl ParticleBed {
     }
 
     /// Materials in the order of the particles' numbers, each with how many there are.
-    pub fn groups(&self) -> &[(ParticleMaterial, u32)] {
+    pub fn groups(&self) -> &[ParticleGroup] {
         &self.groups
     }
 
@@ -345,13 +350,7 @@ fn is_clear(ball: &BallState, place: Vec3, precision: ParticlePrecision) -> bool
 }
 
 fn check_places(table: &Table, patches: &[ParticlePatch]) -> Result<()> {
-    let half = 0.5 * DVec2::new(table.length_m(), table.width_m());
-    let is_inside = |patch: &&ParticlePatch| {
-        let low = patch.corner();
-        let high = low + ParticlePatch::EDGE_M;
-        low.cmpge(-half).all() && high.cmple(half).all()
-    };
-    match patches.iter().find(|patch| !is_inside(patch)) {
+    match patches.iter().find(|patch| !patch.is_on_cloth(table)) {
         Some(patch) => Err(ParticleFault::OffCloth { at: patch.corner() }.into()),
         None => Ok(()),
     }

@@ -19,7 +19,7 @@ mod save;
 mod track;
 
 pub use bed::ParticleBed;
-pub use patch::{ParticleMaterial, ParticlePatch, ParticlePrecision};
+pub use patch::{ParticleGroup, ParticleMaterial, ParticlePatch, ParticlePrecision};
 pub(crate) use run::run;
 pub(crate) use save::BedSave;
-pub use track::{ParticleTrack, TrackGroup};
+pub use track::ParticleTrack;

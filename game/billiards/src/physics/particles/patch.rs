@@ -4,6 +4,8 @@ use carom_mpm::{Jelly, Material, Sand, Snow, Water};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use crate::physics::Table;
+
 /// What lies on a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -29,6 +31,15 @@ pub struct ParticlePatch {
     pub column: i16,
     /// Across it.
     pub row: i16,
+}
+
+/// Particles of one material, behind those of the groups before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ParticleGroup {
+    /// The material.
+    pub material: ParticleMaterial,
+    /// How many particles there are.
+    pub count: u32,
 }
 
 /// How finely particles are simulated: `carom-bench particles --part precision` measures what each costs, and how far a
@@ -116,6 +127,13 @@ impl ParticlePatch {
     /// Corner of the smallest coordinates, in m.
     pub fn corner(&self) -> DVec2 {
         DVec2::new(self.column.into(), self.row.into()) * Self::EDGE_M
+    }
+
+    /// Whether all of it is on the table's cloth.
+    pub fn is_on_cloth(&self, table: &Table) -> bool {
+        let half = 0.5 * DVec2::new(table.length_m(), table.width_m());
+        let (low, high) = (self.corner(), self.corner() + Self::EDGE_M);
+        low.cmpge(-half).all() && high.cmple(half).all()
     }
 }
 

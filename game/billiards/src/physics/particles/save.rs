@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::bed::settings;
 use super::marbles;
-use super::{ParticleBed, ParticleMaterial, ParticlePatch, ParticlePrecision, TrackGroup};
+use super::{ParticleBed, ParticleGroup, ParticlePatch, ParticlePrecision};
 use crate::physics::Table;
 use crate::{ParticleFault, Result};
 
@@ -14,19 +14,17 @@ use crate::{ParticleFault, Result};
 pub(crate) struct BedSave {
     patches: Vec<ParticlePatch>,
     precision: ParticlePrecision,
-    groups: Vec<TrackGroup>,
+    groups: Vec<ParticleGroup>,
     snapshot: Snapshot,
     marbles: MarbleSnapshot,
 }
 
 impl BedSave {
     pub(crate) fn of(bed: &ParticleBed) -> Self {
-        let groups = bed.groups().iter();
-        let groups = groups.map(|&(material, count)| TrackGroup { material, count });
         Self {
             patches: bed.patches().to_vec(),
             precision: bed.precision(),
-            groups: groups.collect(),
+            groups: bed.groups().to_vec(),
             snapshot: bed.simulation().snapshot(),
             marbles: bed.marbles().snapshot(),
         }
@@ -37,13 +35,11 @@ impl BedSave {
     /// # Errors
     /// [`crate::Error::Particles`] for particles that no table has.
     pub(crate) fn restore(&self, table: &Table) -> Result<ParticleBed> {
-        let groups: Vec<(ParticleMaterial, u32)> = self
+        self.check_groups()?;
+        let materials = self
             .groups
             .iter()
-            .map(|group| (group.material, group.count))
-            .collect();
-        self.check_groups()?;
-        let materials = groups.iter().filter_map(|(material, _)| material.model());
+            .filter_map(|group| group.material.model());
         let materials: Vec<_> = materials.collect();
         let settings = settings(self.precision);
         let simulation = Simulation::restore(settings, &materials, &self.snapshot);
@@ -57,7 +53,7 @@ impl BedSave {
             patches,
             self.precision,
             (simulation, marbles),
-            groups,
+            self.groups.clone(),
         )
     }
 

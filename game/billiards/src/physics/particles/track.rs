@@ -3,14 +3,14 @@
 use glam::{U16Vec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::{ParticleBed, ParticleMaterial, ParticlePatch};
+use super::{ParticleBed, ParticleGroup, ParticlePatch};
 use crate::FileFault;
 
 /// The particles of a table over a shot. A particle's place is one of 65,536 along each edge of a box: 6 bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParticleTrack {
     patches: Vec<ParticlePatch>,
-    groups: Vec<TrackGroup>,
+    groups: Vec<ParticleGroup>,
     spacing_m: f32,
     /// Corners of the box, in m.
     bounds: [Vec3; 2],
@@ -21,15 +21,6 @@ pub struct ParticleTrack {
     last: Vec<U16Vec3>,
     #[serde(skip)]
     keys: Vec<Vec<U16Vec3>>,
-}
-
-/// Particles of one material, behind those of the groups before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TrackGroup {
-    /// The material.
-    pub material: ParticleMaterial,
-    /// How many particles there are.
-    pub count: u32,
 }
 
 /// A particle that has moved: how many lie between it and the one before, and its way modulo 2¹⁶.
@@ -48,11 +39,9 @@ impl ParticleTrack {
         let centers = bed.centers();
         let half = bed.cloth_half_m().as_vec2();
         let bounds = [(-half).extend(-UNDER_M), half.extend(OVER_M)];
-        let groups = bed.groups().iter();
-        let groups = groups.map(|&(material, count)| TrackGroup { material, count });
         let mut track = Self {
             patches: bed.patches().to_vec(),
-            groups: groups.collect(),
+            groups: bed.groups().to_vec(),
             spacing_m: bed.spacing_m(),
             bounds,
             start: Vec::new(),
@@ -106,7 +95,7 @@ impl ParticleTrack {
     }
 
     /// The materials.
-    pub fn groups(&self) -> &[TrackGroup] {
+    pub fn groups(&self) -> &[ParticleGroup] {
         &self.groups
     }
 
