@@ -31,10 +31,6 @@ const NOT_SHOWN: &[(&str, &str)] = &[
         "billiards/src/physics/built_in_tables.rs",
         "names of tables in saved files",
     ),
-    (
-        "billiards/src/physics/cushion/mod.rs",
-        "names of quantities in errors",
-    ),
     ("billiards/src/physics/engine.rs", "names of engines"),
     (
         "billiards/src/physics/laws.rs",

@@ -58,7 +58,7 @@ impl EventEngine<'_> {
         let mut after = if !cushion {
             law.resolve(&body, normal, before)
         } else if self.balls[ball].motion.phase == Phase::Airborne {
-            self.laws.cushion.rebound_in_air(&body, normal, before)
+            self.laws.cushion.resolve(&body, normal, before)
         } else {
             let nose_height_m = self.table.nose_height_m();
             self.laws

@@ -51,12 +51,8 @@ impl Laws {
     /// # Errors
     /// [`Error::Laws`] for a constant outside of the range in which its law holds.
     pub fn validate(&self) -> Result<()> {
-        let mut checks = self.checks();
-        checks.extend(self.cushion.checks());
-        match checks
-            .into_iter()
-            .find(|(_, value, range)| !range.contains(value))
-        {
+        let mut checks = self.checks().into_iter();
+        match checks.find(|(_, value, range)| !range.contains(value)) {
             None => Ok(()),
             Some((name, value, range)) => Err(Error::Laws {
                 constant: name,
@@ -73,6 +69,7 @@ impl Laws {
         let ratio = || f64::MIN_POSITIVE..1.0 + f64::EPSILON;
         // A bounce without loss would go on for ever.
         let lossy = || 0.0..0.99;
+        let (balls, cushion) = (&self.ball_ball, &self.cushion);
         vec![
             ("mass of the cue", self.cue.mass_kg, over_zero()),
             ("end mass of the cue", self.cue.end_mass_kg, over_zero()),
@@ -86,17 +83,16 @@ impl Laws {
             ("friction of the slate", self.slate.friction, any()),
             ("restitution of pockets", self.pocket.restitution, lossy()),
             ("friction of pockets", self.pocket.friction, any()),
-            ("restitution of balls", self.ball_ball.restitution, ratio()),
-            ("friction of balls", self.ball_ball.friction_fast, any()),
+            ("restitution of balls", balls.restitution, ratio()),
+            ("friction of balls", balls.friction_fast, any()),
+            ("friction of slow balls", balls.friction_slow_extra, any()),
+            ("fading of friction", balls.friction_fade_s_m, any()),
+            ("restitution of cushions", cushion.restitution, ratio()),
+            ("friction of cushions", cushion.friction, any()),
             (
-                "friction of slow balls",
-                self.ball_ball.friction_slow_extra,
-                any(),
-            ),
-            (
-                "fading of friction",
-                self.ball_ball.friction_fade_s_m,
-                any(),
+                "frequency ratio of cushions",
+                cushion.frequency_ratio,
+                1.0..2.0,
             ),
         ]
     }

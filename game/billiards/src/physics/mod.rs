@@ -71,7 +71,7 @@ pub use ball_ball::{BallBallLaw, CLUSTER_ENERGY_J, CLUSTER_SPEED_M_S};
 pub use built_in_tables::{PocketSize, TableOptions};
 pub use cloth::{Cloth, TableSpeed};
 pub use cue_impact::{Cue, Stroke};
-pub use cushion::{CushionLaw, Mathavan, Stronge};
+pub use cushion::CushionLaw;
 pub use engine::{Engine, Rapier};
 pub use event::{Event, EventKind, Surface};
 pub use event_engine::{SHOT_EVENTS_MAX, SHOT_SECS_MAX};

@@ -338,12 +338,11 @@ fn insert_table(world: &mut PhysicsWorld, table: &Table, laws: &Laws) {
         .restitution_combine_rule(CoefficientCombineRule::Min)
         .user_data(CLOTH as u128);
     world.insert_collider(cloth, None);
-    let (restitution, friction) = laws.cushion.constants();
     for shape in cushion_shapes(table) {
         let cushion = shape
-            .friction(friction)
+            .friction(laws.cushion.friction)
             .friction_combine_rule(CoefficientCombineRule::Max)
-            .restitution(LEVEL_RESTITUTION * restitution)
+            .restitution(LEVEL_RESTITUTION * laws.cushion.restitution)
             .restitution_combine_rule(CoefficientCombineRule::Min)
             .user_data(CUSHION as u128);
         world.insert_collider(cushion, None);

@@ -1,7 +1,7 @@
 //! Between two cushions, cuts that hardly touch, and time that runs backwards.
 
 use super::*;
-use carom_billiards::physics::{BounceLaw, CushionLaw, Stronge};
+use carom_billiards::physics::{BounceLaw, CushionLaw};
 
 #[test]
 fn a_ball_between_two_cushions_comes_out() {
@@ -77,11 +77,11 @@ fn time_runs_backwards_on_an_ideal_table() {
             rolling_friction: 1e-14,
             ..Default::default()
         },
-        cushion: CushionLaw::Stronge(Stronge {
+        cushion: CushionLaw {
             restitution: 1.0,
             friction: 0.0,
-            ..Stronge::default()
-        }),
+            ..CushionLaw::default()
+        },
         slate: BounceLaw::FLAT,
         ..ideal()
     };

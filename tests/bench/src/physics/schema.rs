@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use carom_billiards::physics::{
     BallBallLaw, BallBody, BallState, BounceLaw, Circle, Cloth, Cue, CushionLaw, Laws, Phase,
-    Stroke, Stronge, Table, TableParts,
+    Stroke, Table, TableParts,
 };
 
 /// From the references' frame to the simulation's: a quarter turn and a shift to the middle.
@@ -186,11 +186,11 @@ impl ReferenceFile {
                 "frictionless_elastic" => BallBallLaw::IDEAL,
                 _ => friction_of_references(ball.e_b),
             },
-            cushion: CushionLaw::Stronge(Stronge {
+            cushion: CushionLaw {
                 restitution: ball.e_c,
                 friction: ball.f_c,
                 frequency_ratio: self.physics.params.ball_linear_cushion.omega_ratio,
-            }),
+            },
             slate: if self.physics.models.stick_ball.ends_with("_3d") {
                 BounceLaw::SLATE
             } else {
