@@ -34,40 +34,9 @@ pub(crate) enum Until {
     CueBallContact,
 }
 
-/// What is done after every frame of a shot, by whoever has other things to do meanwhile. A frame ends
-/// between two events and changes nothing.
-pub(crate) struct FrameCallback<'a> {
-    frame_secs: f64,
-    frames: f64,
-    each: Option<&'a mut dyn FnMut()>,
-}
-
-impl<'a> FrameCallback<'a> {
-    pub(crate) fn new(frame_secs: f64, each: &'a mut dyn FnMut()) -> Self {
-        Self {
-            frame_secs,
-            frames: 0.0,
-            each: Some(each),
-        }
-    }
-
-    pub(crate) fn none() -> Self {
-        Self {
-            frame_secs: f64::INFINITY,
-            frames: 0.0,
-            each: None,
-        }
-    }
-
-    /// The shot has come to a time: frames that end until then are over.
-    pub(crate) fn advance_to(&mut self, time_secs: f64) {
-        let Some(each) = &mut self.each else { return };
-        while time_secs >= (self.frames + 1.0) * self.frame_secs {
-            self.frames += 1.0;
-            each();
-        }
-    }
-}
+/// What is told how far a simulation has come, in seconds of the shot: it runs between two events and
+/// changes nothing.
+pub(crate) type OnProgress<'a> = &'a mut dyn FnMut(f64);
 
 /// What came out of a simulation.
 pub(crate) struct SimulatedShot {
@@ -115,9 +84,13 @@ impl<'a> EventEngine<'a> {
     ///
     /// # Errors
     /// [`Error::Endless`] beyond [`SHOT_EVENTS_MAX`] or [`SHOT_SECS_MAX`].
-    pub(crate) fn run(mut self, until: Until, frames: &mut FrameCallback) -> Result<SimulatedShot> {
+    pub(crate) fn run(
+        mut self,
+        until: Until,
+        on_progress: OnProgress<'_>,
+    ) -> Result<SimulatedShot> {
         while let Some((time, next)) = self.queue.earliest() {
-            frames.advance_to(time);
+            on_progress(time);
             self.play_event(time, next)?;
             // A ball that the slate throws back at the cue ball touches it again at the same instant.
             let after = self.queue.earliest();

@@ -22,7 +22,7 @@ use super::{
     cloth::Cloth,
     engine::Rapier,
     event::{Event, EventKind},
-    event_engine::{FrameCallback, SHOT_SECS_MAX, SimulatedShot, Until},
+    event_engine::{OnProgress, SHOT_SECS_MAX, SimulatedShot, Until},
     laws::Laws,
     table::{Pocket, Table},
     trajectory::{Segment, Trajectory},
@@ -99,9 +99,13 @@ impl<'a> RapierEngine<'a> {
     ///
     /// # Errors
     /// [`Error::Endless`] beyond [`SHOT_SECS_MAX`].
-    pub(crate) fn run(mut self, until: Until, frames: &mut FrameCallback) -> Result<SimulatedShot> {
+    pub(crate) fn run(
+        mut self,
+        until: Until,
+        on_progress: OnProgress<'_>,
+    ) -> Result<SimulatedShot> {
         while self.step()? {
-            frames.advance_to(self.now());
+            on_progress(self.now());
             if until == Until::CueBallContact && self.cue_ball_touched {
                 break;
             }

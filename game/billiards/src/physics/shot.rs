@@ -7,7 +7,7 @@ use crate::Result;
 use super::{
     ball::{BallPose, BallState},
     event::{Event, EventKind},
-    event_engine::{EventEngine, FrameCallback, SimulatedShot, Until},
+    event_engine::{EventEngine, SimulatedShot, Until},
     laws::Laws,
     particles::{ParticleBed, ParticleTrack},
     table::Table,
@@ -66,7 +66,7 @@ impl Shot {
     /// [`crate::Error::Endless`] if they do not come to rest.
     pub fn of_balls(table: &Table, laws: &Laws, balls: &[BallState]) -> Result<Self> {
         Ok(Self::new(
-            EventEngine::new(table, laws, balls).run(Until::Rest, &mut FrameCallback::none())?,
+            EventEngine::new(table, laws, balls).run(Until::Rest, &mut |_| {})?,
         ))
     }
 

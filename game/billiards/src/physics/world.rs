@@ -11,7 +11,7 @@ use super::{
     cue_impact::Stroke,
     engine::Engine,
     event::{Event, EventKind},
-    event_engine::{EventEngine, FrameCallback, SimulatedShot, Until},
+    event_engine::{EventEngine, OnProgress, SimulatedShot, Until},
     flight::hop_speed_m_s,
     laws::Laws,
     particles::{self, ParticleBed, ParticleTrack},
@@ -146,7 +146,7 @@ impl World {
     /// # Errors
     /// [`crate::Error::Endless`] if the simulation passes its limits.
     pub fn release(&self) -> Result<Shot> {
-        let outcome = self.run(&self.balls, Until::Rest, &mut FrameCallback::none())?;
+        let outcome = self.run(&self.balls, Until::Rest, &mut |_| {})?;
         let shot = Shot::new(outcome);
         Ok(match &self.particles {
             Some(bed) => {
@@ -187,7 +187,7 @@ impl World {
     }
 
     pub(crate) fn simulate(&self, stroke: Stroke, until: Until) -> Result<SimulatedShot> {
-        let outcome = self.run(&self.struck(stroke)?, until, &mut FrameCallback::none())?;
+        let outcome = self.run(&self.struck(stroke)?, until, &mut |_| {})?;
         Ok(self.with_strike(outcome, stroke))
     }
 
@@ -210,8 +210,14 @@ impl World {
             }
             .into());
         }
-        let mut frames = FrameCallback::new(frame_secs, each);
-        let outcome = self.run(&balls, Until::Rest, &mut frames)?;
+        let mut frames = 0.0;
+        let mut on_progress = |time_secs: f64| {
+            while time_secs >= (frames + 1.0) * frame_secs {
+                frames += 1.0;
+                each();
+            }
+        };
+        let outcome = self.run(&balls, Until::Rest, &mut on_progress)?;
         Ok(Shot::new(self.with_strike(outcome, stroke)))
     }
 
@@ -269,14 +275,14 @@ impl World {
         &self,
         balls: &[BallState],
         until: Until,
-        frames: &mut FrameCallback,
+        on_progress: OnProgress<'_>,
     ) -> Result<SimulatedShot> {
         let (table, laws) = (&self.table, &self.laws);
         match self.engine {
-            Engine::Exact => EventEngine::new(table, laws, balls).run(until, frames),
+            Engine::Exact => EventEngine::new(table, laws, balls).run(until, on_progress),
             Engine::Rapier(rapier) => {
                 rapier.validate()?;
-                RapierEngine::new(table, laws, rapier, balls).run(until, frames)
+                RapierEngine::new(table, laws, rapier, balls).run(until, on_progress)
             }
         }
     }
