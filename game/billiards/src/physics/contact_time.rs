@@ -247,32 +247,6 @@ pub(crate) fn reaches_ring(
     None
 }
 
-/// When a body falls past a height.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct FreeFall {
-    /// Over that height, in m.
-    pub(crate) above_m: f64,
-    /// Upwards, in m/s.
-    pub(crate) speed_m_s: f64,
-    pub(crate) gravity_m_s2: f64,
-}
-
-impl FreeFall {
-    /// In s from now; none for a body below the height that does not rise to it.
-    pub(crate) fn ends_secs(&self) -> Option<f64> {
-        let apex_secs = (self.speed_m_s / self.gravity_m_s2).max(0.0);
-        let rise = self.above_m + 0.5 * self.speed_m_s.max(0.0) * apex_secs;
-        if rise < 0.0 {
-            // What round-off placed a little below has arrived.
-            return (self.above_m > -JOINT_M && self.speed_m_s <= 0.0).then_some(0.0);
-        }
-        // From the apex on, or from now with the downward speed: both without cancellation.
-        let downward = (-self.speed_m_s).max(0.0);
-        let root = (downward * downward + 2.0 * self.gravity_m_s2 * rise).sqrt();
-        Some(apex_secs + 2.0 * rise / (downward + root).max(f64::MIN_POSITIVE))
-    }
-}
-
 impl Quartic {
     fn at(&self, t: f64) -> f64 {
         self.0.iter().rev().fold(0.0, |sum, c| sum * t + c)

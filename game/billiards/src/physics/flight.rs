@@ -11,7 +11,6 @@ use glam::DVec3;
 use super::{
     ball::Phase,
     ball_ball::Twist,
-    contact_time::FreeFall,
     motion::{Motion, MotionEnd},
     table::Table,
 };
@@ -35,37 +34,27 @@ pub(crate) struct Flight<'a> {
 impl Flight<'_> {
     /// The way of a ball in the air over the table.
     pub(crate) fn motion(&self, position: DVec3, twist: Twist) -> Motion {
-        let pocket_under = |t: f64| {
-            let place = (position + t * twist.velocity).truncate();
-            self.table.pocket_under(place)
-        };
-        let lands = self.fall_secs(position.z, twist.velocity.z, self.radius_m);
-        match (lands, pocket_under(lands.unwrap_or(0.0))) {
-            (_, Some(pocket)) => self.drop_into(pocket, position, twist),
-            (lands, None) => self.until(position, twist, lands.unwrap_or(0.0), MotionEnd::Lands),
+        let lands_secs = self.fall_secs(position, twist, self.radius_m);
+        let place = (position + lands_secs * twist.velocity).truncate();
+        match self.table.pocket_under(place) {
+            Some(pocket) => self.drop_into(pocket, position, twist),
+            None => self.fall_to(self.radius_m, MotionEnd::Lands, position, twist),
         }
     }
 
     /// The way of a ball that falls into a pocket.
     pub(crate) fn drop_into(&self, pocket: usize, position: DVec3, twist: Twist) -> Motion {
         let bottom = -self.table.pockets()[pocket].depth_m;
-        let fall = self.fall_secs(position.z, twist.velocity.z, bottom);
-        self.until(
-            position,
-            twist,
-            fall.unwrap_or(0.0),
-            MotionEnd::Sinks(pocket),
-        )
+        self.fall_to(bottom, MotionEnd::Sinks(pocket), position, twist)
     }
 
     /// The way of a ball that has left the table, down to the floor.
     pub(crate) fn fall_to_floor(&self, position: DVec3, twist: Twist) -> Motion {
         let floor = self.radius_m - self.table.bed_height_m();
-        let fall = self.fall_secs(position.z, twist.velocity.z, floor);
-        self.until(position, twist, fall.unwrap_or(0.0), MotionEnd::HitsFloor)
+        self.fall_to(floor, MotionEnd::HitsFloor, position, twist)
     }
 
-    fn until(&self, position: DVec3, twist: Twist, duration_secs: f64, end: MotionEnd) -> Motion {
+    fn fall_to(&self, level_m: f64, end: MotionEnd, position: DVec3, twist: Twist) -> Motion {
         Motion {
             phase: Phase::Airborne,
             position,
@@ -73,19 +62,24 @@ impl Flight<'_> {
             spin: twist.spin,
             acceleration: -self.gravity_m_s2 * DVec3::Z,
             spin_acceleration: DVec3::ZERO,
-            duration_secs,
+            duration_secs: self.fall_secs(position, twist, level_m),
             radius_m: self.radius_m,
             end,
         }
     }
 
-    /// When a height is passed on the way down; none for a ball below it that will not rise to it.
-    fn fall_secs(&self, height: f64, speed: f64, to: f64) -> Option<f64> {
-        FreeFall {
-            above_m: height - to,
-            speed_m_s: speed,
-            gravity_m_s2: self.gravity_m_s2,
+    /// When a height is passed on the way down, in s from now: at once by a ball that is below it and will not rise
+    /// to it.
+    fn fall_secs(&self, position: DVec3, twist: Twist, level_m: f64) -> f64 {
+        let speed_m_s = twist.velocity.z;
+        let apex_secs = (speed_m_s / self.gravity_m_s2).max(0.0);
+        let rise = position.z - level_m + 0.5 * speed_m_s.max(0.0) * apex_secs;
+        if rise < 0.0 {
+            return 0.0;
         }
-        .ends_secs()
+        // From the apex on, or from now with the downward speed: both without cancellation.
+        let downward = (-speed_m_s).max(0.0);
+        let root = (downward * downward + 2.0 * self.gravity_m_s2 * rise).sqrt();
+        apex_secs + 2.0 * rise / (downward + root).max(f64::MIN_POSITIVE)
     }
 }
