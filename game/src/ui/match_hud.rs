@@ -12,6 +12,7 @@ use egui::{
     WidgetInfo,
 };
 
+use super::form::explain;
 use super::layout::{LOW, Layout};
 use crate::input::{Action, AppIntent, Bindings, Intent, MatchIntent};
 
@@ -211,7 +212,7 @@ fn calls(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings) -> Option<Intent> {
         wanted = wanted.or(toggle(ui, text!("match-push-out"), Call::PushOut, called));
     }
     let next = text!("match-next-call", keys = bindings.words(Action::CallNext));
-    ui.label(RichText::new(next).small().color(theme::FAINT));
+    explain(ui, next);
     wanted
 }
 

@@ -9,6 +9,7 @@ use carom_text::text;
 use carom_window::theme;
 use egui::{Button, Context, FocusDirection, Id, Key, Modal, RichText, ScrollArea, Ui};
 
+use super::form::explain;
 use super::keys::Rebinding;
 use super::new_game::NewGame;
 pub use super::page::{MenuInput, Page};
@@ -237,7 +238,7 @@ impl Menu {
                 ui.label(text!("menu-drill-best", score = best));
             }
             if let Some(banner) = &view.banner {
-                ui.label(RichText::new(banner).color(theme::FAINT).small());
+                explain(ui, banner);
             }
         });
         let mut entries = Entries::new(ui, is_fresh, self.pointed);

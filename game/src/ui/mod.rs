@@ -2,6 +2,7 @@
 
 pub mod aim;
 pub mod cue_panel;
+mod form;
 pub mod help;
 mod keys;
 pub mod layout;

@@ -5,9 +5,9 @@ use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
 use carom_text::text;
-use carom_window::theme;
-use egui::{Grid, RichText, Ui};
+use egui::{Grid, Ui};
 
+use super::form::{explain, row};
 use crate::settings::value_name;
 
 /// What the player wants to play.
@@ -105,13 +105,12 @@ fn rules(ui: &mut Ui, game: &mut NewGame, choices: &[RuleSet]) {
         }
     });
     if choices.contains(&game.rules) {
-        faint(ui, about_rules(game.rules));
+        explain(ui, about_rules(game.rules));
     }
 }
 
 fn opponent(ui: &mut Ui, game: &mut NewGame) {
-    ui.label(text!("new-game-against"));
-    ui.vertical(|ui| {
+    row(ui, text!("new-game-against"), |ui| {
         ui.horizontal_wrapped(|ui| {
             ui.selectable_value(&mut game.computer, None, text!("new-game-person"));
             for level in Level::ALL {
@@ -119,7 +118,7 @@ fn opponent(ui: &mut Ui, game: &mut NewGame) {
                 ui.selectable_value(&mut game.computer, Some(level), words);
             }
         });
-        faint(
+        explain(
             ui,
             match game.computer {
                 Some(level) => about_level(level),
@@ -127,7 +126,6 @@ fn opponent(ui: &mut Ui, game: &mut NewGame) {
             },
         );
     });
-    ui.end_row();
 }
 
 fn target(ui: &mut Ui, game: &mut NewGame) {
@@ -154,10 +152,6 @@ fn about_rules(rules: RuleSet) -> &'static str {
 
 fn about_level(level: Level) -> &'static str {
     text!(&format!("new-game-level-{}", value_name(&level)))
-}
-
-fn faint(ui: &mut Ui, words: &str) {
-    ui.label(RichText::new(words).color(theme::FAINT).small());
 }
 
 #[cfg(test)]

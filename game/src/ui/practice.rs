@@ -8,6 +8,7 @@ use egui::{Align2, Color32, Context, FontId, RichText, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
 use super::aim::AimOverlay;
+use super::form::explain;
 use super::layout::Layout;
 use super::replay;
 use crate::camera::Projection;
@@ -68,11 +69,7 @@ pub fn panel(
                 if ui.button(text!("practice-discard")).clicked() {
                     command = Some(PracticeCommand::Close);
                 }
-                ui.label(
-                    RichText::new(text!("practice-esc"))
-                        .color(theme::FAINT)
-                        .small(),
-                );
+                explain(ui, text!("practice-esc"));
             });
         });
         command
@@ -105,11 +102,7 @@ fn brushes(ui: &mut Ui, practice: &Practice) -> Option<PracticeCommand> {
         }
     });
     if practice.brush().is_none() {
-        ui.label(
-            RichText::new(text!("practice-paint"))
-                .color(theme::FAINT)
-                .small(),
-        );
+        explain(ui, text!("practice-paint"));
     }
     command
 }

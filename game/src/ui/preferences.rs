@@ -8,6 +8,7 @@ use carom_window::theme;
 use clap::ValueEnum;
 use egui::{Grid, RichText, ScrollArea, Slider, Ui};
 
+use super::form::{explain, row};
 use super::page::{MenuInput, Page};
 use crate::input::MouseSettings;
 use crate::settings::{
@@ -55,7 +56,7 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
             Some(path) => text!("settings-saved", path = path.display().to_string()),
             None => text!("settings-not-saved").to_owned(),
         };
-        ui.label(RichText::new(kept).color(theme::FAINT).small());
+        explain(ui, kept);
     });
     wanted
 }
@@ -75,12 +76,10 @@ fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
     choice(ui, "quality", &mut settings.quality);
     choice(ui, "resolution", &mut settings.resolution);
     choice(ui, "particles", &mut settings.style.particles);
-    ui.label(text!("setting-farm"));
-    ui.vertical(|ui| {
+    row(ui, text!("setting-farm"), |ui| {
         ui.label(input.farm);
-        explain(ui, &text!("setting-display", display = input.display));
+        explain(ui, text!("setting-display", display = input.display));
     });
-    ui.end_row();
     threads(ui, &mut settings.threads);
     ui.label(text!("setting-window"));
     ui.checkbox(&mut settings.fullscreen, text!("setting-fullscreen"));
@@ -89,8 +88,7 @@ fn picture(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
 
 /// CPU threads, of which 0 is one a core.
 fn threads(ui: &mut Ui, threads: &mut u16) {
-    ui.label(text!("setting-threads"));
-    ui.vertical(|ui| {
+    row(ui, text!("setting-threads"), |ui| {
         let cores = available_parallelism().map_or(1, |cores| cores.get() as u16);
         let max = cores.max(*threads).min(Settings::THREADS_MAX);
         let slider = Slider::new(threads, 0..=max)
@@ -100,15 +98,12 @@ fn threads(ui: &mut Ui, threads: &mut u16) {
             })
             .text(text!("setting-threads-count"));
         ui.add(slider);
-        explain(ui, &text!("setting-threads-about", count = *threads));
+        explain(ui, text!("setting-threads-about", count = *threads));
     });
-    ui.end_row();
 }
 
 fn interface(ui: &mut Ui, settings: &mut Settings) {
-    ui.label(text!("setting-text-scale"));
-    // In a column, which a row of the grid grows with where it wraps.
-    ui.vertical(|ui| {
+    row(ui, text!("setting-text-scale"), |ui| {
         ui.horizontal_wrapped(|ui| {
             for percent in TEXT_PERCENTS {
                 let scale = f64::from(percent) / 100.0;
@@ -117,21 +112,17 @@ fn interface(ui: &mut Ui, settings: &mut Settings) {
             }
         });
     });
-    ui.end_row();
-    ui.label(text!("setting-motion"));
-    ui.vertical(|ui| {
+    row(ui, text!("setting-motion"), |ui| {
         ui.checkbox(
             &mut settings.reduced_motion,
             text!("setting-reduced-motion"),
         );
         explain(ui, text!("setting-reduced-motion-about"));
     });
-    ui.end_row();
 }
 
 fn sound(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
-    ui.label(text!("setting-sound"));
-    ui.vertical(|ui| {
+    row(ui, text!("setting-sound"), |ui| {
         let mut percent = (settings.volume * 100.0).round() as i32;
         let slider = Slider::new(&mut percent, 0..=100)
             .suffix(text!("setting-percent-suffix"))
@@ -141,12 +132,10 @@ fn sound(ui: &mut Ui, settings: &mut Settings, input: MenuInput<'_>) {
         }
         explain(ui, input.sound);
     });
-    ui.end_row();
 }
 
 fn advanced(ui: &mut Ui, settings: &mut Settings) {
-    ui.label(text!("setting-physics"));
-    ui.vertical(|ui| {
+    row(ui, text!("setting-physics"), |ui| {
         ui.horizontal_wrapped(|ui| {
             for name in ENGINES {
                 let engine: Engine = name.parse().unwrap_or_default();
@@ -157,18 +146,16 @@ fn advanced(ui: &mut Ui, settings: &mut Settings) {
                     });
             }
         });
-        explain(ui, &engine_cost(&settings.physics));
+        explain(ui, engine_cost(&settings.physics));
     });
-    ui.end_row();
     choice(ui, "particle-precision", &mut settings.particle_precision);
-    ui.label("");
-    ui.vertical(|ui| explain(ui, &particle_cost(settings.particle_precision)));
-    ui.end_row();
+    row(ui, "", |ui| {
+        explain(ui, particle_cost(settings.particle_precision))
+    });
 }
 
 fn mouse(ui: &mut Ui, mouse: &mut MouseSettings) {
-    ui.label(text!("setting-mouse"));
-    ui.vertical(|ui| {
+    row(ui, text!("setting-mouse"), |ui| {
         let [min, max] = MouseSettings::SPEED.map(|speed| (100.0 * speed) as i32);
         let mut percent = (100.0 * mouse.speed).round() as i32;
         let slider = Slider::new(&mut percent, min..=max)
@@ -180,13 +167,11 @@ fn mouse(ui: &mut Ui, mouse: &mut MouseSettings) {
         }
         ui.checkbox(&mut mouse.inverts_pitch, text!("setting-invert-pitch"));
     });
-    ui.end_row();
 }
 
 /// A row of names, and the sentence of the one that is chosen; `key` as in the settings file.
 fn choice<T: ValueEnum + PartialEq + Copy>(ui: &mut Ui, key: &str, chosen: &mut T) {
-    ui.label(text!(&format!("setting-{key}")));
-    ui.vertical(|ui| {
+    row(ui, text!(&format!("setting-{key}")), |ui| {
         ui.horizontal_wrapped(|ui| {
             for value in T::value_variants() {
                 let name = text!(&format!("setting-{key}-{}", value_name(value)));
@@ -196,11 +181,6 @@ fn choice<T: ValueEnum + PartialEq + Copy>(ui: &mut Ui, key: &str, chosen: &mut 
         let name = value_name(chosen);
         explain(ui, text!(&format!("setting-{key}-{name}-about")));
     });
-    ui.end_row();
-}
-
-fn explain(ui: &mut Ui, words: &str) {
-    ui.label(RichText::new(words).color(theme::FAINT).small());
 }
 
 const TEXT_PERCENTS: [u32; 6] = [75, 100, 125, 150, 200, 250];

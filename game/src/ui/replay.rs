@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use carom_text::text;
 use carom_window::theme;
-use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Slider, Ui};
+use egui::{Align2, ComboBox, Context, ScrollArea, Slider, Ui};
 
+use super::form::explain;
 use super::layout::Layout;
 use crate::capture::replay::{ReplayCommand, ReplayPlayer};
 use crate::capture::{RecordingKind, SavedRecording};
@@ -27,7 +28,7 @@ pub fn panel(
             let picked = clips(ui, player);
             let turned = time(ui, player, now_secs);
             let done = deeds(ui, player, kept, film_percent);
-            ui.label(RichText::new(keys(bindings)).color(theme::FAINT).small());
+            explain(ui, keys(bindings));
             picked.or(turned).or(done)
         });
         page.inner
