@@ -5,6 +5,7 @@ mod chalk;
 
 use std::sync::Arc;
 
+use carom_billiards::physics::World;
 use carom_tracer::ParticleCloud;
 use clap::ValueEnum;
 use glam::Vec3;
@@ -45,6 +46,15 @@ pub struct ParticleMoment {
 }
 
 impl ParticleMoment {
+    /// Particles that lie on a table.
+    pub fn lying(world: &World) -> Self {
+        let bed = world.particles().map(Arc::clone);
+        Self {
+            dust: None,
+            bed: bed.map(BedMoment::Lying),
+        }
+    }
+
     /// What is traced of it, on a cloth of this albedo: of dust as much as is wanted, of what balls meet all.
     pub fn clouds(&self, detail: ParticleDetail, cloth: Vec3) -> Vec<ParticleCloud> {
         let dust = self.dust.iter();

@@ -13,10 +13,12 @@ mod aim;
 mod ball_in_hand;
 mod cue;
 mod cue_clearance;
+mod game_camera;
 pub mod practice;
 mod shot_clock;
 mod shot_preview;
 mod shot_worker;
+mod stroke;
 mod stroke_input;
 #[cfg(test)]
 mod tests;
@@ -24,23 +26,17 @@ pub mod tournament;
 pub mod tricks;
 mod turn_control;
 
-use std::cell::OnceCell;
 use std::rc::Rc;
-use std::sync::Arc;
 
 use carom_billiards::game_match::{self, Match, MatchConfig, Player};
-use carom_billiards::physics::{self, AimContact, BallPose, Pocket, Shot, Stroke, Table, World};
-use carom_billiards::rules::{Call, RuleSet};
+use carom_billiards::physics::{self, BallPose, Shot, Stroke, Table, World};
+use carom_billiards::rules::RuleSet;
 use carom_text::text;
-use carom_tracer::Camera;
 use glam::{DVec2, DVec3};
 
-use crate::camera::{
-    CameraIntent, CameraSmoother, CameraView, Framing, Projection, ViewContext, ViewSelection,
-    Viewpoint, wrap_rad,
-};
-use crate::input::{AimIntent, StrokeIntent};
-use crate::particles::{BedMoment, ParticleMoment};
+use crate::camera::{CameraSmoother, Framing, ViewSelection, Viewpoint};
+use crate::input::AimIntent;
+use crate::particles::ParticleMoment;
 use crate::scene::table_scene::TableScene;
 
 use active_shot::ActiveShot;
@@ -48,14 +44,13 @@ use ai_turn::{AiTurn, PlannedStroke};
 pub use aim::{Aim, CUE_SPEED_M_S_MAX, cue_speed_m_s, power_of_speed};
 pub use ball_in_hand::BallInHand;
 pub use cue::CueView;
-use cue::SWING_SECS;
 use cue_clearance::CueClearance;
 pub use cue_clearance::cue_of_shot;
 use practice::PracticeLayout;
 pub use shot_clock::ShotClock;
 pub use shot_preview::{AimAids, BallMarks, BallPath, PathEnd, ShotPreview};
 use shot_worker::ShotWorker;
-use stroke_input::{StrokeInput, SwingInput};
+use stroke_input::StrokeInput;
 
 /// A match, and how it is looked at.
 #[derive(Debug)]
@@ -148,31 +143,10 @@ impl Game {
         self.particle_precision = precision;
     }
 
-    /// Follows the window and its panels.
-    pub fn set_framing(&mut self, framing: Framing) {
-        self.framing = framing;
-    }
-
-    /// The window, and what panels leave of it.
-    pub fn framing(&self) -> Framing {
-        self.framing
-    }
-
-    /// The camera's map to the window, at `moment_secs` of the shot that is on, else now.
-    pub fn projection(&self, moment_secs: f64) -> Projection {
-        let film = self.framing.film;
-        Projection::new(&self.camera(moment_secs), film.x, film.y)
-    }
-
     /// Lets something else move the balls from the next stroke on.
     pub fn set_engine(&mut self, engine: physics::Engine) {
         self.contest.set_engine(engine);
         self.shot_preview = None;
-    }
-
-    /// Lets the camera cut to where it would glide.
-    pub fn set_instant_camera(&mut self, instant_camera: bool) {
-        self.instant_camera = instant_camera;
     }
 
     /// Puts balls and particles of a free table so, with nothing in motion.
@@ -182,9 +156,7 @@ impl Game {
     pub fn lay(&mut self, layout: &PracticeLayout) -> carom_billiards::Result<()> {
         self.contest
             .arrange(&layout.balls, layout.particles.clone())?;
-        if let TurnPhase::Watching(active) = &self.phase {
-            self.smoother = CameraSmoother::new(active.from);
-        }
+        self.look_from_before();
         self.phase = TurnPhase::Aiming;
         self.begin_turn();
         Ok(())
@@ -202,10 +174,20 @@ impl Game {
 
     /// The shot that is on.
     pub fn shot(&self) -> Option<&Shot> {
+        self.active().map(|active| &active.shot)
+    }
+
+    /// The shot that is watched.
+    fn active(&self) -> Option<&ActiveShot> {
         match &self.phase {
-            TurnPhase::Watching(active) => Some(&active.shot),
+            TurnPhase::Watching(active) => Some(active),
             _ => None,
         }
+    }
+
+    /// What was asked for; a fault becomes the answer to the player.
+    fn report<T>(&mut self, done: carom_billiards::Result<T>) -> Option<T> {
+        done.map_err(|why| self.notice = Some(why.to_string())).ok()
     }
 
     /// How many shots were played or shown.
@@ -215,10 +197,7 @@ impl Game {
 
     /// The shot that is being played for the first time, with its number.
     pub fn fresh_shot(&self) -> Option<(u64, &Shot)> {
-        match &self.phase {
-            TurnPhase::Watching(active) => Some((self.shots, &active.shot)),
-            _ => None,
-        }
+        self.shot().map(|shot| (self.shots, shot))
     }
 
     /// Gives up the stroke that is begun or the ball that is carried; false if there is neither.
@@ -254,9 +233,7 @@ impl Game {
 
     /// The clock of the shot that is on.
     pub fn shot_clock(&self, now_secs: f64) -> Option<ShotClock> {
-        let TurnPhase::Watching(active) = &self.phase else {
-            return None;
-        };
+        let active = self.active()?;
         Some(ShotClock {
             number: self.shots,
             now_secs: active.clock_secs(now_secs),
@@ -266,48 +243,23 @@ impl Game {
 
     /// The balls at `moment_secs` of the shot that is on, else as they lie.
     pub fn poses(&self, moment_secs: f64) -> Vec<BallPose> {
-        match &self.phase {
-            TurnPhase::Watching(active) => active.shot.poses_at(moment_secs.max(0.0)),
-            _ => self.lying().collect(),
-        }
-    }
-
-    /// The camera at `moment_secs` of the shot that is on, else now.
-    pub fn camera(&self, moment_secs: f64) -> Camera {
-        self.viewpoint(moment_secs).camera_in(self.table())
-    }
-
-    /// The view at `moment_secs` of the shot that is on, else now.
-    pub fn viewpoint(&self, moment_secs: f64) -> Viewpoint {
-        match &self.phase {
-            TurnPhase::Watching(active) => {
-                active.viewpoint(moment_secs, &self.views, self.table(), self.framing)
-            }
-            _ => self.smoother.viewpoint(),
+        match self.shot() {
+            Some(shot) => shot.poses_at(moment_secs.max(0.0)),
+            None => self.lying().collect(),
         }
     }
 
     /// The particles at `moment_secs` of the shot that is on, else as they lie.
     pub fn particles(&self, moment_secs: f64) -> ParticleMoment {
-        match &self.phase {
-            TurnPhase::Watching(active) => active.particles(moment_secs),
-            _ => ParticleMoment {
-                dust: None,
-                bed: self
-                    .contest
-                    .world()
-                    .particles()
-                    .map(|bed| BedMoment::Lying(Arc::clone(bed))),
-            },
+        match self.active() {
+            Some(active) => active.particles(moment_secs),
+            None => ParticleMoment::lying(self.world()),
         }
     }
 
     /// The cue at `moment_secs` of the shot that is on.
     pub fn cue_in_shot(&self, moment_secs: f64) -> Option<CueView> {
-        match &self.phase {
-            TurnPhase::Watching(active) => active.cue.clone()?.swung(moment_secs),
-            _ => None,
-        }
+        self.active()?.cue.clone()?.swung(moment_secs)
     }
 
     /// Cue and aim, while there is one to show.
@@ -333,10 +285,7 @@ impl Game {
             TurnPhase::Aiming => self.aim.power,
             // A rising power would change the prediction all the time.
             TurnPhase::Stroking(input) => input.power(now_secs).unwrap_or(self.aim.power),
-            TurnPhase::Watching(_)
-            | TurnPhase::Simulating(_)
-            | TurnPhase::Planned(_)
-            | TurnPhase::Placing(_) => return None,
+            _ => return None,
         };
         if !self.may_play() && !matches!(self.phase, TurnPhase::Stroking(_)) {
             return None;
@@ -346,19 +295,12 @@ impl Game {
             // Where the balls go at first depends little on the power.
             _ => self.aim.stroke(LINE_POWER),
         };
-        if self
+        let known = self.shot_preview.take().filter(|(of, _)| *of == stroke);
+        let preview = || ShotPreview::of(self.contest.world(), stroke, self.aids);
+        let (_, preview) = self
             .shot_preview
-            .as_ref()
-            .is_none_or(|(of, _)| *of != stroke)
-        {
-            self.shot_preview = Some((
-                stroke,
-                ShotPreview::of(self.contest.world(), stroke, self.aids),
-            ));
-        }
-        self.shot_preview
-            .as_ref()
-            .and_then(|(_, shot_preview)| shot_preview.as_ref())
+            .insert(known.unwrap_or_else(|| (stroke, preview())));
+        preview.as_ref()
     }
 
     /// Shows more or less of the shot to come.
@@ -386,28 +328,6 @@ impl Game {
             | TurnPhase::Simulating(_)
             | TurnPhase::Planned(_) => true,
             _ => self.smoother.viewpoint() != self.aim_view(),
-        }
-    }
-
-    /// The view that is chosen.
-    pub fn view(&self) -> CameraView {
-        self.views.view()
-    }
-
-    /// Turns the camera, or chooses another view.
-    pub fn look(&mut self, intent: CameraIntent, now_secs: f64) {
-        let moment_secs = match &self.phase {
-            TurnPhase::Watching(active) => active.clock_secs(now_secs),
-            _ => 0.0,
-        };
-        let now = self.viewpoint(moment_secs);
-        self.views.apply(intent, self.contest.world().table(), now);
-        if intent.is_adjustment() {
-            return;
-        }
-        self.notice = Some(text!("view-chosen", name = self.views.view().name()));
-        if let TurnPhase::Watching(active) = &mut self.phase {
-            active.turn(now, moment_secs);
         }
     }
 
@@ -451,139 +371,6 @@ impl Game {
         }
     }
 
-    /// Goes on with the stroke. It meets the ball `lead_secs` later, so that its first pictures are
-    /// ready by then, but never so late that the player would wait.
-    pub fn stroke(&mut self, intent: StrokeIntent, now_secs: f64, lead_secs: f64) {
-        if matches!(self.phase, TurnPhase::Placing(_)) {
-            return self.stroke_in_hand(intent);
-        }
-        if matches!(self.phase, TurnPhase::Aiming) && !self.may_play() {
-            return;
-        }
-        let power = match (intent, &mut self.phase) {
-            (StrokeIntent::BeginPull, TurnPhase::Aiming) => {
-                return self.begin(StrokeInput::Pulling(0.0));
-            }
-            (StrokeIntent::BeginCharge, TurnPhase::Aiming) => {
-                return self.begin(StrokeInput::Charging(now_secs));
-            }
-            (StrokeIntent::BeginSwing, TurnPhase::Aiming) => {
-                return self.begin(StrokeInput::Swinging(SwingInput::default()));
-            }
-            (StrokeIntent::Pull(power), TurnPhase::Stroking(StrokeInput::Pulling(pulled))) => {
-                *pulled = power;
-                return;
-            }
-            (StrokeIntent::Swing(back_m), TurnPhase::Stroking(StrokeInput::Swinging(swing))) => {
-                swing.swing(back_m, now_secs)
-            }
-            (StrokeIntent::Release, TurnPhase::Stroking(input)) => {
-                let power = input.let_go(now_secs);
-                if power.is_none() {
-                    self.cancel();
-                }
-                power
-            }
-            (StrokeIntent::Strike, TurnPhase::Aiming) => Some(self.aim.power),
-            (StrokeIntent::Cancel, _) => return self.cancel(),
-            _ => None,
-        };
-        if let Some(power) = power {
-            self.strike(power, now_secs, lead_secs);
-        }
-    }
-
-    fn begin(&mut self, input: StrokeInput) {
-        self.phase = TurnPhase::Stroking(input);
-    }
-
-    fn cancel(&mut self) {
-        if matches!(self.phase, TurnPhase::Stroking(_)) {
-            self.phase = TurnPhase::Aiming;
-        }
-    }
-
-    fn strike(&mut self, power: f64, now_secs: f64, lead_secs: f64) {
-        let cue = self.cue(now_secs).map(|cue| CueView {
-            power,
-            is_drawn: true,
-            ..cue
-        });
-        self.phase = TurnPhase::Aiming;
-        self.aim.set_power(power);
-        let stroke = self.aim.stroke(power);
-        if self.contest.world().particles().is_some() {
-            match ShotWorker::start(self.contest.world(), stroke, cue) {
-                Ok(worker) => self.phase = TurnPhase::Simulating(Box::new(worker)),
-                Err(error) => self.notice = Some(error.to_string()),
-            }
-            return;
-        }
-        let contact_secs = now_secs + lead_secs.clamp(SWING_SECS.start, SWING_SECS.end);
-        match self.contest.strike(stroke) {
-            Ok(shot) => self.watch(stroke, shot, cue, contact_secs),
-            Err(error) => self.notice = Some(error.to_string()),
-        }
-    }
-
-    /// Strikes once it is known what comes of it.
-    fn follow_simulation(&mut self, now_secs: f64) {
-        let TurnPhase::Simulating(worker) = &self.phase else {
-            return;
-        };
-        let Some(shot) = worker.poll() else { return };
-        let (stroke, cue) = (worker.stroke, worker.cue.clone());
-        self.phase = TurnPhase::Aiming;
-        match shot {
-            Ok(shot) => self.watch(stroke, shot, cue, now_secs + SWING_SECS.end),
-            Err(error) => self.notice = Some(error.to_string()),
-        }
-    }
-
-    /// Shows a shot of the match.
-    fn watch(&mut self, stroke: Stroke, shot: Shot, cue: Option<CueView>, contact_secs: f64) {
-        let slipped =
-            |event: &physics::Event| matches!(event.kind, physics::EventKind::Miscue { .. });
-        if shot.events().iter().any(slipped) {
-            self.notice = Some(text!("miscue").to_owned());
-        }
-        (self.ai_turn, self.match_view) = (None, None);
-        self.shots += 1;
-        self.views.straighten();
-        let pocket = self.pocket_ahead();
-        self.phase = TurnPhase::Watching(Box::new(ActiveShot {
-            stroke,
-            shot,
-            contact_secs,
-            cue,
-            from: self.smoother.viewpoint(),
-            glide_secs: match self.views.view() {
-                CameraView::Shooter => active_shot::RISE_SECS,
-                _ => active_shot::ARRIVE_SECS,
-            },
-            bearing_rad: stroke.direction_rad,
-            pocket,
-            instant_camera: self.instant_camera,
-            chase: OnceCell::new(),
-            puff: OnceCell::new(),
-        }));
-    }
-
-    fn end_shot(&mut self, now_secs: f64) {
-        let active = match std::mem::replace(&mut self.phase, TurnPhase::Aiming) {
-            TurnPhase::Watching(active) => active,
-            other => {
-                self.phase = other;
-                return;
-            }
-        };
-        let end_secs = active.clock_secs(now_secs);
-        let seen = active.viewpoint(end_secs, &self.views, self.table(), self.framing);
-        self.smoother = CameraSmoother::new(seen);
-        self.contest.finish(active.stroke, &active.shot);
-        self.begin_turn();
-    }
-
     fn rack(&mut self) {
         if self.contest.referee().rules() != RuleSet::Free {
             self.notice = Some(text!("no-re-rack").to_owned());
@@ -591,14 +378,12 @@ impl Game {
         }
         let table = self.contest.world().table().clone();
         let engine = self.contest.world().engine();
-        match free_table(table, self.contest.referee().seed().wrapping_add(1)) {
-            Ok(contest) => self.contest = contest,
-            Err(why) => self.notice = Some(why.to_string()),
+        let seed = self.contest.referee().seed().wrapping_add(1);
+        if let Some(contest) = self.report(free_table(table, seed)) {
+            self.contest = contest;
         }
         self.contest.set_engine(engine);
-        if let TurnPhase::Watching(active) = &self.phase {
-            self.smoother = CameraSmoother::new(active.from);
-        }
+        self.look_from_before();
         self.aim = Aim::LEVEL;
         self.begin_turn();
     }
@@ -611,55 +396,6 @@ impl Game {
     fn cue_ball(&self) -> Option<DVec3> {
         let cue_ball = self.lying().find(|pose| pose.number == 0)?;
         cue_ball.on_table.then_some(cue_ball.position)
-    }
-
-    fn aim_view(&self) -> Viewpoint {
-        // Nobody aims while the cue ball is put down, and once the match is over.
-        let is_wide =
-            matches!(self.phase, TurnPhase::Placing(_)) || self.contest.at_table().is_none();
-        self.views.viewpoint(&ViewContext {
-            table: self.table(),
-            ball: self.cue_ball().filter(|_| !is_wide),
-            bearing_rad: if is_wide { 0.0 } else { self.aim.bearing_rad },
-            pocket: self.pocket_ahead(),
-            is_wide,
-            framing: self.framing,
-        })
-    }
-
-    /// The pocket that is played to, if the view depends on it: the one that is called, else the one
-    /// ahead of the ball that the aim meets first.
-    fn pocket_ahead(&self) -> Option<usize> {
-        if self.views.view() != CameraView::Pocket {
-            return None;
-        }
-        if let Some(Call::Pot {
-            pocket: Some(pocket),
-            ..
-        }) = self.contest.called()
-        {
-            return Some(pocket);
-        }
-        let stroke = self.aim.stroke(LINE_POWER);
-        let met = physics::predict(self.contest.world(), stroke).map(|line| line.contact);
-        let (from, way) = match met {
-            Ok(AimContact::Ball {
-                object,
-                object_direction,
-                ..
-            }) => (object, object_direction),
-            _ => (
-                self.cue_ball()?,
-                DVec2::from_angle(self.aim.bearing_rad).extend(0.0),
-            ),
-        };
-        let off_rad = |pocket: &Pocket| {
-            let wanted = pocket.center - from.truncate();
-            wrap_rad(wanted.to_angle() - way.truncate().to_angle()).abs()
-        };
-        let pockets = self.table().pockets().iter().enumerate();
-        let nearest = pockets.min_by(|(_, a), (_, b)| off_rad(a).total_cmp(&off_rad(b)));
-        nearest.map(|(index, _)| index)
     }
 }
 

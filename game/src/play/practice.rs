@@ -16,7 +16,7 @@ use carom_billiards::physics::{
 use glam::{DVec2, DVec3};
 
 use super::tricks::TrickTable;
-use crate::particles::{BedMoment, ParticleMoment};
+use crate::particles::ParticleMoment;
 use crate::{PracticeFault, Result};
 
 /// A command of the practice page.
@@ -172,13 +172,7 @@ impl Practice {
 
     /// The particles.
     pub fn particles(&self) -> ParticleMoment {
-        ParticleMoment {
-            dust: None,
-            bed: self
-                .world
-                .particles()
-                .map(|bed| BedMoment::Lying(Arc::clone(bed))),
-        }
+        ParticleMoment::lying(&self.world)
     }
 
     /// The table as it is to be played on from, its particles at rest.

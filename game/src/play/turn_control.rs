@@ -72,9 +72,8 @@ impl Game {
             // The rest is for the person whose turn it is.
             _ if !self.may_play() => {}
             MatchIntent::Choose(choice) => {
-                if let Err(why) = self.contest.choose(choice) {
-                    self.notice = Some(why.to_string());
-                }
+                let chosen = self.contest.choose(choice);
+                self.report(chosen);
                 self.begin_turn();
             }
             MatchIntent::Call(call) => self.call(call),
@@ -171,12 +170,9 @@ impl Game {
         if self.ai_turn.is_some() {
             return;
         }
-        match AiTurn::for_person(&self.contest, purpose) {
-            Ok(ai_turn) => {
-                self.ai_turn = Some(ai_turn);
-                self.notice = Some(text!("suggestion-search").to_owned());
-            }
-            Err(why) => self.notice = Some(why.to_string()),
+        if let Some(ai_turn) = self.report(AiTurn::for_person(&self.contest, purpose)) {
+            self.ai_turn = Some(ai_turn);
+            self.notice = Some(text!("suggestion-search").to_owned());
         }
     }
 
@@ -243,31 +239,22 @@ impl Game {
     pub(super) fn think(&mut self, now_secs: f64) {
         let level = self.contest.at_table().and_then(|player| player.level());
         if let (None, Some(level), TurnPhase::Aiming) = (&self.ai_turn, level, &self.phase) {
-            match AiTurn::own(&self.contest, level.into()) {
-                Ok(ai_turn) => self.ai_turn = Some(ai_turn),
-                Err(why) => self.notice = Some(why.to_string()),
-            }
+            self.ai_turn = self.report(AiTurn::own(&self.contest, level.into()));
         }
         let Some(ai_turn) = &self.ai_turn else {
             return;
         };
         let purpose = ai_turn.purpose;
-        match ai_turn.poll() {
-            Ok(None) => {}
-            Ok(Some((decision, skill))) => {
-                self.ai_turn = None;
-                let done = match purpose {
-                    AiTask::Play => self.carry_out(&decision, &skill, now_secs),
-                    AiTask::Advise => self.show_advice(&decision),
-                };
-                if let Err(why) = done {
-                    self.notice = Some(why.to_string());
-                }
-            }
-            Err(why) => {
-                self.ai_turn = None;
-                self.notice = Some(why.to_string());
-            }
+        let Some(thought) = ai_turn.poll().transpose() else {
+            return;
+        };
+        self.ai_turn = None;
+        if let Some((decision, skill)) = self.report(thought) {
+            let done = match purpose {
+                AiTask::Play => self.carry_out(&decision, &skill, now_secs),
+                AiTask::Advise => self.show_advice(&decision),
+            };
+            self.report(done);
         }
     }
 
