@@ -206,7 +206,7 @@ impl AppShell {
             Intent::Camera(intent) => session.look(intent, now_secs),
             Intent::Match(intent) => session.decide(intent, now_secs),
             Intent::Replay(intent) => session.replay(intent, now_secs),
-            Intent::Practice(intent) => session.practice(intent),
+            Intent::TogglePractice => session.toggle_practice(),
             Intent::App(intent) => self.apply(intent, session, now_secs),
         }
     }

@@ -17,7 +17,7 @@ use etcetera::BaseStrategy as _;
 use crate::app::mode::Mode;
 use crate::capture::replay::{ReplayCommand, ReplayPlayer};
 use crate::capture::{RecordingKind, RecordingStore, SavedRecording, ShotHistory, shot_title};
-use crate::input::{PracticeIntent, ReplayIntent};
+use crate::input::ReplayIntent;
 use crate::play::Game;
 use crate::play::practice::{Practice, PracticeCommand, PracticeLayout};
 use crate::{Error, Result};
@@ -107,13 +107,9 @@ impl ModeController {
     }
 
     /// Opens or leaves practice.
-    pub fn practice(&mut self, intent: PracticeIntent, game: &Game) {
-        match intent {
-            PracticeIntent::Toggle => {
-                if !self.close() {
-                    self.open_practice(game);
-                }
-            }
+    pub fn toggle_practice(&mut self, game: &Game) {
+        if !self.close() {
+            self.open_practice(game);
         }
     }
 
@@ -175,38 +171,39 @@ impl ModeController {
         game: &Game,
         now_secs: f64,
     ) -> Option<PracticeLayout> {
+        let done = self.try_replay(command, game, now_secs);
+        self.report(done)
+    }
+
+    fn try_replay(
+        &mut self,
+        command: ReplayCommand,
+        game: &Game,
+        now_secs: f64,
+    ) -> Result<Option<PracticeLayout>> {
         let Mode::Replay(player) = &mut self.mode else {
-            return None;
+            return Ok(None);
         };
-        let done = match command {
-            ReplayCommand::Control(control) => {
-                player.apply(control, now_secs);
-                Ok(())
-            }
+        match command {
+            ReplayCommand::Control(control) => player.apply(control, now_secs),
             ReplayCommand::Save(kind) => {
                 let recording = match kind {
                     RecordingKind::Shot => player.excerpt(),
                     RecordingKind::Match | RecordingKind::Layout => player.recording().clone(),
                 };
-                self.save(kind, &recording)
+                self.save(kind, &recording)?;
             }
-            ReplayCommand::Open(path) => Recording::load(&path)
-                .map(|recording| self.view(recording, game, now_secs))
-                .map_err(Error::from),
+            ReplayCommand::Open(path) => self.view(Recording::load(&path)?, game, now_secs),
             // The session's, which has the farm.
-            ReplayCommand::Film => Ok(()),
+            ReplayCommand::Film => {}
             ReplayCommand::Play => {
                 let start = player.start();
                 self.mode = Mode::Game;
-                return Some(start);
+                return Ok(Some(start));
             }
-            ReplayCommand::Close => {
-                self.mode = Mode::Game;
-                Ok(())
-            }
-        };
-        self.notify_failure(done);
-        None
+            ReplayCommand::Close => self.mode = Mode::Game,
+        }
+        Ok(None)
     }
 
     /// Does what the practice page commands; the balls to play on with, if that is it.
@@ -216,50 +213,44 @@ impl ModeController {
         game: &Game,
         now_secs: f64,
     ) -> Option<PracticeLayout> {
+        let done = self.try_practice(command, game, now_secs);
+        self.report(done)
+    }
+
+    fn try_practice(
+        &mut self,
+        command: PracticeCommand,
+        game: &Game,
+        now_secs: f64,
+    ) -> Result<Option<PracticeLayout>> {
         let Mode::Practice(practice) = &mut self.mode else {
-            return None;
+            return Ok(None);
         };
-        let done = match command {
+        match command {
             PracticeCommand::Grab(at) => {
                 practice.grab(at);
-                Ok(())
             }
-            PracticeCommand::Drag(at) => {
-                practice.drag(at);
-                Ok(())
-            }
-            PracticeCommand::LetGo => practice.let_go().map_err(Error::from),
-            PracticeCommand::Add(number) => practice.add(number).map_err(Error::from),
-            PracticeCommand::TakeAway(number) => practice.take_away(number),
-            PracticeCommand::Brush(brush) => {
-                practice.set_brush(brush);
-                Ok(())
-            }
-            PracticeCommand::Paint(at) => practice.paint(at).map_err(Error::from),
-            PracticeCommand::Trick(trick) => practice.lay_trick(trick).map_err(Error::from),
-            PracticeCommand::Sweep => {
-                practice.sweep();
-                Ok(())
-            }
+            PracticeCommand::Drag(at) => practice.drag(at),
+            PracticeCommand::LetGo => practice.let_go()?,
+            PracticeCommand::Add(number) => practice.add(number)?,
+            PracticeCommand::TakeAway(number) => practice.take_away(number)?,
+            PracticeCommand::Brush(brush) => practice.set_brush(brush),
+            PracticeCommand::Paint(at) => practice.paint(at)?,
+            PracticeCommand::Trick(trick) => practice.lay_trick(trick)?,
+            PracticeCommand::Sweep => practice.sweep(),
             PracticeCommand::Save => {
-                let layout = practice.layout("A layout").map_err(Error::from);
-                layout.and_then(|layout| self.save(RecordingKind::Layout, &layout))
+                let layout = practice.layout("A layout")?;
+                self.save(RecordingKind::Layout, &layout)?;
             }
-            PracticeCommand::Open(path) => lay(practice, &path, game, now_secs),
-            PracticeCommand::Play => match practice.table_layout() {
-                Ok(layout) => {
-                    self.mode = Mode::Game;
-                    return Some(layout);
-                }
-                Err(why) => Err(why.into()),
-            },
-            PracticeCommand::Close => {
+            PracticeCommand::Open(path) => lay(practice, &path, game, now_secs)?,
+            PracticeCommand::Play => {
+                let layout = practice.table_layout()?;
                 self.mode = Mode::Game;
-                Ok(())
+                return Ok(Some(layout));
             }
-        };
-        self.notify_failure(done);
-        None
+            PracticeCommand::Close => self.mode = Mode::Game,
+        }
+        Ok(None)
     }
 
     /// Lets time pass.
@@ -287,10 +278,12 @@ impl ModeController {
         }
     }
 
-    fn notify_failure(&mut self, done: Result<()>) {
-        if let Err(why) = done {
+    /// What a command gives back; the player is told why it gives nothing.
+    fn report(&mut self, done: Result<Option<PracticeLayout>>) -> Option<PracticeLayout> {
+        done.unwrap_or_else(|why| {
             self.notify(why.to_string());
-        }
+            None
+        })
     }
 
     /// Tells the player something.

@@ -5,8 +5,7 @@
 use carom_text::text;
 
 use super::intent::{
-    AimIntent, AppIntent, Intent, MatchIntent, PracticeIntent, ReplayControl, ReplayIntent,
-    StrokeIntent,
+    AimIntent, AppIntent, Intent, MatchIntent, ReplayControl, ReplayIntent, StrokeIntent,
 };
 use crate::camera::CameraIntent;
 
@@ -90,7 +89,8 @@ pub struct ActionSpec {
     pub name: &'static str,
     /// The heading it stands under.
     pub group: Group,
-    /// Labels of the triggers it is bound to at first.
+    /// Labels of the triggers it is bound to at first, those of a gamepad last; the cross and A of a gamepad serve
+    /// replays too.
     pub defaults: &'static [&'static str],
 }
 
@@ -212,38 +212,18 @@ impl Action {
             Self::TakeOver => Intent::Match(MatchIntent::TakeOver),
             Self::Log => Intent::App(AppIntent::ToggleLog),
             Self::LookBack => Intent::Replay(ReplayIntent::Toggle),
-            Self::Practise => Intent::Practice(PracticeIntent::Toggle),
+            Self::Practise => Intent::TogglePractice,
             Self::Photograph => Intent::App(AppIntent::TakeScreenshot),
             Self::Help => Intent::App(AppIntent::ToggleHelp),
             Self::Stats => Intent::App(AppIntent::ToggleStats),
             Self::Fullscreen => Intent::App(AppIntent::ToggleFullscreen),
             Self::Menu => Intent::App(AppIntent::Escape),
-            Self::ReplayPause
-            | Self::ReplayBack
-            | Self::ReplayForward
-            | Self::ReplayEventBefore
-            | Self::ReplayEventNext
-            | Self::ReplayShotBefore
-            | Self::ReplayShotNext
-            | Self::ReplaySpeed(_) => {
-                return self
-                    .replay_control(steps)
-                    .map(|control| Intent::Replay(ReplayIntent::Control(control)));
+            // What is held has no intent of its own: a test knows all others.
+            _ => {
+                let control = |control| Intent::Replay(ReplayIntent::Control(control));
+                let of_replay = self.replay_control(steps).map(control);
+                return of_replay.or_else(|| self.camera_intent(steps).map(Intent::Camera));
             }
-            Self::LookDown
-            | Self::LookUp
-            | Self::LookLeft
-            | Self::LookRight
-            | Self::ZoomIn
-            | Self::ZoomOut
-            | Self::NextView
-            | Self::Overhead => return self.camera_intent(steps).map(Intent::Camera),
-            Self::AimAtPointer
-            | Self::Fine
-            | Self::Stroke
-            | Self::Charge
-            | Self::Swing
-            | Self::Orbit => return None,
         })
     }
 
@@ -326,32 +306,32 @@ const fn row(
 /// The action map. Turning the aim with the mouse needs no binding.
 #[rustfmt::skip]
 pub const ACTIONS: &[ActionSpec] = &[
-    row(Group::Aim, Action::AimLeft, "aim-left", &["Left"]),
-    row(Group::Aim, Action::AimRight, "aim-right", &["Right"]),
+    row(Group::Aim, Action::AimLeft, "aim-left", &["Left", "Left stick left"]),
+    row(Group::Aim, Action::AimRight, "aim-right", &["Right", "Left stick right"]),
     row(Group::Aim, Action::AimAtPointer, "aim-at-pointer", &["Mouse middle"]),
-    row(Group::Aim, Action::Fine, "fine", &["Left Ctrl", "Left Shift", "Right Ctrl", "Right Shift"]),
-    row(Group::Aim, Action::Aids, "aim-aids", &["T"]),
+    row(Group::Aim, Action::Fine, "fine", &["Left Ctrl", "Left Shift", "Right Ctrl", "Right Shift", "Gamepad LT"]),
+    row(Group::Aim, Action::Aids, "aim-aids", &["T", "Gamepad left stick"]),
     row(Group::Stroke, Action::Stroke, "stroke", &["Mouse left"]),
-    row(Group::Stroke, Action::Charge, "charge", &["Space"]),
+    row(Group::Stroke, Action::Charge, "charge", &["Space", "Gamepad RT"]),
     row(Group::Stroke, Action::Swing, "swing", &["F"]),
-    row(Group::Stroke, Action::Strike, "strike", &["Enter", "Pad Enter"]),
-    row(Group::Stroke, Action::PowerUp, "power-up", &["=", "Pad +"]),
-    row(Group::Stroke, Action::PowerDown, "power-down", &["-", "Pad -"]),
-    row(Group::Spin, Action::TipUp, "tip-up", &["W"]),
-    row(Group::Spin, Action::TipDown, "tip-down", &["S"]),
-    row(Group::Spin, Action::TipLeft, "tip-left", &["A"]),
-    row(Group::Spin, Action::TipRight, "tip-right", &["D"]),
-    row(Group::Spin, Action::TipCenter, "tip-center", &["X"]),
+    row(Group::Stroke, Action::Strike, "strike", &["Enter", "Pad Enter", "Gamepad A"]),
+    row(Group::Stroke, Action::PowerUp, "power-up", &["=", "Pad +", "Gamepad RB"]),
+    row(Group::Stroke, Action::PowerDown, "power-down", &["-", "Pad -", "Gamepad LB"]),
+    row(Group::Spin, Action::TipUp, "tip-up", &["W", "Gamepad up"]),
+    row(Group::Spin, Action::TipDown, "tip-down", &["S", "Gamepad down"]),
+    row(Group::Spin, Action::TipLeft, "tip-left", &["A", "Gamepad left"]),
+    row(Group::Spin, Action::TipRight, "tip-right", &["D", "Gamepad right"]),
+    row(Group::Spin, Action::TipCenter, "tip-center", &["X", "Gamepad right stick"]),
     row(Group::Spin, Action::CueUp, "cue-up", &["Q"]),
     row(Group::Spin, Action::CueDown, "cue-down", &["E"]),
     row(Group::View, Action::Orbit, "orbit", &["Mouse right"]),
-    row(Group::View, Action::LookDown, "look-down", &["Up"]),
-    row(Group::View, Action::LookUp, "look-up", &["Down"]),
-    row(Group::View, Action::LookLeft, "look-left", &["["]),
-    row(Group::View, Action::LookRight, "look-right", &["]"]),
-    row(Group::View, Action::ZoomIn, "zoom-in", &["Wheel up", "Page up"]),
-    row(Group::View, Action::ZoomOut, "zoom-out", &["Wheel down", "Page down"]),
-    row(Group::View, Action::NextView, "next-view", &["V"]),
+    row(Group::View, Action::LookDown, "look-down", &["Up", "Right stick down"]),
+    row(Group::View, Action::LookUp, "look-up", &["Down", "Right stick up"]),
+    row(Group::View, Action::LookLeft, "look-left", &["[", "Right stick left"]),
+    row(Group::View, Action::LookRight, "look-right", &["]", "Right stick right"]),
+    row(Group::View, Action::ZoomIn, "zoom-in", &["Wheel up", "Page up", "Left stick up"]),
+    row(Group::View, Action::ZoomOut, "zoom-out", &["Wheel down", "Page down", "Left stick down"]),
+    row(Group::View, Action::NextView, "next-view", &["V", "Gamepad Y"]),
     row(Group::View, Action::Overhead, "overhead", &["O"]),
     row(Group::View, Action::SavedView(0), "view-1", &["1"]),
     row(Group::View, Action::SavedView(1), "view-2", &["2"]),
@@ -361,12 +341,12 @@ pub const ACTIONS: &[ActionSpec] = &[
     row(Group::View, Action::KeepView(1), "keep-view-2", &["6"]),
     row(Group::View, Action::KeepView(2), "keep-view-3", &["7"]),
     row(Group::View, Action::KeepView(3), "keep-view-4", &["8"]),
-    row(Group::Game, Action::PickUp, "pick-up", &["B"]),
-    row(Group::Game, Action::CallNext, "call", &["C"]),
+    row(Group::Game, Action::PickUp, "pick-up", &["B", "Gamepad B"]),
+    row(Group::Game, Action::CallNext, "call", &["C", "Gamepad X"]),
     row(Group::Game, Action::Undo, "undo", &["U"]),
     row(Group::Game, Action::Redo, "redo", &["Y"]),
     row(Group::Game, Action::Skip, "skip", &["Z"]),
-    row(Group::Game, Action::Suggest, "suggest", &["F9"]),
+    row(Group::Game, Action::Suggest, "suggest", &["F9", "Gamepad back"]),
     row(Group::Game, Action::TakeOver, "take-over", &["F6"]),
     row(Group::Game, Action::Log, "log", &["L"]),
     row(Group::Game, Action::Rack, "rack", &["R"]),
@@ -376,14 +356,14 @@ pub const ACTIONS: &[ActionSpec] = &[
     row(Group::Game, Action::Help, "help", &["F1", "H"]),
     row(Group::Game, Action::Stats, "stats", &["F3"]),
     row(Group::Game, Action::Fullscreen, "fullscreen", &["F11"]),
-    row(Group::Game, Action::Menu, "menu", &["Esc"]),
-    row(Group::Replay, Action::ReplayPause, "replay-pause", &["Space"]),
-    row(Group::Replay, Action::ReplayBack, "replay-back", &["Left"]),
-    row(Group::Replay, Action::ReplayForward, "replay-forward", &["Right"]),
-    row(Group::Replay, Action::ReplayEventBefore, "replay-event-before", &[","]),
-    row(Group::Replay, Action::ReplayEventNext, "replay-event-next", &["."]),
-    row(Group::Replay, Action::ReplayShotBefore, "replay-shot-before", &["P"]),
-    row(Group::Replay, Action::ReplayShotNext, "replay-shot-next", &["N"]),
+    row(Group::Game, Action::Menu, "menu", &["Esc", "Gamepad start"]),
+    row(Group::Replay, Action::ReplayPause, "replay-pause", &["Space", "Gamepad A"]),
+    row(Group::Replay, Action::ReplayBack, "replay-back", &["Left", "Gamepad left"]),
+    row(Group::Replay, Action::ReplayForward, "replay-forward", &["Right", "Gamepad right"]),
+    row(Group::Replay, Action::ReplayEventBefore, "replay-event-before", &[",", "Gamepad LB"]),
+    row(Group::Replay, Action::ReplayEventNext, "replay-event-next", &[".", "Gamepad RB"]),
+    row(Group::Replay, Action::ReplayShotBefore, "replay-shot-before", &["P", "Gamepad up"]),
+    row(Group::Replay, Action::ReplayShotNext, "replay-shot-next", &["N", "Gamepad down"]),
     row(Group::Replay, Action::ReplaySpeed(0), "replay-speed-1", &["1"]),
     row(Group::Replay, Action::ReplaySpeed(1), "replay-speed-2", &["2"]),
     row(Group::Replay, Action::ReplaySpeed(2), "replay-speed-3", &["3"]),

@@ -1,6 +1,6 @@
 //! Buttons and sticks of gamepads, and what they do at first.
 
-use super::{Action, BindingContext, Event, Trigger};
+use super::{Action, BindingContext, Event};
 
 /// A button of a gamepad, or a direction of one of its sticks: its label as settings and help show it, one of
 /// [`GamepadControl::all`]. Buttons are named as on an Xbox controller, whatever is printed on them.
@@ -121,12 +121,6 @@ impl Sticks {
 }
 
 impl Action {
-    /// What a gamepad does it with at first.
-    pub(super) fn gamepad_default(self) -> Option<Trigger> {
-        let row = DEFAULTS.iter().find(|(action, _)| *action == self)?;
-        Some(Trigger::Gamepad(row.1))
-    }
-
     /// Steps a second while a stick is pushed to its end, or a button is held.
     pub(super) fn steps_per_sec(self) -> f64 {
         match self {
@@ -141,43 +135,6 @@ impl Action {
 /// How far a stick is pushed in a direction that counts as pressed, and from where it is released again.
 const PRESSED_FROM: f64 = 0.5;
 const RELEASED_BELOW: f64 = 0.4;
-
-type Pad = GamepadControl;
-
-/// One control an action; the cross and A serve replays too.
-const DEFAULTS: &[(Action, GamepadControl)] = &[
-    (Action::AimLeft, Pad::LEFT_STICK_TO[0]),
-    (Action::AimRight, Pad::LEFT_STICK_TO[1]),
-    (Action::ZoomIn, Pad::LEFT_STICK_TO[2]),
-    (Action::ZoomOut, Pad::LEFT_STICK_TO[3]),
-    (Action::LookLeft, Pad::RIGHT_STICK_TO[0]),
-    (Action::LookRight, Pad::RIGHT_STICK_TO[1]),
-    (Action::LookUp, Pad::RIGHT_STICK_TO[2]),
-    (Action::LookDown, Pad::RIGHT_STICK_TO[3]),
-    (Action::TipLeft, Pad::PAD[0]),
-    (Action::TipRight, Pad::PAD[1]),
-    (Action::TipUp, Pad::PAD[2]),
-    (Action::TipDown, Pad::PAD[3]),
-    (Action::TipCenter, Pad::RIGHT_STICK),
-    (Action::Aids, Pad::LEFT_STICK),
-    (Action::Fine, Pad::LEFT_TRIGGER),
-    (Action::Charge, Pad::RIGHT_TRIGGER),
-    (Action::PowerDown, Pad::LEFT_BUMPER),
-    (Action::PowerUp, Pad::RIGHT_BUMPER),
-    (Action::Strike, Pad::A),
-    (Action::PickUp, Pad::B),
-    (Action::CallNext, Pad::X),
-    (Action::NextView, Pad::Y),
-    (Action::Suggest, Pad::BACK),
-    (Action::Menu, Pad::START),
-    (Action::ReplayPause, Pad::A),
-    (Action::ReplayBack, Pad::PAD[0]),
-    (Action::ReplayForward, Pad::PAD[1]),
-    (Action::ReplayShotBefore, Pad::PAD[2]),
-    (Action::ReplayShotNext, Pad::PAD[3]),
-    (Action::ReplayEventBefore, Pad::LEFT_BUMPER),
-    (Action::ReplayEventNext, Pad::RIGHT_BUMPER),
-];
 
 #[cfg(test)]
 mod tests {
@@ -194,7 +151,7 @@ mod tests {
     #[test]
     fn a_stick_is_pressed_once_and_does_not_flutter() {
         let mut sticks = Sticks::default();
-        let [_, _, up, down] = Pad::LEFT_STICK_TO;
+        let [_, _, up, down] = GamepadControl::LEFT_STICK_TO;
         for (value, expected) in [
             (0.45, vec![]),
             (0.55, vec![(up, true)]),
@@ -214,7 +171,7 @@ mod tests {
     #[test]
     fn a_stick_that_flips_over_leaves_one_direction_for_the_other() {
         let mut sticks = Sticks::default();
-        let [left, right, ..] = Pad::RIGHT_STICK_TO;
+        let [left, right, ..] = GamepadControl::RIGHT_STICK_TO;
         sticks.push([left, right], -1.0);
         let events = sticks.push([left, right], 1.0);
         assert_eq!(presses(&events), [(left, false), (right, true)]);

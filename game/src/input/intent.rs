@@ -18,8 +18,8 @@ pub enum Intent {
     Match(MatchIntent),
     /// Of replays.
     Replay(ReplayIntent),
-    /// Of practice layouts.
-    Practice(PracticeIntent),
+    /// Arrange the balls, or leave them as they were.
+    TogglePractice,
     /// Of the program around the game.
     App(AppIntent),
 }
@@ -102,13 +102,6 @@ pub enum ReplayIntent {
     Toggle,
     /// Control the replay that is open.
     Control(ReplayControl),
-}
-
-/// A wish that concerns practice layouts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PracticeIntent {
-    /// Arrange the balls, or leave them as they were.
-    Toggle,
 }
 
 /// A wish that concerns the program around the game.

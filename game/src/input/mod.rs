@@ -25,8 +25,7 @@ pub use action::{ACTIONS, Action, ActionSpec, BindingContext, Group};
 pub use binding::{BindingError, Bindings, Trigger, UnknownTrigger};
 pub use gamepad::{GamepadControl, Sticks};
 pub use intent::{
-    AimIntent, AppIntent, Intent, MatchIntent, PracticeIntent, ReplayControl, ReplayIntent,
-    StrokeIntent,
+    AimIntent, AppIntent, Intent, MatchIntent, ReplayControl, ReplayIntent, StrokeIntent,
 };
 pub use key::{Button, Key};
 

@@ -14,7 +14,7 @@ use super::keys::Rebinding;
 use super::new_game::NewGame;
 pub use super::page::{MenuInput, Page};
 use super::{keys, new_game, preferences};
-use crate::input::{AppIntent, Intent, MatchIntent, PracticeIntent, ReplayIntent, Trigger};
+use crate::input::{AppIntent, Intent, MatchIntent, ReplayIntent, Trigger};
 use crate::settings::{Settings, SettingsStore};
 
 /// The pages over the table: those that led to the open one, and that one.
@@ -163,11 +163,7 @@ impl Menu {
                 Intent::Replay(ReplayIntent::Toggle),
                 true,
             ),
-            (
-                text!("menu-practice-table"),
-                Intent::Practice(PracticeIntent::Toggle),
-                true,
-            ),
+            (text!("menu-practice-table"), Intent::TogglePractice, true),
             (
                 text!("menu-screenshot"),
                 Intent::App(AppIntent::TakeScreenshot),

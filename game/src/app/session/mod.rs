@@ -29,7 +29,7 @@ use crate::capture::video::replay_film::{self, ReplayFilm};
 use crate::frame::farm_startup::FarmState;
 use crate::frame::opening_still::OpeningStill;
 use crate::frame::pipeline::FramePipeline;
-use crate::input::{AimIntent, MatchIntent, PracticeIntent, ReplayIntent, StrokeIntent};
+use crate::input::{AimIntent, MatchIntent, ReplayIntent, StrokeIntent};
 use crate::play::{BallMarks, CueView, Game, ShotClock};
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::TableStyle;
@@ -211,8 +211,8 @@ impl GameSession {
     }
 
     /// Opens or leaves practice.
-    pub fn practice(&mut self, intent: PracticeIntent) {
-        self.modes.practice(intent, &self.game);
+    pub fn toggle_practice(&mut self) {
+        self.modes.toggle_practice(&self.game);
     }
 
     /// Gives up what is begun or leaves what is open; false if there is nothing.

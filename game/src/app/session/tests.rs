@@ -21,7 +21,7 @@ fn session() -> GameSession {
 #[test]
 fn practice_leaves_the_camera_and_takes_no_stroke() {
     let mut session = session();
-    session.practice(PracticeIntent::Toggle);
+    session.toggle_practice();
     assert!(!session.is_game());
     session.stroke(StrokeIntent::BeginPull, 0.0);
     assert!(!session.game.escape(), "a stroke was begun");
@@ -38,7 +38,7 @@ fn practice_leaves_the_camera_and_takes_no_stroke() {
 fn escape_closes_pages_before_strokes() {
     let mut session = session();
     session.stroke(StrokeIntent::BeginPull, 0.0);
-    session.practice(PracticeIntent::Toggle);
+    session.toggle_practice();
     assert!(session.escape() && session.is_game());
     assert!(session.escape());
     assert!(!session.escape());
@@ -75,7 +75,7 @@ fn a_table_that_is_laid_is_seen_from_above_and_the_game_as_before() {
             session.look(CameraIntent::NextView, 0.0);
         }
         for expected in [laid, first] {
-            session.practice(PracticeIntent::Toggle);
+            session.toggle_practice();
             session.advance_simulation(0.1);
             assert_eq!(session.game.view(), expected);
         }
@@ -96,7 +96,7 @@ fn a_match_waits_while_its_player_practises() {
             .unwrap();
         let objects = session.table_scene.scene().objects.len();
         let before = session.game.world().balls();
-        session.practice(PracticeIntent::Toggle);
+        session.toggle_practice();
         let Mode::Practice(practice) = session.modes.mode() else {
             panic!("no practice table");
         };
