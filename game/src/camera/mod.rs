@@ -1,7 +1,7 @@
 //! Cameras of the game, and the projection of the table's points to the window.
 //!
 //! ```text
-//! ViewSelection (the player's choice) ─▶ Viewpoint ─▶ CameraSmoother ─▶ clear of the lamps ─▶ Camera
+//! ViewSelection (the player's choice) ─▶ Viewpoint ─▶ clear of the lamps ─▶ Camera
 //!        ▲ FollowCamera (a ball on its way)
 //! ```
 
@@ -15,9 +15,7 @@ pub use follow_camera::FollowCamera;
 pub use framing::Framing;
 pub use projection::Projection;
 pub use view_selection::{CameraIntent, CameraView, SAVED_MAX, ViewContext, ViewSelection};
-pub use viewpoint::{
-    APERTURE_RADIUS_M, CameraSmoother, EYE_Z_M_MAX, EYE_Z_M_MIN, Orbit, Viewpoint,
-};
+pub use viewpoint::{APERTURE_RADIUS_M, EYE_Z_M_MAX, EYE_Z_M_MIN, Orbit, Viewpoint};
 
 /// An angle's equal in (−π, π].
 pub fn wrap_rad(angle_rad: f64) -> f64 {

@@ -181,6 +181,15 @@ impl Viewpoint {
         }
     }
 
+    /// Glides towards `wanted` for `dt_secs`, covering 63 % of what is left in `TIME_SECS`, the same way whatever the
+    /// display's rate, and then rests exactly there, so that a still picture can be told from a moving one.
+    pub fn follow(&mut self, wanted: Self, dt_secs: f64) {
+        *self = self.lerp(wanted, 1.0 - (-dt_secs.max(0.0) / TIME_SECS).exp());
+        if self.is_close_to(wanted) {
+            *self = wanted;
+        }
+    }
+
     fn is_close_to(self, other: Self) -> bool {
         self.focus.distance(other.focus) < 2e-4
             && wrap_rad(self.bearing_rad - other.bearing_rad).abs() < 2e-4
@@ -208,36 +217,6 @@ impl Default for Orbit {
             pitch_rad: 0.0,
             zoom: 1.0,
         }
-    }
-}
-
-/// A camera that glides to where it is wanted and then rests exactly there, so that a still
-/// picture can be told from a moving one.
-#[derive(Clone, Copy, Debug)]
-pub struct CameraSmoother {
-    at: Viewpoint,
-}
-
-impl CameraSmoother {
-    /// Starts at rest.
-    pub fn new(at: Viewpoint) -> Self {
-        Self { at }
-    }
-
-    /// Glides towards `wanted` for `dt_secs`, covering 63 % of what is left in `TIME_SECS`: the
-    /// same way whatever the display's rate.
-    pub fn follow(&mut self, wanted: Viewpoint, dt_secs: f64) {
-        self.at = self
-            .at
-            .lerp(wanted, 1.0 - (-dt_secs.max(0.0) / TIME_SECS).exp());
-        if self.at.is_close_to(wanted) {
-            self.at = wanted;
-        }
-    }
-
-    /// The view now.
-    pub fn viewpoint(&self) -> Viewpoint {
-        self.at
     }
 }
 
@@ -412,11 +391,11 @@ pub(super) mod tests {
             bearing_rad: 3.0,
             ..view()
         };
-        let (mut coarse, mut fine) = (CameraSmoother::new(view()), CameraSmoother::new(view()));
+        let (mut coarse, mut fine) = (view(), view());
         coarse.follow(wanted, 0.1);
         (0..10).for_each(|_| fine.follow(wanted, 0.01));
-        assert!((coarse.viewpoint().bearing_rad - fine.viewpoint().bearing_rad).abs() < 1e-9);
+        assert!((coarse.bearing_rad - fine.bearing_rad).abs() < 1e-9);
         (0..200).for_each(|_| fine.follow(wanted, 0.01));
-        assert_eq!(fine.viewpoint(), wanted);
+        assert_eq!(fine, wanted);
     }
 }

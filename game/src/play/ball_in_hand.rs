@@ -85,7 +85,7 @@ impl Game {
 
     /// So much to the right and away on the screen, on the table.
     fn on_screen(&self, by: DVec2) -> DVec2 {
-        let ahead = DVec2::from_angle(self.smoother.viewpoint().bearing_rad);
+        let ahead = DVec2::from_angle(self.seen_from.bearing_rad);
         ahead * by.y - ahead.perp() * by.x
     }
 

@@ -7,7 +7,7 @@ use carom_tracer::Camera;
 use glam::DVec2;
 
 use crate::camera::{
-    CameraIntent, CameraSmoother, CameraView, Framing, Projection, ViewContext, Viewpoint, wrap_rad,
+    CameraIntent, CameraView, Framing, Projection, ViewContext, Viewpoint, wrap_rad,
 };
 
 use super::{Game, LINE_POWER, TurnPhase};
@@ -43,7 +43,7 @@ impl Game {
     pub fn viewpoint(&self, moment_secs: f64) -> Viewpoint {
         match self.active() {
             Some(active) => active.viewpoint(moment_secs, &self.views, self.table(), self.framing),
-            None => self.smoother.viewpoint(),
+            None => self.seen_from,
         }
     }
 
@@ -84,7 +84,7 @@ impl Game {
     /// Looks on from where the player stood before the shot that is watched.
     pub(super) fn look_from_before(&mut self) {
         if let Some(from) = self.active().map(|active| active.from) {
-            self.smoother = CameraSmoother::new(from);
+            self.seen_from = from;
         }
     }
 

@@ -34,7 +34,7 @@ use carom_billiards::rules::RuleSet;
 use carom_text::text;
 use glam::{DVec2, DVec3};
 
-use crate::camera::{CameraSmoother, Framing, ViewSelection, Viewpoint};
+use crate::camera::{Framing, ViewSelection, Viewpoint};
 use crate::input::AimIntent;
 use crate::particles::ParticleMoment;
 use crate::scene::table_scene::TableScene;
@@ -61,7 +61,7 @@ pub struct Game {
     phase: TurnPhase,
     aim: Aim,
     views: ViewSelection,
-    smoother: CameraSmoother,
+    seen_from: Viewpoint,
     instant_camera: bool,
     shots: u64,
     aids: AimAids,
@@ -105,7 +105,7 @@ impl Game {
         let table = contest.world().table();
         let mut game = Self {
             views: ViewSelection::new(table),
-            smoother: CameraSmoother::new(Viewpoint::overview(table, 0.0)),
+            seen_from: Viewpoint::overview(table, 0.0),
             contest,
             match_view: None,
             ai_turn: None,
@@ -121,7 +121,7 @@ impl Game {
             particle_precision: physics::ParticlePrecision::default(),
         };
         game.begin_turn();
-        game.smoother = CameraSmoother::new(game.aim_view());
+        game.seen_from = game.aim_view();
         game
     }
 
@@ -226,8 +226,8 @@ impl Game {
         }
         match &self.phase {
             TurnPhase::Watching(_) => {}
-            _ if self.instant_camera => self.smoother = CameraSmoother::new(self.aim_view()),
-            _ => self.smoother.follow(self.aim_view(), dt_secs),
+            _ if self.instant_camera => self.seen_from = self.aim_view(),
+            _ => self.seen_from.follow(self.aim_view(), dt_secs),
         }
     }
 
@@ -327,7 +327,7 @@ impl Game {
             | TurnPhase::Watching(_)
             | TurnPhase::Simulating(_)
             | TurnPhase::Planned(_) => true,
-            _ => self.smoother.viewpoint() != self.aim_view(),
+            _ => self.seen_from != self.aim_view(),
         }
     }
 

@@ -5,7 +5,7 @@ use std::cell::OnceCell;
 use carom_billiards::physics::{self, Shot, Stroke};
 use carom_text::text;
 
-use crate::camera::{CameraSmoother, CameraView};
+use crate::camera::CameraView;
 use crate::input::StrokeIntent;
 
 use super::active_shot::{self, ActiveShot};
@@ -123,7 +123,7 @@ impl Game {
             shot,
             contact_secs,
             cue,
-            from: self.smoother.viewpoint(),
+            from: self.seen_from,
             glide_secs: match self.views.view() {
                 CameraView::Shooter => active_shot::RISE_SECS,
                 _ => active_shot::ARRIVE_SECS,
@@ -146,7 +146,7 @@ impl Game {
         };
         let end_secs = active.clock_secs(now_secs);
         let seen = active.viewpoint(end_secs, &self.views, self.table(), self.framing);
-        self.smoother = CameraSmoother::new(seen);
+        self.seen_from = seen;
         self.contest.finish(active.stroke, &active.shot);
         self.begin_turn();
     }

@@ -88,18 +88,8 @@ pub enum SchedulerAction {
 }
 
 /// Figures for the player.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SchedulerStats {
-    /// Size of the picture on show.
-    pub size: ImageSize,
-    /// Paths per pixel of the picture on show.
-    pub samples: u32,
-    /// From asking to the last tile, of the latest picture, seconds.
-    pub makespan_secs: f64,
-    /// Tiles of the latest picture.
-    pub tiles: u32,
-    /// Tiles that were asked for again, ever.
-    pub reissued_tiles: u64,
     /// Pictures finished, ever.
     pub pictures: u64,
     /// Tiles that were not there when their pictures had to be shown, and that the picture before
@@ -109,22 +99,6 @@ pub struct SchedulerStats {
     pub skipped: u64,
     /// How far ahead of its moment a picture is asked for, seconds.
     pub lead_secs: f64,
-}
-
-impl Default for SchedulerStats {
-    fn default() -> Self {
-        Self {
-            size: ImageSize::new(0, 0),
-            samples: 0,
-            makespan_secs: 0.0,
-            tiles: 0,
-            reissued_tiles: 0,
-            pictures: 0,
-            late_tiles: 0,
-            skipped: 0,
-            lead_secs: 0.0,
-        }
-    }
 }
 
 /// Turns a [`ViewTarget`] into requests and finished frames into the picture on show.
@@ -307,11 +281,6 @@ impl FrameScheduler {
         self.drain_pending()
     }
 
-    /// Whether a frame was requested and has neither been finished nor cancelled.
-    pub fn owns(&self, id: FrameId) -> bool {
-        self.pending.iter().any(|pending| pending.id == id)
-    }
-
     /// Takes in a finished frame; what must be summed with others goes, with the number of its picture,
     /// through [`crate::frame::accumulation`]. Frames that have been cancelled are ignored.
     pub fn finished(&mut self, frame: Frame) -> Option<(u64, SampleBatch)> {
@@ -329,16 +298,14 @@ impl FrameScheduler {
             let refinement = self.refinement.as_mut()?;
             return Some((refinement.series, refinement.render.accept(frame)?));
         }
-        let samples = pending.settings.samples;
         match (pending.role, frame.pixels) {
             (RequestKind::Interactive, Pixels::Srgb8(_)) if self.keeps_still(frame.size) => {}
             (RequestKind::Interactive, Pixels::Srgb8(rgba)) => {
-                self.show(frame.size, rgba, samples, pending.update);
+                self.show(frame.size, rgba, pending.update);
             }
             (RequestKind::Lookahead(at), Pixels::Srgb8(rgba)) => {
                 let picture = self.picture_of(frame.size, rgba, pending.update);
                 self.add_moment(frame.id, at, picture, frame.missing);
-                self.stats.samples = samples;
             }
             // A farm that answers in another format than it was asked for breaks its contract.
             (role, _) => tracing::error!("frame {} of {role:?} has another format", frame.id.0),
@@ -357,7 +324,7 @@ impl FrameScheduler {
         if frame.samples >= SHOWN_SAMPLES_MIN {
             let update = refinement.update.clone();
             self.still = None;
-            self.show(frame.size, frame.rgba, frame.samples, update);
+            self.show(frame.size, frame.rgba, update);
             self.is_shown_moving = false;
         }
     }
@@ -388,7 +355,7 @@ impl FrameScheduler {
             poses: still.update.poses.clone(),
             since_secs: None,
         });
-        self.show(still.size, still.rgba, 0, still.update);
+        self.show(still.size, still.rgba, still.update);
         self.is_shown_moving = false;
     }
 
@@ -414,7 +381,6 @@ impl FrameScheduler {
             Some(before) => fill(&mut picture, &missing, before),
             None => return,
         }
-        self.stats.size = picture.size;
         self.replace_shown(picture);
         self.shown_moment = Some(at);
     }
@@ -573,7 +539,6 @@ impl FrameScheduler {
     }
 
     fn measure(&mut self, pending: &PendingFrame, frame: &Frame) {
-        let makespan = frame.stats.makespan_secs;
         // Waiting and travelling delay a picture, but not the ones behind it.
         self.quality.observe(
             frame.size.pixels(),
@@ -582,17 +547,12 @@ impl FrameScheduler {
             frame.stats.busy_secs,
         );
         if pending.role != RequestKind::Accumulation {
-            self.lead.observe(makespan);
+            self.lead.observe(frame.stats.makespan_secs);
         }
-        self.stats.makespan_secs = makespan;
-        self.stats.tiles = frame.stats.tiles_by_node.iter().sum();
-        self.stats.reissued_tiles += u64::from(frame.stats.reissued_tiles);
         self.stats.pictures += 1;
     }
 
-    fn show(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, samples: u32, update: SceneUpdate) {
-        self.stats.size = size;
-        self.stats.samples = samples;
+    fn show(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, update: SceneUpdate) {
         let picture = self.picture_of(size, rgba, update);
         self.replace_shown(picture);
     }
