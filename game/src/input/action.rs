@@ -180,7 +180,7 @@ impl Action {
     /// What a press means, or a notch of the wheel, or a repetition of a key held down: `steps` of
     /// them, a tenth when the player wants fine ones. Nothing for actions that are held or that need
     /// the pointer.
-    pub(super) fn intent(self, steps: f64) -> Option<Intent> {
+    pub(crate) fn intent(self, steps: f64) -> Option<Intent> {
         let tip = |x: f64, y: f64| {
             Intent::Aim(AimIntent::MoveTip(
                 glam::DVec2::new(x, y) * steps * TIP_STEP_RADII,

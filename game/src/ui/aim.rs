@@ -61,11 +61,9 @@ impl AimOverlay<'_> {
         let Some(end) = way.path.last() else {
             return;
         };
-        let scale = self.projection.film_per_metre(*end);
-        let (Some(film), Some(scale)) = (self.projection.film_from_world(*end), scale) else {
+        let Some((at, radius)) = self.disc(*end, self.ball_radius_m) else {
             return;
         };
-        let (at, radius) = (self.point(film), (self.ball_radius_m * scale) as f32);
         let stroke = Stroke::new(width, color);
         match way.end {
             PathEnd::Rests => {
@@ -148,7 +146,8 @@ impl AimOverlay<'_> {
 
     /// A cue ball that is carried: a ring with a tick where it may lie, with a cross where not.
     pub fn carried(&self, at: DVec2, is_legal: bool) {
-        let Some((center, radius)) = self.disc(at, self.ball_radius_m) else {
+        let Some((center, radius)) = self.disc(at.extend(self.ball_radius_m), self.ball_radius_m)
+        else {
             return;
         };
         let (tint, color) = if is_legal {
@@ -177,7 +176,7 @@ impl AimOverlay<'_> {
 
     /// A ball that may be hit first: a ring on the cloth around it, hidden where the ball stands before it.
     pub fn ringed(&self, at: DVec2, radius_m: f64) {
-        let Some((center, radius)) = self.disc(at, radius_m) else {
+        let Some((center, radius)) = self.disc(at.extend(radius_m), radius_m) else {
             return;
         };
         let stroke = Stroke::new(1.6, RING);
@@ -219,9 +218,8 @@ impl AimOverlay<'_> {
         }
     }
 
-    /// A ball on the cloth as it is seen.
-    fn disc(&self, at: DVec2, radius_m: f64) -> Option<(Pos2, f32)> {
-        let center = at.extend(radius_m);
+    /// A ball as it is seen: its middle and its radius, in points.
+    pub(super) fn disc(&self, center: DVec3, radius_m: f64) -> Option<(Pos2, f32)> {
         let film = self.projection.film_from_world(center)?;
         let scale = self.projection.film_per_metre(center)?;
         Some((self.point(film), (radius_m * scale) as f32))
@@ -251,10 +249,7 @@ impl AimOverlay<'_> {
     }
 
     fn ball(&self, center: DVec3) {
-        let seen = self.projection.film_from_world(center);
-        if let (Some(film), Some(scale)) = (seen, self.projection.film_per_metre(center)) {
-            let radius = (self.ball_radius_m * scale) as f32;
-            let center = self.point(film);
+        if let Some((center, radius)) = self.disc(center, self.ball_radius_m) {
             self.painter
                 .circle(center, radius, GHOST, Stroke::new(1.4, GUIDE));
         }

@@ -14,7 +14,7 @@ use egui::{
 
 use super::form::explain;
 use super::layout::{LOW, Layout};
-use crate::input::{Action, AppIntent, Bindings, Intent, MatchIntent};
+use crate::input::{Action, Bindings, Intent, MatchIntent};
 
 /// What the board shows.
 #[derive(Clone, Debug)]
@@ -271,55 +271,29 @@ fn actions(ui: &mut Ui, hud: &MatchHud, bindings: &Bindings, is_low: bool) -> Op
     let view = &hud.view;
     let helper = text!("match-take-over", level = Match::HINT_LEVEL.display_text());
     let rows = [
-        (
-            text!("match-undo"),
-            Action::Undo,
-            view.undo > 0,
-            Intent::Match(MatchIntent::Undo),
-        ),
-        (
-            text!("match-redo"),
-            Action::Redo,
-            hud.may_redo,
-            Intent::Match(MatchIntent::Redo),
-        ),
-        (
-            text!("match-suggest"),
-            Action::Suggest,
-            hud.may_play,
-            Intent::Match(MatchIntent::Suggest),
-        ),
-        (
-            helper.as_str(),
-            Action::TakeOver,
-            hud.may_play,
-            Intent::Match(MatchIntent::TakeOver),
-        ),
+        (text!("match-undo"), Action::Undo, view.undo > 0),
+        (text!("match-redo"), Action::Redo, hud.may_redo),
+        (text!("match-suggest"), Action::Suggest, hud.may_play),
+        (helper.as_str(), Action::TakeOver, hud.may_play),
         (
             text!("match-pick-up"),
             Action::PickUp,
             hud.may_play && view.hand.is_some(),
-            Intent::Match(MatchIntent::PickUp),
         ),
-        (
-            text!("match-log"),
-            Action::Log,
-            !view.log.is_empty(),
-            Intent::App(AppIntent::ToggleLog),
-        ),
+        (text!("match-log"), Action::Log, !view.log.is_empty()),
     ];
     let mut wanted = None;
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing = Vec2::splat(6.0);
         ui.spacing_mut().button_padding = Vec2::new(8.0, 3.0);
-        for (words, action, is_possible, intent) in rows {
+        for (words, action, is_possible) in rows {
             let words = match is_low {
                 true => words.to_owned(),
                 false => format!("{words} ({})", bindings.words(action)),
             };
             let words = RichText::new(words).small();
             if ui.add_enabled(is_possible, Button::new(words)).clicked() {
-                wanted = Some(intent);
+                wanted = action.intent(1.0);
             }
         }
     });

@@ -14,7 +14,7 @@ use super::keys::Rebinding;
 use super::new_game::NewGame;
 pub use super::page::{MenuInput, Page};
 use super::{keys, new_game, preferences};
-use crate::input::{AppIntent, Intent, MatchIntent, ReplayIntent, Trigger};
+use crate::input::{Action, Intent, ReplayIntent, Trigger};
 use crate::settings::{Settings, SettingsStore};
 
 /// The pages over the table: those that led to the open one, and that one.
@@ -152,27 +152,15 @@ impl Menu {
         if entries.add(text!("menu-new-game")) {
             self.open(Page::NewGame);
         }
-        for (words, intent, is_for_all) in [
-            (
-                text!("menu-rack-again"),
-                Intent::Match(MatchIntent::Rack),
-                false,
-            ),
-            (
-                text!("menu-replays"),
-                Intent::Replay(ReplayIntent::Toggle),
-                true,
-            ),
-            (text!("menu-practice-table"), Intent::TogglePractice, true),
-            (
-                text!("menu-screenshot"),
-                Intent::App(AppIntent::TakeScreenshot),
-                true,
-            ),
+        for (words, action) in [
+            (text!("menu-rack-again"), Action::Rack),
+            (text!("menu-replays"), Action::LookBack),
+            (text!("menu-practice-table"), Action::Practise),
+            (text!("menu-screenshot"), Action::Photograph),
         ] {
-            if (is_for_all || is_free_table) && entries.add(words) {
+            if (is_free_table || action != Action::Rack) && entries.add(words) {
                 self.close();
-                command = Some(MenuCommand::Act(intent));
+                command = action.intent(1.0).map(MenuCommand::Act);
             }
         }
         if entries.add(text!("menu-settings")) {

@@ -5,7 +5,7 @@ use carom_text::text;
 use carom_window::theme;
 use clap::ValueEnum as _;
 use egui::{Align2, Color32, Context, FontId, RichText, Stroke, Ui};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 use super::aim::AimOverlay;
 use super::form::explain;
@@ -139,28 +139,19 @@ pub fn ring(overlay: &AimOverlay<'_>, practice: &Practice) {
     let Some(held) = practice.held() else {
         return;
     };
-    let centre = DVec3::new(held.at.x, held.at.y, overlay.ball_radius_m);
-    let projection = overlay.projection;
-    let (Some(film), Some(scale)) = (
-        projection.film_from_world(centre),
-        projection.film_per_metre(centre),
-    ) else {
+    let center = held.at.extend(overlay.ball_radius_m);
+    let Some((at, radius)) = overlay.disc(center, 1.35 * overlay.ball_radius_m) else {
         return;
     };
     let (sign, color) = match held.fault {
         None => (text!("practice-free"), FREE),
         Some(_) => ("✖", theme::ALARM),
     };
-    let at = overlay.screen.min + egui::vec2(film.x as f32, film.y as f32);
-    let radius = (1.35 * overlay.ball_radius_m * scale) as f32;
-    overlay
-        .painter
-        .circle_stroke(at, radius, Stroke::new(2.5, color));
+    let painter = overlay.painter;
+    painter.circle_stroke(at, radius, Stroke::new(2.5, color));
     let above = at - egui::vec2(0.0, radius + 4.0);
     let font = FontId::proportional(18.0);
-    overlay
-        .painter
-        .text(above, Align2::CENTER_BOTTOM, sign, font, color);
+    painter.text(above, Align2::CENTER_BOTTOM, sign, font, color);
 }
 
 fn ball_words(number: u8) -> String {
