@@ -209,10 +209,7 @@ impl Args {
         let rules = self.rules.unwrap_or_default();
         let players = match (&self.players, rules) {
             (Some(list), _) => Player::list(list)?,
-            (None, RuleSet::Free) => vec![Player::Human(text!("player-you").to_owned())],
-            (None, rules) if rules.is_drill() => {
-                vec![Player::Human(text!("player-you").to_owned())]
-            }
+            (None, rules) if rules.is_for_one() => vec![Player::you()],
             (None, _) => Player::list("ai")?,
         };
         let own = MatchConfig::new(rules, players, self.seed)?;

@@ -121,12 +121,7 @@ fn looks(material: ParticleMaterial, cloth: Vec3, spacing_m: f32) -> Vec<Particl
             let marble = |albedo: [f32; 3]| ParticleLook {
                 // As wide as they are simulated, but for what places are rounded.
                 radius: 0.99 * ParticleMaterial::MARBLE_RADIUS_M as f32 / spacing_m,
-                material: Material::SmoothPlastic {
-                    albedo: albedo.into(),
-                    ior: 1.5,
-                    internal_reflectance: None,
-                    stripe: None,
-                },
+                material: Material::plastic(albedo),
                 smoothing: None,
             };
             MARBLES.map(marble).into()

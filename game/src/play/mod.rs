@@ -405,12 +405,8 @@ impl Game {
 /// A sentence if the balls cannot lie on it.
 pub fn free_table(table: Table, seed: u32) -> carom_billiards::Result<Match> {
     Match::new(MatchConfig {
-        rules: RuleSet::Free,
-        players: vec![Player::Human(text!("player-you").to_owned())],
-        target: 0,
-        seed,
         table,
-        engine: physics::Engine::default(),
+        ..MatchConfig::new(RuleSet::Free, vec![Player::you()], seed)?
     })
 }
 

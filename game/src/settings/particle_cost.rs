@@ -3,56 +3,27 @@
 use carom_billiards::physics::ParticlePrecision;
 use carom_text::text;
 
-/// A precision's row: the shot into the sand trap.
-struct PrecisionCost {
-    precision: ParticlePrecision,
-    /// Particles of the trap.
-    particles: u32,
-    /// CPU time of the shot, s.
-    shot_secs: &'static str,
-    /// Mean distance of the cue ball from where it is at the finest, over the first second, mm.
-    differs_mm: &'static str,
-    /// Mean difference of how high sand lies behind it from the finest, mm.
-    surface_mm: &'static str,
+/// Of the shot into the sand trap: how many particles there are, CPU time in s, and in mm the mean distance of the cue
+/// ball over its first second, and of how high sand lies behind it, from what they are at the finest.
+const fn figures(precision: ParticlePrecision) -> [&'static str; 4] {
+    // `carom-bench particles --part precision`: rows of `tests/bench/MEASUREMENTS.md`.
+    match precision {
+        ParticlePrecision::Coarse => ["2560", "1.1", "40", "1.9"],
+        ParticlePrecision::Standard => ["4000", "1.1", "11", "2.0"],
+        ParticlePrecision::Fine => ["8640", "5.3", "0", "0"],
+    }
 }
-
-// `carom-bench particles --part precision`: rows of `tests/bench/MEASUREMENTS.md`.
-const COSTS: [PrecisionCost; 3] = [
-    PrecisionCost {
-        precision: ParticlePrecision::Coarse,
-        particles: 2560,
-        shot_secs: "1.1",
-        differs_mm: "40",
-        surface_mm: "1.9",
-    },
-    PrecisionCost {
-        precision: ParticlePrecision::Standard,
-        particles: 4000,
-        shot_secs: "1.1",
-        differs_mm: "11",
-        surface_mm: "2.0",
-    },
-    PrecisionCost {
-        precision: ParticlePrecision::Fine,
-        particles: 8640,
-        shot_secs: "5.3",
-        differs_mm: "0",
-        surface_mm: "0",
-    },
-];
 
 /// The cost and error of one precision, in a sentence.
 pub fn particle_cost(precision: ParticlePrecision) -> String {
-    let row = COSTS.iter().find(|cost| cost.precision == precision);
-    row.map_or(String::new(), |cost| {
-        text!(
-            "particle-cost",
-            particles = cost.particles,
-            time = cost.shot_secs,
-            differs = cost.differs_mm,
-            surface = cost.surface_mm
-        )
-    })
+    let [particles, time, differs, surface] = figures(precision);
+    text!(
+        "particle-cost",
+        particles = particles,
+        time = time,
+        differs = differs,
+        surface = surface
+    )
 }
 
 #[cfg(test)]
@@ -75,14 +46,14 @@ mod tests {
     #[test]
     fn figures_are_those_of_the_measurements() {
         const TIME: &str = "| CPU time of a shot into the sand trap |";
-        let ours = |of: fn(&PrecisionCost) -> String| COSTS.iter().map(of).collect::<Vec<_>>();
-        let particles = ours(|cost| cost.particles.to_string());
-        assert_eq!(measured(TIME, 3), particles);
-        assert_eq!(measured(TIME, 4), ours(|cost| cost.shot_secs.to_owned()));
+        let precisions = || ParticlePrecision::value_variants().iter();
+        let ours = |figure: usize| precisions().map(move |p| figures(*p)[figure].to_owned());
+        assert!(ours(0).eq(measured(TIME, 3)));
+        assert!(ours(1).eq(measured(TIME, 4)));
         let path = measured("| the cue ball's mean distance from the finest", 4);
-        assert_eq!(path, ours(|cost| cost.differs_mm.to_owned()));
+        assert!(ours(2).eq(path));
         let surface = measured("| how high sand lies behind it", 4);
-        assert_eq!(surface, ours(|cost| cost.surface_mm.to_owned()));
+        assert!(ours(3).eq(surface));
     }
 
     #[test]

@@ -42,12 +42,11 @@ impl NewGame {
     pub fn begin(&self, seed: u32, options: TableOptions) -> carom_billiards::Result<Match> {
         let human = |name: &str| Player::Human(name.to_owned());
         let players = match (self.rules, self.computer) {
-            (RuleSet::Free, _) => vec![human(text!("player-you"))],
-            (rules, _) if rules.is_drill() => vec![human(text!("player-you"))],
+            (rules, _) if rules.is_for_one() => vec![Player::you()],
             (_, Some(level)) if self.is_watched => {
                 vec![Player::Computer(Level::Hard), Player::Computer(level)]
             }
-            (_, Some(level)) => vec![human(text!("player-you")), Player::Computer(level)],
+            (_, Some(level)) => vec![Player::you(), Player::Computer(level)],
             (_, None) => vec![human(text!("player-1")), human(text!("player-2"))],
         };
         let own = MatchConfig::new(self.rules, players, seed)?;
@@ -80,7 +79,7 @@ pub(super) fn page(ui: &mut Ui, game: &mut NewGame, is_fresh: bool) -> bool {
                 ui.vertical(|ui| rules(ui, game, choices));
                 ui.end_row();
             }
-            if game.rules != RuleSet::Free && !game.rules.is_drill() {
+            if !game.rules.is_for_one() {
                 opponent(ui, game);
                 target(ui, game);
             }

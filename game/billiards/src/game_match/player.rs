@@ -20,6 +20,11 @@ pub enum Player {
 }
 
 impl Player {
+    /// The person at the screen.
+    pub fn you() -> Self {
+        Self::Human(text!("player-you").to_owned())
+    }
+
     /// For the player to read.
     pub fn name(&self) -> String {
         match self {
@@ -56,7 +61,7 @@ impl Player {
         }
         let mut players: Vec<Self> = text.split(',').map(str::parse).collect::<Result<_, _>>()?;
         if let [Self::Computer(_)] = players[..] {
-            players.insert(0, Self::Human(text!("player-you").to_owned()));
+            players.insert(0, Self::you());
         }
         if players.len() > PLAYERS_MAX {
             return Err(PlayersFault::TooMany {

@@ -95,6 +95,11 @@ impl RuleSet {
         }
     }
 
+    /// Whether one player is enough.
+    pub fn is_for_one(self) -> bool {
+        *self.info().players.start() == 1
+    }
+
     /// A ball's name, with its article.
     pub fn ball_name(self, ball: u8) -> String {
         match (self, ball) {

@@ -54,19 +54,12 @@ pub(super) fn materials(
 
 /// What is the same in every room.
 fn furniture() -> Vec<(&'static str, Material)> {
-    let lacquer = |albedo| Material::SmoothPlastic {
-        albedo,
-        ior: 1.5,
-        internal_reflectance: None,
-        stripe: None,
-    };
     let soft = |albedo: Vec3, sheen| Material::Cloth {
         albedo,
         sheen: Vec3::splat(sheen),
         sheen_roughness: 0.5,
         marks: None,
     };
-    let diffuse = |albedo| Material::Diffuse { albedo };
     let planks = ProceduralTexture::Planks {
         light: Vec3::new(0.17, 0.105, 0.058),
         dark: Vec3::new(0.105, 0.062, 0.034),
@@ -95,10 +88,10 @@ fn furniture() -> Vec<(&'static str, Material)> {
                 texture: planks,
             },
         ),
-        ("leather", diffuse(Vec3::new(0.03, 0.022, 0.017))),
+        ("leather", Material::diffuse([0.03, 0.022, 0.017])),
         ("collar leather", soft(Vec3::new(0.075, 0.038, 0.022), 0.03)),
         ("brass", metal(brass, 0.2)),
-        ("enamel", lacquer(Vec3::new(0.012, 0.014, 0.018))),
+        ("enamel", Material::plastic([0.012, 0.014, 0.018])),
         (
             "wall",
             Material::Coated {
@@ -106,8 +99,8 @@ fn furniture() -> Vec<(&'static str, Material)> {
                 texture: bricks,
             },
         ),
-        ("picture red", diffuse(Vec3::new(0.3, 0.07, 0.04))),
-        ("picture blue", diffuse(Vec3::new(0.05, 0.1, 0.25))),
+        ("picture red", Material::diffuse([0.3, 0.07, 0.04])),
+        ("picture blue", Material::diffuse([0.05, 0.1, 0.25])),
     ]
 }
 
