@@ -8,6 +8,7 @@ mod frame;
 mod gamepads;
 pub mod mode;
 pub mod mode_controller;
+mod pointer_travel;
 pub mod session;
 mod window;
 mod window_events;
