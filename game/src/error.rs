@@ -54,36 +54,27 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// A layout does not fit the table that is played on.
-    #[error("{}", text!("layout-other-table", table = table.as_str()))]
-    OtherTable {
-        /// Of the layout.
-        table: String,
-    },
+    /// A layout is for this table, and another is played on.
+    #[error("{}", text!("layout-other-table", table = _0.as_str()))]
+    OtherTable(String),
     /// The farm does not take what it is asked for.
     #[error("{}", text!("farm-error", why = .0.to_string()))]
     Farm(#[from] carom_farm::Error),
     /// The system gives no thread.
     #[error("{}", text!("render-not-started", why = .0.to_string()))]
     CaptureThread(io::Error),
-    /// No kind of video has a name like this.
+    /// No kind of video has this name.
     #[error(
-        "`{name}` is no film: give a name that ends in .mp4, .webm, .mkv or .gif (with ffmpeg \
+        "`{0}` is no film: give a name that ends in .mp4, .webm, .mkv or .gif (with ffmpeg \
          installed), in .y4m, in .png for an animation, or a folder"
     )]
-    VideoKind {
-        /// As it was given.
-        name: String,
-    },
-    /// A kind of video that ffmpeg makes.
+    VideoKind(String),
+    /// A video of this name takes ffmpeg.
     #[error(
-        "`{name}` needs ffmpeg, which is not installed (on Debian or Ubuntu: `apt install ffmpeg`): \
+        "`{0}` needs ffmpeg, which is not installed (on Debian or Ubuntu: `apt install ffmpeg`): \
          install it, or give a name that ends in .y4m, in .png for an animation, or a folder"
     )]
-    FfmpegMissing {
-        /// As it was given.
-        name: String,
-    },
+    FfmpegMissing(String),
 }
 
 /// A reason why a ball of the practice table cannot come, go or lie somewhere.
@@ -93,23 +84,14 @@ pub enum PracticeFault {
     #[error("{}", text!("practice-not-clear"))]
     NotClear,
     /// The ball that is to come is there.
-    #[error("{}", text!("practice-on-table", ball = text!("ball", number = *ball)))]
-    OnTable {
-        /// Its number.
-        ball: u8,
-    },
+    #[error("{}", text!("practice-on-table", ball = text!("ball", number = *_0)))]
+    OnTable(u8),
     /// The ball that is to go is not there.
-    #[error("{}", text!("practice-not-on-table", ball = text!("ball", number = *ball)))]
-    NotOnTable {
-        /// Its number.
-        ball: u8,
-    },
+    #[error("{}", text!("practice-not-on-table", ball = text!("ball", number = *_0)))]
+    NotOnTable(u8),
     /// The table is full.
-    #[error("{}", text!("practice-no-room", ball = text!("ball", number = *ball)))]
-    NoRoom {
-        /// Its number.
-        ball: u8,
-    },
+    #[error("{}", text!("practice-no-room", ball = text!("ball", number = *_0)))]
+    NoRoom(u8),
 }
 
 /// What a setting must be and is not, to follow "it must be".

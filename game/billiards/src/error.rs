@@ -97,12 +97,9 @@ pub enum Error {
 /// A value of a stroke that cannot be played.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum StrokeFault {
-    /// The direction is no number.
-    #[error("the direction {direction_rad} is not an angle")]
-    Direction {
-        /// In rad.
-        direction_rad: f64,
-    },
+    /// The direction, in rad, is no number.
+    #[error("the direction {0} is not an angle")]
+    Direction(f64),
     /// The cue's speed is out of range.
     #[error("the cue's speed of {speed_m_s} m/s is not over 0 and up to {max_m_s} m/s")]
     Speed {
@@ -152,12 +149,9 @@ pub enum TableFault {
         /// The most.
         max: f64,
     },
-    /// Side pockets need corner pockets.
-    #[error("{table}: it has side pockets but no corner pockets")]
-    SidePocketsOnly {
-        /// Its name for the player.
-        table: String,
-    },
+    /// Side pockets need corner pockets: of the table with this name.
+    #[error("{0}: it has side pockets but no corner pockets")]
+    SidePocketsOnly(String),
     /// The pockets are too wide.
     #[error("{table}: its pockets take {taken_m} m and leave no cushion")]
     NoCushionLeft {
@@ -166,12 +160,9 @@ pub enum TableFault {
         /// By all pockets of a side, in m.
         taken_m: f64,
     },
-    /// A length is not positive and finite.
-    #[error("a size of {size_m} m is not over 0")]
-    Size {
-        /// In m.
-        size_m: f64,
-    },
+    /// A length, in m, is not positive and finite.
+    #[error("a size of {0} m is not over 0")]
+    Size(f64),
     /// A circle is nowhere.
     #[error("a circle's center is not finite")]
     CircleNotFinite,
@@ -195,22 +186,16 @@ pub enum TableFault {
         known: String,
     },
     /// No table that ships with the crate has this name for the player.
-    #[error("there is no table `{name}`")]
-    Unnamed {
-        /// As a saved match has it.
-        name: String,
-    },
+    #[error("there is no table `{0}`")]
+    Unnamed(String),
 }
 
 /// A reason why balls cannot lie as they should.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum LayoutFault {
     /// No ball has this number.
-    #[error("there is no ball {ball}")]
-    NoSuchBall {
-        /// The number.
-        ball: u8,
-    },
+    #[error("there is no ball {0}")]
+    NoSuchBall(u8),
     /// The body is not physical.
     #[error("the {quantity} of ball {ball} is {value} {unit}: it must be finite and over 0")]
     Body {
@@ -223,18 +208,12 @@ pub enum LayoutFault {
         /// kg or m.
         unit: &'static str,
     },
-    /// Place or motion is not finite.
-    #[error("ball {ball} has a place or a speed that is not finite")]
-    NotFinite {
-        /// The ball.
-        ball: u8,
-    },
+    /// Place or motion of the ball is not finite.
+    #[error("ball {0} has a place or a speed that is not finite")]
+    NotFinite(u8),
     /// Two balls share a number.
-    #[error("ball {ball} is there twice")]
-    Twice {
-        /// The number.
-        ball: u8,
-    },
+    #[error("ball {0} is there twice")]
+    Twice(u8),
     /// It neither lies on the cloth nor flies over it.
     #[error("ball {ball} with its centre at {height_m} m does not lie on the cloth")]
     NotOnCloth {
@@ -297,11 +276,8 @@ pub enum EngineFault {
         max: u32,
     },
     /// No engine is called so.
-    #[error("`{name}` is neither `exact` nor `rapier-` and steps per second, as rapier-240")]
-    Unknown {
-        /// As it was asked for.
-        name: String,
-    },
+    #[error("`{0}` is neither `exact` nor `rapier-` and steps per second, as rapier-240")]
+    Unknown(String),
     /// A frame is too short.
     #[error("a frame of {frame_secs} s is shorter than {min_secs} s")]
     FrameTooShort {
@@ -329,12 +305,9 @@ pub enum FileFault {
     /// It is a folder, a pipe or a device.
     #[error("it is no plain file")]
     NotPlain,
-    /// It is another kind of file.
-    #[error("it does not begin as a {kind} does")]
-    OtherKind {
-        /// `recorded shot` or `match`.
-        kind: &'static str,
-    },
+    /// It is not this kind of file, `recorded shot` or `match`.
+    #[error("it does not begin as a {0} does")]
+    OtherKind(&'static str),
     /// It is cut off early.
     #[error("it ends within its version")]
     NoVersion,
@@ -352,12 +325,9 @@ pub enum FileFault {
     /// It cannot be encoded.
     #[error("{0}")]
     NotEncoded(postcard::Error),
-    /// It goes on behind its end.
-    #[error("{bytes} bytes follow its end")]
-    TrailingBytes {
-        /// How many.
-        bytes: usize,
-    },
+    /// So many bytes follow its end.
+    #[error("{0} bytes follow its end")]
+    TrailingBytes(usize),
     /// It is too large.
     #[error("it has {bytes} bytes, at most {max} are kept")]
     TooLarge {
@@ -366,12 +336,9 @@ pub enum FileFault {
         /// The largest.
         max: u64,
     },
-    /// A shot does not last a length of time that shots have.
-    #[error("it lasts {duration_secs} s")]
-    Duration {
-        /// In s.
-        duration_secs: f64,
-    },
+    /// A shot does not last a time, in s, that shots last.
+    #[error("it lasts {0} s")]
+    Duration(f64),
     /// Events are out of order.
     #[error("its events are not in the order of time")]
     EventsUnordered,
@@ -386,12 +353,9 @@ pub enum FileFault {
     /// A ball's body is not physical.
     #[error("{0}")]
     Body(LayoutFault),
-    /// The balls turn too often to be kept in memory.
-    #[error("its balls turn {turns} times")]
-    Turns {
-        /// Of all balls together.
-        turns: f64,
-    },
+    /// The balls turn too often, all together, to be kept in memory.
+    #[error("its balls turn {0} times")]
+    Turns(f64),
     /// It has no shots, or too many.
     #[error("it has {shots} shots, not 1 to {max}")]
     ShotCount {
@@ -400,12 +364,9 @@ pub enum FileFault {
         /// The most.
         max: usize,
     },
-    /// Particles that no shot has.
-    #[error("its particles are not a shot's: {fault}")]
-    Particles {
-        /// Why.
-        fault: &'static str,
-    },
+    /// Particles that no shot has, and why.
+    #[error("its particles are not a shot's: {0}")]
+    Particles(&'static str),
     /// A title does not fit a line.
     #[error("a title of {bytes} bytes is longer than {max} or not one line")]
     Title {
@@ -422,18 +383,12 @@ pub enum PlacementFault {
     /// It does not lie on the cloth there.
     #[error("{}", text!("place-not-on-cloth"))]
     NotOnCloth,
-    /// It is in hand elsewhere.
-    #[error("{}", text!("place-outside", area = *area))]
-    OutsideArea {
-        /// Where it is in hand, to follow "in hand".
-        area: &'static str,
-    },
-    /// It touches another ball there.
+    /// It is in hand elsewhere: in an area named to follow "in hand".
+    #[error("{}", text!("place-outside", area = *_0))]
+    OutsideArea(&'static str),
+    /// It touches this ball there.
     #[error("{}", text!("place-touches"))]
-    Touches {
-        /// The ball.
-        ball: u8,
-    },
+    Touches(u8),
     /// It is not in hand.
     #[error("{}", text!("ball-not-in-hand"))]
     NotInHand,
@@ -464,12 +419,9 @@ pub enum RuleFault {
         /// The most.
         max: u32,
     },
-    /// The choice is not offered.
-    #[error("\u{201c}{choice}\u{201d} is no choice now")]
-    NoSuchChoice {
-        /// What was chosen, as its button says it.
-        choice: &'static str,
-    },
+    /// The choice, as its button says it, is not offered.
+    #[error("\u{201c}{0}\u{201d} is no choice now")]
+    NoSuchChoice(&'static str),
     /// The table's pockets do not fit the game.
     #[error("{game} cannot be played on the {table}: it has {pockets} pockets")]
     OtherTable {
@@ -493,11 +445,8 @@ pub enum RuleFault {
     #[error("the free table has no end and no winner: choose another game")]
     NoWinner,
     /// A person is at the table where a computer is to play.
-    #[error("it is the turn of {player}, a person")]
-    PersonsTurn {
-        /// The player's name.
-        player: String,
-    },
+    #[error("it is the turn of {0}, a person")]
+    PersonsTurn(String),
 }
 
 /// A reason why a list of players cannot be read.
@@ -520,11 +469,8 @@ pub enum PlayersFault {
         max: usize,
     },
     /// No level is called so.
-    #[error("`{text}` is no player: the levels are ai:easy, ai:medium, ai:hard, ai:expert")]
-    UnknownLevel {
-        /// As it was asked for.
-        text: String,
-    },
+    #[error("`{0}` is no player: the levels are ai:easy, ai:medium, ai:hard, ai:expert")]
+    UnknownLevel(String),
     /// A name is empty, too long or has control characters.
     #[error("a player's name has 1 to {max} letters, not `{text}`")]
     Name {

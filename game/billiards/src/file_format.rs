@@ -42,7 +42,7 @@ impl FileFormat {
         self.check_size(bytes.len() as u64)?;
         let kind = self.kind;
         let rest = bytes.strip_prefix(self.magic);
-        let rest = rest.ok_or(FileFault::OtherKind { kind })?;
+        let rest = rest.ok_or(FileFault::OtherKind(kind))?;
         let (version, body) = rest.split_first_chunk().ok_or(FileFault::NoVersion)?;
         let (version, known) = (u16::from_le_bytes(*version), self.version);
         if version != known {
@@ -51,7 +51,7 @@ impl FileFormat {
         let (body, left) = postcard::take_from_bytes(body).map_err(FileFault::Damaged)?;
         match left.len() {
             0 => Ok(body),
-            bytes => Err(FileFault::TrailingBytes { bytes }),
+            bytes => Err(FileFault::TrailingBytes(bytes)),
         }
     }
 

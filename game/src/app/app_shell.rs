@@ -18,8 +18,8 @@ use crate::app::session::GameSession;
 use crate::audio::{self, Playback};
 use crate::camera::CameraIntent;
 use crate::input::{
-    Action, AppIntent, BindingContext, Event, GamepadControl, Input, Intent,
-    MatchIntent, StrokeIntent, Trigger,
+    Action, AppIntent, BindingContext, Event, GamepadControl, Input, Intent, MatchIntent,
+    StrokeIntent, Trigger,
 };
 use crate::settings::{Settings, SettingsStore};
 use crate::ui::layout::{CUE_COLUMN, Layout};

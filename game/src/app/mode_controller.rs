@@ -296,8 +296,7 @@ impl ModeController {
 fn lay(practice: &mut Practice, path: &Path, game: &Game, now_secs: f64) -> Result<()> {
     let recording = Recording::load(path)?;
     if recording.table != game.table().name() {
-        let table = recording.table;
-        return Err(Error::OtherTable { table });
+        return Err(Error::OtherTable(recording.table));
     }
     if let Some(player) = ReplayPlayer::new(recording, game.table(), now_secs) {
         practice.lay(player.start().balls, player.patches())?;

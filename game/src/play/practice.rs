@@ -248,7 +248,7 @@ impl Practice {
         let mut balls = self.world.balls();
         let lies = |ball: &BallState| ball.number == number && ball.phase.is_on_table();
         if balls.iter().any(lies) {
-            return Err(PracticeFault::OnTable { ball: number });
+            return Err(PracticeFault::OnTable(number));
         }
         balls.retain(|ball| ball.number != number);
         let table = self.world.table();
@@ -259,7 +259,7 @@ impl Practice {
         };
         let mut places = rings(1.1 * table.body_of(number).radius_m, table.length_m());
         let found = places.find_map(place);
-        self.world = found.ok_or(PracticeFault::NoRoom { ball: number })?;
+        self.world = found.ok_or(PracticeFault::NoRoom(number))?;
         Ok(())
     }
 
@@ -272,7 +272,7 @@ impl Practice {
         let before = balls.len();
         balls.retain(|ball| ball.number != number);
         if balls.len() == before {
-            return Err(PracticeFault::NotOnTable { ball: number }.into());
+            return Err(PracticeFault::NotOnTable(number).into());
         }
         self.world = with_balls(&self.world, balls)?;
         self.held = self.held.take().filter(|held| held.number != number);
@@ -425,7 +425,7 @@ mod tests {
     #[test]
     fn balls_come_and_go() {
         let mut practice = practice();
-        let there = PracticeFault::OnTable { ball: 3 };
+        let there = PracticeFault::OnTable(3);
         assert_eq!(practice.add(3), Err(there));
         assert_eq!(there.to_string(), "the 3 is on the table already");
         for number in 1..=15 {

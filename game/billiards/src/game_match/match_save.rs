@@ -85,9 +85,8 @@ impl MatchSave {
     /// # Errors
     /// [`Error::Replay`] and others if it is no match: then nothing of it can be used.
     pub fn play(&self) -> Result<Match> {
-        let table = Table::named(&self.table).ok_or_else(|| TableFault::Unnamed {
-            name: self.table.clone(),
-        })?;
+        let table =
+            Table::named(&self.table).ok_or_else(|| TableFault::Unnamed(self.table.clone()))?;
         let mut game = Match::new(MatchConfig {
             rules: self.rules,
             players: self.players.clone(),
@@ -205,7 +204,7 @@ impl ParticleTable {
         let mut balls = world.balls();
         for ball in &mut balls {
             let saved = self.balls.iter().find(|saved| saved.number == ball.number);
-            let saved = saved.ok_or(LayoutFault::NoSuchBall { ball: ball.number })?;
+            let saved = saved.ok_or(LayoutFault::NoSuchBall(ball.number))?;
             let is_turned = saved.orientation.is_normalized();
             (ball.position, ball.orientation) = (saved.position, saved.orientation);
             if ball.position.z > ball.body.radius_m {
@@ -213,7 +212,7 @@ impl ParticleTable {
                 ball.phase = Phase::Airborne;
             }
             if !is_turned {
-                return Err(LayoutFault::NotFinite { ball: ball.number }.into());
+                return Err(LayoutFault::NotFinite(ball.number).into());
             }
         }
         let bed = self.bed.restore(world.table())?;

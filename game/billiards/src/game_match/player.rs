@@ -85,9 +85,7 @@ impl FromStr for Player {
             let level = Level::ALL.into_iter().find(|known| known.key() == level);
             return level
                 .map(Self::Computer)
-                .ok_or_else(|| PlayersFault::UnknownLevel {
-                    text: text.to_owned(),
-                });
+                .ok_or_else(|| PlayersFault::UnknownLevel(text.to_owned()));
         }
         let fits = (1..=NAME_LETTERS_MAX).contains(&text.chars().count());
         if !fits || text.chars().any(char::is_control) {

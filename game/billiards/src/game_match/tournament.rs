@@ -94,9 +94,9 @@ pub fn play_out(game: &mut Match, shots_max: u32) -> Result<()> {
         let Some(player) = game.at_table() else {
             return Ok(());
         };
-        let level = player.level().ok_or_else(|| RuleFault::PersonsTurn {
-            player: player.name(),
-        })?;
+        let level = player
+            .level()
+            .ok_or_else(|| RuleFault::PersonsTurn(player.name()))?;
         game.play_computer(&level.into())?;
     }
     Ok(())

@@ -59,9 +59,7 @@ impl Stroke {
     pub fn validate(&self) -> Result<()> {
         let offset = self.offset();
         let fault = if !self.direction_rad.is_finite() {
-            StrokeFault::Direction {
-                direction_rad: self.direction_rad,
-            }
+            StrokeFault::Direction(self.direction_rad)
         } else if !(self.speed_m_s > 0.0 && self.speed_m_s <= Self::SPEED_MAX_M_S) {
             StrokeFault::Speed {
                 speed_m_s: self.speed_m_s,

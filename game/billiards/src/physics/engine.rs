@@ -94,7 +94,7 @@ impl FromStr for Engine {
         let steps = text.strip_prefix("rapier-").and_then(|n| n.parse().ok());
         let Some(steps_per_sec) = steps else {
             let name = text.to_owned();
-            return Err(EngineFault::Unknown { name }.into());
+            return Err(EngineFault::Unknown(name).into());
         };
         let rapier = Rapier::at(steps_per_sec);
         rapier.validate()?;

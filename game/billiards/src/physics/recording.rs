@@ -170,7 +170,7 @@ impl RecordingFile {
             turns += take.validate()?;
         }
         if turns > TURNS_MAX {
-            return Err(FileFault::Turns { turns });
+            return Err(FileFault::Turns(turns));
         }
         Ok(())
     }
@@ -212,7 +212,7 @@ impl ClipFile {
     fn validate(&self) -> Result<f64, FileFault> {
         let duration_secs = self.duration_secs;
         if !(0.0..=SHOT_SECS_MAX).contains(&duration_secs) {
-            return Err(FileFault::Duration { duration_secs });
+            return Err(FileFault::Duration(duration_secs));
         }
         let times = self.events.iter().map(|event| event.time_secs);
         if !ascends(times, duration_secs) {

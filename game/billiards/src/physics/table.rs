@@ -224,7 +224,7 @@ impl Table {
             .chain(radii)
             .find(|s| !(*s > 0.0 && s.is_finite()))
         {
-            return Err(TableFault::Size { size_m: bad }.into());
+            return Err(TableFault::Size(bad).into());
         }
         if circles().any(|circle| !circle.center.is_finite()) {
             return Err(TableFault::CircleNotFinite.into());

@@ -246,7 +246,7 @@ impl TableSpec {
             .into());
         }
         if self.side_pockets.is_some() && self.corner_pockets.is_none() {
-            return Err(TableFault::SidePocketsOnly { table: table() }.into());
+            return Err(TableFault::SidePocketsOnly(table()).into());
         }
         let mouths =
             |pocket: Option<PocketSpec>| pocket.map_or(0.0, |p| p.mouth_m + 2.0 * p.jaw_radius_m);

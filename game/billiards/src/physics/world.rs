@@ -172,7 +172,7 @@ impl World {
     /// [`crate::Error::Layout`] if there is no such ball or it cannot lie there; it stays where it was.
     pub fn place(&mut self, number: u8, x: f64, y: f64) -> Result<()> {
         let Some(index) = self.balls.iter().position(|ball| ball.number == number) else {
-            return Err(LayoutFault::NoSuchBall { ball: number }.into());
+            return Err(LayoutFault::NoSuchBall(number).into());
         };
         let placed = BallState {
             orientation: self.balls[index].orientation,
@@ -300,10 +300,10 @@ impl World {
         body.validate(number)?;
         let ball = number;
         if !(position.is_finite() && velocity.is_finite() && spin.is_finite()) {
-            return Err(LayoutFault::NotFinite { ball }.into());
+            return Err(LayoutFault::NotFinite(ball).into());
         }
         if others.iter().any(|other| other.number == number) {
-            return Err(LayoutFault::Twice { ball }.into());
+            return Err(LayoutFault::Twice(ball).into());
         }
         if !phase.is_on_table() {
             return Ok(());

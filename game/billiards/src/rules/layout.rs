@@ -103,12 +103,12 @@ impl TableLayout {
         }
         if !self.is_within(at, area) {
             let area = area.display_text();
-            return Err(PlacementFault::OutsideArea { area });
+            return Err(PlacementFault::OutsideArea(area));
         }
         let least = self.radius_m + self.cue_radius_m;
         let touches = |p: &&BallPosition| p.ball != 0 && p.at.distance(at) < least + TOUCH_M;
         match positions.iter().find(touches) {
-            Some(p) => Err(PlacementFault::Touches { ball: p.ball }),
+            Some(p) => Err(PlacementFault::Touches(p.ball)),
             None => Ok(()),
         }
     }

@@ -302,7 +302,7 @@ impl Referee {
     ) -> Result<Verdict, RuleFault> {
         if !self.options.contains(&choice) {
             let choice = choice.display_text();
-            return Err(RuleFault::NoSuchChoice { choice });
+            return Err(RuleFault::NoSuchChoice(choice));
         }
         self.options.clear();
         let mut verdict = Verdict::default();

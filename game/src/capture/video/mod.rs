@@ -39,14 +39,12 @@ impl VideoTarget {
             let is_possible = ffmpeg::installed().is_some();
             return is_possible
                 .then_some(Self::Encoded(at, container))
-                .ok_or(Error::FfmpegMissing { name });
+                .ok_or(Error::FfmpegMissing(name));
         }
         match FilmFormat::of(&at) {
             Ok(_) => Ok(Self::File(at)),
             Err(_) if !path.is_empty() && at.extension().is_none() => Ok(Self::Folder(at)),
-            Err(_) => Err(Error::VideoKind {
-                name: path.to_owned(),
-            }),
+            Err(_) => Err(Error::VideoKind(path.to_owned())),
         }
     }
 

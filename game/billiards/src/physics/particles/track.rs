@@ -135,7 +135,7 @@ impl ParticleTrack {
     /// # Errors
     /// [`FileFault::Particles`] with what no simulation gives.
     pub(crate) fn checked(mut self, duration_secs: f64) -> Result<Self, FileFault> {
-        let reject = |fault| Err(FileFault::Particles { fault });
+        let reject = |fault| Err(FileFault::Particles(fault));
         let [min, max] = self.bounds;
         let counts: u64 = self.groups.iter().map(|group| u64::from(group.count)).sum();
         let frames_max = (duration_secs + 3600.0) * Self::FRAMES_PER_SEC;
