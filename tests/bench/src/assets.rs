@@ -1,22 +1,23 @@
 //! The bench of long scenes: bytes and seconds until nodes behind emulated links hold one.
 
-use std::net::{Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use carom_farm::net::{Authority, Client, LinkCommand, LinkEvent, NodeServer, Role, StopHandle};
+use carom_farm::net::{
+    Authority, Client, LinkCommand, LinkEvent, NodeAddress, Role, TransportOptions,
+};
 use carom_farm::node::{AssetCache, Node};
 use carom_protocol::session::ClientEvent;
 use carom_protocol::{EncodedScene, PrecisionRange};
-use carom_testkit::noise_tracer::NoiseTracer;
-use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
+use carom_testkit::{link_emulator::LinkConfig, noise_tracer::NoiseTracer};
 use carom_tracer::{Material, Mesh, Scene};
 use glam::Vec3;
 use serde::Serialize;
 
+use crate::served_node::{self, ServedNode};
 use crate::wait::WaitArgs;
 use crate::{BenchError, print_json};
 
@@ -56,8 +57,8 @@ struct AssetRow {
 }
 
 pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
-    let folder = CacheFolder::new()?;
-    let [first, second, third] = ["first", "second", "third"].map(|name| folder.0.join(name));
+    let folder = tempfile::tempdir().context("a folder for chunks")?;
+    let [first, second, third] = ["first", "second", "third"].map(|name| folder.path().join(name));
     let scene = scene(args, 0)?;
     let changed = self::scene(args, 1)?;
     let whole = u64::MAX;
@@ -121,48 +122,40 @@ fn measure(
     scene: &Arc<EncodedScene>,
     until: u64,
 ) -> Result<AssetRow, BenchError> {
-    let now = SystemTime::now();
-    let day = Duration::from_secs(24 * 3600);
     let authority = Authority::generate()?;
-    let issue = |role, name| authority.credentials(role, name, now - day..now + day);
-    let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-    let server = NodeServer::bind(any, &issue(Role::Node, "node")?)?;
     let path = LinkConfig {
         delay: Duration::from_millis(args.delay),
         rate: Some(args.rate * 1e6),
         ..LinkConfig::default()
     };
-    let proxy = UdpProxy::start(any, server.local_addr()?, path, 1).context("a proxy")?;
     let node = Node::new("node", Arc::new(NoiseTracer::new(Duration::ZERO)));
     let cache = AssetCache::open(folder, 1 << 30).context("a folder for chunks")?;
     node.set_chunk_store(Arc::new(cache));
-    let stop = StopHandle::default();
-    let stopped = stop.clone();
-    let serve = move || server.serve(&stopped, move |player, _| node.connect(player), |_| {});
-    let server = std::thread::spawn(serve);
-    let secs = send(args, &issue(Role::Player, "player")?, &proxy, scene, until);
-    stop.stop();
-    let _ = server.join(); // a panic has been reported where it happened
+    let options = TransportOptions::default();
+    let mut node = ServedNode::start(&authority, options, Some((path, 1)), move |server, stop| {
+        server.serve(stop, move |player, _| node.connect(player), |_| {});
+    })?;
+    let client = Client::new(&served_node::credentials(&authority, Role::Player)?)?;
+    let secs = send(args, client, node.address.into(), scene, until)?;
+    node.end();
+    let bytes = node.proxy.as_ref().map(|proxy| proxy.counts().passed_bytes);
     Ok(AssetRow {
         case,
-        megabytes: proxy.counts().passed_bytes as f64 * 1e-6,
+        megabytes: bytes.unwrap_or(0) as f64 * 1e-6,
         scene_megabytes: scene.bytes() as f64 * 1e-6,
-        secs: secs?,
+        secs,
     })
 }
 
 /// Seconds that it took.
 fn send(
     args: &Args,
-    player: &carom_farm::net::Credentials,
-    proxy: &UdpProxy,
+    client: Client,
+    address: NodeAddress,
     scene: &Arc<EncodedScene>,
     until: u64,
 ) -> Result<f64, BenchError> {
-    let client = Client::new(player)?;
     let (sender, events) = mpsc::channel();
-    let address = proxy.local_addr().to_string();
-    let address = address.parse().map_err(|why| anyhow!("{why}"))?;
     let link = client.link(address, PrecisionRange::EXACT, move |all| {
         all.into_iter().for_each(|event| drop(sender.send(event)));
     });
@@ -189,24 +182,6 @@ fn send(
                 return Err(anyhow!("the link to the node has ended").into());
             }
         }
-    }
-}
-
-/// The nodes' folders; gone when dropped.
-struct CacheFolder(PathBuf);
-
-impl CacheFolder {
-    fn new() -> Result<Self, BenchError> {
-        let name = format!("carom-bench-assets-{}", std::process::id());
-        let folder = std::env::temp_dir().join(name);
-        std::fs::create_dir(&folder).context("a folder for chunks")?;
-        Ok(Self(folder))
-    }
-}
-
-impl Drop for CacheFolder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0); // of the system's temporary folder
     }
 }
 

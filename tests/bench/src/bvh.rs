@@ -331,12 +331,6 @@ fn shape(many: SweptShape, count: u32, i: u32) -> Shape {
 
 /// Primitives here and there over a floor.
 fn cloud(many: SweptShape, count: u32) -> Scene {
-    let plastic = |albedo| Material::SmoothPlastic {
-        albedo,
-        ior: 1.5,
-        internal_reflectance: None,
-        stripe: None,
-    };
     let colours = [
         Vec3::new(0.7, 0.1, 0.05),
         Vec3::new(0.75, 0.6, 0.1),
@@ -344,10 +338,9 @@ fn cloud(many: SweptShape, count: u32) -> Scene {
     ];
     let materials = (0..)
         .zip(colours)
-        .map(|(i, c)| (format!("plastic {i}"), plastic(c)));
+        .map(|(i, c)| (format!("plastic {i}"), Material::plastic(c)));
     let mut materials: BTreeMap<String, Material> = materials.collect();
-    let albedo = Vec3::new(0.2, 0.5, 0.3);
-    materials.insert("floor".to_owned(), Material::Diffuse { albedo });
+    materials.insert("floor".to_owned(), Material::diffuse([0.2, 0.5, 0.3]));
     let object = |i: u32| Object {
         name: String::new(),
         material: format!("plastic {}", i % 3),

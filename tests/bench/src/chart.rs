@@ -93,6 +93,17 @@ impl Series {
 }
 
 impl Chart {
+    /// A chart without events.
+    pub(crate) fn new(title: impl Into<String>, x: Axis, y: Axis, series: Vec<Series>) -> Self {
+        Self {
+            title: title.into(),
+            x,
+            y,
+            series,
+            events: Vec::new(),
+        }
+    }
+
     /// The chart as a file.
     pub(crate) fn svg(&self) -> String {
         let mut svg = String::new();

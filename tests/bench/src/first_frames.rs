@@ -1,22 +1,20 @@
 //! The bench of a farm's first frames on real processes: nothing is known of the nodes yet, and they
 //! become ready one after the other.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use carom::scene::ball_materials::BallSet;
 use carom::scene::table_scene::TableScene;
-use carom_farm::{
-    Farm, FarmConfig, FrameSpec, LocalNode, PixelFormat, PixelPrecision, PrecisionRange,
-};
-use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
+use carom_farm::{Farm, FarmConfig, LocalNode, PrecisionRange};
+use carom_tracer::Scene;
 use serde::Serialize;
 
-use crate::cluster::process::{FarmFolder, RunningProcess};
+use crate::cluster::process::{RunningProcess, farm_folder};
 use crate::scenes;
 use crate::timing::median;
 use crate::wait::WaitArgs;
-use crate::{BenchError, print_json};
+use crate::{BenchError, met, print_json};
 
 /// Compare the first frames of many nodes of one thread with those of one node of as many threads.
 ///
@@ -66,10 +64,10 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         Some(path) => scenes::scene(Some(path))?.scene,
         None => TableScene::room(BallSet::Classic).scene().clone(),
     };
-    let folder = FarmFolder::new("carom-bench-first-frames")?;
+    let folder = farm_folder()?;
     let pair = |_| -> Result<FirstFrames, BenchError> {
-        let one = play(args, &scene, &folder, 1, args.nodes)?;
-        let many = play(args, &scene, &folder, args.nodes, 1)?;
+        let one = play(args, &scene, folder.path(), 1, args.nodes)?;
+        let many = play(args, &scene, folder.path(), args.nodes, 1)?;
         let per_tile = |tiles| f64::from(tiles) / f64::from(many.tiles.max(1));
         Ok(FirstFrames {
             one_secs: one.secs,
@@ -103,11 +101,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     let ratio = median(pairs.iter().map(|pair| pair.ratio));
     let again = pairs.iter().map(|pair| pair.reissued_per_tile);
     let again = again.fold(0.0, f64::max);
-    let met = if ratio <= RATIO_MAX && again < 1.0 {
-        "met"
-    } else {
-        "missed"
-    };
+    let met = met(ratio <= RATIO_MAX && again < 1.0);
     println!(
         "{met}: the first {frames} frames take {ratio:.2} times as long (at most {RATIO_MAX}), and a \
          tile is requested again {again:.2} times (below 1)"
@@ -127,25 +121,27 @@ struct Opening {
 fn play(
     args: &Args,
     scene: &Scene,
-    folder: &FarmFolder,
+    folder: &Path,
     nodes: u16,
     threads: u16,
 ) -> Result<Opening, BenchError> {
-    let start = |index| RunningProcess::start(&folder.0, usize::from(index), threads, 1.0);
+    let start = |index| RunningProcess::start(folder, usize::from(index), threads, 1.0);
     let nodes: Vec<RunningProcess> = (0..nodes).map(start).collect::<Result<_, _>>()?;
     let begun = Instant::now();
     let mut farm = Farm::new(FarmConfig {
         local: LocalNode::None,
         nodes: nodes.iter().map(|node| node.address.to_string()).collect(),
-        credentials: folder.0.clone(),
-        precision: PrecisionRange::only(PixelPrecision::Exact),
+        credentials: folder.to_owned(),
+        precision: PrecisionRange::EXACT,
         ..FarmConfig::default()
     })?;
     farm.set_scene(scene)?;
+    let size = scenes::wide(args.width);
     let (mut submitted, mut tiles, mut reissued, mut lost) = (0, 0, 0, 0);
     for _ in 0..args.frames {
         while submitted < args.frames && farm.in_flight() < FRAMES_IN_FLIGHT {
-            farm.submit(spec(args, submitted))?;
+            // Each differs from its neighbours.
+            farm.submit(scenes::frame(size, args.spp, submitted))?;
             submitted += 1;
         }
         let frame = args.wait.frame(&mut farm)?;
@@ -159,20 +155,6 @@ fn play(
         reissued,
         lost,
     })
-}
-
-/// A frame that differs from its neighbours.
-fn spec(args: &Args, frame: u32) -> FrameSpec {
-    FrameSpec {
-        update: SceneUpdate::default(),
-        size: ImageSize::new(args.width, (args.width * 9 / 16).max(1)),
-        settings: RenderSettings {
-            samples: args.spp,
-            seed: frame,
-            ..RenderSettings::default()
-        },
-        format: PixelFormat::Srgb8 { exposure: 1.0 },
-    }
 }
 
 /// As the game has it without a display.

@@ -1,21 +1,19 @@
 //! The bench of latency: each stage of a frame's time, from the player's hand to the screen.
 
 use std::collections::BTreeMap;
-use std::net::{Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
-use carom_farm::net::{Authority, NodeServer, Role, StopHandle, create_farm};
+use carom_farm::net::{Authority, TransportOptions};
 use carom_farm::node::Node;
-use carom_farm::{
-    Farm, FarmConfig, Frame, FrameId, FrameSpec, LatencySplit, LocalNode, PixelFormat, Pixels,
-};
-use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
-use carom_tracer::{CpuTracer, ImageSize, RenderSettings, SceneUpdate};
+use carom_farm::{Farm, FarmConfig, Frame, FrameId, FrameSpec, LatencySplit, LocalNode, Pixels};
+use carom_testkit::{link_emulator::LinkConfig, random::SplitMix64};
+use carom_tracer::CpuTracer;
 use serde::Serialize;
+use tempfile::TempDir;
 
+use crate::cluster::process::farm_folder;
+use crate::served_node::ServedNode;
 use crate::timing::quantiles;
 use crate::wait::WaitArgs;
 use crate::{BenchError, case_filter, print_json, scenes};
@@ -123,55 +121,33 @@ fn print_row(row: &LatencyRow) {
 /// A node behind a socket, and a farm of it.
 struct LatencySetup {
     farm: Farm,
-    _proxy: Option<UdpProxy>,
-    stop: StopHandle,
-    server: Option<std::thread::JoinHandle<()>>,
-    credentials: PathBuf,
+    _node: ServedNode,
+    _credentials: TempDir,
 }
 
 impl LatencySetup {
     fn new(args: &Args, path: Option<LinkConfig>) -> Result<Self, BenchError> {
-        let credentials =
-            std::env::temp_dir().join(format!("carom-bench-latency-{}", std::process::id()));
-        create_farm(&credentials)?;
-        let authority = Authority::load(&credentials)?;
-        let now = std::time::SystemTime::now();
-        let day = Duration::from_secs(24 * 3600);
-        let node_credentials = authority.credentials(Role::Node, "node", now - day..now + day)?;
-        let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let server = NodeServer::bind(any, &node_credentials)?;
-        let address = server.local_addr()?;
+        let credentials = farm_folder()?;
+        let authority = Authority::load(credentials.path())?;
         let node = Node::new("node", Arc::new(CpuTracer::with_threads(0)?));
-        let stop = StopHandle::default();
-        let stopped = stop.clone();
-        let serve = move || server.serve(&stopped, move |player, _| node.connect(player), |_| {});
-        let proxy = path.map(|path| UdpProxy::start(any, address, path, args.seed));
-        let proxy = proxy.transpose().context("a proxy")?;
-        let address = proxy.as_ref().map_or(address, UdpProxy::local_addr);
+        let node = ServedNode::start(
+            &authority,
+            TransportOptions::default(),
+            path.map(|path| (path, args.seed)),
+            move |server, stop| server.serve(stop, move |player, _| node.connect(player), |_| {}),
+        )?;
         let mut farm = Farm::new(FarmConfig {
             local: LocalNode::None,
-            nodes: vec![address.to_string()],
-            credentials: credentials.clone(),
+            nodes: vec![node.address.to_string()],
+            credentials: credentials.path().to_owned(),
             ..FarmConfig::default()
         })?;
         farm.set_scene(&scenes::scene(None)?.scene)?;
         Ok(Self {
             farm,
-            _proxy: proxy,
-            stop,
-            server: Some(std::thread::spawn(serve)),
-            credentials,
+            _node: node,
+            _credentials: credentials,
         })
-    }
-}
-
-impl Drop for LatencySetup {
-    fn drop(&mut self) {
-        self.stop.stop();
-        if let Some(server) = self.server.take() {
-            let _ = server.join(); // a panic has been reported where it happened
-        }
-        let _ = std::fs::remove_dir_all(&self.credentials); // what is left there harms nobody
     }
 }
 
@@ -190,30 +166,18 @@ fn measure(
         times: Vec::new(),
         skipped: 0,
     };
-    let mut random = args.seed;
+    let mut random = SplitMix64::new(args.seed);
     for refresh in 1..=args.seconds * REFRESHES_PER_SECOND {
         let due = player.began + PERIOD.mul_f64(refresh as f64);
         player.collect(farm, due);
-        random = random
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1);
-        let waited = PERIOD.mul_f64((random >> 40) as f64 / (1u64 << 24) as f64);
+        let waited = PERIOD.mul_f64(random.uniform());
         player.act(farm, args, refresh, waited)?;
     }
     Ok(player.row(name))
 }
 
 fn spec(args: &Args, frame: u64) -> FrameSpec {
-    FrameSpec {
-        update: SceneUpdate::default(),
-        size: ImageSize::new(args.width, (args.width * 9 / 16).max(1)),
-        settings: RenderSettings {
-            samples: 1,
-            seed: frame as u32,
-            ..RenderSettings::default()
-        },
-        format: PixelFormat::Srgb8 { exposure: 1.0 },
-    }
+    scenes::frame(scenes::wide(args.width), 1, frame as u32)
 }
 
 /// Who acts, and looks.

@@ -9,15 +9,15 @@ use anyhow::{Context, anyhow};
 use carom_farm::net::interruption;
 use carom_farm::pacing::{FrameSchedule, LeadTime, PresentationQueue};
 use carom_farm::{
-    Balancing, Farm, FarmConfig, Frame, FrameId, FrameSpec, LocalNode, PixelFormat, Pixels,
-    Submission,
+    Balancing, Farm, FarmConfig, Frame, FrameId, FrameSpec, LocalNode, Pixels, Submission,
 };
+use carom_testkit::random::SplitMix64;
+use carom_tracer::SceneUpdate;
 use carom_tracer::scene::Camera;
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
 use glam::Quat;
 use serde::Serialize;
 
-use crate::cluster::process::{FarmFolder, NodeProcess, NodeSpec};
+use crate::cluster::process::{NodeProcess, NodeSpec, farm_folder};
 use crate::proxy::LinkArgs;
 use crate::scenes;
 use crate::timing::quantiles;
@@ -91,16 +91,16 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         let why = format!("--shot-secs is {secs}: it must be from 0.1 to 60");
         return Err(BenchError::Input(why));
     }
-    let folder = FarmFolder::new("carom-bench-lookahead")?;
+    let folder = farm_folder()?;
     let nodes = args.node.iter().enumerate();
     let nodes =
-        nodes.map(|(index, spec)| NodeProcess::start(&folder.0, index, spec, path, args.seed));
+        nodes.map(|(index, spec)| NodeProcess::start(folder.path(), index, spec, path, args.seed));
     let nodes: Vec<NodeProcess> = nodes.collect::<anyhow::Result<_>>()?;
     let scene = scenes::scene(None)?.scene;
     let mut farm = Farm::new(FarmConfig {
         local: LocalNode::None,
         nodes: nodes.iter().map(NodeProcess::address).collect(),
-        credentials: folder.0.clone(),
+        credentials: folder.path().to_owned(),
         balancer: args.balancer,
         tile_edge: 16,
         ..FarmConfig::default()
@@ -133,7 +133,7 @@ struct RefreshLoop<'a> {
     last: FrameId,
     /// When the display is refreshed next.
     refresh: Instant,
-    random: u64,
+    random: SplitMix64,
     seen: RefreshLog,
 }
 
@@ -159,7 +159,7 @@ impl<'a> RefreshLoop<'a> {
             asked: BTreeMap::new(),
             last: FrameId(0),
             refresh: Instant::now(),
-            random: args.seed,
+            random: SplitMix64::new(args.seed),
             seen: RefreshLog::default(),
         }
     }
@@ -192,17 +192,9 @@ impl<'a> RefreshLoop<'a> {
         std::thread::sleep(self.refresh.saturating_duration_since(now));
         Ok(self.refresh)
     }
-
-    /// Between 0 and 1.
-    fn draw(&mut self) -> f64 {
-        let next = self.random.wrapping_mul(6_364_136_223_846_793_005);
-        self.random = next.wrapping_add(1_442_695_040_888_963_407);
-        (self.random >> 40) as f64 / (1u64 << 24) as f64
-    }
-
     /// Moves the view for a second or so, so that it is known how long pictures take.
     fn aim(&mut self, interrupted: &AtomicBool) -> Result<(), BenchError> {
-        let end = Instant::now() + Duration::from_secs_f64(0.6 + 0.6 * self.draw());
+        let end = Instant::now() + Duration::from_secs_f64(0.6 + 0.6 * self.random.uniform());
         while self.wait_refresh(interrupted)? < end {
             while let Some(frame) = self.farm.poll_frame() {
                 self.note(&frame);
@@ -219,7 +211,7 @@ impl<'a> RefreshLoop<'a> {
     /// A click at any time, and its shot.
     fn shoot(&mut self, stroke: u32, interrupted: &AtomicBool) -> Result<(), BenchError> {
         let still = self.still_picture()?;
-        let wait = PERIOD.mul_f64(self.draw());
+        let wait = PERIOD.mul_f64(self.random.uniform());
         self.wait_refresh(interrupted)?;
         std::thread::sleep(wait);
         let clicked = Instant::now();
@@ -292,12 +284,7 @@ impl<'a> RefreshLoop<'a> {
                 camera: Some(camera),
                 ..SceneUpdate::default()
             },
-            size: ImageSize::new(self.args.width, (self.args.width * 9 / 16).max(1)),
-            settings: RenderSettings {
-                samples: 1,
-                ..RenderSettings::default()
-            },
-            format: PixelFormat::Srgb8 { exposure: 1.0 },
+            ..scenes::frame(scenes::wide(self.args.width), 1, 0)
         };
         let submission = Submission {
             deadline: by,

@@ -1,8 +1,9 @@
-//! The scenes that benches trace.
+//! The scenes that benches trace, and frames of them.
 
 use std::path::Path;
 
-use carom_tracer::Scene;
+use carom_farm::{FrameSpec, PixelFormat};
+use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use crate::BenchError;
 
@@ -30,4 +31,23 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, BenchError> {
         name: name.to_string_lossy().into_owned(),
         scene,
     })
+}
+
+/// A picture of 16:9.
+pub(crate) fn wide(width: u32) -> ImageSize {
+    ImageSize::new(width, (width * 9 / 16).max(1))
+}
+
+/// A frame of the scene as it is, for a display.
+pub(crate) fn frame(size: ImageSize, samples: u32, seed: u32) -> FrameSpec {
+    FrameSpec {
+        update: SceneUpdate::default(),
+        size,
+        settings: RenderSettings {
+            samples,
+            seed,
+            ..RenderSettings::default()
+        },
+        format: PixelFormat::Srgb8 { exposure: 1.0 },
+    }
 }

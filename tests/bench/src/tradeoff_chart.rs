@@ -51,17 +51,13 @@ impl Tradeoff {
     fn chart(&self) -> Chart {
         let mut backends: Vec<&str> = self.rows.iter().map(|row| &*row.backend).collect();
         backends.dedup();
-        let title = format!("{}, {}x{}", self.scene, self.width, self.height);
-        Chart {
-            title,
-            x: Axis::logarithmic("time of a frame, ms"),
-            y: Axis::logarithmic("FLIP"),
-            series: backends
-                .into_iter()
-                .flat_map(|name| self.series(name))
-                .collect(),
-            events: Vec::new(),
-        }
+        let series = backends.into_iter().flat_map(|name| self.series(name));
+        Chart::new(
+            format!("{}, {}x{}", self.scene, self.width, self.height),
+            Axis::logarithmic("time of a frame, ms"),
+            Axis::logarithmic("FLIP"),
+            series.collect(),
+        )
     }
 
     /// Of one back end, with the line of the choices that no other beats.

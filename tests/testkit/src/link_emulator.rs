@@ -110,10 +110,7 @@ impl LinkEmulator {
         if lost {
             return None;
         }
-        let jitter = self
-            .config
-            .jitter
-            .mul_f64(-(1.0 - self.random.uniform()).ln());
+        let jitter = self.config.jitter.mul_f64(self.random.exponential());
         let arrives = left + self.config.delay + jitter;
         if self.random.uniform() < self.config.reorder {
             return Some(left + self.config.delay / 2);

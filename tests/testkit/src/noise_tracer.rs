@@ -11,6 +11,8 @@ use carom_tracer::{
     TileRange, TraceJob, TraceStats, Tracer,
 };
 
+use crate::random::SplitMix64;
+
 /// Hands out pixels that no codec makes smaller, a message of tiles at a time, and remembers when.
 pub struct NoiseTracer {
     /// After each message.
@@ -108,16 +110,10 @@ impl Tracer for NoiseTracer {
 
 /// Tiles of noise, evenly over the levels of sRGB, nearly.
 fn bank() -> Vec<Vec<[f32; 3]>> {
-    let mut state = 1u64;
-    let mut uniform = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        let level = (state >> 40) as f32 / (1 << 24) as f32;
-        level.powf(2.2)
-    };
+    let mut random = SplitMix64::new(1);
+    let mut channel = || random.uniform().powf(2.2) as f32;
     let pixels = usize::from(TILE_EDGE) * usize::from(TILE_EDGE);
-    let mut tile = || (0..pixels).map(|_| [(); 3].map(|()| uniform())).collect();
+    let mut tile = || (0..pixels).map(|_| [(); 3].map(|()| channel())).collect();
     (0..BANK_TILES).map(|_| tile()).collect()
 }
 

@@ -6,6 +6,7 @@ use carom_farm::Balancing;
 use carom_testkit::simulator::{Network, Score};
 
 use super::BalanceRun;
+use crate::met;
 
 /// Something that shall be at most so much.
 struct Criterion {
@@ -38,7 +39,7 @@ pub(super) fn print(runs: &[BalanceRun]) {
         let (nodes, network, mode) = kind(same[0]);
         let measures = measures(same, nodes, network);
         let is_met = measures.iter().all(|measure| measure.came <= measure.most);
-        let met = if is_met { "met" } else { "missed" };
+        let met = met(is_met);
         let measures: Vec<String> = measures.iter().map(Criterion::to_string).collect();
         println!(
             "{met:<6} {nodes} nodes, {}, {}, seeds 1–{}: {}",

@@ -5,6 +5,8 @@ use carom_farm::Algorithm;
 use carom_testkit::simulator::{self, FarmPlan, NodeChange, NodePlan};
 use serde::Serialize;
 
+use crate::met;
+
 /// One run.
 #[derive(Serialize)]
 pub(super) struct FirstFrame {
@@ -45,8 +47,7 @@ fn simulate(joins_secs: f64) -> FirstFrame {
 
 /// A line beside the other criteria.
 pub(super) fn print(frames: &[FirstFrame]) {
-    let met = frames.iter().all(|frame| frame.ratio <= RATIO_MAX);
-    let met = if met { "met" } else { "missed" };
+    let met = met(frames.iter().all(|frame| frame.ratio <= RATIO_MAX));
     let ratio = |frame: &FirstFrame| format!("{:.2} after {:.0} ms", frame.ratio, frame.joins_ms);
     let ratios: Vec<String> = frames.iter().map(ratio).collect();
     println!(

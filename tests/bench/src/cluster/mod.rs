@@ -12,16 +12,15 @@ use anyhow::Context;
 use carom_farm::NodeIndex;
 use carom_farm::backend::NodeBackend;
 use carom_farm::net::interruption;
-use carom_farm::{
-    Algorithm, Balancing, Farm, FarmConfig, FrameId, LocalNode, PixelPrecision, PrecisionRange,
-};
+use carom_farm::{Algorithm, Balancing, Farm, FarmConfig, FrameId, LocalNode, PrecisionRange};
 use carom_testkit::link_emulator::LinkConfig;
 use carom_testkit::simulator::{self, FarmPlan, NodePlan, Score, SimulationReport, optimum_secs};
 use carom_tracer::ImageSize;
 use serde::Serialize;
+use tempfile::TempDir;
 
 use self::player::{ClusterPlayer, ExpectedFrames, SubmissionPace};
-use self::process::{FarmFolder, NodeAction, NodeProcess, NodeSpec, ScheduledAction};
+use self::process::{NodeAction, NodeProcess, NodeSpec, ScheduledAction, farm_folder};
 use crate::proxy::LinkArgs;
 use crate::scenes;
 use crate::timing::median;
@@ -126,7 +125,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
         args,
         path,
         changes,
-        folder: FarmFolder::new("carom-bench-cluster")?,
+        folder: farm_folder()?,
         pictures: pictures(args)?,
         interrupted: interruption().context("Ctrl-C")?,
     };
@@ -223,7 +222,7 @@ fn joins(changes: &[ScheduledAction], node: usize) -> bool {
 }
 
 fn size(args: &Args) -> ImageSize {
-    ImageSize::new(args.width, (args.width * 9 / 16).max(1))
+    scenes::wide(args.width)
 }
 
 fn pictures(args: &Args) -> Result<ExpectedFrames, BenchError> {
@@ -240,10 +239,7 @@ fn config(args: &Args, balancer: Balancing) -> FarmConfig {
         local: LocalNode::None,
         balancer,
         tile_edge: args.tile_edge,
-        precision: PrecisionRange {
-            finest: PixelPrecision::Exact,
-            coarsest: PixelPrecision::Exact,
-        },
+        precision: PrecisionRange::EXACT,
         ..FarmConfig::default()
     }
 }
@@ -252,7 +248,7 @@ struct ClusterBench<'a> {
     args: &'a Args,
     path: LinkConfig,
     changes: Vec<ScheduledAction>,
-    folder: FarmFolder,
+    folder: TempDir,
     pictures: ExpectedFrames,
     interrupted: Arc<AtomicBool>,
 }
@@ -260,7 +256,7 @@ struct ClusterBench<'a> {
 impl ClusterBench<'_> {
     fn nodes(&self) -> anyhow::Result<Vec<NodeProcess>> {
         let start = |(index, spec)| {
-            NodeProcess::start(&self.folder.0, index, spec, self.path, self.args.seed)
+            NodeProcess::start(self.folder.path(), index, spec, self.path, self.args.seed)
         };
         self.args.node.iter().enumerate().map(start).collect()
     }
@@ -274,7 +270,7 @@ impl ClusterBench<'_> {
         let count = there.len();
         let mut farm = Farm::new(FarmConfig {
             nodes: nodes[there].iter().map(NodeProcess::address).collect(),
-            credentials: self.folder.0.clone(),
+            credentials: self.folder.path().to_owned(),
             ..config(self.args, balancing)
         })?;
         farm.set_scene(&scenes::scene(None)?.scene)?;

@@ -3,13 +3,13 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use carom_farm::{Farm, Frame, FrameSpec, NodeStatus, PixelFormat, Pixels};
+use carom_farm::{Farm, Frame, FrameSpec, NodeStatus, Pixels};
 use carom_testkit::simulator::SimulationReport;
-use carom_tracer::{ImageSize, RenderSettings, SceneUpdate};
+use carom_tracer::ImageSize;
 
 use super::process::{NodeAction, NodeProcess, ScheduledAction};
-use crate::BenchError;
 use crate::wait::WaitArgs;
+use crate::{BenchError, scenes};
 
 /// Frames in a row differ, so that none costs less for being like the one before.
 const SEEDS: u64 = 4;
@@ -43,16 +43,7 @@ impl ExpectedFrames {
     }
 
     fn spec(&self, frame: u64) -> FrameSpec {
-        FrameSpec {
-            update: SceneUpdate::default(),
-            size: self.size,
-            settings: RenderSettings {
-                samples: self.samples,
-                seed: (frame % SEEDS) as u32,
-                ..RenderSettings::default()
-            },
-            format: PixelFormat::Srgb8 { exposure: 1.0 },
-        }
+        scenes::frame(self.size, self.samples, (frame % SEEDS) as u32)
     }
 
     fn is_right(&self, frame: &Frame) -> bool {

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader, Write as _};
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::str::FromStr;
 use std::time::Duration;
@@ -10,6 +10,7 @@ use std::time::Duration;
 use anyhow::{Context, bail};
 use carom_farm::net::{add_node, create_farm};
 use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
+use tempfile::TempDir;
 
 use crate::{BenchError, ValueError};
 
@@ -104,23 +105,11 @@ fn checked_share(share: f64) -> Result<f64, ValueError> {
     fits.then_some(share).ok_or(ValueError::Share { share })
 }
 
-/// The farm's certificates; gone when dropped.
-pub(crate) struct FarmFolder(pub(crate) PathBuf);
-
-impl FarmFolder {
-    /// In the system's temporary folder.
-    pub(crate) fn new(name: &str) -> Result<Self, BenchError> {
-        let name = format!("{name}-{}", std::process::id());
-        let folder = Self(std::env::temp_dir().join(name));
-        create_farm(&folder.0)?;
-        Ok(folder)
-    }
-}
-
-impl Drop for FarmFolder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0); // what is left there harms nobody
-    }
+/// A farm's certificates; gone when dropped.
+pub(crate) fn farm_folder() -> Result<TempDir, BenchError> {
+    let folder = tempfile::tempdir().context("a folder for certificates")?;
+    create_farm(folder.path())?;
+    Ok(folder)
 }
 
 /// A node as a process of this machine; killed when dropped.

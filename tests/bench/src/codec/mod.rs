@@ -16,7 +16,7 @@ use cpu_time::ThreadTime;
 use serde::Serialize;
 
 use self::frames::{FrameQuality, TestFrames};
-use crate::{BenchError, print_json};
+use crate::{BenchError, met, print_json};
 use carom_farm::backend::Backend;
 
 /// Measure the size of encoded frames, and the speed of one core at encoding and decoding them.
@@ -346,12 +346,8 @@ fn print_bars(rows: &[CodecRow]) {
             (row.picture, row.motion, row.precision) == (picture, motion, precision)
         };
         if let Some(row) = rows.iter().find(here) {
-            let met = if row.mbit_per_second <= most {
-                "met"
-            } else {
-                "missed"
-            };
             let came = row.mbit_per_second;
+            let met = met(came <= most);
             println!(
                 "{met:<6} {picture}, {motion}, {precision}: {came:.1} of at most {most} Mbit/s"
             );
@@ -364,7 +360,7 @@ fn print_bars(rows: &[CodecRow]) {
     let encode = least(|row| row.encode_mb_per_second);
     let decode = least(|row| row.decode_mb_per_second);
     for (what, rate, bar) in [("encode", encode, 170.0), ("decode", decode, 500.0)] {
-        let met = if rate >= bar { "met" } else { "missed" };
+        let met = met(rate >= bar);
         println!("{met:<6} {what} of all frames: {rate:.0} of at least {bar} MB/s");
     }
 }

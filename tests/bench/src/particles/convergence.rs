@@ -43,17 +43,16 @@ pub(super) fn run(args: &ConvergenceArgs) -> Result<(), BenchError> {
     if let Some(path) = &args.plot {
         let first = against_finer[0];
         let slope = |&(cells, _): &(f64, f64)| (cells, first.1 * first.0 / cells);
-        let chart = Chart {
-            title: "Standing wave in a bar of jelly: error by the grid's resolution".to_owned(),
-            x: Axis::logarithmic("cells along the bar"),
-            y: Axis::logarithmic("mean error of the displacement, of the amplitude"),
-            series: vec![
+        let chart = Chart::new(
+            "Standing wave in a bar of jelly: error by the grid's resolution",
+            Axis::logarithmic("cells along the bar"),
+            Axis::logarithmic("mean error of the displacement, of the amplitude"),
+            vec![
                 Series::line("first order", against_finer.iter().map(slope).collect()),
                 Series::dots("against the wave", against_wave),
                 Series::dots(format!("against {FINER} times the cells"), against_finer),
             ],
-            events: Vec::new(),
-        };
+        );
         let written = std::fs::write(path, chart.svg());
         written.with_context(|| format!("cannot write {}", path.display()))?;
     }

@@ -12,13 +12,13 @@ use crate::chart::{Axis, Chart, Mark, Series};
 
 use super::{
     deviation::Deviation,
-    infinite_table::{ball, infinite_table},
+    infinite_table::{ball, first_secs, infinite_table},
     reference::{ReferenceKind, ReferenceShot},
 };
 use crate::timing::{median, ms_since};
 use carom_billiards::Result;
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, Engine, Event, EventKind, Laws, Rapier, Shot, Stroke, Table, World,
+    BallBallLaw, BallBody, Engine, EventKind, Laws, Rapier, Shot, Stroke, Table, World,
 };
 
 /// One setting: its errors and its costs.
@@ -143,12 +143,8 @@ impl EngineTradeoff {
 
 /// From the stroke until 50 ms after the first contact.
 fn energy_kept(shot: &Shot) -> f64 {
-    let meets = |event: &&Event| matches!(event.kind, EventKind::BallBall { .. });
-    let contact = shot
-        .events()
-        .iter()
-        .find(meets)
-        .map_or(0.0, |event| event.time_secs);
+    let meets = |kind: &EventKind| matches!(kind, EventKind::BallBall { .. });
+    let contact = first_secs(shot, meets);
     let energy_j = |t: f64| -> f64 {
         let body = BallBody::default();
         let states = shot.states_at(t);
@@ -201,19 +197,15 @@ pub(super) fn charts(trades: &[EngineTradeoff]) -> Vec<Chart> {
         };
         let is_plain = |trade: &&EngineTradeoff| trade.engine.starts_with("rapier");
         let is_turned = |trade: &&EngineTradeoff| trade.engine.contains(',');
-        Chart {
-            title: title.to_owned(),
-            x: Axis::logarithmic("CPU ms per simulated second of a break"),
-            y: Axis::logarithmic(label),
-            events: Vec::new(),
-            series: vec![
-                series("exact", Mark::Dots, &|trade| !is_plain(trade)),
-                series("rapier, 1/60 … 1/4000 s", Mark::Line, &|trade| {
-                    is_plain(trade) && !is_turned(trade)
-                }),
-                series("rapier, other knobs", Mark::Dots, &is_turned),
-            ],
-        }
+        let series = vec![
+            series("exact", Mark::Dots, &|trade| !is_plain(trade)),
+            series("rapier, 1/60 … 1/4000 s", Mark::Line, &|trade| {
+                is_plain(trade) && !is_turned(trade)
+            }),
+            series("rapier, other knobs", Mark::Dots, &is_turned),
+        ];
+        let x = Axis::logarithmic("CPU ms per simulated second of a break");
+        Chart::new(title, x, Axis::logarithmic(label), series)
     };
     vec![
         chart(

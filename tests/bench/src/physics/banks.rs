@@ -7,11 +7,11 @@ use glam::DVec3;
 use crate::chart::{Axis, Chart, Series};
 
 use super::{
-    infinite_table::{EDGE_M, ball, single_ball_from},
+    infinite_table::{EDGE_M, ball, first_secs, single_ball_from},
     published_curve::PublishedCurve,
 };
 use carom_billiards::Result;
-use carom_billiards::physics::{BallBody, Event, EventKind};
+use carom_billiards::physics::{BallBody, EventKind};
 
 /// A rolling ball that goes to a cushion.
 #[derive(Clone, Copy)]
@@ -31,12 +31,8 @@ impl BankShot {
         // A ball that goes on to the left of a cushion ahead runs with clockwise spin.
         let spin = DVec3::Z.cross(velocity) - self.english * self.speed_m_s * DVec3::Z;
         let shot = single_ball_from(ball(0, EDGE_M - 0.1, 0.0, velocity, spin / radius_m))?;
-        let touches = |event: &&Event| matches!(event.kind, EventKind::Cushion { .. });
-        let t = shot
-            .events()
-            .iter()
-            .find(touches)
-            .map_or(0.0, |event| event.time_secs);
+        let touches = |kind: &EventKind| matches!(kind, EventKind::Cushion { .. });
+        let t = first_secs(&shot, touches);
         let from = shot.states_at(t)[0].position;
         let way = |t: f64| shot.states_at(t)[0].position - from;
         let (mut near, mut far) = (t, t + 60.0);
@@ -74,19 +70,17 @@ pub(super) fn measure() -> Result<PublishedCurve> {
             error_max = error_max.max(short - long);
         }
     }
-    Ok(PublishedCurve {
-        name: "bank angles",
-        source: "Alciatore, Banks and kicks: order of the curves",
+    Ok(PublishedCurve::new(
+        "bank angles",
+        "Alciatore, Banks and kicks: order of the curves",
         error_max,
-        bar: 1e-9,
-        chart: Chart {
-            title: "Bank angles of a rolling ball, seen 0.6 m on".to_owned(),
-            x: Axis::linear("angle in, degrees from the normal"),
-            y: Axis::linear("angle out, degrees from the normal"),
-            events: Vec::new(),
+        Chart::new(
+            "Bank angles of a rolling ball, seen 0.6 m on",
+            Axis::linear("angle in, degrees from the normal"),
+            Axis::linear("angle out, degrees from the normal"),
             series,
-        },
-    })
+        ),
+    ))
 }
 
 const BANKS: [BankShot; 5] = [

@@ -5,8 +5,8 @@ use std::fmt;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::infinite_table::{ball, released, single_ball};
-use carom_billiards::physics::{BallBody, Cloth, Event, EventKind, Laws, Shot};
+use super::infinite_table::{ball, first_secs, released, single_ball};
+use carom_billiards::physics::{BallBody, Cloth, EventKind, Laws};
 
 /// One quantity, measured and in theory.
 #[derive(Clone, Debug, Serialize)]
@@ -68,7 +68,8 @@ fn slide_to_roll(speed: f64) -> anyhow::Result<[ClosedForm; 4]> {
         ..
     } = Cloth::default();
     let shot = single_ball(DVec3::X * speed, DVec3::ZERO)?;
-    let t = rolls_at(&shot);
+    let rolls = |kind: &EventKind| matches!(kind, EventKind::Rolls { .. });
+    let t = first_secs(&shot, rolls);
     let then = shot.states_at(t)[0];
     let way = 12.0 * speed * speed / (49.0 * slide * g);
     let end = shot.final_states()[0].position.x;
@@ -135,15 +136,6 @@ fn spin_decay(spin: f64) -> anyhow::Result<ClosedForm> {
         shot.duration_secs(),
         spin / decay,
     ))
-}
-
-/// When the first ball that slides begins to roll; NaN if none does.
-fn rolls_at(shot: &Shot) -> f64 {
-    let rolls = |event: &&Event| matches!(event.kind, EventKind::Rolls { .. });
-    shot.events()
-        .iter()
-        .find(rolls)
-        .map_or(f64::NAN, |event| event.time_secs)
 }
 
 /// How far a closed form may be missed, relatively.

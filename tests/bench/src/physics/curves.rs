@@ -10,11 +10,11 @@ use glam::{DVec2, DVec3};
 
 use crate::chart::{Axis, Chart, Series};
 
-use super::infinite_table::{ball, infinite_table, released};
+use super::infinite_table::{ball, first_secs, infinite_table, released};
 use super::published_curve::PublishedCurve;
 use carom_billiards::Result;
 use carom_billiards::physics::{
-    BallBallLaw, BallBody, BallLayout, BallState, Cue, Event, EventKind, Laws, Shot, Stroke, World,
+    BallBallLaw, BallBody, BallState, Cue, EventKind, Laws, Shot, Stroke, World,
 };
 
 /// All curves.
@@ -96,13 +96,8 @@ impl CutShot {
     /// Both balls right after the contact.
     fn after(&self, laws: Laws) -> Result<[BallState; 2]> {
         let shot = self.play(laws)?;
-        let meets = |event: &&Event| matches!(event.kind, EventKind::BallBall { .. });
-        let t = shot
-            .events()
-            .iter()
-            .find(meets)
-            .map_or(0.0, |event| event.time_secs);
-        let states = shot.states_at(t);
+        let meets = |kind: &EventKind| matches!(kind, EventKind::BallBall { .. });
+        let states = shot.states_at(first_secs(&shot, meets));
         Ok([states[0], states[1]])
     }
 
@@ -171,19 +166,17 @@ fn right_angle() -> Result<PublishedCurve> {
             points.collect::<Result<_>>()?,
         ));
     }
-    Ok(PublishedCurve {
-        name: "90° rule",
-        source: "Alciatore, TP 3.1, 90° rule",
+    Ok(PublishedCurve::new(
+        "90° rule",
+        "Alciatore, TP 3.1, 90° rule",
         error_max,
-        bar: 1e-9,
-        chart: Chart {
-            title: "90° rule: angle between the balls after a stun shot".to_owned(),
-            x: Axis::linear("cut angle, degrees"),
-            y: Axis::linear("angle between the balls, degrees"),
-            events: Vec::new(),
+        Chart::new(
+            "90° rule: angle between the balls after a stun shot",
+            Axis::linear("cut angle, degrees"),
+            Axis::linear("angle between the balls, degrees"),
             series,
-        },
-    })
+        ),
+    ))
 }
 
 /// Where a rolling cue ball goes in the end.
@@ -196,13 +189,8 @@ fn natural_angle() -> Result<PublishedCurve> {
             english: 0.0,
         };
         let shot = cut.play(laws)?;
-        let rolls = |event: &&Event| matches!(event.kind, EventKind::Rolls { ball: 0 });
-        let t = shot
-            .events()
-            .iter()
-            .find(rolls)
-            .map_or(0.0, |event| event.time_secs);
-        let way = shot.states_at(t)[0].velocity;
+        let rolls = |kind: &EventKind| matches!(kind, EventKind::Rolls { ball: 0 });
+        let way = shot.states_at(first_secs(&shot, rolls))[0].velocity;
         Ok::<_, carom_billiards::Error>(way.y.atan2(way.x).to_degrees())
     };
     let published = |cut_deg: f64| {
@@ -217,17 +205,15 @@ fn natural_angle() -> Result<PublishedCurve> {
         met.push((cut, angle));
     }
     let game = degrees(2..=88).map(|cut| Ok((cut, deflection(Laws::default(), cut, 2.0)?)));
-    Ok(PublishedCurve {
-        name: "30° rule",
-        source: "Alciatore, TP 3.3, 30° rule; TP A.4, post-impact cue ball trajectory",
+    Ok(PublishedCurve::new(
+        "30° rule",
+        "Alciatore, TP 3.3, 30° rule; TP A.4, post-impact cue ball trajectory",
         error_max,
-        bar: 1e-9,
-        chart: Chart {
-            title: "30° rule: final deflection of a rolling cue ball".to_owned(),
-            x: Axis::linear("cut angle, degrees"),
-            y: Axis::linear("deflection, degrees"),
-            events: Vec::new(),
-            series: vec![
+        Chart::new(
+            "30° rule: final deflection of a rolling cue ball",
+            Axis::linear("cut angle, degrees"),
+            Axis::linear("deflection, degrees"),
+            vec![
                 Series::line(
                     "TP 3.3",
                     degrees(2..=88).map(|c| (c, published(c))).collect(),
@@ -235,8 +221,8 @@ fn natural_angle() -> Result<PublishedCurve> {
                 Series::dots("ideal balls", met.into_iter().step_by(6).collect()),
                 Series::line("the game's, 2 m/s", game.collect::<Result<_>>()?),
             ],
-        },
-    })
+        ),
+    ))
 }
 
 fn throw_by_cut(name: &'static str, title: &str, roll: f64) -> Result<PublishedCurve> {
@@ -294,19 +280,17 @@ fn throw_curve<C: Fn(f64) -> CutShot>(
         let some = game.into_iter().step_by(5).collect();
         series.push(Series::dots(format!("the game's, {speed_name}"), some));
     }
-    Ok(PublishedCurve {
+    Ok(PublishedCurve::new(
         name,
-        source: "Alciatore, TP A.14, throw; friction of TP A.28 (Marlow's data)",
+        "Alciatore, TP A.14, throw; friction of TP A.28 (Marlow's data)",
         error_max,
-        bar: 1e-9,
-        chart: Chart {
-            title: title.to_owned(),
-            x: Axis::linear(x),
-            y: Axis::linear("throw, degrees"),
-            events: Vec::new(),
+        Chart::new(
+            title,
+            Axis::linear(x),
+            Axis::linear("throw, degrees"),
             series,
-        },
-    })
+        ),
+    ))
 }
 
 fn throw_by_speed() -> Result<PublishedCurve> {
@@ -334,19 +318,17 @@ fn throw_by_speed() -> Result<PublishedCurve> {
         let some = game.into_iter().step_by(5).collect();
         series.push(Series::dots(format!("the game's, {name}"), some));
     }
-    Ok(PublishedCurve {
-        name: "throw, stun, by speed",
-        source: "Alciatore, TP A.14, throw; friction of TP A.28 (Marlow's data)",
+    Ok(PublishedCurve::new(
+        "throw, stun, by speed",
+        "Alciatore, TP A.14, throw; friction of TP A.28 (Marlow's data)",
         error_max,
-        bar: 1e-9,
-        chart: Chart {
-            title: "Throw of a stun shot by speed".to_owned(),
-            x: Axis::linear("speed of the cue ball, m/s"),
-            y: Axis::linear("throw, degrees"),
-            events: Vec::new(),
+        Chart::new(
+            "Throw of a stun shot by speed",
+            Axis::linear("speed of the cue ball, m/s"),
+            Axis::linear("throw, degrees"),
             series,
-        },
-    })
+        ),
+    ))
 }
 
 fn squirt() -> Result<PublishedCurve> {
@@ -377,25 +359,23 @@ fn squirt() -> Result<PublishedCurve> {
         let some = met.into_iter().step_by(5).collect();
         series.push(Series::dots(format!("the game's, end mass {name}"), some));
     }
-    Ok(PublishedCurve {
-        name: "squirt by tip offset",
-        source: "Alciatore, TP A.31, the physics of squirt",
+    Ok(PublishedCurve::new(
+        "squirt by tip offset",
+        "Alciatore, TP A.31, the physics of squirt",
         error_max,
-        bar: 1e-9,
-        chart: Chart {
-            title: "Squirt by the tip's offset".to_owned(),
-            x: Axis::linear("offset to the side, ball radii"),
-            y: Axis::linear("squirt, degrees"),
-            events: Vec::new(),
+        Chart::new(
+            "Squirt by the tip's offset",
+            Axis::linear("offset to the side, ball radii"),
+            Axis::linear("squirt, degrees"),
             series,
-        },
-    })
+        ),
+    ))
 }
 
 /// How far a ball struck along +y leaves to the left of the aim.
 fn squirt_rad(laws: Laws, side: f64) -> Result<f64> {
     let balls = vec![ball(0, 0.0, 0.0, DVec3::ZERO, DVec3::ZERO)];
-    let world = World::with_laws(infinite_table()?, laws, BallLayout { balls }.balls)?;
+    let world = World::with_laws(infinite_table()?, laws, balls)?;
     let stroke = Stroke {
         side,
         ..Stroke::straight(FRAC_PI_2, 2.0)

@@ -2,7 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
-use carom_billiards::physics::{BallBody, BallState, Laws, Shot, Table, TableParts, World};
+use carom_billiards::physics::{
+    BallBody, BallState, EventKind, Laws, Shot, Table, TableParts, World,
+};
 
 /// A square of cushions, ten kilometres apart, so that none is ever reached.
 ///
@@ -53,6 +55,13 @@ pub fn single_ball(velocity: DVec3, spin: DVec3) -> carom_billiards::Result<Shot
 /// Those of the simulation.
 pub fn single_ball_from(ball: BallState) -> carom_billiards::Result<Shot> {
     released(Laws::default(), vec![ball])
+}
+
+/// When an event of a kind comes first; 0 if none does.
+pub fn first_secs(shot: &Shot, is_kind: impl Fn(&EventKind) -> bool) -> f64 {
+    let mut events = shot.events().iter();
+    let first = events.find(|event| is_kind(&event.kind));
+    first.map_or(0.0, |event| event.time_secs)
 }
 
 /// Where the cushions are: the playing surface ends at plus and minus this on both axes.

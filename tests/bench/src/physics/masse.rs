@@ -34,19 +34,17 @@ pub(super) fn directions() -> Result<PublishedCurve> {
         let some = game.into_iter().step_by(5).collect();
         series.push(Series::dots(format!("the game's, {degrees}°"), some));
     }
-    Ok(PublishedCurve {
-        name: "massé, final direction",
-        source: "Coriolis 1835; Alciatore, TP A.19, massé shot aiming method",
+    Ok(PublishedCurve::new(
+        "massé, final direction",
+        "Coriolis 1835; Alciatore, TP A.19, massé shot aiming method",
         error_max,
-        bar: 1e-9,
-        chart: Chart {
-            title: "Massé: final direction by the tip's offset".to_owned(),
-            x: Axis::linear("offset to the side, ball radii"),
-            y: Axis::linear("to the side of the aim, degrees"),
-            events: Vec::new(),
+        Chart::new(
+            "Massé: final direction by the tip's offset",
+            Axis::linear("offset to the side, ball radii"),
+            Axis::linear("to the side of the aim, degrees"),
             series,
-        },
-    })
+        ),
+    ))
 }
 
 /// The ways that the ball takes, seen from above, to where it rolls straight.
@@ -68,19 +66,17 @@ pub(super) fn ways() -> Result<PublishedCurve> {
         ));
         error_max = error_max.max(off_parabola_m(&shot, rolls) * 1e3);
     }
-    Ok(PublishedCurve {
-        name: "massé, way, in mm",
-        source: "Coriolis 1835; Alciatore, TP A.4: a parabola as long as the ball slides",
+    Ok(PublishedCurve::new(
+        "massé, way, in mm",
+        "Coriolis 1835; Alciatore, TP A.4: a parabola as long as the ball slides",
         error_max,
-        bar: 1e-9,
-        chart: Chart {
-            title: "Massé: the ball's way at 2 m/s and 0.45 radii to the right".to_owned(),
-            x: Axis::linear("along the aim, m"),
-            y: Axis::linear("to the left of the aim, m"),
-            events: Vec::new(),
+        Chart::new(
+            "Massé: the ball's way at 2 m/s and 0.45 radii to the right",
+            Axis::linear("along the aim, m"),
+            Axis::linear("to the left of the aim, m"),
             series,
-        },
-    })
+        ),
+    ))
 }
 
 /// The largest distance from the parabola that friction of constant direction gives, from the

@@ -22,6 +22,24 @@ pub struct PublishedCurve {
     pub(super) chart: Chart,
 }
 
+impl PublishedCurve {
+    /// A curve that the simulation meets but for rounding.
+    pub(super) fn new(
+        name: &'static str,
+        source: &'static str,
+        error_max: f64,
+        chart: Chart,
+    ) -> Self {
+        Self {
+            name,
+            source,
+            error_max,
+            bar: 1e-9,
+            chart,
+        }
+    }
+}
+
 impl fmt::Display for PublishedCurve {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(

@@ -3,15 +3,13 @@
 mod arrivals;
 mod loopback;
 
-use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use carom_farm::net::{
-    Authority, Client, CongestionControl, LinkCommand, LinkEvent, NodeLink, NodeServer, Role,
-    StopHandle, TransportOptions,
+    Authority, Client, CongestionControl, LinkCommand, LinkEvent, NodeLink, Role, TransportOptions,
 };
 use carom_farm::node::Node;
 use carom_protocol::session::ClientEvent;
@@ -19,16 +17,16 @@ use carom_protocol::{
     CodedParticles, EncodedScene, FrameId, PixelFormat, PixelPrecision, PrecisionRange, RequestId,
     SceneHash, TraceRequest,
 };
-use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
+use carom_testkit::{link_emulator::LinkConfig, noise_tracer::NoiseTracer};
 use carom_tracer::{RenderSettings, SceneUpdate, Tracer};
 use serde::Serialize;
 
 use self::arrivals::Arrivals;
 use self::loopback::ReadySession;
+use crate::served_node::{self, ServedNode};
 use crate::timing::quantiles;
 use crate::wait::WaitArgs;
 use crate::{BenchError, case_filter, print_json, scenes};
-use carom_testkit::noise_tracer::NoiseTracer;
 
 /// Measure the time of tiles over emulated links, by mode of sending.
 ///
@@ -249,44 +247,26 @@ struct TransportSetup {
     noise: Arc<NoiseTracer>,
     link: NodeLink,
     events: Receiver<(Instant, Vec<LinkEvent>)>,
-    stop: StopHandle,
-    server: Option<std::thread::JoinHandle<()>>,
     _client: Client,
-    proxy: Option<UdpProxy>,
+    node: ServedNode,
 }
 
 impl TransportSetup {
     fn new(args: &Args, case: &LinkCase, sending: TransportOptions) -> Result<Self, BenchError> {
-        let now = SystemTime::now();
-        let day = Duration::from_secs(24 * 3600);
         let authority = Authority::generate()?;
-        let issue = |role, name| authority.credentials(role, name, now - day..now + day);
-        let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-        let server = NodeServer::bind_with_options(any, &issue(Role::Node, "node")?, sending)?;
-        let address = server.local_addr()?;
         let pause = case
             .path
             .map_or(Duration::ZERO, |_| FRAME_RENDER / NoiseTracer::MESSAGES);
         let noise = Arc::new(NoiseTracer::new(pause));
         let node = Node::new("node", Arc::clone(&noise) as Arc<dyn Tracer>);
-        let stop = StopHandle::default();
-        let stopped = stop.clone();
         let (ready, tracer) = (case.ready, Arc::clone(&noise));
-        let serve = move || match ready {
-            true => server.serve(&stopped, move |_, _| ReadySession::new(&tracer), |_| {}),
-            false => server.serve(&stopped, move |player, _| node.connect(player), |_| {}),
-        };
-        let proxy = case
-            .path
-            .map(|path| UdpProxy::start(any, address, path, args.seed));
-        let proxy = proxy.transpose().context("a proxy")?;
-        let address = proxy.as_ref().map_or(address, UdpProxy::local_addr);
-        let client = Client::new(&issue(Role::Player, "player")?)?;
+        let link = case.path.map(|path| (path, args.seed));
+        let node = ServedNode::start(&authority, sending, link, move |server, stop| match ready {
+            true => server.serve(stop, move |_, _| ReadySession::new(&tracer), |_| {}),
+            false => server.serve(stop, move |player, _| node.connect(player), |_| {}),
+        })?;
+        let client = Client::new(&served_node::credentials(&authority, Role::Player)?)?;
         let (sender, events) = mpsc::channel();
-        let address = address
-            .to_string()
-            .parse()
-            .map_err(|why| anyhow!("{why}"))?;
         let range = match case.governed {
             true => PrecisionRange {
                 finest: PixelPrecision::Exact,
@@ -294,23 +274,21 @@ impl TransportSetup {
             },
             false => PrecisionRange::EXACT,
         };
-        let link = client.link(address, range, move |events| {
+        let link = client.link(node.address.into(), range, move |events| {
             drop(sender.send((Instant::now(), events)));
         });
         Ok(Self {
             noise,
             link,
             events,
-            stop,
-            server: Some(std::thread::spawn(serve)),
             _client: client,
-            proxy,
+            node,
         })
     }
 
     /// Of packets since the last call; none without a slowest link.
     fn queue_p99_ms(&self, case: &LinkCase) -> Option<f64> {
-        let (proxy, _) = (self.proxy.as_ref()?, case.path?.rate?);
+        let (proxy, _) = (self.node.proxy.as_ref()?, case.path?.rate?);
         let delays = proxy.take_queue_delays();
         let ms = delays.iter().map(|delay| delay.as_secs_f64() * 1e3);
         let [p99] = quantiles(ms, [0.99]);
@@ -331,15 +309,6 @@ impl TransportSetup {
                     return Err(anyhow!("the link to the node has ended").into());
                 }
             }
-        }
-    }
-}
-
-impl Drop for TransportSetup {
-    fn drop(&mut self) {
-        self.stop.stop();
-        if let Some(server) = self.server.take() {
-            let _ = server.join(); // a panic has been reported where it happened
         }
     }
 }

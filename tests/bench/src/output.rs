@@ -1,13 +1,18 @@
-//! Results as JSON, for programs.
+//! Results as JSON, for programs, and words of tables.
 
 use anyhow::Context as _;
 use serde::Serialize;
 
 use crate::BenchError;
 
-/// Prints them on standard output, in a line.
+/// Prints results on standard output, in a line.
 pub(crate) fn print_json(results: &impl Serialize) -> Result<(), BenchError> {
     let json = serde_json::to_string(results).context("results as JSON")?;
     println!("{json}");
     Ok(())
+}
+
+/// Whether a criterion is met.
+pub(crate) fn met(is_met: bool) -> &'static str {
+    if is_met { "met" } else { "missed" }
 }
