@@ -10,6 +10,7 @@
 //! The scheduler knows neither farm nor clock: times are arguments, so that tests play hours in
 //! milliseconds.
 
+mod shown_frame;
 #[cfg(test)]
 mod tests;
 
@@ -22,9 +23,10 @@ use carom_farm::{
     AccumulatedRender, Frame, FrameId, FrameSpec, PixelFormat, Pixels, Priority, SampleBatch,
     Submission,
 };
-use carom_tracer::{ImageSize, ObjectPose, RenderSettings, SceneUpdate, Tile};
+use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
 use carom_window::display::DisplayFrame;
 
+use self::shown_frame::ShownFrame;
 use crate::frame::accumulation::AccumulatedFrame;
 use crate::frame::opening_still::OpeningStill;
 use crate::play::ShotClock;
@@ -118,25 +120,10 @@ pub struct FrameScheduler {
     moments: PresentationQueue<TimedFrame>,
     pending: VecDeque<PendingFrame>,
     requests: u64,
-    serial: u64,
-    shown: Option<DisplayFrame>,
-    /// The frame on show was traced as a draft of a view that moves.
-    is_shown_moving: bool,
-    /// What was on show before, until it is taken.
-    replaced: Option<DisplayFrame>,
+    shown: ShownFrame,
     /// Of the shot, if the picture on show is of it.
     shown_moment: Option<f64>,
-    still: Option<ShownStill>,
     stats: SchedulerStats,
-}
-
-/// A picture that no farm has traced: it stays until a finer one is there, or until something moves.
-#[derive(Debug)]
-struct ShownStill {
-    pixels: usize,
-    poses: Vec<ObjectPose>,
-    /// When something was looked at first, the balls as in the picture.
-    since_secs: Option<f64>,
 }
 
 /// A picture of a shot, perhaps with tiles missing.
@@ -176,12 +163,8 @@ impl FrameScheduler {
             moments: PresentationQueue::default(),
             pending: VecDeque::new(),
             requests: 0,
-            serial: 0,
-            shown: None,
-            is_shown_moving: false,
-            replaced: None,
+            shown: ShownFrame::default(),
             shown_moment: None,
-            still: None,
             stats: SchedulerStats::default(),
         }
     }
@@ -299,12 +282,13 @@ impl FrameScheduler {
             return Some((refinement.series, refinement.render.accept(frame)?));
         }
         match (pending.role, frame.pixels) {
-            (RequestKind::Interactive, Pixels::Srgb8(_)) if self.keeps_still(frame.size) => {}
+            (RequestKind::Interactive, Pixels::Srgb8(_)) if self.shown.keeps_still(frame.size) => {}
             (RequestKind::Interactive, Pixels::Srgb8(rgba)) => {
-                self.show(frame.size, rgba, pending.update);
+                let picture = self.shown.picture(frame.size, rgba, pending.update);
+                self.shown.replace(picture);
             }
             (RequestKind::Lookahead(at), Pixels::Srgb8(rgba)) => {
-                let picture = self.picture_of(frame.size, rgba, pending.update);
+                let picture = self.shown.picture(frame.size, rgba, pending.update);
                 self.add_moment(frame.id, at, picture, frame.missing);
             }
             // A farm that answers in another format than it was asked for breaks its contract.
@@ -323,9 +307,8 @@ impl FrameScheduler {
         // Fewer would look rougher than the draft, whose pixels are larger.
         if frame.samples >= SHOWN_SAMPLES_MIN {
             let update = refinement.update.clone();
-            self.still = None;
-            self.show(frame.size, frame.rgba, update);
-            self.is_shown_moving = false;
+            let picture = self.shown.picture(frame.size, frame.rgba, update);
+            self.shown.refine(picture);
         }
     }
 
@@ -340,34 +323,22 @@ impl FrameScheduler {
 
     /// The frame on show.
     pub fn shown(&self) -> Option<&DisplayFrame> {
-        self.shown.as_ref()
+        self.shown.frame()
     }
 
     /// The frame on show, if it is of a moving view: to be blended with those before it.
     pub fn shown_moving(&mut self) -> Option<&mut DisplayFrame> {
-        self.shown.as_mut().filter(|_| self.is_shown_moving)
+        self.shown.moving()
     }
 
     /// Shows a picture that no farm has traced, until one has.
     pub fn show_still(&mut self, still: OpeningStill) {
-        self.still = Some(ShownStill {
-            pixels: still.size.pixels(),
-            poses: still.update.poses.clone(),
-            since_secs: None,
-        });
-        self.show(still.size, still.rgba, still.update);
-        self.is_shown_moving = false;
-    }
-
-    /// Whether a draft of this size would be coarser than the still, which shows the same.
-    fn keeps_still(&self, size: ImageSize) -> bool {
-        let still = self.still.as_ref();
-        still.is_some_and(|still| still.since_secs.is_some() && size.pixels() < still.pixels)
+        self.shown.show_still(still);
     }
 
     /// The frame that was on show before, once.
     pub fn take_replaced(&mut self) -> Option<DisplayFrame> {
-        self.replaced.take()
+        self.shown.take_replaced()
     }
 
     /// A picture with tiles missing is shown only if there is one to fill them from.
@@ -376,12 +347,12 @@ impl FrameScheduler {
             mut picture,
             missing,
         } = moment;
-        match &self.shown {
+        match self.shown.frame() {
             _ if missing.is_empty() => {}
             Some(before) => fill(&mut picture, &missing, before),
             None => return,
         }
-        self.replace_shown(picture);
+        self.shown.replace(picture);
         self.shown_moment = Some(at);
     }
 
@@ -394,7 +365,7 @@ impl FrameScheduler {
         self.pending.retain(comes);
         match self.shown_moment {
             Some(shown) if at < shown => {}
-            Some(shown) if at == shown && missing.is_empty() => self.replace_shown(picture),
+            Some(shown) if at == shown && missing.is_empty() => self.shown.replace(picture),
             _ => self.moments.push(at, TimedFrame { picture, missing }),
         }
     }
@@ -444,12 +415,11 @@ impl FrameScheduler {
         if same {
             return false;
         }
-        self.still.take_if(|still| {
-            let since_secs = *still.since_secs.get_or_insert(now_secs);
-            let is_same = |update: &SceneUpdate| update.poses == still.poses;
-            let shows = matches!(target, ViewTarget::Live(update) if is_same(update));
-            !shows || now_secs - since_secs > SETTLE_SECS
-        });
+        let view = match target {
+            ViewTarget::Live(update) => Some(update),
+            ViewTarget::Shot(_) => None,
+        };
+        self.shown.look(now_secs, view);
         self.still_since_secs = now_secs;
         self.drafted = false;
         self.refinement = None;
@@ -551,31 +521,6 @@ impl FrameScheduler {
         }
         self.stats.pictures += 1;
     }
-
-    fn show(&mut self, size: ImageSize, rgba: Vec<[u8; 4]>, update: SceneUpdate) {
-        let picture = self.picture_of(size, rgba, update);
-        self.replace_shown(picture);
-    }
-
-    fn replace_shown(&mut self, picture: DisplayFrame) {
-        self.replaced = self.shown.replace(picture);
-        self.is_shown_moving = true;
-    }
-
-    fn picture_of(
-        &mut self,
-        size: ImageSize,
-        rgba: Vec<[u8; 4]>,
-        update: SceneUpdate,
-    ) -> DisplayFrame {
-        self.serial += 1;
-        DisplayFrame {
-            serial: self.serial,
-            size,
-            rgba,
-            update,
-        }
-    }
 }
 
 /// A picture that grows by disjoint sample ranges.
@@ -589,8 +534,6 @@ struct AccumulationState {
     accumulated: u32,
 }
 
-/// The window's first panels move the camera that much later still, without the player's doing.
-const SETTLE_SECS: f64 = 0.5;
 /// Nothing has moved for this long: refine.
 const STILL_SECS: f64 = 0.1;
 /// What one refinement may take. Longer wastes less on fixed costs, shorter shows progress and
