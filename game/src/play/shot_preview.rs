@@ -30,9 +30,6 @@ pub enum BallMarks {
 }
 
 impl AimAids {
-    /// All, from least to most.
-    pub const ALL: [Self; 4] = [Self::Off, Self::Line, Self::Ghost, Self::Full];
-
     /// The next, and after the last the first.
     #[must_use]
     pub fn next(self) -> Self {

@@ -90,9 +90,7 @@ impl Table {
 
     /// The table that ships with the game under this name for the player, which tells its options too.
     pub fn named(name: &str) -> Option<Self> {
-        let tables = BUILT_IN.iter();
-        let mut specs = tables.filter_map(|(_, json)| TableSpec::parse(json).ok());
-        specs.find_map(|spec| {
+        specs().find_map(|spec| {
             let suffix = name.strip_prefix(&spec.name)?;
             let options = TableOptions::all().find(|options| options.suffix() == suffix)?;
             let table = spec.build_with(options).ok()?;
@@ -102,9 +100,7 @@ impl Table {
 
     /// This table with other options; as it is where it does not ship with the game.
     pub fn with_options(&self, options: TableOptions) -> Self {
-        let tables = BUILT_IN.iter();
-        let mut specs = tables.filter_map(|(_, json)| TableSpec::parse(json).ok());
-        let spec = specs.find(|spec| {
+        let spec = specs().find(|spec| {
             let suffix = self.name().strip_prefix(&spec.name);
             suffix.is_some_and(|suffix| suffix.is_empty() || suffix.starts_with(", "))
         });
@@ -140,6 +136,12 @@ impl TableSpec {
         self.side_pockets = self.side_pockets.map(resized);
         Ok(self.build()?.with_speed(options.speed))
     }
+}
+
+/// Of the tables that ship with the game.
+fn specs() -> impl Iterator<Item = TableSpec> {
+    let tables = BUILT_IN.iter();
+    tables.filter_map(|(_, json)| TableSpec::parse(json).ok())
 }
 
 const BUILT_IN: [(&str, &str); 5] = [
