@@ -7,7 +7,6 @@ use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::{Engine, Recording, Table, TableOptions};
 use carom_billiards::rules::RuleSet;
 use carom_farm::{FarmConfig, FrameRange};
-use carom_text::text;
 use carom_tracer::{ImageSize, RenderSettings};
 use carom_window::args::{ArgsFault, WindowArgs};
 use clap::{Parser, Subcommand};

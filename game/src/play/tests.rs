@@ -1,8 +1,14 @@
 //! The game as a player drives it: intents and time in, balls, camera and sentences out.
 
-use super::aim::cue_speed_m_s;
+use std::sync::Arc;
+
+use carom_billiards::physics::AimContact;
+use carom_tracer::Camera;
+
+use super::cue::SWING_SECS;
 use super::*;
-use crate::input::{Intent, MatchIntent};
+use crate::camera::{CameraIntent, CameraView, Projection, wrap_rad};
+use crate::input::{Intent, MatchIntent, StrokeIntent};
 
 /// Does what the player wants; a stroke meets the ball 0.2 s later.
 fn apply(game: &mut Game, intent: Intent, now_secs: f64) {

@@ -16,7 +16,7 @@ use crate::file_format::{self, FileFormat};
 use crate::{Error, FileFault, LayoutFault, Result, RuleFault, TableFault};
 
 use super::{Match, MatchConfig, Player};
-use crate::physics::{BallState, BedSave, Engine, Phase, Stroke, Table, World};
+use crate::physics::{BedSave, Engine, Phase, Stroke, Table, World};
 use crate::rules::{Call, Choice, RuleSet};
 
 /// All that makes a match what it is.

@@ -97,4 +97,4 @@ impl ShownFrame {
 }
 
 /// The window's first panels move the camera that much later still, without the player's doing.
-const SETTLE_SECS: f64 = 0.5;
+pub(super) const SETTLE_SECS: f64 = 0.5;

@@ -3,9 +3,10 @@
 use carom_farm::FrameStats;
 use carom_farm::quality::{SMOOTH_PERIOD_SECS, STEADY_PERIOD_SECS};
 use carom_tracer::sampling::uniforms;
-use carom_tracer::{Camera, Lens};
+use carom_tracer::{Camera, Lens, ObjectPose};
 use glam::Vec3;
 
+use super::shown_frame::SETTLE_SECS;
 use super::*;
 use crate::frame::accumulation::Accumulator;
 use crate::play::ShotClock;
