@@ -315,8 +315,8 @@ mod tests {
         let mut game = Match::new(MatchConfig::new(RuleSet::Free, players, 7).unwrap()).unwrap();
         let table = game.world().table().clone();
         let balls = [
-            BallState::at_rest(0, -0.15, 0.0, &table.cue_ball()),
-            BallState::at_rest(1, 0.04, 0.01, &table.ball()),
+            table.resting_ball(0, DVec2::new(-0.15, 0.0)),
+            table.resting_ball(1, DVec2::new(0.04, 0.01)),
         ];
         let squares = (0..3).flat_map(|column| (-2..2).map(move |row| (column, row)));
         let patch = |(column, row)| ParticlePatch {
