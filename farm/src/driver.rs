@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::NODES_MAX;
@@ -16,6 +16,7 @@ use crate::directory::watch::DirectoryWatch;
 use crate::directory::{Directory, ListedNode};
 use crate::events::EventSender;
 use crate::link::{LinkCommand, LinkEvent};
+use crate::lock::lock;
 use crate::memory_link::MemoryLink;
 use crate::net::{Client, NodeAddress, NodeLink};
 use crate::node::Node;
@@ -416,7 +417,7 @@ impl Driver {
     fn publish(&mut self) {
         let nodes = self.coordinator.nodes(self.now());
         let frames = self.coordinator.progress().collect();
-        let mut board = self.board.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut board = lock(&self.board);
         let before = std::mem::replace(&mut *board, FarmBoard { nodes, frames });
         self.watchers
             .retain_mut(|watcher| watcher.compare(&before.nodes, &board.nodes));

@@ -54,6 +54,7 @@ mod job;
 pub mod link;
 mod live;
 mod local_devices;
+mod lock;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod logging;

@@ -17,6 +17,7 @@ use crate::error::Error;
 use crate::farm::Farm;
 use crate::frame::FrameSpec;
 use crate::job::{Canceller, Job};
+use crate::lock::lock;
 use crate::picture::Picture;
 use crate::quality::{Quality, QualityPreference};
 use crate::stats::FrameStats;
@@ -168,7 +169,7 @@ pub struct LiveFrame {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, LiveState> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use carom_tracer::film::Film;
 use carom_tracer::tonemap::srgb8;
@@ -11,6 +11,7 @@ use png::Compression;
 
 use crate::checkpoint::Checkpoint;
 use crate::error::Error;
+use crate::lock::lock;
 use crate::whole_file::WholeFile;
 
 /// A picture that a farm has traced.
@@ -113,8 +114,7 @@ impl Picture {
         let Some(checkpoint) = &self.checkpoint else {
             return Ok(());
         };
-        let checkpoint = checkpoint.lock().unwrap_or_else(PoisonError::into_inner);
-        checkpoint.remove()
+        lock(checkpoint).remove()
     }
 
     /// Writes the checkpoint of [`crate::Still::checkpoint`] with all samples, for a picture that could
@@ -127,8 +127,7 @@ impl Picture {
         let Some(checkpoint) = &self.checkpoint else {
             return Ok(None);
         };
-        let mut checkpoint = checkpoint.lock().unwrap_or_else(PoisonError::into_inner);
-        checkpoint.rescue(&self.film).map(Some)
+        lock(checkpoint).rescue(&self.film).map(Some)
     }
 
     /// The bytes of a file of the format, for who has opened it.

@@ -1,7 +1,7 @@
 //! Stills: one picture of many samples, traced by a whole farm.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use carom_protocol::PixelFormat;
@@ -14,6 +14,7 @@ use crate::error::Error;
 use crate::farm::Farm;
 use crate::frame::FrameSpec;
 use crate::job::{Canceller, Job};
+use crate::lock::lock;
 use crate::picture::Picture;
 use crate::stats::FrameStats;
 use crate::submission::{Priority, SceneHandle};
@@ -254,8 +255,7 @@ impl Farm {
 impl StillJob {
     /// How far it is.
     pub fn progress(&self) -> StillProgress {
-        let progress = self.progress.lock();
-        progress.unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.progress).clone()
     }
 
     /// Samples of each pixel that a checkpoint held at the start.
@@ -355,7 +355,7 @@ impl StillRun {
         if let Some(callback) = &mut self.still.on_progress {
             callback(&progress);
         }
-        *self.progress.lock().unwrap_or_else(PoisonError::into_inner) = progress;
+        *lock(&self.progress) = progress;
     }
 
     /// Keeps what was traced until `why`, which it returns.

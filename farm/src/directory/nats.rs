@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use async_nats::connection::State;
@@ -20,6 +20,7 @@ use tokio::task::JoinHandle;
 
 use super::{Directory, ListedNode, NodeRecord, Registry};
 use crate::Error;
+use crate::lock::lock;
 
 /// `nats://host:port/bucket`, or `tls://` likewise; before the host `user:password@` or `token@`.
 #[derive(Clone, PartialEq, Eq)]
@@ -298,10 +299,6 @@ fn key(address: &str) -> String {
         _ => '_',
     };
     address.chars().map(plain).collect()
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// How often a node writes its record: 1,000 nodes are 200 messages a second.

@@ -8,7 +8,7 @@ mod y4m;
 
 use std::collections::{BTreeSet, VecDeque};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use carom_protocol::PixelFormat;
@@ -21,6 +21,7 @@ use crate::error::Error;
 use crate::farm::Farm;
 use crate::frame::{FrameSpec, Pixels};
 use crate::job::{Canceller, Job};
+use crate::lock::lock;
 use crate::stats::FrameStats;
 use crate::submission::{Priority, SceneHandle};
 use crate::submitter::Submitter;
@@ -263,8 +264,7 @@ impl Farm {
 impl FilmJob {
     /// How far it is.
     pub fn progress(&self) -> FilmProgress {
-        let progress = self.progress.lock();
-        progress.unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.progress).clone()
     }
 
     /// Frames of its range that the folder held at the start.
@@ -440,7 +440,7 @@ impl FilmRun {
 
     fn report(&mut self, frame: Option<(u32, FrameStats)>) {
         let (tiles_done, tiles) = self.submitter.tiles_in_flight();
-        let mut known = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = lock(&self.progress);
         let progress = FilmProgress {
             frames_done: self.kept.kept(),
             frames: known.frames,

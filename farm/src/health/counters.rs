@@ -1,11 +1,13 @@
 //! Figures of a node since it started.
 
 use std::fmt::Write as _;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_protocol::{NodeInfo, RequestReport};
+
+use crate::lock::lock;
 
 /// What a node has done, counted by those who do it.
 #[derive(Debug)]
@@ -111,7 +113,7 @@ impl NodeCounters {
     /// The figures now.
     pub fn figures(&self) -> NodeFigures {
         let (busy, idle) = {
-            let device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+            let device = lock(&self.device);
             let since = device.since.elapsed();
             match device.calls {
                 0 => (device.busy, since),
@@ -134,7 +136,7 @@ impl NodeCounters {
     }
 
     pub(super) fn device_begins(&self) {
-        let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut device = lock(&self.device);
         if device.calls == 0 {
             device.since = Instant::now();
         }
@@ -142,7 +144,7 @@ impl NodeCounters {
     }
 
     pub(super) fn device_ends(&self) {
-        let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut device = lock(&self.device);
         device.calls -= 1;
         if device.calls == 0 {
             let now = Instant::now();

@@ -3,12 +3,13 @@
 
 use std::collections::HashMap;
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use quinn::{ClientConfig, Connection, Endpoint};
 
 use crate::Error;
+use crate::lock::lock;
 use crate::net::address::NodeAddress;
 use crate::net::connection_driver::ConnectionStreams;
 use crate::net::credentials::Credentials;
@@ -57,7 +58,7 @@ impl NodeClaims {
         address: SocketAddr,
         node: &NodeAddress,
     ) -> Result<NodeClaim, Error> {
-        let mut claims = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut claims = lock(&self.0);
         if let Some(holder) = claims.get(&identity) {
             let node = holder.to_string();
             return Err(Error::SameNode { address, node });
@@ -86,7 +87,7 @@ impl NodeClaim {
 
 impl Drop for NodeClaim {
     fn drop(&mut self) {
-        let mut claims = self.claims.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut claims = lock(&self.claims.0);
         claims.remove(&self.identity);
     }
 }
@@ -151,7 +152,7 @@ impl Connector {
     }
 
     fn socket(&self, peer: SocketAddr) -> Result<Endpoint, std::io::Error> {
-        let mut sockets = self.sockets.lock().unwrap_or_else(|held| held.into_inner());
+        let mut sockets = lock(&self.sockets);
         let socket = match peer {
             SocketAddr::V4(_) => &mut sockets.v4,
             SocketAddr::V6(_) => &mut sockets.v6,
@@ -166,7 +167,7 @@ impl Connector {
     /// Tells all nodes that this player is gone, and waits until they know.
     pub(crate) async fn close(&self) {
         let endpoints = {
-            let sockets = self.sockets.lock().unwrap_or_else(|held| held.into_inner());
+            let sockets = lock(&self.sockets);
             [sockets.v4.clone(), sockets.v6.clone()]
         };
         for endpoint in endpoints.into_iter().flatten() {

@@ -4,12 +4,13 @@
 use std::collections::HashSet;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 use std::time::{Duration, SystemTime};
 
 use quinn::Connection;
 use rustls::pki_types::CertificateDer;
 
+use crate::lock::lock;
 use crate::net::{certificate_fields, close_code};
 
 /// The file in a folder of credentials: a line each, of a key id and a name.
@@ -49,7 +50,7 @@ impl DenyList {
         let Ok(key_id) = certificate_fields::key_id(certificate) else {
             return true; // no list can name the key of what is no certificate
         };
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = lock(&self.state);
         state.refresh(path);
         state.key_ids.contains(&key_id)
     }

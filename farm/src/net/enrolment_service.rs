@@ -1,7 +1,7 @@
 //! Service of a farm's authority: admits nodes that show its token, and renews certificates.
 
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use quinn::crypto::rustls::QuicServerConfig;
@@ -11,6 +11,7 @@ use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 
 use crate::Error;
+use crate::lock::lock;
 use crate::net::address::NodeAddress;
 use crate::net::certificate::{PeerVerifier, provider};
 use crate::net::enrolment::{ALPN, ANSWER_TIMEOUT, REQUEST_BYTES_MAX};
@@ -197,10 +198,7 @@ async fn accept(
             };
             // Whoever has no certificate can be refused as often as he likes.
             let now = Instant::now();
-            let free = lines
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .try_take(now);
+            let free = lock(&lines).try_take(now);
             let counts = state.handshakes.fail(now);
             let why = match counts {
                 Some(counts) if !free => format!("{counts}; the last: {error}"),
@@ -295,10 +293,7 @@ impl EnrolmentState {
         let refused = |sentence: &str| Error::EnrolmentRefused {
             sentence: sentence.to_owned(),
         };
-        let mut uses_left = self
-            .uses_left
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut uses_left = lock(&self.uses_left);
         if certificate_fields::sha256(secret.as_bytes()) != self.secret_hash || *uses_left == 0 {
             return Err(refused(
                 "the token is not valid: ask for another by `carom-farm token`",

@@ -12,7 +12,7 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use carom_protocol::NodeLoad;
@@ -25,6 +25,7 @@ use super::fair_queue::{FairQueue, PlayerId};
 use super::job::{NodeJob, UncompiledJob};
 use super::load_meter::LoadMeter;
 use super::scene_compiler::SceneCompiler;
+use crate::lock::lock;
 
 /// A worker's turn at a request.
 pub(super) struct Turn {
@@ -440,10 +441,6 @@ fn sort_newest(jobs: &mut VecDeque<QueuedJob>) {
         jobs.swap(index, other);
         index = other;
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Jobs that keep their copies of scenes: those that are traced, and those whose turns come next.
