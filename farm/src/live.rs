@@ -131,7 +131,7 @@ impl Live {
 pub struct LiveView {
     settings: RenderSettings,
     shared: Arc<Shared>,
-    job: Job<()>,
+    job: Job<(), ()>,
 }
 
 /// What the view's owner and its thread share.
@@ -213,7 +213,7 @@ impl Farm {
         Ok(LiveView {
             settings,
             shared,
-            job: Job::start("carom-live", |cancelled| {
+            job: Job::start("carom-live", Arc::default(), 0, |cancelled| {
                 run.run(cancelled);
                 Ok(())
             })?,
@@ -360,7 +360,7 @@ impl LiveView {
 
 impl Drop for LiveView {
     fn drop(&mut self) {
-        self.job.canceller().cancel();
+        self.job.cancel();
         self.shared.changed.notify_all();
     }
 }

@@ -194,12 +194,7 @@ impl StillProgress {
 }
 
 /// A still that is being traced. Dropped, it is cancelled.
-#[derive(Debug)]
-pub struct StillJob {
-    job: Job<Picture>,
-    progress: Arc<Mutex<StillProgress>>,
-    resumed_samples: u32,
-}
+pub type StillJob = Job<Picture, StillProgress>;
 
 impl Farm {
     /// Traces a picture and waits for it.
@@ -244,47 +239,16 @@ impl Farm {
             progress: Arc::clone(&progress),
             still,
         };
-        Ok(StillJob {
-            job: Job::start("carom-still", |cancelled| run.run(cancelled))?,
-            progress,
-            resumed_samples: done,
+        Job::start("carom-still", progress, done, |cancelled| {
+            run.run(cancelled)
         })
     }
 }
 
 impl StillJob {
-    /// How far it is.
-    pub fn progress(&self) -> StillProgress {
-        lock(&self.progress).clone()
-    }
-
     /// Samples of each pixel that a checkpoint held at the start.
     pub const fn resumed_samples(&self) -> u32 {
-        self.resumed_samples
-    }
-
-    /// Whether [`StillJob::wait`] would return at once.
-    pub fn is_finished(&self) -> bool {
-        self.job.is_finished()
-    }
-
-    /// Ends the work; a checkpoint is written if one was asked for.
-    pub fn cancel(&self) {
-        self.job.canceller().cancel();
-    }
-
-    /// To cancel the work while another thread waits for it.
-    pub fn canceller(&self) -> Canceller {
-        self.job.canceller().clone()
-    }
-
-    /// Waits for the picture.
-    ///
-    /// # Errors
-    /// [`Error::NoNodes`] if no node has answered for [`crate::FarmConfig::timeout_secs`],
-    /// [`Error::FrameRefused`] if every node refuses the picture, [`Error::Cancelled`], [`Error::FarmClosed`] if the farm has been dropped.
-    pub fn wait(self) -> Result<Picture, Error> {
-        self.job.wait()
+        self.resumed
     }
 }
 
