@@ -10,7 +10,7 @@ use carom_protocol::{NodeInfo, RequestReport};
 use crate::lock::lock;
 
 /// What a node has done, counted by those who do it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct NodeCounters {
     pub(super) tiles: AtomicU64,
     pub(super) samples: AtomicU64,
@@ -57,22 +57,12 @@ pub struct NodeFigures {
     pub idle: Duration,
 }
 
-impl Default for NodeCounters {
+impl Default for DeviceUse {
     fn default() -> Self {
         Self {
-            tiles: AtomicU64::new(0),
-            samples: AtomicU64::new(0),
-            dropped_samples: AtomicU64::new(0),
-            sent_bytes: AtomicU64::new(0),
-            requests: AtomicU64::new(0),
-            response_micros: AtomicU64::new(0),
-            players: AtomicU64::new(0),
-            draining: AtomicBool::new(false),
-            device: Mutex::new(DeviceUse {
-                calls: 0,
-                since: Instant::now(),
-                busy: Duration::ZERO,
-            }),
+            calls: 0,
+            since: Instant::now(),
+            busy: Duration::ZERO,
         }
     }
 }

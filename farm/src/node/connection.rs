@@ -217,7 +217,7 @@ mod tests {
             width: 1,
             threads: 1,
         };
-        let (name, queue) = (String::new(), Arc::new(JobQueue::new()));
+        let (name, queue) = (String::new(), Arc::new(JobQueue::default()));
         let info = NodeInfo {
             name,
             instance: 0,

@@ -60,7 +60,7 @@ impl Node {
             DeviceKind::Gpu => 2,
             DeviceKind::Cpu | DeviceKind::Scalar => 1,
         };
-        let queue = Arc::new(JobQueue::new());
+        let queue = Arc::new(JobQueue::default());
         for _ in 0..workers {
             worker::start(Arc::clone(&queue), Arc::clone(&tracer));
         }

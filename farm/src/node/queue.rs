@@ -50,6 +50,7 @@ pub(super) enum TurnWork {
 }
 
 /// The queue of a node, shared by connections and workers.
+#[derive(Default)]
 pub(super) struct JobQueue {
     state: Mutex<QueueState>,
     changed: Condvar,
@@ -92,17 +93,6 @@ struct RunningTurn {
 }
 
 impl JobQueue {
-    pub(super) fn new() -> Self {
-        Self {
-            state: Mutex::default(),
-            changed: Condvar::new(),
-            watched: Condvar::new(),
-            scenes: SceneCompiler::new(),
-            updated: Mutex::default(),
-            last_done: Mutex::default(),
-        }
-    }
-
     /// Gives each player but that of this process at most so many seconds of the device an hour.
     pub(super) fn set_quota(&self, secs_per_hour: f64) {
         lock(&self.state).quota = Some(DeviceQuota::new(secs_per_hour));

@@ -45,8 +45,8 @@ impl KeptScene {
     }
 }
 
-impl SceneCompiler {
-    pub(super) fn new() -> Self {
+impl Default for SceneCompiler {
+    fn default() -> Self {
         Self {
             state: Mutex::new(CompilerState {
                 waiting: FairQueue::new(),
@@ -57,7 +57,9 @@ impl SceneCompiler {
             changed: Condvar::new(),
         }
     }
+}
 
+impl SceneCompiler {
     /// Bounds the memory of all compiled scenes.
     pub(super) fn set_bytes_max(&self, bytes: u64) {
         lock(&self.state).bytes_max = bytes;
