@@ -90,7 +90,7 @@ impl Picture {
     pub fn png(&self) -> Result<Vec<u8>, Error> {
         let mut bytes = Vec::new();
         let written = self.encode_png(&mut bytes);
-        let written = written.map_err(|why| file_error(Path::new("a PNG in memory"), why));
+        let written = written.map_err(Error::file(Path::new("a PNG in memory")));
         written.map(|()| bytes)
     }
 
@@ -103,7 +103,7 @@ impl Picture {
         let path = path.as_ref();
         let format = FileFormat::of(path)?;
         let written = WholeFile::replace(path, |file| self.encode(format, file));
-        written.map_err(|source| file_error(path, source))
+        written.map_err(Error::file(path))
     }
 
     /// Removes the checkpoint of [`crate::Still::checkpoint`], if there is one.
@@ -159,13 +159,6 @@ impl Picture {
     }
 }
 
-fn file_error(path: &Path, source: io::Error) -> Error {
-    Error::File {
-        path: path.to_owned(),
-        source,
-    }
-}
-
 /// The format of a picture's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -194,9 +187,7 @@ impl FileFormat {
             Some("exr") => Ok(Self::Exr),
             #[cfg(feature = "image-io")]
             Some("jpg" | "jpeg") => Ok(Self::Jpeg),
-            _ => Err(Error::PictureFormat {
-                path: path.to_owned(),
-            }),
+            _ => Err(Error::PictureFormat(path.to_owned())),
         }
     }
 }

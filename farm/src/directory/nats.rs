@@ -21,6 +21,7 @@ use tokio::task::JoinHandle;
 use super::{Directory, ListedNode, NodeRecord, Registry};
 use crate::Error;
 use crate::lock::lock;
+use crate::net::runtime;
 
 /// `nats://host:port/bucket`, or `tls://` likewise; before the host `user:password@` or `token@`.
 #[derive(Clone, PartialEq, Eq)]
@@ -114,12 +115,7 @@ impl NatsBucket {
 
 /// A thread for a connection to a server.
 fn runtime(bucket: &NatsBucket) -> Result<Runtime, Error> {
-    tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(1)
-        .thread_name("carom-nats")
-        .enable_all()
-        .build()
-        .map_err(|why| bucket.fault(why))
+    runtime::own_thread("carom-nats").map_err(|why| bucket.fault(why))
 }
 
 async fn in_time<T>(

@@ -11,9 +11,9 @@ use hyper::http::uri::Authority;
 use hyper::{Method, Request, StatusCode, Uri};
 use hyper_util::rt::TokioIo;
 use tokio::net::TcpStream;
-use tokio::runtime::{Builder, Runtime};
 
 use crate::Error;
+use crate::net::runtime;
 
 /// The text at `http://host:port/path`.
 ///
@@ -32,7 +32,7 @@ pub fn http_get_all(
     urls: &[String],
     patience: Duration,
 ) -> Result<Vec<Result<String, Error>>, Error> {
-    let runtime = runtime().map_err(|why| Error::Directory {
+    let runtime = runtime::waiting_thread().map_err(|why| Error::Directory {
         directory: "http".into(),
         reason: why.to_string(),
     })?;
@@ -73,11 +73,6 @@ async fn get(url: &str, patience: Duration) -> Result<String, Error> {
 
 /// Services that are asked at once.
 const AT_ONCE_MAX: usize = 128;
-
-/// What requests run on, on the thread that waits for them.
-pub(super) fn runtime() -> std::io::Result<Runtime> {
-    Builder::new_current_thread().enable_all().build()
-}
 
 /// A service at a host and port.
 #[derive(Debug)]

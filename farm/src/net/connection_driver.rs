@@ -14,7 +14,6 @@ use carom_protocol::limits;
 use carom_protocol::session::{Channel, Packet, SceneAssembler, SceneProgress};
 use carom_protocol::{RequestId, codec};
 use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendStream};
-use rustls::pki_types::CertificateDer;
 use tokio::sync::{OwnedSemaphorePermit, mpsc, watch};
 use tokio::task::JoinSet;
 
@@ -86,13 +85,6 @@ pub(crate) struct ConnectionStreams {
     pub(crate) role: Role,
     /// Of the player: a node shares it among the player's connections.
     pub(crate) account: Arc<PlayerAccount>,
-}
-
-/// The certificate that the peer has shown.
-pub(crate) fn peer_certificate(connection: &Connection) -> Option<CertificateDer<'static>> {
-    let chain = connection.peer_identity()?;
-    let chain = chain.downcast::<Vec<CertificateDer<'static>>>().ok()?;
-    chain.into_iter().next()
 }
 
 /// Packets between the session and a stream's task, per channel. Few: packets that wait are better
@@ -229,9 +221,7 @@ impl ConnectionDriver {
                     }
                 }
                 Some(end) = self.tasks.join_next() => {
-                    return end.unwrap_or_else(|panic| ConnectionEnd::Violation(Error::Task {
-                        reason: panic.to_string(),
-                    }));
+                    return end.unwrap_or_else(panicked);
                 }
             };
             if let Some(error) = violation {
@@ -406,11 +396,7 @@ impl ControlReader {
             let progress = assembler.handle(&packet);
             (assembler, progress)
         });
-        let (assembler, progress) = handled.await.map_err(|panic| {
-            ConnectionEnd::Violation(Error::Task {
-                reason: panic.to_string(),
-            })
-        })?;
+        let (assembler, progress) = handled.await.map_err(panicked)?;
         if !assembler.is_under_way() {
             self.transfer = None;
         }
@@ -470,10 +456,13 @@ async fn read_datagrams(
                 let _ = to_session.send(copy).await;
             }
             _ => {
-                return ConnectionEnd::Violation(Error::ErrorCorrection {
-                    rule: "a player sends no such datagram".to_owned(),
-                });
+                let why = "a player sends no such datagram".to_owned();
+                return ConnectionEnd::Violation(Error::ErrorCorrection(why));
             }
         }
     }
+}
+
+fn panicked(panic: tokio::task::JoinError) -> ConnectionEnd {
+    ConnectionEnd::Violation(Error::Task(panic.to_string()))
 }

@@ -15,7 +15,7 @@ use crate::net::connection_driver::ConnectionStreams;
 use crate::net::credentials::Credentials;
 use crate::net::peer::Role;
 use crate::net::player_account::PlayerAccount;
-use crate::net::{close_code, connection_error, endpoint, tls};
+use crate::net::{close_code, connection_error, endpoint};
 
 /// A player's sockets, one for each address family that is needed.
 pub(crate) struct Connector {
@@ -124,28 +124,13 @@ impl Connector {
         }
         // Both families of one host often fail alike.
         errors.dedup_by_key(|error| error.to_string());
-        Err(Error::NoAddressConnects { errors })
+        Err(Error::NoAddressConnects(errors))
     }
 
     async fn connect_address(&self, address: SocketAddr) -> Result<ConnectionStreams, Error> {
-        let endpoint = self.socket(address).map_err(|source| Error::Socket {
-            address: address.to_string(),
-            source,
-        })?;
+        let endpoint = self.socket(address).map_err(Error::socket(address))?;
         let config = self.config.clone();
-        let connecting = endpoint
-            .connect_with(config, address, tls::SERVER_NAME)
-            .map_err(|error| Error::Unreachable {
-                address,
-                reason: error.to_string(),
-            })?;
-        let connection = match tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, connecting).await {
-            Ok(Ok(connection)) => connection,
-            Ok(Err(quinn::ConnectionError::TimedOut)) | Err(_) => {
-                return Err(Error::NoAnswer { address });
-            }
-            Ok(Err(error)) => return Err(connection_error::connection(&error, Role::Player)),
-        };
+        let connection = endpoint::connect(&endpoint, config, address, Role::Player).await?;
         open(connection)
             .await
             .map_err(|error| connection_error::connection(&error, Role::Player))
@@ -207,6 +192,7 @@ mod tests {
     use crate::net::authority::{Authority, IssuedCertificate};
     use crate::net::endpoint::TransportOptions;
     use crate::net::handshakes::Handshakes;
+    use crate::net::tls;
     use carom_testkit::link_emulator::LinkConfig;
     use carom_testkit::udp_proxy::UdpProxy;
 
@@ -318,10 +304,7 @@ mod tests {
     }
 
     fn runtime() -> tokio::runtime::Runtime {
-        tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .unwrap()
+        crate::net::runtime::waiting_thread().unwrap()
     }
 
     /// Far longer than a search for the MTU takes.

@@ -70,6 +70,7 @@ mod migration;
 pub(crate) mod peer;
 mod places;
 mod player_account;
+pub(crate) mod runtime;
 pub mod server;
 mod signals;
 mod tile_transport;

@@ -19,9 +19,9 @@ use crate::net::deny_list::DenyList;
 use crate::net::endpoint::TransportOptions;
 use crate::net::enrolment;
 use crate::net::listener::Listener;
-use crate::net::peer::{CertificateFault, DisconnectReason, Role};
+use crate::net::peer::{DisconnectReason, Role};
 use crate::net::signals::Signals;
-use crate::net::{close_code, migration};
+use crate::net::{close_code, migration, runtime};
 use crate::node::{ConnectionDrain, NodeConnection, PlayerId};
 
 /// A change in a node's connections.
@@ -88,11 +88,6 @@ impl StopHandle {
     }
 }
 
-/// Encryption takes 2 ms of a core for a megabyte, and tiles are encoded elsewhere. Two threads
-/// wake each other for each message: an answer of 64 KiB over a loopback then takes a fifth more
-/// processor time and leaves in smaller packets.
-const THREADS: usize = 1;
-
 impl NodeServer {
     /// Opens the socket.
     ///
@@ -112,16 +107,8 @@ impl NodeServer {
         credentials: &Credentials,
         options: TransportOptions,
     ) -> Result<Self, Error> {
-        let failed = |source| Error::Socket {
-            address: address.to_string(),
-            source,
-        };
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(THREADS)
-            .thread_name("carom-net")
-            .enable_all()
-            .build()
-            .map_err(failed)?;
+        let failed = Error::socket(address);
+        let runtime = runtime::own_thread("carom-net").map_err(failed)?;
         let (listener, signals) = {
             let _inside = runtime.enter();
             let signals = Signals::listen().map_err(failed)?;
@@ -151,10 +138,8 @@ impl NodeServer {
     /// # Errors
     /// [`Error::Socket`] if the system does not know.
     pub fn local_addr(&self) -> Result<SocketAddr, Error> {
-        self.listener.local_addr().map_err(|source| Error::Socket {
-            address: "the node's socket".into(),
-            source,
-        })
+        let address = self.listener.local_addr();
+        address.map_err(Error::socket("the node's socket"))
     }
 
     /// Serves players until `stop`, Ctrl-C or SIGTERM. Then it drains, for ten seconds at most: each
@@ -193,9 +178,7 @@ impl NodeServer {
                 let moved = |to| events(ServerEvent::Moved { player, to });
                 let error = tokio::select! {
                     error = connection_driver::drive(streams, &mut session) => error,
-                    () = denied.close_if_denied(&connection) => Error::PeerCertificate {
-                        fault: CertificateFault::Revoked,
-                    },
+                    error = denied.close_if_denied(&connection) => error,
                     error = migration::watch(&connection, &account, moved) => error,
                     () = drained(stops, drain, &connection) => Error::ControlStreamEnded,
                 };

@@ -37,7 +37,7 @@ pub fn enrolment(bytes: &[u8]) {
             let again = EnrolmentAnswer::from_json(&written).expect("its own text");
             assert!(again == answer);
             if let EnrolmentAnswer::Refused { sentence } = answer {
-                assert_told(&Error::EnrolmentRefused { sentence });
+                assert_told(&Error::EnrolmentRefused(sentence));
             }
         }
         Err(why) => assert_told(&why),
