@@ -441,6 +441,14 @@ impl Error {
         }
     }
 
+    /// Why a directory does not say which nodes there are.
+    pub(crate) fn directory(name: impl fmt::Display, why: impl fmt::Display) -> Self {
+        Self::Directory {
+            directory: name.to_string(),
+            reason: why.to_string(),
+        }
+    }
+
     /// What the system says of a file of a render.
     pub(crate) fn file(path: &Path) -> impl Fn(io::Error) -> Self + Copy {
         move |source| Self::File {

@@ -69,10 +69,7 @@ impl FromStr for NatsBucket {
 
 impl NatsBucket {
     fn fault(&self, why: impl fmt::Display) -> Error {
-        Error::Directory {
-            directory: self.to_string(),
-            reason: why.to_string(),
-        }
+        Error::directory(self, why)
     }
 
     async fn open(&self) -> Result<(Client, Store), Error> {

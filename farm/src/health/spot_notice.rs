@@ -39,11 +39,11 @@ struct MetadataService(HttpService);
 
 impl MetadataService {
     fn at(endpoint: &str) -> Result<Self, Error> {
-        let service = HttpService::at(endpoint).ok_or_else(|| Error::Directory {
-            directory: ENDPOINT_VARIABLE.into(),
-            reason: format!("`{}` is no http:// address", endpoint.escape_debug()),
-        })?;
-        Ok(Self(service))
+        let service = HttpService::at(endpoint).map(Self);
+        service.ok_or_else(|| {
+            let why = format!("`{}` is no http:// address", endpoint.escape_debug());
+            Error::directory(ENDPOINT_VARIABLE, why)
+        })
     }
 
     /// Waits for a notice: AWS' words.
