@@ -336,7 +336,7 @@ impl PacketHandler for LoggedConnection {
     }
 
     fn drain(&self) -> Option<ConnectionDrain> {
-        Some(self.connection.drain())
+        self.connection.drain()
     }
 }
 

@@ -17,11 +17,12 @@ use crate::link::LinkSession;
 pub use crate::link::{LinkCommand, LinkEvent};
 use crate::net::address::NodeAddress;
 use crate::net::certificate_fields::{common_name, peer_certificate};
-use crate::net::connection_driver::{self, PacketHandler};
+use crate::net::connection_driver;
 use crate::net::connector::{Connector, NodeClaims};
 use crate::net::credentials::Credentials;
 use crate::net::deny_list::DenyList;
 use crate::net::runtime;
+use crate::node::PacketHandler;
 
 /// The network side of a player: its threads, sockets and links.
 pub struct Client {

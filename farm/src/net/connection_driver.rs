@@ -6,12 +6,11 @@
 use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
 use carom_protocol::framing::{self, Deframer};
 use carom_protocol::limits;
-use carom_protocol::session::{Channel, Packet, SceneAssembler, SceneProgress};
+use carom_protocol::session::{Channel, Packet, SceneAssembler};
 use carom_protocol::{RequestId, codec};
 use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendStream};
 use tokio::sync::{OwnedSemaphorePermit, mpsc, watch};
@@ -25,56 +24,7 @@ use crate::net::peer::Role;
 use crate::net::player_account::PlayerAccount;
 use crate::net::tile_transport::{Nack, TileReceiver, TileSender, TileTransport};
 use crate::net::{close_code, congestion, connection_error};
-use crate::node::ConnectionDrain;
-
-/// A session and its owner, as the driver of their connection sees them.
-pub trait PacketHandler {
-    /// Handles a packet; an error is the other side's fault and ends the connection.
-    ///
-    /// # Errors
-    /// The rule that the other side broke.
-    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
-
-    /// What puts the other side's scenes together, on other threads.
-    fn assembler(&self) -> SceneAssembler {
-        SceneAssembler::default()
-    }
-
-    /// Handles what has become of a scene, which comes instead of its packets.
-    ///
-    /// # Errors
-    /// The rule that the other side broke.
-    fn handle_scene(
-        &mut self,
-        progress: Result<SceneProgress, carom_protocol::Error>,
-    ) -> Result<(), carom_protocol::Error> {
-        progress.map(drop)
-    }
-
-    /// Passes on the events of the packets that have been handled.
-    fn flush(&mut self) {}
-
-    /// The next packet to send, if there is one now.
-    fn poll_transmit(&mut self) -> Option<Packet>;
-
-    /// Executes the next command of this side's owner. Ready when [`PacketHandler::poll_transmit`]
-    /// may have a packet, or with an error to close the connection; otherwise pending, and wakes
-    /// `cx`.
-    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>>;
-
-    /// Requests that have been cancelled since the last call: their streams are reset.
-    fn take_cancelled(&mut self) -> Vec<RequestId> {
-        Vec::new()
-    }
-
-    /// Handles a new estimate of what the path carries.
-    fn on_bandwidth(&mut self, _bytes_per_sec: f64) {}
-
-    /// What finishes the session's work before its node ends; without it the session is cut off.
-    fn drain(&self) -> Option<ConnectionDrain> {
-        None
-    }
-}
+use crate::node::PacketHandler;
 
 /// A new connection with its control stream.
 pub(crate) struct ConnectionStreams {

@@ -81,7 +81,6 @@ pub use authority::{Authority, IssuedCertificate};
 pub use certificate_fields::utc;
 pub use client::{Client, LinkCommand, LinkEvent, NodeLink};
 pub use congestion::DelayBasedController;
-pub use connection_driver::PacketHandler;
 pub use credentials::Credentials;
 pub use endpoint::{CongestionControl, TransportOptions};
 pub use enrolment::join;
@@ -92,3 +91,5 @@ pub use join_url::JoinUrl;
 pub use peer::{CertificateFault, DisconnectReason, NoPlace, Role};
 pub use server::{NodeServer, ServerEvent, StopHandle};
 pub use signals::interruption;
+
+pub use crate::node::PacketHandler;

@@ -3,17 +3,14 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::Duration;
 
-use carom_protocol::RequestId;
-use carom_protocol::session::{Packet, SceneAssembler, SceneProgress};
 use tokio::runtime::Runtime;
 use tokio::sync::watch;
 use tokio::time::timeout;
 
 use crate::Error;
-use crate::net::connection_driver::{self, ConnectionStreams, PacketHandler};
+use crate::net::connection_driver::{self, ConnectionStreams};
 use crate::net::credentials::Credentials;
 use crate::net::deny_list::DenyList;
 use crate::net::endpoint::TransportOptions;
@@ -22,7 +19,7 @@ use crate::net::listener::Listener;
 use crate::net::peer::{DisconnectReason, Role};
 use crate::net::signals::Signals;
 use crate::net::{close_code, migration, runtime};
-use crate::node::{ConnectionDrain, NodeConnection, PlayerId};
+use crate::node::{ConnectionDrain, PacketHandler, PlayerId};
 
 /// A change in a node's connections.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -289,42 +286,5 @@ fn ended(player: SocketAddr, error: &Error) -> ServerEvent {
             player,
             why: error.to_string(),
         },
-    }
-}
-
-impl PacketHandler for NodeConnection {
-    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
-        Self::handle(self, packet)
-    }
-
-    fn assembler(&self) -> SceneAssembler {
-        Self::assembler(self)
-    }
-
-    fn handle_scene(
-        &mut self,
-        progress: Result<SceneProgress, carom_protocol::Error>,
-    ) -> Result<(), carom_protocol::Error> {
-        Self::handle_scene(self, progress)
-    }
-
-    fn poll_transmit(&mut self) -> Option<Packet> {
-        Self::poll_transmit(self)
-    }
-
-    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>> {
-        self.poll_ready(cx).map(Ok)
-    }
-
-    fn take_cancelled(&mut self) -> Vec<RequestId> {
-        Self::take_cancelled(self)
-    }
-
-    fn on_bandwidth(&mut self, bytes_per_sec: f64) {
-        Self::on_bandwidth(self, bytes_per_sec);
-    }
-
-    fn drain(&self) -> Option<ConnectionDrain> {
-        Some(Self::drain(self))
     }
 }

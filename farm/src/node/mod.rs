@@ -38,7 +38,7 @@ pub use bitrate_control::LinkEstimate;
 #[cfg(feature = "net")]
 pub(crate) use client_connection::STALL_TIMEOUT;
 use client_connection::TileSharing;
-pub use connection::{ConnectionDrain, NodeConnection};
+pub use connection::{ConnectionDrain, NodeConnection, PacketHandler};
 pub use fair_queue::{FairQueue, PlayerId};
 use queue::JobQueue;
 

@@ -9,8 +9,8 @@ use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
 };
 
-use super::super::NodeConnection;
 use super::super::client_connection::TileSharing;
+use super::super::{NodeConnection, PacketHandler as _};
 use super::*;
 
 /// A client that is connected to a node of `queue`.
