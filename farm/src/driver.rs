@@ -170,10 +170,6 @@ impl Driver {
         });
     }
 
-    pub(crate) fn add_remote(&mut self, client: &Client, name: String, address: NodeAddress) {
-        self.call(client, name, address);
-    }
-
     /// Calls the nodes that a directory lists from now on.
     pub(crate) fn add_directory(&mut self, directory: Box<dyn Directory>) {
         let index = self.roster.add_directory();
@@ -289,7 +285,7 @@ impl Driver {
             DriverInput::AddLocal(tracer) => self.add_local(tracer),
             DriverInput::AddRemote(name, address, client) => {
                 if let Some(client) = client.or_else(|| self.client.take()) {
-                    self.add_remote(&client, name, address);
+                    self.call(&client, name, address);
                     self.client = Some(client);
                 }
             }
@@ -352,17 +348,12 @@ impl Driver {
         }
     }
 
-    /// A place for a node that has no link yet.
-    fn add_node(&mut self, name: String) -> NodeIndex {
-        let index = self.coordinator.add_node(name);
-        self.add_link(index)
-    }
-
     fn add_local_node(&mut self) -> NodeIndex {
         let index = self.coordinator.add_local_node(LOCAL_ADDRESS.into());
         self.add_link(index)
     }
 
+    /// A place for a node that has no link yet.
     fn add_link(&mut self, index: NodeIndex) -> NodeIndex {
         if index.0 == self.links.len() {
             self.links.push(DriverLink::None);
@@ -373,8 +364,15 @@ impl Driver {
         index
     }
 
-    fn call(&mut self, client: &Client, name: String, address: NodeAddress) -> NodeIndex {
-        let index = self.add_node(name);
+    /// Calls a remote node from now on.
+    pub(crate) fn call(
+        &mut self,
+        client: &Client,
+        name: String,
+        address: NodeAddress,
+    ) -> NodeIndex {
+        let index = self.coordinator.add_node(name);
+        self.add_link(index);
         let link = client.link(address, self.precision, self.events(index));
         self.links[index.0] = DriverLink::Remote(link);
         index
