@@ -20,6 +20,7 @@ use carom_tracer::{
 
 use crate::error::Error;
 use crate::frame::{Frame, FrameSpec, Pixels};
+use crate::lock::lock;
 use crate::submission::{Priority, SceneHandle, Submission};
 use crate::submitter::Submitter;
 
@@ -259,7 +260,7 @@ pub fn trace_aovs(scene: &Scene, spec: &FrameSpec) -> Result<Vec<Aovs>, Error> {
     scene.apply(&spec.update)?;
     let hits = Mutex::new(vec![Vec::new(); rows.len()]);
     CpuTracer::new()?.aovs(&scene, &job, &|row| {
-        let mut hits = hits.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut hits = lock(&hits);
         hits[row.index] = row.pixels;
     })?;
     let hits = hits.into_inner().unwrap_or_else(PoisonError::into_inner);

@@ -7,8 +7,10 @@
 //! sender that waited instead would stop the coordinator for one slow link.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::task::{Context, Poll, Waker};
+
+use crate::lock::lock;
 
 /// Puts messages in.
 pub(crate) struct Sender<T>(Arc<Mutex<State<T>>>);
@@ -74,10 +76,6 @@ impl<T> Drop for Receiver<T> {
         state.closed = true;
         state.queue.clear();
     }
-}
-
-fn lock<T>(state: &Mutex<State<T>>) -> MutexGuard<'_, State<T>> {
-    state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Wakes the receiver after the lock is released, so that it does not wait for it.

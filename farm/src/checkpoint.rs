@@ -125,10 +125,7 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::File`] if the file cannot be written.
     pub(crate) fn write(&mut self, film: &Film) -> Result<(), Error> {
-        let failed = |source| Error::File {
-            path: self.path.clone(),
-            source,
-        };
+        let failed = Error::file(&self.path);
         let bytes = self.header.encode(film).map_err(|why| failed(why.into()))?;
         let written = WholeFile::replace(&self.path, |file| {
             file.write_all(&bytes)?;
@@ -145,10 +142,7 @@ impl Checkpoint {
     /// [`Error::File`] if it exists and cannot be deleted.
     pub(crate) fn remove(&self) -> Result<(), Error> {
         match std::fs::remove_file(&self.path) {
-            Err(source) if source.kind() != std::io::ErrorKind::NotFound => Err(Error::File {
-                path: self.path.clone(),
-                source,
-            }),
+            Err(why) if why.kind() != io::ErrorKind::NotFound => Err(Error::file(&self.path)(why)),
             _ => Ok(()),
         }
     }

@@ -1,7 +1,5 @@
 //! Configuration of a farm.
 
-use std::fs::File;
-use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -11,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config_fault::ConfigFault;
 use crate::directory::NodeSource;
+use crate::whole_file::read_limited;
 use crate::{Balancing, Distribution, Error};
 
 /// Configuration of a [`crate::Farm`]: command lines, `farm.toml` and applications fill it.
@@ -83,7 +82,7 @@ impl FarmConfig {
     /// [`Error::Config`] with the file and, if it could be read, the line that is wrong.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
-        let text = read_limited(path).map_err(|source| ConfigFault::File {
+        let text = read_limited(path, FILE_BYTES_MAX).map_err(|source| ConfigFault::File {
             path: path.to_owned(),
             source,
         })?;
@@ -132,20 +131,6 @@ impl Default for FarmConfig {
             timeout_secs: None,
         }
     }
-}
-
-/// Reads no further than a byte past the limit, whatever the file says of its length: devices and
-/// pipes have none.
-fn read_limited(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
-    let bytes = File::open(path)?
-        .take(FILE_BYTES_MAX + 1)
-        .read_to_string(&mut text)?;
-    if bytes as u64 > FILE_BYTES_MAX {
-        let what = format!("it has more than {FILE_BYTES_MAX} bytes");
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, what));
-    }
-    Ok(text)
 }
 
 /// What the node inside the client's process traces with.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::NODES_MAX;
@@ -16,6 +16,7 @@ use crate::directory::watch::DirectoryWatch;
 use crate::directory::{Directory, ListedNode};
 use crate::events::EventSender;
 use crate::link::{LinkCommand, LinkEvent};
+use crate::lock::lock;
 use crate::memory_link::MemoryLink;
 use crate::net::{Client, NodeAddress, NodeLink};
 use crate::node::Node;
@@ -169,10 +170,6 @@ impl Driver {
         });
     }
 
-    pub(crate) fn add_remote(&mut self, client: &Client, name: String, address: NodeAddress) {
-        self.call(client, name, address);
-    }
-
     /// Calls the nodes that a directory lists from now on.
     pub(crate) fn add_directory(&mut self, directory: Box<dyn Directory>) {
         let index = self.roster.add_directory();
@@ -288,7 +285,7 @@ impl Driver {
             DriverInput::AddLocal(tracer) => self.add_local(tracer),
             DriverInput::AddRemote(name, address, client) => {
                 if let Some(client) = client.or_else(|| self.client.take()) {
-                    self.add_remote(&client, name, address);
+                    self.call(&client, name, address);
                     self.client = Some(client);
                 }
             }
@@ -351,17 +348,12 @@ impl Driver {
         }
     }
 
-    /// A place for a node that has no link yet.
-    fn add_node(&mut self, name: String) -> NodeIndex {
-        let index = self.coordinator.add_node(name);
-        self.add_link(index)
-    }
-
     fn add_local_node(&mut self) -> NodeIndex {
         let index = self.coordinator.add_local_node(LOCAL_ADDRESS.into());
         self.add_link(index)
     }
 
+    /// A place for a node that has no link yet.
     fn add_link(&mut self, index: NodeIndex) -> NodeIndex {
         if index.0 == self.links.len() {
             self.links.push(DriverLink::None);
@@ -372,8 +364,15 @@ impl Driver {
         index
     }
 
-    fn call(&mut self, client: &Client, name: String, address: NodeAddress) -> NodeIndex {
-        let index = self.add_node(name);
+    /// Calls a remote node from now on.
+    pub(crate) fn call(
+        &mut self,
+        client: &Client,
+        name: String,
+        address: NodeAddress,
+    ) -> NodeIndex {
+        let index = self.coordinator.add_node(name);
+        self.add_link(index);
         let link = client.link(address, self.precision, self.events(index));
         self.links[index.0] = DriverLink::Remote(link);
         index
@@ -416,7 +415,7 @@ impl Driver {
     fn publish(&mut self) {
         let nodes = self.coordinator.nodes(self.now());
         let frames = self.coordinator.progress().collect();
-        let mut board = self.board.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut board = lock(&self.board);
         let before = std::mem::replace(&mut *board, FarmBoard { nodes, frames });
         self.watchers
             .retain_mut(|watcher| watcher.compare(&before.nodes, &board.nodes));

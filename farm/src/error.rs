@@ -1,6 +1,7 @@
 //! The errors of a farm: each variant names who is at fault and carries the values that are wrong.
 
 use std::fmt;
+use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -53,7 +54,7 @@ pub enum Error {
         /// The address.
         address: String,
         /// The system's reason.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// A file of the credentials does not exist.
     #[error("{} does not exist: {advice}", path.display())]
@@ -69,7 +70,7 @@ pub enum Error {
         /// The file or folder.
         path: PathBuf,
         /// The system's reason.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// A file of the credentials does not hold what its name says.
     #[error("{}: this is not a PEM {item}: {reason}", path.display())]
@@ -103,27 +104,18 @@ pub enum Error {
         fault: CertificateFault,
     },
     /// A certificate and a key do not belong together, or TLS cannot use them.
-    #[error("the certificate and its key cannot be used: {reason}")]
-    KeyPair {
-        /// The TLS library's reason.
-        reason: String,
-    },
+    #[error("the certificate and its key cannot be used: {0}")]
+    KeyPair(String),
     /// A certificate cannot be created.
-    #[error("cannot create a certificate: {reason}")]
-    CertificateCreation {
-        /// The TLS library's reason.
-        reason: String,
-    },
+    #[error("cannot create a certificate: {0}")]
+    CertificateCreation(String),
     /// The folder for a new farm holds one already.
     #[error(
         "{} exists: this folder already holds a farm, and a new authority would lock out all its \
          nodes. Choose another folder with --dir, or delete the old farm yourself",
-        path.display()
+        _0.display()
     )]
-    FarmExists {
-        /// The file that shows it.
-        path: PathBuf,
-    },
+    FarmExists(PathBuf),
     /// The name of a new node or player, or its folder, is in use.
     #[error("{evidence}: use --renew to renew `{name}`, or choose another name or folder")]
     MemberExists {
@@ -145,41 +137,23 @@ pub enum Error {
         known: Vec<String>,
     },
     /// The authority's key is encrypted, and no passphrase was given.
-    #[error("{} is encrypted: a passphrase is needed", path.display())]
-    PassphraseMissing {
-        /// The key.
-        path: PathBuf,
-    },
+    #[error("{} is encrypted: a passphrase is needed", _0.display())]
+    PassphraseMissing(PathBuf),
     /// The authority's key cannot be decrypted.
-    #[error("{}: the passphrase is wrong", path.display())]
-    PassphraseWrong {
-        /// The key.
-        path: PathBuf,
-    },
+    #[error("{}: the passphrase is wrong", _0.display())]
+    PassphraseWrong(PathBuf),
     /// A `farm://host:port#token` cannot be parsed.
-    #[error("this is not a farm's address: {rule}, as `carom-farm token` prints it")]
-    JoinUrl {
-        /// The rule that it breaks.
-        rule: &'static str,
-    },
+    #[error("this is not a farm's address: {0}, as `carom-farm token` prints it")]
+    JoinUrl(&'static str),
     /// The holder of the authority does not certify this node.
-    #[error(
-        "the farm's authority refused: {}",
-        printable(sentence, SENTENCE_BYTES_MAX)
-    )]
-    EnrolmentRefused {
-        /// Its sentence.
-        sentence: String,
-    },
+    #[error("the farm's authority refused: {}", printable(_0, SENTENCE_BYTES_MAX))]
+    EnrolmentRefused(String),
     /// The folder for a new node holds the farm's authority.
     #[error(
         "{} holds the farm's authority, which no node may see: choose another folder with --out",
-        folder.display()
+        _0.display()
     )]
-    AuthorityExposed {
-        /// The folder.
-        folder: PathBuf,
-    },
+    AuthorityExposed(PathBuf),
     /// A node's or player's name is not usable as a folder and in a certificate.
     #[error(
         "`{}` is not a valid name: use 1 to {length_max} letters, digits, `-`, `_` or `.`, \
@@ -206,14 +180,11 @@ pub enum Error {
         /// The name.
         host: String,
         /// The system's reason.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The name of a node's host has no address.
-    #[error("the name `{host}` has no address")]
-    NameWithoutAddress {
-        /// The name.
-        host: String,
-    },
+    #[error("the name `{0}` has no address")]
+    NameWithoutAddress(String),
     /// A directory does not say which nodes there are.
     #[error("{directory}: {}", printable(reason, SENTENCE_BYTES_MAX))]
     Directory {
@@ -224,13 +195,10 @@ pub enum Error {
     },
     /// Nothing answers at a node's address.
     #[error(
-        "{address} does not answer: check that the node is running and that firewalls let its UDP \
+        "{0} does not answer: check that the node is running and that firewalls let its UDP \
          port through"
     )]
-    NoAnswer {
-        /// The address.
-        address: SocketAddr,
-    },
+    NoAnswer(SocketAddr),
     /// Another link of this farm has the node at this address, under another name.
     #[error("{address} is the same node as {node}: name it once")]
     SameNode {
@@ -248,17 +216,11 @@ pub enum Error {
         reason: String,
     },
     /// No address of a node's host led to a connection: the errors, one for each.
-    #[error("{}", join(errors))]
-    NoAddressConnects {
-        /// The errors.
-        errors: Vec<Error>,
-    },
+    #[error("{}", join(_0))]
+    NoAddressConnects(Vec<Error>),
     /// The other side's certificate is not accepted.
-    #[error("its certificate {fault}")]
-    PeerCertificate {
-        /// The fault.
-        fault: CertificateFault,
-    },
+    #[error("its certificate {0}")]
+    PeerCertificate(CertificateFault),
     /// The other side does not accept this side's certificate.
     #[error("the {by} refused the connection: our certificate {fault}")]
     CertificateRefused {
@@ -271,11 +233,8 @@ pub enum Error {
     #[error("the two sides speak different protocols: update the older one")]
     ProtocolMismatch,
     /// The TLS handshake failed for a reason other than a certificate.
-    #[error("the TLS handshake failed with alert {alert}")]
-    Handshake {
-        /// The number of the alert (RFC 8446, 6).
-        alert: u8,
-    },
+    #[error("the TLS handshake failed with alert {0}")]
+    Handshake(u8),
     /// The handshake took too long.
     #[error(
         "the handshake was not done within {} s: the path loses packets, or the other side has no time; it \
@@ -305,11 +264,8 @@ pub enum Error {
     #[error("its address changes too often")]
     MovesTooOften,
     /// A player was turned away because the node has no place for it.
-    #[error("refused: {reason}")]
-    NodeFull {
-        /// The bound that it has reached.
-        reason: NoPlace,
-    },
+    #[error("refused: {0}")]
+    NodeFull(NoPlace),
     /// The other side ended the connection, or is gone.
     #[error("the {peer} {reason}")]
     Disconnected {
@@ -319,11 +275,8 @@ pub enum Error {
         reason: DisconnectReason,
     },
     /// The connection failed on this side.
-    #[error("the connection broke: {}", printable(reason, SENTENCE_BYTES_MAX))]
-    ConnectionBroken {
-        /// The QUIC library's reason.
-        reason: String,
-    },
+    #[error("the connection broke: {}", printable(_0, SENTENCE_BYTES_MAX))]
+    ConnectionBroken(String),
     /// This side has closed the connection.
     #[error("the connection is closed")]
     ConnectionClosed,
@@ -348,17 +301,11 @@ pub enum Error {
         reason: String,
     },
     /// The other side sent a datagram or stream that forward error correction cannot use.
-    #[error("tiles cannot be decoded: {rule}")]
-    ErrorCorrection {
-        /// The rule that was broken.
-        rule: String,
-    },
+    #[error("tiles cannot be decoded: {0}")]
+    ErrorCorrection(String),
     /// A task of this process panicked.
-    #[error("a task failed: {reason}")]
-    Task {
-        /// The panic.
-        reason: String,
-    },
+    #[error("a task failed: {0}")]
+    Task(String),
     /// As many frames are in flight as the configuration allows: poll first.
     #[error("{in_flight} frames are in flight already: take one with poll_frame first")]
     FramesInFlight {
@@ -382,7 +329,7 @@ pub enum Error {
     FrameRefused(FrameRefusal),
     /// The system gives no thread.
     #[error("the system gives no thread: {0}")]
-    Thread(std::io::Error),
+    Thread(io::Error),
     /// A thread of a render has ended without a result.
     #[error("the thread of a render has ended: its panic was reported above")]
     RenderThread,
@@ -393,18 +340,15 @@ pub enum Error {
         samples_done: u32,
     },
     /// The name of a picture's file ends in none that is written.
-    #[error("{}: the name must end in {ENDINGS}", path.display())]
-    PictureFormat {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: the name must end in {ENDINGS}", _0.display())]
+    PictureFormat(PathBuf),
     /// A file of a render cannot be read or written.
     #[error("{}: {source}", path.display())]
     File {
         /// The file.
         path: PathBuf,
         /// The system's reason.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// A film was cancelled.
     #[error("the film was cancelled after {frames_done} of {frames} frames")]
@@ -442,21 +386,15 @@ pub enum Error {
     #[error(
         "{}: the name of a film must end in .y4m (then `ffmpeg -i film.y4m film.mp4` makes other \
          kinds of it) or in .png for an animation",
-        path.display()
+        _0.display()
     )]
-    FilmFormat {
-        /// The file.
-        path: PathBuf,
-    },
+    FilmFormat(PathBuf),
     /// A text is no range of frames.
     #[error(
         "`{}` is no range of frames: give the first and the last, counted from 0, as in 0-9",
-        text.escape_debug()
+        _0.escape_debug()
     )]
-    FrameRange {
-        /// As it was given.
-        text: String,
-    },
+    FrameRange(String),
     /// A film ends before a range of its frames begins.
     #[error("a film of {frames} frames has none in a range that begins with frame {first}")]
     NoFrameOfRange {
@@ -494,6 +432,31 @@ impl fmt::Debug for Error {
 }
 
 impl Error {
+    /// What the system says of a socket.
+    #[cfg(feature = "net")]
+    pub(crate) fn socket(address: impl fmt::Display + Copy) -> impl Fn(io::Error) -> Self + Copy {
+        move |source| Self::Socket {
+            address: address.to_string(),
+            source,
+        }
+    }
+
+    /// Why a directory does not say which nodes there are.
+    pub(crate) fn directory(name: impl fmt::Display, why: impl fmt::Display) -> Self {
+        Self::Directory {
+            directory: name.to_string(),
+            reason: why.to_string(),
+        }
+    }
+
+    /// What the system says of a file of a render.
+    pub(crate) fn file(path: &Path) -> impl Fn(io::Error) -> Self + Copy {
+        move |source| Self::File {
+            path: path.to_path_buf(),
+            source,
+        }
+    }
+
     /// Whether the caller's arguments, or files that they name, are wrong, so that trying again
     /// without changing them is futile.
     pub fn is_invalid_input(&self) -> bool {
@@ -508,21 +471,21 @@ impl Error {
             | Self::CredentialsPem { .. }
             | Self::KeyExposed { .. }
             | Self::Certificate { .. }
-            | Self::KeyPair { .. }
-            | Self::CertificateCreation { .. }
-            | Self::FarmExists { .. }
+            | Self::KeyPair(_)
+            | Self::CertificateCreation(_)
+            | Self::FarmExists(_)
             | Self::MemberExists { .. }
             | Self::NothingToRevoke { .. }
-            | Self::PassphraseMissing { .. }
-            | Self::PassphraseWrong { .. }
-            | Self::JoinUrl { .. }
-            | Self::AuthorityExposed { .. }
+            | Self::PassphraseMissing(_)
+            | Self::PassphraseWrong(_)
+            | Self::JoinUrl(_)
+            | Self::AuthorityExposed(_)
             | Self::MemberName { .. }
             | Self::NodeAddress { .. }
-            | Self::PictureFormat { .. }
+            | Self::PictureFormat(_)
             | Self::UnfinishedFilm { .. }
-            | Self::FilmFormat { .. }
-            | Self::FrameRange { .. }
+            | Self::FilmFormat(_)
+            | Self::FrameRange(_)
             | Self::NoFrameOfRange { .. }
             | Self::FilmLength { .. }
             | Self::Resume { .. } => true,
@@ -547,9 +510,9 @@ fn states(nodes: &[NodeStatus], since: Duration) -> String {
     sentences
 }
 
-fn socket_reason(source: &std::io::Error) -> String {
+fn socket_reason(source: &io::Error) -> String {
     match source.kind() {
-        std::io::ErrorKind::AddrInUse => "another program uses this address: end it, or listen \
+        io::ErrorKind::AddrInUse => "another program uses this address: end it, or listen \
                                           at another port"
             .to_owned(),
         _ => source.to_string(),

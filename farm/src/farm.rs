@@ -133,7 +133,7 @@ impl Farm {
         let calls = remotes.is_some();
         if let Some(remotes) = remotes {
             for (node, address) in remotes.addresses {
-                driver.add_remote(&remotes.client, node, address);
+                driver.call(&remotes.client, node, address);
             }
             driver.keep(remotes.client);
             for directory in remotes.directories {

@@ -1,16 +1,20 @@
-//! Work on a thread of its own, which can be cancelled and waited for.
+//! Work on a thread of its own, which can be watched, cancelled and waited for.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
 use crate::error::Error;
+use crate::lock::lock;
 
-/// See the [module](self). Dropped, it is cancelled.
+/// A still or a film that is being traced. Dropped, it is cancelled.
 #[derive(Debug)]
-pub(crate) struct Job<T> {
+pub struct Job<T, P> {
     thread: Option<JoinHandle<Result<T, Error>>>,
     canceller: Canceller,
+    progress: Arc<Mutex<P>>,
+    /// What was there at the start, of a job before.
+    pub(crate) resumed: u32,
 }
 
 /// Cancels a still or a film from another thread.
@@ -28,13 +32,15 @@ impl Canceller {
     }
 }
 
-impl<T: Send + 'static> Job<T> {
-    /// Starts `run`, which looks at its argument now and then.
+impl<T: Send + 'static, P: Clone> Job<T, P> {
+    /// Starts `run`, which looks at its argument now and then and keeps `progress` up to date.
     ///
     /// # Errors
     /// [`Error::Thread`].
     pub(crate) fn start(
         name: &str,
+        progress: Arc<Mutex<P>>,
+        resumed: u32,
         run: impl FnOnce(&Canceller) -> Result<T, Error> + Send + 'static,
     ) -> Result<Self, Error> {
         let canceller = Canceller::default();
@@ -44,25 +50,45 @@ impl<T: Send + 'static> Job<T> {
         Ok(Self {
             thread: Some(thread),
             canceller,
+            progress,
+            resumed,
         })
     }
 
-    pub(crate) fn canceller(&self) -> &Canceller {
-        &self.canceller
+    /// How far it is.
+    pub fn progress(&self) -> P {
+        lock(&self.progress).clone()
     }
 
-    pub(crate) fn is_finished(&self) -> bool {
+    /// Whether [`Job::wait`] would return at once.
+    pub fn is_finished(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Waits for the result.
-    pub(crate) fn wait(mut self) -> Result<T, Error> {
+    /// Ends the work. What was traced is kept: finished frames of a film, and of a still the checkpoint that was asked
+    /// for.
+    pub fn cancel(&self) {
+        self.canceller.cancel();
+    }
+
+    /// To cancel the work while another thread waits for it.
+    pub fn canceller(&self) -> Canceller {
+        self.canceller.clone()
+    }
+
+    /// Waits for the picture, or for all frames of a film's range.
+    ///
+    /// # Errors
+    /// [`Error::NoNodes`] if no node has answered for [`crate::FarmConfig::timeout_secs`],
+    /// [`Error::FrameRefused`] if every node refuses a picture, [`Error::Cancelled`] or [`Error::FilmCancelled`],
+    /// [`Error::FarmClosed`] if the farm has been dropped, [`Error::File`].
+    pub fn wait(mut self) -> Result<T, Error> {
         let thread = self.thread.take().ok_or(Error::RenderThread)?;
         thread.join().map_err(|_| Error::RenderThread)?
     }
 }
 
-impl<T> Drop for Job<T> {
+impl<T, P> Drop for Job<T, P> {
     fn drop(&mut self) {
         self.canceller.cancel();
     }

@@ -54,6 +54,7 @@ mod job;
 pub mod link;
 mod live;
 mod local_devices;
+mod lock;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod logging;
@@ -91,7 +92,7 @@ pub use events::{FarmEvent, FarmEvents};
 pub use farm::Farm;
 pub use film::{Film, FilmFormat, FilmFrames, FilmJob, FilmProgress, FilmState, FrameRange};
 pub use frame::{Frame, FrameSpec, Pixels};
-pub use job::Canceller;
+pub use job::{Canceller, Job};
 pub use live::{Live, LiveFrame, LiveView};
 pub use node_status::{NodeIndex, NodeState, NodeStatus};
 pub use picture::{FileFormat, Picture};

@@ -149,10 +149,11 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
         if let Err(why) = self.session.trace(request) {
             let why = match why {
                 // Others had its place at the node: its chunks are sent, which has been told.
-                carom_protocol::Error::Unsendable {
-                    reason: Reason::SceneNotHeld,
-                    ..
-                } => RefusalReason::Busy,
+                carom_protocol::Error::Unsendable { reason, .. }
+                    if reason == Reason::SCENE_NOT_HELD =>
+                {
+                    RefusalReason::Busy
+                }
                 why => RefusalReason::Invalid(why.to_string()),
             };
             let refusal = Refusal { request: id, why };

@@ -17,6 +17,7 @@ use crate::error::Error;
 use crate::farm::Farm;
 use crate::frame::FrameSpec;
 use crate::job::{Canceller, Job};
+use crate::lock::lock;
 use crate::picture::Picture;
 use crate::quality::{Quality, QualityPreference};
 use crate::stats::FrameStats;
@@ -130,7 +131,7 @@ impl Live {
 pub struct LiveView {
     settings: RenderSettings,
     shared: Arc<Shared>,
-    job: Job<()>,
+    job: Job<(), ()>,
 }
 
 /// What the view's owner and its thread share.
@@ -168,7 +169,7 @@ pub struct LiveFrame {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, LiveState> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.state)
     }
 }
 
@@ -212,7 +213,7 @@ impl Farm {
         Ok(LiveView {
             settings,
             shared,
-            job: Job::start("carom-live", |cancelled| {
+            job: Job::start("carom-live", Arc::default(), 0, |cancelled| {
                 run.run(cancelled);
                 Ok(())
             })?,
@@ -359,7 +360,7 @@ impl LiveView {
 
 impl Drop for LiveView {
     fn drop(&mut self) {
-        self.job.canceller().cancel();
+        self.job.cancel();
         self.shared.changed.notify_all();
     }
 }

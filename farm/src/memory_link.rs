@@ -9,7 +9,7 @@ use carom_protocol::PrecisionRange;
 
 use crate::channel;
 use crate::link::{LinkCommand, LinkEvent, LinkSession};
-use crate::node::{Node, NodeConnection};
+use crate::node::{Node, NodeConnection, PacketHandler as _};
 
 /// A link to a node in this process.
 pub(crate) struct MemoryLink {

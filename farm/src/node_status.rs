@@ -12,7 +12,7 @@ use crate::stats::LatencySplit;
 pub struct NodeIndex(pub usize);
 
 /// A node as the coordinator sees it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct NodeStatus {
     /// Its address, or `local`.
@@ -52,19 +52,7 @@ impl NodeStatus {
     pub fn new(address: impl Into<String>) -> Self {
         Self {
             address: address.into(),
-            info: None,
-            state: NodeState::Starting,
-            fixed_secs: 0.0,
-            fixed_error_secs: 0.0,
-            msamples_per_sec: 0.0,
-            speed_error: 0.0,
-            tiles: 0,
-            lost_tiles: 0,
-            checked_tiles: 0,
-            doubt: None,
-            round_trip: None,
-            split: LatencySplit::default(),
-            load: NodeLoad::default(),
+            ..Self::default()
         }
     }
 
@@ -89,9 +77,10 @@ impl NodeStatus {
 pub(crate) const LOCAL_ADDRESS: &str = "local";
 
 /// Where a node stands, in the words that players, `carom-farm status` and the node itself use.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum NodeState {
     /// Its device is being opened, or it is being called.
+    #[default]
     Starting,
     /// It waits for a player: only a node says that, of itself.
     Listening,
@@ -149,10 +138,7 @@ impl NodeState {
             Self::Ready => "holds the scene and waits for work".into(),
             Self::Rendering => "traces".into(),
             Self::Draining => "is shutting down".into(),
-            Self::Lost { why, retry_secs } => match retry_secs {
-                Some(secs) => format!("is lost ({why}, tried again within {secs} s)"),
-                None => format!("is lost ({why})"),
-            },
+            Self::Lost { .. } => format!("is {self}"),
         }
     }
 

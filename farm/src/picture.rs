@@ -2,7 +2,7 @@
 
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use carom_tracer::film::Film;
 use carom_tracer::tonemap::srgb8;
@@ -11,6 +11,7 @@ use png::Compression;
 
 use crate::checkpoint::Checkpoint;
 use crate::error::Error;
+use crate::lock::lock;
 use crate::whole_file::WholeFile;
 
 /// A picture that a farm has traced.
@@ -89,7 +90,7 @@ impl Picture {
     pub fn png(&self) -> Result<Vec<u8>, Error> {
         let mut bytes = Vec::new();
         let written = self.encode_png(&mut bytes);
-        let written = written.map_err(|why| file_error(Path::new("a PNG in memory"), why));
+        let written = written.map_err(Error::file(Path::new("a PNG in memory")));
         written.map(|()| bytes)
     }
 
@@ -102,7 +103,7 @@ impl Picture {
         let path = path.as_ref();
         let format = FileFormat::of(path)?;
         let written = WholeFile::replace(path, |file| self.encode(format, file));
-        written.map_err(|source| file_error(path, source))
+        written.map_err(Error::file(path))
     }
 
     /// Removes the checkpoint of [`crate::Still::checkpoint`], if there is one.
@@ -113,8 +114,7 @@ impl Picture {
         let Some(checkpoint) = &self.checkpoint else {
             return Ok(());
         };
-        let checkpoint = checkpoint.lock().unwrap_or_else(PoisonError::into_inner);
-        checkpoint.remove()
+        lock(checkpoint).remove()
     }
 
     /// Writes the checkpoint of [`crate::Still::checkpoint`] with all samples, for a picture that could
@@ -127,8 +127,7 @@ impl Picture {
         let Some(checkpoint) = &self.checkpoint else {
             return Ok(None);
         };
-        let mut checkpoint = checkpoint.lock().unwrap_or_else(PoisonError::into_inner);
-        checkpoint.rescue(&self.film).map(Some)
+        lock(checkpoint).rescue(&self.film).map(Some)
     }
 
     /// The bytes of a file of the format, for who has opened it.
@@ -160,13 +159,6 @@ impl Picture {
     }
 }
 
-fn file_error(path: &Path, source: io::Error) -> Error {
-    Error::File {
-        path: path.to_owned(),
-        source,
-    }
-}
-
 /// The format of a picture's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -195,9 +187,7 @@ impl FileFormat {
             Some("exr") => Ok(Self::Exr),
             #[cfg(feature = "image-io")]
             Some("jpg" | "jpeg") => Ok(Self::Jpeg),
-            _ => Err(Error::PictureFormat {
-                path: path.to_owned(),
-            }),
+            _ => Err(Error::PictureFormat(path.to_owned())),
         }
     }
 }

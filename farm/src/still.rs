@@ -1,7 +1,7 @@
 //! Stills: one picture of many samples, traced by a whole farm.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use carom_protocol::PixelFormat;
@@ -14,6 +14,7 @@ use crate::error::Error;
 use crate::farm::Farm;
 use crate::frame::FrameSpec;
 use crate::job::{Canceller, Job};
+use crate::lock::lock;
 use crate::picture::Picture;
 use crate::stats::FrameStats;
 use crate::submission::{Priority, SceneHandle};
@@ -193,12 +194,7 @@ impl StillProgress {
 }
 
 /// A still that is being traced. Dropped, it is cancelled.
-#[derive(Debug)]
-pub struct StillJob {
-    job: Job<Picture>,
-    progress: Arc<Mutex<StillProgress>>,
-    resumed_samples: u32,
-}
+pub type StillJob = Job<Picture, StillProgress>;
 
 impl Farm {
     /// Traces a picture and waits for it.
@@ -243,48 +239,16 @@ impl Farm {
             progress: Arc::clone(&progress),
             still,
         };
-        Ok(StillJob {
-            job: Job::start("carom-still", |cancelled| run.run(cancelled))?,
-            progress,
-            resumed_samples: done,
+        Job::start("carom-still", progress, done, |cancelled| {
+            run.run(cancelled)
         })
     }
 }
 
 impl StillJob {
-    /// How far it is.
-    pub fn progress(&self) -> StillProgress {
-        let progress = self.progress.lock();
-        progress.unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
     /// Samples of each pixel that a checkpoint held at the start.
     pub const fn resumed_samples(&self) -> u32 {
-        self.resumed_samples
-    }
-
-    /// Whether [`StillJob::wait`] would return at once.
-    pub fn is_finished(&self) -> bool {
-        self.job.is_finished()
-    }
-
-    /// Ends the work; a checkpoint is written if one was asked for.
-    pub fn cancel(&self) {
-        self.job.canceller().cancel();
-    }
-
-    /// To cancel the work while another thread waits for it.
-    pub fn canceller(&self) -> Canceller {
-        self.job.canceller().clone()
-    }
-
-    /// Waits for the picture.
-    ///
-    /// # Errors
-    /// [`Error::NoNodes`] if no node has answered for [`crate::FarmConfig::timeout_secs`],
-    /// [`Error::FrameRefused`] if every node refuses the picture, [`Error::Cancelled`], [`Error::FarmClosed`] if the farm has been dropped.
-    pub fn wait(self) -> Result<Picture, Error> {
-        self.job.wait()
+        self.resumed
     }
 }
 
@@ -355,7 +319,7 @@ impl StillRun {
         if let Some(callback) = &mut self.still.on_progress {
             callback(&progress);
         }
-        *self.progress.lock().unwrap_or_else(PoisonError::into_inner) = progress;
+        *lock(&self.progress) = progress;
     }
 
     /// Keeps what was traced until `why`, which it returns.

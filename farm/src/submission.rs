@@ -1,6 +1,6 @@
 //! Terms on which frames are submitted: priority, deadline and scene.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use carom_protocol::limits::POSES_MAX;
@@ -9,6 +9,7 @@ use carom_tracer::{CompiledScene, Scene, SceneError, SettingsError};
 
 use crate::error::Error;
 use crate::frame::FrameSpec;
+use crate::lock::lock;
 
 /// Order in which frames are served.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,8 +81,7 @@ impl SceneHandle {
             let fault = SettingsError::Exposure(exposure);
             return Err(carom_tracer::Error::InvalidSettings(fault).into());
         }
-        let compiled = self.compiled.lock();
-        let mut compiled = compiled.unwrap_or_else(PoisonError::into_inner);
+        let mut compiled = lock(&self.compiled);
         compiled.apply(&spec.update)?;
         Ok(())
     }

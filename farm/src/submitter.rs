@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use carom_protocol::FrameId;
@@ -11,6 +11,7 @@ use carom_protocol::limits::FRAMES_IN_FLIGHT_MAX;
 
 use crate::coordinator::FrameRefusal;
 use crate::driver::{DriverInput, FarmBoard, FrameReply};
+use crate::lock::lock;
 use crate::{Error, Frame, FrameSpec, NodeState, NodeStatus, Priority, SceneHandle, Submission};
 
 /// See the [module](self).
@@ -100,7 +101,7 @@ impl Submitter {
         scene.check(&spec)?;
         let deadline = submission.deadline.filter(|_| !is_background);
         // Held until the frame is on its way: the coordinator expects ids in their order.
-        let mut ids = self.ids.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut ids = lock(&self.ids);
         let next = match submission.priority {
             Priority::Interactive => &mut ids.interactive,
             Priority::Background => &mut ids.background,
@@ -166,13 +167,13 @@ impl Submitter {
     }
 
     pub(crate) fn nodes(&self) -> Vec<NodeStatus> {
-        let board = self.board.lock().unwrap_or_else(PoisonError::into_inner);
+        let board = lock(&self.board);
         board.nodes.clone()
     }
 
     /// Tiles of this client's frames that are there, and all of them.
     pub(crate) fn tiles_in_flight(&self) -> (u32, u32) {
-        let board = self.board.lock().unwrap_or_else(PoisonError::into_inner);
+        let board = lock(&self.board);
         let own = |id: &FrameId| self.in_flight.iter().any(|(frame, _)| frame == id);
         let frames = board.frames.iter().filter(|(id, ..)| own(id));
         frames.fold((0, 0), |(done, all), (_, more, of)| (done + more, all + of))

@@ -1,8 +1,8 @@
-//! File that appears whole or not at all: written under a hidden name, which one writer holds at a time,
-//! and renamed.
+//! Files that are whole: written under a hidden name, which one writer holds at a time, and renamed; or read
+//! with a bound.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
+use std::io::{self, ErrorKind, Read as _, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// A claim on a file: nobody else that claims it can write it until this is dropped. What was in its
@@ -209,6 +209,20 @@ fn is_file_at(file: &File, path: &Path) -> io::Result<bool> {
 #[cfg(not(unix))]
 fn is_file_at(_file: &File, path: &Path) -> io::Result<bool> {
     path.try_exists()
+}
+
+/// The text of a file, of which no more is read than a byte past the limit, whatever the file says of its
+/// length: devices and pipes have none.
+pub(crate) fn read_limited(path: &Path, bytes_max: u64) -> io::Result<String> {
+    let mut text = String::new();
+    let bytes = File::open(path)?
+        .take(bytes_max + 1)
+        .read_to_string(&mut text)?;
+    if bytes as u64 > bytes_max {
+        let what = format!("it has more than {bytes_max} bytes");
+        return Err(io::Error::new(ErrorKind::FileTooLarge, what));
+    }
+    Ok(text)
 }
 
 #[cfg(test)]

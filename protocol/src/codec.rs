@@ -6,9 +6,10 @@
 
 use carom_tracer::Scene;
 use postcard::de_flavors::{Flavor, Slice};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::error::{Error, Reason};
+use crate::error::{Error, Reason, SCENE_HASH};
 use crate::limits::{
     CONTROL_BYTES_MAX, MANIFEST_BYTES_MAX, SCENE_MESSAGE_BYTES_MAX, TILES_BYTES_MAX,
     TO_NODE_BYTES_MAX, TRACE_BYTES_MAX,
@@ -52,13 +53,7 @@ pub(crate) fn scene_message(hash: SceneHash, scene: &[u8]) -> Vec<u8> {
 /// [`crate::limits`].
 pub fn encode_to_node(message: &ToNode) -> Result<Vec<u8>, Error> {
     let what = to_node_kind(message);
-    message
-        .validate()
-        .map_err(|reason| Error::unsendable(what, reason))?;
-    let bytes =
-        postcard::to_stdvec(message).map_err(|error| Error::unsendable(what, error.into()))?;
-    let max = to_node_bytes_max(&bytes);
-    check_length(bytes, what, max)
+    encode(message, what, message.validate(), to_node_bytes_max)
 }
 
 /// The bytes of `message`.
@@ -68,16 +63,7 @@ pub fn encode_to_node(message: &ToNode) -> Result<Vec<u8>, Error> {
 /// in [`crate::limits`].
 pub fn encode_to_client(message: &ToClient) -> Result<Vec<u8>, Error> {
     let what = to_client_kind(message);
-    message
-        .validate()
-        .map_err(|reason| Error::unsendable(what, reason))?;
-    let max = match message {
-        ToClient::Tiles(_) => TILES_BYTES_MAX,
-        _ => CONTROL_BYTES_MAX,
-    };
-    let bytes =
-        postcard::to_stdvec(message).map_err(|error| Error::unsendable(what, error.into()))?;
-    check_length(bytes, what, max)
+    encode(message, what, message.validate(), to_client_bytes_max)
 }
 
 /// The message that `bytes` are. A scene's hash has been verified; whether the scene can be drawn
@@ -87,10 +73,8 @@ pub fn encode_to_client(message: &ToClient) -> Result<Vec<u8>, Error> {
 /// [`Error::TooLarge`], [`Error::Malformed`], or [`Error::Version`] for a greeting of another
 /// version, whatever follows the version in it.
 pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
-    const WHAT: &str = "message to a node";
-    check_size(WHAT, bytes, to_node_bytes_max(bytes))?;
-    check_version(WHAT, bytes)?;
-    let message: ToNode = decode(WHAT, bytes)?;
+    let max = to_node_bytes_max(bytes);
+    let message: ToNode = decode_message("message to a node", bytes, max)?;
     let what = to_node_kind(&message);
     message
         .validate()
@@ -98,7 +82,7 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
     match &message {
         // What came is hashed, not what was read from it: a scene need not be encoded again.
         ToNode::Scene { hash, .. } if SceneHash::of_bytes(&bytes[SCENE_OFFSET..]) != *hash => {
-            Err(Error::malformed(what, Reason::SceneHash))
+            Err(Error::malformed(what, SCENE_HASH))
         }
         _ => Ok(message),
     }
@@ -110,14 +94,8 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, Error> {
 /// [`Error::TooLarge`], [`Error::Malformed`], or [`Error::Version`] for a greeting of another
 /// version, whatever follows the version in it.
 pub fn decode_to_client(bytes: &[u8]) -> Result<ToClient, Error> {
-    const WHAT: &str = "message to a client";
-    let max = match bytes.first() {
-        Some(&TILES_VARIANT) => TILES_BYTES_MAX,
-        _ => CONTROL_BYTES_MAX,
-    };
-    check_size(WHAT, bytes, max)?;
-    check_version(WHAT, bytes)?;
-    let message: ToClient = decode(WHAT, bytes)?;
+    let max = to_client_bytes_max(bytes);
+    let message: ToClient = decode_message("message to a client", bytes, max)?;
     let what = to_client_kind(&message);
     message
         .validate()
@@ -199,20 +177,44 @@ fn to_node_bytes_max(bytes: &[u8]) -> usize {
     }
 }
 
-fn check_length(bytes: Vec<u8>, what: &'static str, max: usize) -> Result<Vec<u8>, Error> {
-    if bytes.len() > max {
-        let bytes = bytes.len();
-        return Err(Error::unsendable(what, Reason::TooLong { bytes, max }));
+/// The most bytes of a message to a client that begins so.
+fn to_client_bytes_max(bytes: &[u8]) -> usize {
+    match bytes.first() {
+        Some(&TILES_VARIANT) => TILES_BYTES_MAX,
+        _ => CONTROL_BYTES_MAX,
     }
-    Ok(bytes)
 }
 
-fn check_size(what: &'static str, bytes: &[u8], max: usize) -> Result<(), Error> {
-    if bytes.len() <= max {
-        return Ok(());
+/// The bytes of a message that is `valid`, if they are not too many.
+fn encode(
+    message: &impl Serialize,
+    what: &'static str,
+    valid: Result<(), Reason>,
+    bytes_max: fn(&[u8]) -> usize,
+) -> Result<Vec<u8>, Error> {
+    let unsendable = |reason: Reason| Error::unsendable(what, reason);
+    valid.map_err(unsendable)?;
+    let bytes = postcard::to_stdvec(message);
+    let bytes = bytes.map_err(|why| unsendable(why.to_string().into()))?;
+    let max = bytes_max(&bytes);
+    match bytes.len() > max {
+        true => Err(unsendable(Reason::too_long(bytes.len(), max))),
+        false => Ok(bytes),
     }
-    let (bytes, max) = (bytes.len() as u64, max as u64);
-    Err(Error::TooLarge { what, bytes, max })
+}
+
+/// The message that at most `max` bytes are.
+fn decode_message<T: DeserializeOwned>(
+    what: &'static str,
+    bytes: &[u8],
+    max: usize,
+) -> Result<T, Error> {
+    if bytes.len() > max {
+        let (bytes, max) = (bytes.len() as u64, max as u64);
+        return Err(Error::TooLarge { what, bytes, max });
+    }
+    check_version(what, bytes)?;
+    decode(what, bytes)
 }
 
 /// Looks at a greeting's version alone: what follows may have another form in another version.
@@ -220,7 +222,7 @@ fn check_size(what: &'static str, bytes: &[u8], max: usize) -> Result<(), Error>
 /// would get past the check.
 fn check_version(what: &'static str, bytes: &[u8]) -> Result<(), Error> {
     if bytes.first().is_some_and(|&variant| variant >= 0x80) {
-        return Err(Error::malformed(what, Reason::UnknownMessage));
+        return Err(Error::malformed(what, UNKNOWN_MESSAGE));
     }
     let Some((&HELLO_VARIANT, rest)) = bytes.split_first() else {
         return Ok(());
@@ -235,15 +237,15 @@ fn check_version(what: &'static str, bytes: &[u8]) -> Result<(), Error> {
 }
 
 fn decode<T: DeserializeOwned>(what: &'static str, bytes: &[u8]) -> Result<T, Error> {
-    let malformed = |error: postcard::Error| Error::malformed(what, error);
+    let malformed = |error: postcard::Error| Error::malformed(what, error.to_string());
     let mut deserializer = postcard::Deserializer::from_flavor(BoundedSlice(Slice::new(bytes)));
     let value = T::deserialize(&mut deserializer).map_err(malformed)?;
     let rest = deserializer.finalize().map_err(malformed)?;
     if rest.is_empty() {
         return Ok(value);
     }
-    let bytes = rest.len();
-    Err(Error::malformed(what, Reason::TrailingBytes { bytes }))
+    let rule = format!("{} bytes follow its end", rest.len());
+    Err(Error::malformed(what, rule))
 }
 
 /// A slice that states no remaining length. Postcard hands a list's announced length on as a
@@ -273,6 +275,7 @@ impl<'de> Flavor<'de> for BoundedSlice<'de> {
     }
 }
 
+pub(crate) const UNKNOWN_MESSAGE: &str = "there is no such message";
 /// First byte of [`ToNode::Hello`] and [`ToClient::Welcome`].
 const HELLO_VARIANT: u8 = 0;
 /// First byte of [`ToNode::Scene`].

@@ -36,8 +36,8 @@ impl EncodedScene {
         scene.validate().map_err(invalid)?;
         let bytes = codec::encode_scene(scene);
         if bytes.len() > SCENE_BYTES_MAX {
-            let (bytes, max) = (bytes.len(), SCENE_BYTES_MAX);
-            return Err(Error::unsendable("scene", Reason::TooLong { bytes, max }));
+            let reason = Reason::too_long(bytes.len(), SCENE_BYTES_MAX);
+            return Err(Error::unsendable("scene", reason));
         }
         let chunks = match bytes.len() {
             0..=SCENE_MESSAGE_BYTES_MAX => Vec::new(),

@@ -1,6 +1,6 @@
 //! Framing of packets in a stream of bytes: each behind its length, four bytes, the lowest first.
 
-use crate::error::{Error, Reason};
+use crate::error::{EMPTY, Error};
 use crate::limits::TO_NODE_BYTES_MAX;
 
 /// The packet behind its length, ready for a stream.
@@ -64,7 +64,7 @@ impl Deframer {
         };
         let length = u32::from_le_bytes(length) as usize;
         if length == 0 {
-            return Err(Error::malformed("packet", Reason::Empty));
+            return Err(Error::malformed("packet", EMPTY));
         }
         if length > self.packet_bytes_max {
             return Err(Error::TooLarge {

@@ -16,9 +16,9 @@ use carom_tracer::ParticleCloud;
 use glam::{I16Vec3, U16Vec3};
 use zstd::bulk::Compressor;
 
-use crate::error::Reason;
+use crate::error::{EMPTY, Reason};
 use crate::message::{CodedCloud, CodedParticles, RequestId};
-use crate::tile_codec::check_frame;
+use crate::tile_codec::{NO_STORAGE, check_frame, undecompressed};
 
 /// Flag of a cloud whose planes are one zstd frame.
 const ZSTD: u8 = 1;
@@ -121,13 +121,13 @@ impl ParticleDecoder {
     /// The particles of a request. Call [`ParticleDecoder::remember`] if it came in order.
     ///
     /// # Errors
-    /// What is wrong with them: too many, or not exactly the planes of their number; [`Reason::ParticleReference`] if
+    /// What is wrong with them: too many, or not exactly the planes of their number; a [`Reason`] of its own if
     /// they are coded against another request than the last one. Requests have been validated.
     pub fn decode(&self, coded: &CodedParticles) -> Result<Vec<ParticleCloud>, Reason> {
         let before: &[ParticleCloud] = match (coded.reference, &self.last) {
             (None, _) => &[],
             (Some(reference), Some((last, clouds))) if reference == *last => clouds,
-            (Some(RequestId(id)), _) => return Err(Reason::ParticleReference { id }),
+            (Some(RequestId(id)), _) => return Err(missing_reference(id)),
         };
         let clouds = coded.clouds.iter().enumerate();
         clouds
@@ -147,10 +147,10 @@ fn decode_cloud(
 ) -> Result<ParticleCloud, Reason> {
     let count = coded.count as usize;
     let Some((&flags, planes)) = coded.places.split_first() else {
-        return Err(Reason::Empty);
+        return Err(EMPTY.into());
     };
     if flags > (ZSTD | DELTA) {
-        return Err(Reason::Storage);
+        return Err(NO_STORAGE.into());
     }
     let before = before.map(|before| &before.places[..]);
     let before = match flags & DELTA {
@@ -170,14 +170,27 @@ fn decode_cloud(
             whole_places(count, &stored(flags, planes, &(size..=size))?)
         }
     };
+    let places = places
+        .ok_or_else(|| format!("its {count} particles are too many, or other bytes are theirs"))?;
     Ok(ParticleCloud {
         material: coded.material,
         radius_m: coded.radius_m,
         form: coded.form,
         min: coded.min,
         max: coded.max,
-        places: places.ok_or(Reason::ParticleCount { count })?,
+        places,
     })
+}
+
+fn missing_reference(id: u64) -> Reason {
+    format!(
+        "its particles are coded against request {id}, which is not the last one with particles"
+    )
+    .into()
+}
+
+fn expanded(bytes: usize) -> Reason {
+    format!("its particles become {bytes} bytes of too few: store them").into()
 }
 
 /// The planes as they are stored, of one of these `sizes`.
@@ -191,13 +204,11 @@ fn stored<'a>(
     }
     let size = check_frame(planes, sizes)?;
     if !may_expand(planes.len(), size) {
-        return Err(Reason::ParticleExpansion { bytes: size });
+        return Err(expanded(size));
     }
     let mut bytes = vec![0; size];
     let length = zstd::bulk::decompress_to_buffer(planes, &mut bytes[..]);
-    let length = length.map_err(|error| Reason::Zstd {
-        message: error.to_string(),
-    })?;
+    let length = length.map_err(|why| undecompressed(&why))?;
     bytes.truncate(length);
     Ok(Cow::Owned(bytes))
 }
@@ -369,7 +380,7 @@ mod tests {
         encoder.remember(RequestId(1), clouds.clone());
         let delta = encoder.encode(&[cloud(places(100, 2))]);
         let mut decoder = ParticleDecoder::default();
-        let missing = Err(Reason::ParticleReference { id: 1 });
+        let missing = Err(missing_reference(1));
         assert_eq!(decoder.decode(&delta), missing);
         decoder.remember(RequestId(2), &clouds);
         assert_eq!(decoder.decode(&delta), missing);
@@ -378,8 +389,11 @@ mod tests {
             change(&mut coded.clouds[0]);
             decoder.decode(&coded)
         };
-        assert_eq!(changed(&|cloud| cloud.places.clear()), Err(Reason::Empty));
-        assert_eq!(changed(&|cloud| cloud.places[0] = 4), Err(Reason::Storage));
+        assert_eq!(changed(&|cloud| cloud.places.clear()), Err(EMPTY.into()));
+        assert_eq!(
+            changed(&|cloud| cloud.places[0] = 4),
+            Err(NO_STORAGE.into())
+        );
         assert!(changed(&|cloud| cloud.count = 1 << 30).is_err());
         assert!(changed(&|cloud| cloud.count += 1).is_err());
         assert!(changed(&|cloud| cloud.places.truncate(300)).is_err());
@@ -400,7 +414,7 @@ mod tests {
         let frame = zstd::bulk::compress(&planes, ZSTD_LEVEL).unwrap();
         bomb.clouds[0].places.extend(frame);
         let refused = ParticleDecoder::default().decode(&bomb).unwrap_err();
-        assert_eq!(refused, Reason::ParticleExpansion { bytes: 120_000 });
+        assert_eq!(refused, expanded(120_000));
     }
 
     /// Every cut and every changed byte is refused or gives particles of the stated number.

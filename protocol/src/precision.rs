@@ -86,7 +86,7 @@ impl std::str::FromStr for PixelPrecision {
         let named = Self::ALL.iter().find(|precision| precision.name() == text);
         named.copied().ok_or_else(|| {
             let known = Self::ALL.map(Self::name).join(", ");
-            Reason::PrecisionName { known }
+            format!("it must be one of {known}").into()
         })
     }
 }
@@ -137,15 +137,16 @@ impl PrecisionRange {
     /// Checks the order of the two.
     ///
     /// # Errors
-    /// [`Reason::PrecisionOrder`] with both.
+    /// The rule, with both.
     pub fn validate(self) -> Result<(), Reason> {
         if self.finest <= self.coarsest {
             return Ok(());
         }
-        Err(Reason::PrecisionOrder {
-            finest: self.finest.name(),
-            coarsest: self.coarsest.name(),
-        })
+        let Self { finest, coarsest } = self;
+        Err(
+            format!("the finest precision, {finest}, is coarser than the coarsest, {coarsest}")
+                .into(),
+        )
     }
 }
 

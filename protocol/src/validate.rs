@@ -84,11 +84,12 @@ impl TraceRequest {
         let pixels = self.grid.pixels(self.tiles) as u64;
         let samples = pixels * u64::from(self.settings.samples);
         if samples > REQUEST_SAMPLES_MAX {
-            return Err(Reason::Samples {
-                pixels,
-                samples: self.settings.samples,
-                max: REQUEST_SAMPLES_MAX,
-            });
+            return Err(format!(
+                "{pixels} pixels of {} samples are asked for: at most {REQUEST_SAMPLES_MAX} samples are \
+                 allowed in one request",
+                self.settings.samples
+            )
+            .into());
         }
         Ok(())
     }
@@ -106,12 +107,12 @@ impl TraceRequest {
             let inside = tiles.first.checked_add(tiles.count);
             let inside = inside.is_some_and(|end| end <= self.tiles.end());
             if tiles.count == 0 || tiles.first < from || !inside || *request >= self.id {
-                return Err(Reason::ReferenceRange {
-                    tiles: *tiles,
-                    request: request.0,
-                    requested: self.tiles,
-                    id: self.id.0,
-                });
+                return Err(format!(
+                    "{tiles:?} of request {} are references: ranges must be in order, in {:?} and of \
+                     earlier requests than {}",
+                    request.0, self.tiles, self.id.0
+                )
+                .into());
             }
             from = tiles.end();
         }
@@ -132,11 +133,11 @@ impl PixelFormat {
     /// Checks the exposure.
     ///
     /// # Errors
-    /// [`Reason::Exposure`].
+    /// The rule, with the exposure.
     pub fn validate(self) -> Check {
         match self {
             Self::Srgb8 { exposure } if !(exposure.is_finite() && exposure > 0.0) => {
-                Err(Reason::Exposure { exposure })
+                Err(format!("the exposure is {exposure}: it must be finite and above 0").into())
             }
             Self::Srgb8 { .. } | Self::LinearF16 | Self::LinearF32 => Ok(()),
         }
@@ -160,12 +161,11 @@ impl TilesDone {
     fn validate(&self) -> Check {
         let TileRange { first, count } = self.tiles;
         if !(1..=TILES_PER_MESSAGE_MAX).contains(&count) {
-            let max = TILES_PER_MESSAGE_MAX;
-            return Err(Reason::TileCount { count, max });
+            return Err(wrong_count(count, TILES_PER_MESSAGE_MAX));
         }
         match first.checked_add(count) {
             Some(_) => Ok(()),
-            None => Err(Reason::TileOverflow { tiles: self.tiles }),
+            None => Err(format!("there is no tile {first} + {count}").into()),
         }
     }
 }
@@ -183,10 +183,9 @@ fn check_manifest(chunks: &[ChunkKey]) -> Check {
 fn check_chunk_bytes(bytes: usize) -> Check {
     match bytes {
         1..=CHUNK_BYTES_MAX => Ok(()),
-        _ => Err(Reason::ChunkBytes {
-            bytes,
-            max: CHUNK_BYTES_MAX,
-        }),
+        _ => {
+            Err(format!("a chunk has {bytes} bytes: it must be from 1 to {CHUNK_BYTES_MAX}").into())
+        }
     }
 }
 
@@ -194,7 +193,7 @@ fn check_wanted(chunks: &[u32]) -> Check {
     at_most("chunks", chunks.len(), CHUNKS_MAX)?;
     match chunks.is_sorted_by(|before, after| before < after) {
         true => Ok(()),
-        false => Err(Reason::ChunkOrder),
+        false => Err("its chunks are not in rising order".into()),
     }
 }
 
@@ -203,24 +202,28 @@ fn check_grid(grid: TileGrid) -> Check {
     if (1..=TILE_EDGE_MAX).contains(&grid.edge) {
         return Ok(());
     }
-    Err(Reason::TileEdge {
-        edge: grid.edge,
-        max: TILE_EDGE_MAX,
-    })
+    let edge = grid.edge;
+    Err(
+        format!("tiles of {edge} pixels are asked for: it must be from 1 to {TILE_EDGE_MAX}")
+            .into(),
+    )
 }
 
 fn check_tiles(grid: TileGrid, tiles: TileRange) -> Check {
     if !(1..=REQUEST_TILES_MAX).contains(&tiles.count) {
-        let (count, max) = (tiles.count, REQUEST_TILES_MAX);
-        return Err(Reason::TileCount { count, max });
+        return Err(wrong_count(tiles.count, REQUEST_TILES_MAX));
     }
-    match tiles.first.checked_add(tiles.count) {
-        Some(end) if end <= grid.len() => Ok(()),
-        _ => Err(Reason::TilesOutsideGrid {
-            tiles,
-            all: grid.len(),
-        }),
+    let (TileRange { first, count }, all) = (tiles, grid.len());
+    match first.checked_add(count) {
+        Some(end) if end <= all => Ok(()),
+        _ => Err(
+            format!("{count} tiles from {first} on are asked for: the picture has {all}").into(),
+        ),
     }
+}
+
+fn wrong_count(count: u32, max: u32) -> Reason {
+    format!("it has {count} tiles: it must be from 1 to {max}").into()
 }
 
 fn check_update(update: &SceneUpdate) -> Check {
@@ -241,17 +244,16 @@ fn text(what: &'static str, text: &str, bytes_max: usize) -> Check {
     if printable(text, bytes_max) == text {
         return Ok(());
     }
-    let bytes = text.len();
-    Err(Reason::Text {
-        what,
-        bytes,
-        bytes_max,
-    })
+    Err(format!(
+        "its {what} has {} bytes: at most {bytes_max} are allowed, without control characters",
+        text.len()
+    )
+    .into())
 }
 
 fn at_most(what: &'static str, count: usize, max: usize) -> Check {
     if count <= max {
         return Ok(());
     }
-    Err(Reason::TooMany { what, count, max })
+    Err(format!("there are {count} {what}: at most {max} are allowed").into())
 }

@@ -4,14 +4,17 @@
 //! picture is traced other threads of Python run and Ctrl-C is heard.
 
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_farm::carom_tracer::tonemap::srgb8;
 use carom_farm::carom_tracer::{Camera, Mesh, Object, Scene, Shape};
 use carom_farm::glam::{Vec2, Vec3};
 use carom_farm::{Error, Farm, FarmConfig, LocalNode, Picture, SceneFile, Still, open_scene};
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::ndarray::ArrayView1;
+use numpy::{
+    Element, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
+};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -85,12 +88,13 @@ impl PyScene {
         normals: Option<&Bound<'_, PyAny>>,
         uvs: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let mut mesh = Mesh::new(vectors(positions, "positions")?, corners(triangles)?);
+        let positions: Vec<Vec3> = rows::<f32, _, 3>(positions, "positions", FLOAT)?;
+        let mut mesh = Mesh::new(positions, corners(triangles)?);
         if let Some(normals) = normals {
-            mesh = mesh.normals(vectors(normals, "normals")?);
+            mesh = mesh.normals(rows::<f32, Vec3, 3>(normals, "normals", FLOAT)?);
         }
         if let Some(uvs) = uvs {
-            mesh = mesh.uvs(pairs(uvs, "uvs")?);
+            mesh = mesh.uvs(rows::<f32, Vec2, 2>(uvs, "uvs", FLOAT)?);
         }
         self.add(name, material, mesh)
     }
@@ -195,74 +199,41 @@ fn scene_of(source: &Bound<'_, PyAny>, moment: &Moment) -> PyResult<Scene> {
     )))
 }
 
-/// An array of n times 3 numbers, of any type that NumPy converts.
-fn vectors(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Vec3>> {
-    Ok(rows::<3>(array, name)?
-        .into_iter()
-        .map(Vec3::from)
-        .collect())
-}
-
-/// An array of n times 2 numbers.
-fn pairs(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<Vec2>> {
-    Ok(rows::<2>(array, name)?
-        .into_iter()
-        .map(Vec2::from)
-        .collect())
-}
-
-fn rows<const N: usize>(array: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[f32; N]>> {
+/// The rows of an array of n times `N` numbers, of any type that NumPy converts to `kind`.
+fn rows<T: Element + Copy, V: From<[T; N]>, const N: usize>(
+    array: &Bound<'_, PyAny>,
+    name: &str,
+    kind: &str,
+) -> PyResult<Vec<V>> {
     let refused = || wrong(format!("{name} must be an array of n times {N}"));
-    let array = converted(array, "float32")?;
-    let array: PyReadonlyArray2<'_, f32> = array.extract().map_err(|_| refused())?;
+    let array = converted(array, Some(kind))?;
+    let array: PyReadonlyArray2<'_, T> = array.extract().map_err(|_| refused())?;
     let rows = array.as_array();
     if rows.ncols() != N {
         return Err(refused());
     }
-    let row = |row: numpy::ndarray::ArrayView1<'_, f32>| std::array::from_fn(|column| row[column]);
+    let row = |row: ArrayView1<'_, T>| V::from(std::array::from_fn(|column| row[column]));
     Ok(rows.rows().into_iter().map(row).collect())
 }
 
 fn corners(array: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
-    let kind: String = converted_any(array)?
-        .getattr("dtype")?
-        .getattr("kind")?
-        .extract()?;
+    let numbers = converted(array, None)?.getattr("dtype")?;
+    let kind: String = numbers.getattr("kind")?.extract()?;
     if kind != "i" && kind != "u" {
         return Err(wrong("triangles are whole numbers: indices into positions"));
-    }
-    let array = converted(array, "int64")?;
-    let array: PyReadonlyArray2<'_, i64> =
-        array.extract().map_err(|_| not_by_three("triangles"))?;
-    let rows = array.as_array();
-    if rows.ncols() != 3 {
-        return Err(not_by_three("triangles"));
     }
     let index = |value: i64| {
         u32::try_from(value).map_err(|_| wrong(format!("the triangles name position {value}")))
     };
-    let row = |row: numpy::ndarray::ArrayView1<'_, i64>| {
-        Ok([index(row[0])?, index(row[1])?, index(row[2])?])
-    };
-    rows.rows().into_iter().map(row).collect()
+    let row = |[a, b, c]: [i64; 3]| Ok([index(a)?, index(b)?, index(c)?]);
+    let rows = rows(array, "triangles", "int64")?;
+    rows.into_iter().map(row).collect()
 }
 
-fn converted_any<'py>(array: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-    array
-        .py()
-        .import("numpy")?
-        .call_method1("asarray", (array,))
-}
-
-fn converted<'py>(array: &Bound<'py, PyAny>, kind: &str) -> PyResult<Bound<'py, PyAny>> {
-    array
-        .py()
-        .import("numpy")?
-        .call_method1("asarray", (array, kind))
-}
-
-fn not_by_three(name: &str) -> PyErr {
-    wrong(format!("{name} must be an array of n times 3"))
+/// An array of NumPy, of the type `kind` or that which it has.
+fn converted<'py>(array: &Bound<'py, PyAny>, kind: Option<&str>) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = array.py().import("numpy")?;
+    numpy.call_method1("asarray", (array, kind))
 }
 
 /// A render farm; see `carom.pyi`.
@@ -329,7 +300,7 @@ impl PyFarm {
             still = still.layers();
         }
         let begin = || {
-            let mut farm = self.farm.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut farm = self.lock();
             farm.as_mut().map(|farm| farm.still(&scene, still))
         };
         let job = py
@@ -359,8 +330,7 @@ impl PyFarm {
 
     fn nodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let nodes = PyList::empty(py);
-        let farm = self.farm.lock().unwrap_or_else(PoisonError::into_inner);
-        for status in farm.iter().flat_map(Farm::nodes) {
+        for status in self.lock().iter().flat_map(Farm::nodes) {
             let node = PyDict::new(py);
             node.set_item("address", &status.address)?;
             node.set_item("state", status.state.to_string())?;
@@ -374,13 +344,7 @@ impl PyFarm {
     }
 
     fn close(&self, py: Python<'_>) {
-        let take = || {
-            self.farm
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .take()
-        };
-        py.detach(|| drop(take()));
+        py.detach(|| drop(self.lock().take()));
     }
 
     fn __enter__(this: Py<Self>) -> Py<Self> {
@@ -395,6 +359,12 @@ impl PyFarm {
         _trace: &Bound<'_, PyAny>,
     ) {
         self.close(py);
+    }
+}
+
+impl PyFarm {
+    fn lock(&self) -> MutexGuard<'_, Option<Farm>> {
+        self.farm.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -418,14 +388,10 @@ fn layers_of<'py>(py: Python<'py>, picture: &Picture) -> PyResult<Bound<'py, PyD
     let aovs = picture.layers();
     let dict = PyDict::new(py);
     dict.set_item("color", color(py, picture)?)?;
-    dict.set_item(
-        "albedo",
-        cube(py, picture, aovs.iter().flat_map(|aov| aov.albedo))?,
-    )?;
-    dict.set_item(
-        "normal",
-        cube(py, picture, aovs.iter().flat_map(|aov| aov.normal))?,
-    )?;
+    let albedo = cube(py, picture, aovs.iter().flat_map(|aov| aov.albedo))?;
+    dict.set_item("albedo", albedo)?;
+    let normal = cube(py, picture, aovs.iter().flat_map(|aov| aov.normal))?;
+    dict.set_item("normal", normal)?;
     let size = picture.size();
     let depth = aovs.iter().map(|aov| aov.inverse_depth.recip()).collect();
     let depth: Bound<'py, PyArray2<f32>> =
@@ -443,7 +409,7 @@ fn srgb<'py>(
     exposure: f32,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let not_an_image = || wrong("an image is an array of height times width times 3");
-    let image = converted(image, "float32")?;
+    let image = converted(image, Some(FLOAT))?;
     let image: PyReadonlyArray3<'py, f32> = image.extract().map_err(|_| not_an_image())?;
     let image = image.as_array();
     let (height, width, channels) = image.dim();
@@ -455,6 +421,8 @@ fn srgb<'py>(
     PyArray1::from_vec(py, bytes.collect()).reshape([height, width, 3])
 }
 
+/// What NumPy calls `f32`.
+const FLOAT: &str = "float32";
 /// How often a render looks for Ctrl-C, and tells its progress.
 const POLL_MIN: Duration = Duration::from_micros(50);
 const POLL_MAX: Duration = Duration::from_millis(20);

@@ -15,8 +15,6 @@
 //!         let nodes = division.candidates.len();
 //!         Shares::Work(vec![division.work / nodes as f64; nodes])
 //!     }
-//!
-//!     fn learn(&mut self, _outcome: &RequestOutcome) {}
 //! }
 //!
 //! # fn main() -> carom_farm::Result<()> {
@@ -107,8 +105,8 @@ pub trait Balancer {
     /// Divides a frame.
     fn divide(&mut self, division: &Division<'_>) -> Shares;
 
-    /// Takes note of a run.
-    fn learn(&mut self, outcome: &RequestOutcome);
+    /// Takes note of a run, if the algorithm learns from them.
+    fn learn(&mut self, _outcome: &RequestOutcome) {}
 }
 
 /// All algorithms, side by side.

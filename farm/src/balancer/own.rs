@@ -124,8 +124,6 @@ mod tests {
         fn divide(&mut self, _division: &Division<'_>) -> Shares {
             Shares::Work(self.0.clone())
         }
-
-        fn learn(&mut self, _outcome: &RequestOutcome) {}
     }
 
     fn divide(shares: &[f64]) -> Shares {

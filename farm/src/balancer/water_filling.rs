@@ -5,7 +5,7 @@
 //! xᵢ ≤ cᵢ the level rises along a polyline whose corners are known, so that the optimum is still
 //! found by one sweep in O(n log n).
 
-use super::{Balancer, Candidate, Division, RequestOutcome, Shares, in_proportion};
+use super::{Balancer, Candidate, Division, Shares, in_proportion};
 
 /// See [`crate::Algorithm::WaterFilling`].
 #[derive(Debug, Default)]
@@ -103,12 +103,10 @@ impl WaterFilling {
 }
 
 impl Balancer for WaterFilling {
+    /// By the models that come with the candidates: [`super::Estimator`].
     fn divide(&mut self, division: &Division<'_>) -> Shares {
         Shares::ByCostModel(Self::cost_models(division))
     }
-
-    /// The models come with the candidates: [`super::Estimator`].
-    fn learn(&mut self, _outcome: &RequestOutcome) {}
 }
 
 /// Divides `work` so that the last one finishes as early as can be. If the bounds hold less than

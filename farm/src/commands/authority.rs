@@ -22,7 +22,7 @@ pub(crate) struct AuthorityArgs {
 /// Opens the authority, and asks for the passphrase if its key is encrypted.
 pub(crate) fn open(args: &AuthorityArgs) -> Result<AuthorityFolder, Failure> {
     match AuthorityFolder::open(&args.dir, None) {
-        Err(Error::PassphraseMissing { path }) => {
+        Err(Error::PassphraseMissing(path)) => {
             let passphrase = passphrase(&format!("Passphrase of {}: ", path.display()))?;
             Ok(AuthorityFolder::open(&args.dir, Some(&passphrase))?)
         }

@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -126,20 +126,17 @@ pub(crate) fn run(args: &NodeArgs, log: LogFormat) -> Result<(), Failure> {
         print_box(&credentials, address)?;
     }
     server.keep_renewed(credentials, args.credentials.clone());
-    let wake = Mutex::new(monitor.wake());
+    let wake = monitor.wake();
     let events = Arc::new(NodeEvents { counters, log });
     let sessions = Arc::clone(&events);
     server.serve(
         &stop,
         move |id, player| LoggedConnection::new(&node, &sessions, id, player),
-        {
-            let wake = Arc::new(wake);
-            move |event| {
-                let is_draining = event == ServerEvent::Draining;
-                events.log(event);
-                if is_draining {
-                    RunningMonitor::draining(&wake.lock().unwrap_or_else(PoisonError::into_inner));
-                }
+        move |event| {
+            let is_draining = event == ServerEvent::Draining;
+            events.log(event);
+            if is_draining {
+                RunningMonitor::draining(&wake);
             }
         },
     );
@@ -339,7 +336,7 @@ impl PacketHandler for LoggedConnection {
     }
 
     fn drain(&self) -> Option<ConnectionDrain> {
-        Some(self.connection.drain())
+        self.connection.drain()
     }
 }
 

@@ -286,15 +286,9 @@ fn config(args: &RenderArgs) -> Result<FarmConfig, Failure> {
     if let Some(folder) = &args.credentials {
         config.credentials.clone_from(folder);
     }
-    if let Some(backend) = args.backend {
-        config.local = backend;
-    }
-    if let Some(balancer) = args.balancer {
-        config.balancer = balancer;
-    }
-    if let Some(distribution) = args.distribution {
-        config.distribution = distribution;
-    }
+    config.local = args.backend.unwrap_or(config.local);
+    config.balancer = args.balancer.unwrap_or(config.balancer);
+    config.distribution = args.distribution.unwrap_or(config.distribution);
     config.timeout_secs = args.timeout_secs.or(config.timeout_secs);
     if config.local == LocalNode::None && config.nodes.is_empty() {
         return Err(Failure::Input(

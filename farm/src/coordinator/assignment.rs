@@ -123,17 +123,17 @@ impl Assigner {
     pub(super) fn assign(
         &mut self,
         now: f64,
-        nodes: &mut NodeTable,
         frames: &mut FrameQueue,
         recovery: &Recovery,
         dispatcher: &mut Dispatcher,
     ) {
-        for node in nodes.indices() {
-            self.pull(now, nodes, node, frames, recovery, dispatcher);
+        for node in dispatcher.nodes.indices() {
+            self.pull(now, node, frames, recovery, dispatcher);
         }
         let period_secs = frames.period_secs();
         let in_flight = frames.unfinished().count();
         for frame in frames.unfinished_mut() {
+            let nodes = &dispatcher.nodes;
             let unassigned = self.unassigned(nodes, frame);
             let eligible = self.eligible(nodes, frame);
             if unassigned.is_empty() || eligible.is_empty() {
@@ -143,12 +143,12 @@ impl Assigner {
                 frame.count_lost(&unassigned);
                 frame.pool.extend(unassigned);
                 for node in &eligible {
-                    self.pull_from(now, nodes, *node, frame, recovery, dispatcher);
+                    self.pull_from(now, *node, frame, recovery, dispatcher);
                 }
                 continue;
             }
             if frame.is_assigned {
-                recovery.reassign_lost(now, nodes, frame, &unassigned, &eligible, dispatcher);
+                recovery.reassign_lost(now, frame, &unassigned, &eligible, dispatcher);
                 continue;
             }
             frame.is_assigned = true;
@@ -159,12 +159,12 @@ impl Assigner {
             match shares {
                 None => {
                     for node in &eligible {
-                        self.pull_from(now, nodes, *node, frame, recovery, dispatcher);
+                        self.pull_from(now, *node, frame, recovery, dispatcher);
                     }
                 }
                 Some(shares) => {
-                    self.request_shares(now, nodes, frame, shares, in_flight, dispatcher);
-                    recovery.set_target(now, nodes, frame);
+                    self.request_shares(now, frame, shares, in_flight, dispatcher);
+                    recovery.set_target(now, &dispatcher.nodes, frame);
                 }
             }
         }
@@ -261,13 +261,13 @@ impl Assigner {
     fn request_shares(
         &self,
         now: f64,
-        nodes: &mut NodeTable,
         frame: &FrameInFlight,
         mut shares: Vec<NodeShare>,
         in_flight: usize,
         dispatcher: &mut Dispatcher,
     ) {
         for (node, tiles) in &shares {
+            let nodes = &dispatcher.nodes;
             let mut parts = Vec::new();
             for range in tiles {
                 let most = self.parts_most(nodes, *node, frame, *range, in_flight);
@@ -276,12 +276,12 @@ impl Assigner {
                     None => growing_parts(*range, most),
                 });
             }
-            dispatcher.request(now, nodes, *node, frame, &parts, false);
+            dispatcher.request(now, *node, frame, &parts, false);
         }
         if self.balancing.algorithm == Algorithm::WaterFilling {
-            let left_out = left_out(nodes, frame.scene.hash(), &shares);
+            let left_out = left_out(&dispatcher.nodes, frame.scene.hash(), &shares);
             shares.extend(left_out.into_iter().map(|node| (node, Vec::new())));
-            probe(now, nodes, frame, &shares, dispatcher);
+            probe(now, frame, &shares, dispatcher);
         }
     }
 
@@ -313,7 +313,6 @@ impl Assigner {
     pub(super) fn pull(
         &self,
         now: f64,
-        nodes: &mut NodeTable,
         node: NodeIndex,
         frames: &mut FrameQueue,
         recovery: &Recovery,
@@ -321,7 +320,7 @@ impl Assigner {
     ) {
         for frame in frames.unfinished_mut() {
             if self.is_pooled(frame) {
-                self.pull_from(now, nodes, node, frame, recovery, dispatcher);
+                self.pull_from(now, node, frame, recovery, dispatcher);
             }
         }
     }
@@ -330,19 +329,18 @@ impl Assigner {
     fn pull_from(
         &self,
         now: f64,
-        nodes: &mut NodeTable,
         node: NodeIndex,
         frame: &mut FrameInFlight,
         recovery: &Recovery,
         dispatcher: &mut Dispatcher,
     ) {
         let mut has_taken = false;
-        while let Some(tiles) = portion(nodes, node, frame) {
-            dispatcher.request(now, nodes, node, frame, &[tiles], false);
+        while let Some(tiles) = portion(&dispatcher.nodes, node, frame) {
+            dispatcher.request(now, node, frame, &[tiles], false);
             has_taken = true;
         }
         if has_taken {
-            recovery.schedule(now, nodes, frame);
+            recovery.schedule(now, &dispatcher.nodes, frame);
         }
     }
 
@@ -403,20 +401,14 @@ fn left_out(nodes: &NodeTable, scene: SceneHash, shares: &[NodeShare]) -> Vec<No
 
 /// Asks nodes that got nothing for one tile now and then, beside the node whose tile it is: they may
 /// have become faster, and nothing else would tell.
-fn probe(
-    now: f64,
-    nodes: &mut NodeTable,
-    frame: &FrameInFlight,
-    shares: &[NodeShare],
-    dispatcher: &mut Dispatcher,
-) {
+fn probe(now: f64, frame: &FrameInFlight, shares: &[NodeShare], dispatcher: &mut Dispatcher) {
     let units = frame.passes.all().count;
     let mut probes = units.div_ceil(PROBE_TILES);
     for (index, _) in shares.iter().filter(|(_, tiles)| tiles.is_empty()) {
         if probes == 0 {
             return;
         }
-        let node = &mut nodes[*index];
+        let node = &mut dispatcher.nodes[*index];
         let recent = node
             .last_probe
             .is_some_and(|last| frame.id.0 < last.0 + PROBE_FRAMES);
@@ -429,7 +421,7 @@ fn probe(
         // Another tile each time, and another one for each node.
         let first = (frame.id.0.wrapping_add(index.0 as u64) % u64::from(units)) as u32;
         let tile = TileRange { first, count: 1 };
-        dispatcher.request(now, nodes, *index, frame, &[tile], true);
+        dispatcher.request(now, *index, frame, &[tile], true);
     }
 }
 

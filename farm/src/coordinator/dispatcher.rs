@@ -1,4 +1,5 @@
-//! Commands to nodes and frames to the caller, in the order in which they are to be carried out.
+//! The nodes with what is asked of them: commands to nodes and frames to the caller, in the order in which they
+//! are to be carried out.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -13,6 +14,7 @@ use super::CoordinatorAction;
 use super::checked_tile::CheckedTile;
 use super::frame_in_flight::FrameInFlight;
 use super::frame_refusals::FrameRefusal;
+use super::node_entry::NodeEntry;
 use super::node_table::NodeTable;
 use super::open_request::OpenRequest;
 use super::sample_passes::SamplePasses;
@@ -21,9 +23,10 @@ use crate::frame::{Frame, FrameSpec};
 use crate::link::LinkCommand;
 use crate::node_status::NodeIndex;
 
-/// What is sent counts as open in the [`NodeTable`] from then on.
-#[derive(Debug, Default)]
+/// What is sent to a node counts as open in the table from then on.
+#[derive(Debug)]
 pub(super) struct Dispatcher {
+    pub(super) nodes: NodeTable,
     actions: VecDeque<CoordinatorAction>,
     last_request: RequestId,
 }
@@ -39,6 +42,14 @@ struct RequestedFrame<'a> {
 }
 
 impl Dispatcher {
+    pub(super) fn new(nodes: NodeTable) -> Self {
+        Self {
+            nodes,
+            actions: VecDeque::new(),
+            last_request: RequestId::default(),
+        }
+    }
+
     pub(super) fn send(&mut self, node: NodeIndex, command: LinkCommand) {
         let action = CoordinatorAction::Command { node, command };
         self.actions.push_back(action);
@@ -46,6 +57,19 @@ impl Dispatcher {
 
     pub(super) fn send_scene(&mut self, node: NodeIndex, scene: &Arc<EncodedScene>) {
         self.send(node, LinkCommand::Scene(Arc::clone(scene)));
+    }
+
+    /// Sends a scene to the connected nodes that lack it.
+    pub(super) fn announce(
+        &mut self,
+        scene: &Arc<EncodedScene>,
+        lacks: impl Fn(&NodeEntry) -> bool,
+    ) {
+        for node in self.nodes.indices() {
+            if self.nodes[node].is_open() && lacks(&self.nodes[node]) {
+                self.send_scene(node, scene);
+            }
+        }
     }
 
     pub(super) fn deliver(&mut self, frame: Frame) {
@@ -75,7 +99,6 @@ impl Dispatcher {
     pub(super) fn request(
         &mut self,
         now: f64,
-        nodes: &mut NodeTable,
         node: NodeIndex,
         frame: &FrameInFlight,
         tiles: &[TileRange],
@@ -91,7 +114,7 @@ impl Dispatcher {
             .clamp(1, u64::from(REQUEST_TILES_MAX)) as u32;
         // Nothing is sent if the node has it; a node keeps only the scenes used last.
         self.send_scene(node, &frame.scene);
-        let mut wait_secs = nodes[node].workload.wait_secs(now, frame.id);
+        let mut wait_secs = self.nodes[node].workload.wait_secs(now, frame.id);
         let of = RequestedFrame {
             frame: frame.id,
             scene: frame.scene.hash(),
@@ -106,21 +129,20 @@ impl Dispatcher {
                 let work = frame.work.of(tiles);
                 let mut request = OpenRequest::new(now, frame.id, passes, tiles, work);
                 request.is_probe = is_probe;
-                wait_secs += self.request_range(nodes, node, of, request, wait_secs);
+                wait_secs += self.request_range(node, of, request, wait_secs);
             }
         }
-        nodes.arm(node);
+        self.nodes.arm(node);
     }
 
     /// Asks a node for a tile that another node has traced, if it has room.
     pub(super) fn request_check(
         &mut self,
         now: f64,
-        nodes: &mut NodeTable,
         node: NodeIndex,
         tile: &CheckedTile,
     ) -> Option<RequestId> {
-        if !nodes[node].has_room() {
+        if !self.nodes[node].has_room() {
             return None;
         }
         self.send_scene(node, &tile.scene);
@@ -133,9 +155,9 @@ impl Dispatcher {
             passes: tile.passes,
             is_exact: true,
         };
-        let wait_secs = nodes[node].workload.wait_secs(now, tile.frame);
-        self.request_range(nodes, node, of, request, wait_secs);
-        nodes.arm(node);
+        let wait_secs = self.nodes[node].workload.wait_secs(now, tile.frame);
+        self.request_range(node, of, request, wait_secs);
+        self.nodes.arm(node);
         Some(self.last_request)
     }
 
@@ -143,13 +165,12 @@ impl Dispatcher {
     /// the node should be busy with it.
     fn request_range(
         &mut self,
-        nodes: &mut NodeTable,
         index: NodeIndex,
         of: RequestedFrame<'_>,
         mut request: OpenRequest,
         wait_secs: f64,
     ) -> f64 {
-        let node = &mut nodes[index];
+        let node = &mut self.nodes[index];
         if !node.has_room() {
             return 0.0; // assigned again when a request of this node ends
         }
@@ -187,28 +208,22 @@ impl Dispatcher {
     }
 
     /// Takes a request back.
-    pub(super) fn cancel(
-        &mut self,
-        now: f64,
-        nodes: &mut NodeTable,
-        node: NodeIndex,
-        request: RequestId,
-    ) {
-        nodes[node].cancel(now, request);
+    pub(super) fn cancel(&mut self, now: f64, node: NodeIndex, request: RequestId) {
+        self.nodes[node].cancel(now, request);
         self.send(node, LinkCommand::CancelRequest(request));
     }
 
     /// Takes back what is still asked for of a frame, but for probes.
-    pub(super) fn cancel_frame(&mut self, now: f64, nodes: &mut NodeTable, frame: FrameId) {
-        for node in nodes.indices() {
-            let requests = nodes[node].workload.requests.iter();
+    pub(super) fn cancel_frame(&mut self, now: f64, frame: FrameId) {
+        for node in self.nodes.indices() {
+            let requests = self.nodes[node].workload.requests.iter();
             let open = requests.filter(|(_, request)| {
                 let is_whole = request.tiles_received >= request.tiles.count;
                 request.frame == frame && request.is_wanted() && !is_whole
             });
             let open: Vec<RequestId> = open.map(|(id, _)| *id).collect();
             for id in open {
-                self.cancel(now, nodes, node, id);
+                self.cancel(now, node, id);
             }
         }
     }

@@ -81,7 +81,6 @@ pub enum CoordinatorAction {
 /// See the [module](self). Durations count from any moment that stays the same.
 #[derive(Debug)]
 pub struct Coordinator {
-    nodes: NodeTable,
     frames: FrameQueue,
     assigner: Assigner,
     recovery: Recovery,
@@ -96,11 +95,10 @@ impl Coordinator {
     /// A coordinator without nodes.
     pub fn new(balancing: Balancing) -> Self {
         Self {
-            nodes: NodeTable::new(balancing.hedged),
             frames: FrameQueue::default(),
             assigner: Assigner::new(balancing),
             recovery: Recovery::default(),
-            dispatcher: Dispatcher::default(),
+            dispatcher: Dispatcher::new(NodeTable::new(balancing.hedged)),
             spot_checks: SpotChecks::default(),
             scene: None,
             has_unassigned: false,
@@ -109,13 +107,13 @@ impl Coordinator {
 
     /// Adds a node that is about to be called.
     pub fn add_node(&mut self, address: String) -> NodeIndex {
-        self.nodes.add(address)
+        self.dispatcher.nodes.add(address)
     }
 
     /// The same of a node of this process, whose pixels are right where others differ.
     pub fn add_local_node(&mut self, address: String) -> NodeIndex {
-        let node = self.nodes.add(address);
-        self.nodes[node].is_local = true;
+        let node = self.dispatcher.nodes.add(address);
+        self.dispatcher.nodes[node].is_local = true;
         node
     }
 
@@ -130,7 +128,7 @@ impl Coordinator {
         let why = "it has left the directory".into();
         let retry_at = None;
         self.disconnect(node, ConnectionState::Lost { why, retry_at });
-        self.nodes.release(node);
+        self.dispatcher.nodes.release(node);
         let frames = self.frames.unfinished_mut();
         frames.for_each(|frame| frame.refusals.forget(node));
         self.advance(now.as_secs_f64());
@@ -139,7 +137,7 @@ impl Coordinator {
     /// Divides frames with another algorithm from the next one on.
     pub fn set_balancing(&mut self, balancing: Balancing) {
         self.assigner.balancing = balancing;
-        self.nodes.hedged = balancing.hedged;
+        self.dispatcher.nodes.hedged = balancing.hedged;
     }
 
     /// Divides frames with an algorithm of the caller's own from the next one on, hedged.
@@ -155,11 +153,7 @@ impl Coordinator {
 
     /// Frames submitted from now on are of `scene`.
     pub fn set_scene(&mut self, scene: Arc<EncodedScene>) {
-        for (node, entry) in self.nodes.iter() {
-            if entry.is_open() {
-                self.dispatcher.send_scene(node, &scene);
-            }
-        }
+        self.dispatcher.announce(&scene, |_| true);
         self.scene = Some(scene);
     }
 
@@ -181,11 +175,9 @@ impl Coordinator {
             self.recovery.budget.add_frame(work.of(passes.all()));
         }
         // One that nobody has announced.
-        for (node, entry) in self.nodes.iter() {
-            if entry.is_open() && !entry.knows_scene(scene.hash()) {
-                self.dispatcher.send_scene(node, &scene);
-            }
-        }
+        let hash = scene.hash();
+        self.dispatcher
+            .announce(&scene, |node| !node.knows_scene(hash));
         let mut frame = FrameInFlight::new(now, id, spec, scene, passes, work);
         frame.is_exact = exact;
         self.frames.push(frame);
@@ -203,7 +195,7 @@ impl Coordinator {
     pub fn cancel(&mut self, now: Duration, id: FrameId) {
         let now = now.as_secs_f64();
         self.frames.remove(id);
-        self.dispatcher.cancel_frame(now, &mut self.nodes, id);
+        self.dispatcher.cancel_frame(now, id);
         self.advance(now);
     }
 
@@ -214,7 +206,7 @@ impl Coordinator {
             LinkEvent::Connecting => self.disconnect(node, ConnectionState::Connecting),
             LinkEvent::Lost { why, retry } => {
                 let retry_at = retry.map(|pause| now + pause.as_secs_f64());
-                if self.nodes[node].is_open() {
+                if self.dispatcher.nodes[node].is_open() {
                     // A frame may be what has ended it.
                     let frames = self.frames.unfinished_mut();
                     frames.for_each(|frame| frame.refusals.count(node, false, &why));
@@ -222,7 +214,7 @@ impl Coordinator {
                 self.disconnect(node, ConnectionState::Lost { why, retry_at });
             }
             LinkEvent::Decoded { request, took } => {
-                let requests = &mut self.nodes[node].workload.requests;
+                let requests = &mut self.dispatcher.nodes[node].workload.requests;
                 if let Some(request) = requests.get_mut(&request) {
                     request.decode_secs = took.as_secs_f64();
                 }
@@ -230,17 +222,17 @@ impl Coordinator {
             }
             LinkEvent::Session(event) => {
                 self.handle_session(now, node, event);
-                if self.nodes[node].says_farewell() {
+                if self.dispatcher.nodes[node].says_farewell() {
                     self.dispatcher.send(node, LinkCommand::Leave);
                 }
             }
         }
-        self.nodes.arm(node);
+        self.dispatcher.nodes.arm(node);
         self.advance(now);
     }
 
     fn handle_session(&mut self, now: f64, index: NodeIndex, event: ClientEvent) {
-        let node = &mut self.nodes[index];
+        let node = &mut self.dispatcher.nodes[index];
         match event {
             ClientEvent::Welcome(info) => {
                 node.open(now, info);
@@ -307,27 +299,23 @@ impl Coordinator {
     /// Does what has become due: see [`Coordinator::next_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
         let secs = now.as_secs_f64();
-        while let Some(index) = self.nodes.next_due(now) {
+        while let Some(index) = self.dispatcher.nodes.next_due(now) {
             self.ping(secs, index);
-            let others_take_over = self.nodes.others_take_over();
-            let node = &mut self.nodes[index];
+            let others_take_over = self.dispatcher.nodes.others_take_over();
+            let node = &mut self.dispatcher.nodes[index];
             self.has_unassigned |= node.resume(secs);
             self.has_unassigned |= node.time_out(secs, others_take_over);
-            self.nodes.arm(index);
+            self.dispatcher.nodes.arm(index);
         }
         self.advance(secs);
-        self.recovery.evaluate_due(
-            secs,
-            &mut self.nodes,
-            &mut self.frames,
-            &mut self.dispatcher,
-        );
+        self.recovery
+            .evaluate_due(secs, &mut self.frames, &mut self.dispatcher);
         self.deliver_due(secs);
     }
 
     /// When [`Coordinator::handle_timeout`] wants to be called, unless something happens before.
     pub fn next_timeout(&self) -> Option<Duration> {
-        let nodes = self.nodes.next_timeout().into_iter();
+        let nodes = self.dispatcher.nodes.next_timeout().into_iter();
         nodes.chain(self.frames.next_timeout()).min()
     }
 
@@ -339,7 +327,7 @@ impl Coordinator {
     /// State of the nodes, by [`NodeIndex`].
     pub fn nodes(&self, now: Duration) -> Vec<NodeStatus> {
         let scene = self.scene.as_ref().map(|scene| scene.hash());
-        self.nodes.statuses(now.as_secs_f64(), scene)
+        self.dispatcher.nodes.statuses(now.as_secs_f64(), scene)
     }
 
     /// Frames that are not finished: tiles that are there, and all. A tile counts once for each pass.
@@ -353,19 +341,19 @@ impl Coordinator {
 
     fn disconnect(&mut self, index: NodeIndex, connection: ConnectionState) {
         self.spot_checks.forget(index);
-        self.nodes[index].reset(connection);
+        self.dispatcher.nodes[index].reset(connection);
         self.has_unassigned = true;
     }
 
     fn ping(&mut self, now: f64, index: NodeIndex) {
-        if let Some(number) = self.nodes[index].ping(now) {
+        if let Some(number) = self.dispatcher.nodes[index].ping(now) {
             self.dispatcher.send(index, LinkCommand::Ping(number));
         }
     }
 
     /// Units of a frame that tiles of a request are.
     fn units(&self, index: NodeIndex, id: RequestId, tiles: TileRange) -> TileRange {
-        let request = self.nodes[index].workload.requests.get(&id);
+        let request = self.dispatcher.nodes[index].workload.requests.get(&id);
         request.map_or(tiles, |request| {
             request.passes.units(request.tiles.first, tiles)
         })
@@ -380,7 +368,7 @@ impl Coordinator {
         tiles: TileRange,
         busy_micros: u32,
     ) {
-        let Some(request) = self.nodes[index].workload.requests.get(&id) else {
+        let Some(request) = self.dispatcher.nodes[index].workload.requests.get(&id) else {
             return;
         };
         let busy_secs = f64::from(busy_micros) * 1e-6;
@@ -388,40 +376,39 @@ impl Coordinator {
             frame.count_busy(index, busy_secs);
             frame.work.of(tiles)
         });
-        let node = &mut self.nodes[index];
+        let node = &mut self.dispatcher.nodes[index];
         let workload = &mut node.workload;
         self.has_unassigned |= workload.receive(now, id, tiles, busy_secs, frame_work);
         if node.workload.delivered().is_none() {
             node.observe_first(id);
             self.recovery
-                .schedule_waiting(now, &self.nodes, &mut self.frames);
+                .schedule_waiting(now, &self.dispatcher.nodes, &mut self.frames);
             // It was taken for as fast as the others are, and may be far faster.
             Recovery::advance_guessed(now, &mut self.frames);
         }
         self.assigner.pull(
             now,
-            &mut self.nodes,
             index,
             &mut self.frames,
             &self.recovery,
             &mut self.dispatcher,
         );
         self.recovery
-            .advance_late(now, &self.nodes, index, &mut self.frames);
+            .advance_late(now, &self.dispatcher.nodes, index, &mut self.frames);
     }
 
     /// Puts tiles into their frame and finishes it if they were the last.
     fn fill(&mut self, now: f64, index: NodeIndex, id: RequestId, arrival: &TileArrival<'_>) {
-        let nodes = self.nodes.len();
+        let nodes = self.dispatcher.nodes.len();
         if !frame_buffer::is_finite(arrival.pixels) {
             let why = "it sent pixels that are not numbers".to_owned();
-            if let Some(frame) = self.nodes[index].workload.requests.get(&id)
+            if let Some(frame) = self.dispatcher.nodes[index].workload.requests.get(&id)
                 && let Some(frame) = self.frames.get_mut(frame.frame)
             {
                 frame.refusals.count(index, false, &why);
             }
-            self.nodes[index].back_off(now, Some(why));
-            self.dispatcher.cancel(now, &mut self.nodes, index, id);
+            self.dispatcher.nodes[index].back_off(now, Some(why));
+            self.dispatcher.cancel(now, index, id);
             self.has_unassigned = true;
             return;
         }
@@ -429,7 +416,7 @@ impl Coordinator {
             self.compare(now, index, id, arrival);
             return;
         }
-        let node = &mut self.nodes[index];
+        let node = &mut self.dispatcher.nodes[index];
         node.forgive();
         let Some(request) = node.workload.requests.get(&id) else {
             return;
@@ -442,34 +429,35 @@ impl Coordinator {
         };
         node.count_tiles(fresh, split);
         if fresh == arrival.tiles.count {
-            let (nodes, dispatcher) = (&mut self.nodes, &mut self.dispatcher);
-            let checks = &mut self.spot_checks;
-            checks.offer(now, nodes, dispatcher, frame, index, arrival);
+            self.spot_checks
+                .offer(now, &mut self.dispatcher, frame, index, arrival);
         }
         if frame.finish(now) {
-            self.dispatcher.cancel_frame(now, &mut self.nodes, frame.id);
+            self.dispatcher.cancel_frame(now, frame.id);
         } else {
             let tiles = arrival.tiles;
-            cancel_redundant(now, &mut self.nodes, frame, tiles, &mut self.dispatcher);
+            cancel_redundant(now, frame, tiles, &mut self.dispatcher);
         }
     }
 
     /// Compares a tile that has been traced again, and drops the node that has sent something else than
     /// others.
     fn compare(&mut self, now: f64, index: NodeIndex, id: RequestId, arrival: &TileArrival<'_>) {
-        let (nodes, dispatcher) = (&mut self.nodes, &mut self.dispatcher);
-        let checks = &mut self.spot_checks;
+        let answer = self
+            .spot_checks
+            .answer(now, &mut self.dispatcher, (index, id), arrival);
+        let nodes = &mut self.dispatcher.nodes;
         let names = |nodes: &NodeTable, of: &[NodeIndex]| {
             let names = of.iter().map(|node| nodes[*node].full_name());
             names.collect::<Vec<_>>().join(" and ")
         };
-        match checks.answer(now, nodes, dispatcher, (index, id), arrival) {
+        match answer {
             None => {}
             Some(Verdict::Agreement(all)) => all.iter().for_each(|node| nodes[*node].agree()),
             Some(Verdict::Wrong(node, right)) => {
                 let who = names(nodes, &[node]);
                 let right = names(nodes, &right);
-                dispatcher.warn(format!(
+                self.dispatcher.warn(format!(
                     "{who} is dropped: it sends wrong pixels, unlike {right} for the same tile. If it \
                      should not, take its certificate back with `carom-farm revoke`"
                 ));
@@ -485,7 +473,7 @@ impl Coordinator {
                 }
                 if is_new {
                     let all = names(nodes, &all);
-                    dispatcher.warn(format!(
+                    self.dispatcher.warn(format!(
                         "{all} send different pixels of the same tile, and no further node tells which \
                          are right: add one"
                     ));
@@ -505,9 +493,9 @@ impl Coordinator {
 
     /// Ends a request; one that was refused may leave tiles that nobody holds.
     fn close(&mut self, now: f64, index: NodeIndex, id: RequestId) {
-        self.assigner.learn(&mut self.nodes, index, id);
+        self.assigner.learn(&mut self.dispatcher.nodes, index, id);
         self.spot_checks.close(index, id);
-        self.has_unassigned |= self.nodes[index].close(now, id);
+        self.has_unassigned |= self.dispatcher.nodes[index].close(now, id);
         // A request that was cancelled or refused frees its node, and no tiles may come that tell.
         self.has_unassigned |= self.frames.has_background();
     }
@@ -515,18 +503,12 @@ impl Coordinator {
     /// Assigns what nobody holds, gives up what nobody will trace, and delivers what is finished.
     fn advance(&mut self, now: f64) {
         if std::mem::take(&mut self.has_unassigned) {
-            self.assigner.assign(
-                now,
-                &mut self.nodes,
-                &mut self.frames,
-                &self.recovery,
-                &mut self.dispatcher,
-            );
+            self.assigner
+                .assign(now, &mut self.frames, &self.recovery, &mut self.dispatcher);
         }
-        while let Some(refusal) = self.frames.hopeless(now, &self.nodes) {
+        while let Some(refusal) = self.frames.hopeless(now, &self.dispatcher.nodes) {
             self.frames.remove(refusal.frame);
-            self.dispatcher
-                .cancel_frame(now, &mut self.nodes, refusal.frame);
+            self.dispatcher.cancel_frame(now, refusal.frame);
             self.dispatcher.refuse(refusal);
         }
         while let Some(frame) = self.frames.pop_finished() {
@@ -541,7 +523,7 @@ impl Coordinator {
             return;
         };
         for stale in self.frames.remove_stale(newest) {
-            self.dispatcher.cancel_frame(now, &mut self.nodes, stale);
+            self.dispatcher.cancel_frame(now, stale);
         }
         if let Some(frame) = self.frames.take_due(now, newest) {
             self.dispatcher.deliver(frame);

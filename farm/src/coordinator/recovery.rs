@@ -60,7 +60,6 @@ impl Recovery {
     pub(super) fn reassign_lost(
         &self,
         now: f64,
-        nodes: &mut NodeTable,
         frame: &mut FrameInFlight,
         tiles: &[TileRange],
         helpers: &[NodeIndex],
@@ -71,13 +70,13 @@ impl Recovery {
             work: frame.work.of_all(tiles),
             tile_work: frame.work.mean_tile(),
             period_secs: f64::INFINITY,
-            candidates: &nodes.candidates(now, frame.id, helpers),
+            candidates: &dispatcher.nodes.candidates(now, frame.id, helpers),
         });
         let partition = frame.work.partition(tiles, &models);
         for (node, tiles) in helpers.iter().zip(partition.tiles) {
-            dispatcher.request(now, nodes, *node, frame, &tiles, false);
+            dispatcher.request(now, *node, frame, &tiles, false);
         }
-        self.set_target(now, nodes, frame);
+        self.set_target(now, &dispatcher.nodes, frame);
     }
 
     /// Takes the latest finish that is expected of any node as the frame's target.
@@ -182,28 +181,21 @@ impl Recovery {
     pub(super) fn evaluate_due(
         &mut self,
         now: f64,
-        nodes: &mut NodeTable,
         frames: &mut FrameQueue,
         dispatcher: &mut Dispatcher,
     ) {
         for frame in frames.unfinished_mut() {
             if frame.evaluate_at.is_some_and(|at| at <= now) {
-                self.evaluate(now, nodes, frame, dispatcher);
+                self.evaluate(now, frame, dispatcher);
                 frame.last_evaluation = now;
-                self.schedule(now, nodes, frame);
+                self.schedule(now, &dispatcher.nodes, frame);
             }
         }
     }
 
     /// Requests the tiles of a frame that will be late of those who can bring them in time.
-    fn evaluate(
-        &mut self,
-        now: f64,
-        nodes: &mut NodeTable,
-        frame: &mut FrameInFlight,
-        dispatcher: &mut Dispatcher,
-    ) {
-        let Some(forecast) = FrameForecast::new(now, nodes, frame) else {
+    fn evaluate(&mut self, now: f64, frame: &mut FrameInFlight, dispatcher: &mut Dispatcher) {
+        let Some(forecast) = FrameForecast::new(now, &dispatcher.nodes, frame) else {
             return;
         };
         // The last tiles cost little, and the frame waits for them: with 1000 far nodes the 99th percentile
@@ -232,10 +224,10 @@ impl Recovery {
             }
             let partition = frame.work.partition(&late, &forecast.help);
             if partition.finish_secs <= bounds.recallable + margin {
-                recall(now, nodes, frame, &late, dispatcher);
+                recall(now, frame, &late, dispatcher);
                 self.spend(frame, &forecast, bounds.grave, &partition.tiles);
                 for (node, tiles) in forecast.helpers.iter().zip(&partition.tiles) {
-                    dispatcher.request(now, nodes, *node, frame, tiles, false);
+                    dispatcher.request(now, *node, frame, tiles, false);
                 }
                 return;
             }
@@ -284,19 +276,13 @@ fn evaluation_pause_secs(now: f64, frame: &FrameInFlight) -> f64 {
 
 /// Cancels the requests that their nodes have not begun and that hold any of the `late` tiles, and
 /// requests the other tiles of them anew.
-fn recall(
-    now: f64,
-    nodes: &mut NodeTable,
-    frame: &FrameInFlight,
-    late: &[TileRange],
-    dispatcher: &mut Dispatcher,
-) {
+fn recall(now: f64, frame: &FrameInFlight, late: &[TileRange], dispatcher: &mut Dispatcher) {
     let is_late = |tile: u32| {
         let mut late = late.iter();
         late.any(|range| range.first <= tile && tile < range.end())
     };
-    for index in nodes.indices() {
-        let workload = &mut nodes[index].workload;
+    for index in dispatcher.nodes.indices() {
+        let workload = &mut dispatcher.nodes[index].workload;
         let cost = workload.delivered();
         let mut kept = Vec::new();
         let mut cancelled = Vec::new();
@@ -318,7 +304,7 @@ fn recall(
         for request in cancelled {
             dispatcher.send(index, LinkCommand::CancelRequest(request));
         }
-        dispatcher.request(now, nodes, index, frame, &kept, false);
+        dispatcher.request(now, index, frame, &kept, false);
     }
 }
 
@@ -326,7 +312,6 @@ fn recall(
 /// that have more to do: how long it takes the others teaches something.
 pub(super) fn cancel_redundant(
     now: f64,
-    nodes: &mut NodeTable,
     frame: &FrameInFlight,
     tiles: TileRange,
     dispatcher: &mut Dispatcher,
@@ -345,7 +330,7 @@ pub(super) fn cancel_redundant(
             && buffer.has(request.tiles)
     };
     let mut redundant: Vec<(NodeIndex, RequestId)> = Vec::new();
-    for (index, node) in nodes.iter() {
+    for (index, node) in dispatcher.nodes.iter() {
         let requests = node.workload.requests.iter();
         let open = requests.filter(|(_, request)| request.outstanding() > 0.0);
         let (unwanted, wanted): (Vec<_>, Vec<_>) =
@@ -355,7 +340,7 @@ pub(super) fn cancel_redundant(
         }
     }
     for (node, request) in redundant {
-        dispatcher.cancel(now, nodes, node, request);
+        dispatcher.cancel(now, node, request);
     }
 }
 

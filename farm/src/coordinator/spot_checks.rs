@@ -95,7 +95,6 @@ impl SpotChecks {
     pub(super) fn offer(
         &mut self,
         now: f64,
-        nodes: &mut NodeTable,
         dispatcher: &mut Dispatcher,
         frame: &FrameInFlight,
         node: NodeIndex,
@@ -111,7 +110,7 @@ impl SpotChecks {
             count: 1,
         };
         self.left = self.distance();
-        let Some(other) = self.choose(nodes, frame.scene.hash(), &[node]) else {
+        let Some(other) = self.choose(&dispatcher.nodes, frame.scene.hash(), &[node]) else {
             return;
         };
         let tile = CheckedTile {
@@ -124,7 +123,7 @@ impl SpotChecks {
         };
         let copy = TileCopy::new(node, tile.passes, unit, arrival);
         if self.open.len() < CHECKS_MAX
-            && let Some(request) = dispatcher.request_check(now, nodes, other, &tile)
+            && let Some(request) = dispatcher.request_check(now, other, &tile)
         {
             self.open.push(SpotCheck {
                 tile,
@@ -143,7 +142,6 @@ impl SpotChecks {
     pub(super) fn answer(
         &mut self,
         now: f64,
-        nodes: &mut NodeTable,
         dispatcher: &mut Dispatcher,
         (node, request): (NodeIndex, RequestId),
         arrival: &TileArrival<'_>,
@@ -153,16 +151,16 @@ impl SpotChecks {
         check
             .copies
             .push(TileCopy::new(node, passes, unit, arrival));
-        if let Some(verdict) = check.verdict(nodes) {
+        if let Some(verdict) = check.verdict(&dispatcher.nodes) {
             return Some(verdict);
         }
         let asked: Vec<NodeIndex> = check.copies.iter().map(|copy| copy.node).collect();
         let third = match asked.len() {
             VOTES.. => None,
-            _ => self.choose(nodes, check.tile.scene.hash(), &asked),
+            _ => self.choose(&dispatcher.nodes, check.tile.scene.hash(), &asked),
         };
         let request = third.and_then(|third| {
-            let request = dispatcher.request_check(now, nodes, third, &check.tile)?;
+            let request = dispatcher.request_check(now, third, &check.tile)?;
             Some((third, request))
         });
         let Some(asked) = request else {

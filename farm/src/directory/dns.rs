@@ -23,10 +23,8 @@ impl DnsDirectory {
 impl Directory for DnsDirectory {
     fn nodes(&mut self) -> Result<Vec<ListedNode>, Error> {
         let found = self.name.to_string().to_socket_addrs();
-        let found = found.map_err(|source| Error::Directory {
-            directory: format!("dns:{}", self.name),
-            reason: source.to_string(),
-        })?;
+        let found =
+            found.map_err(|why| Error::directory(format_args!("dns:{}", self.name), why))?;
         Ok(found.map(|at| ListedNode::at(at.into())).collect())
     }
 

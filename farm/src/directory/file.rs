@@ -1,7 +1,6 @@
 //! File with a node per line, read again while the farm runs.
 
-use std::fs::File;
-use std::io::Read as _;
+use std::fmt::Display;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -10,6 +9,7 @@ use carom_tracer::text::printable;
 
 use super::{Directory, ListedNode};
 use crate::Error;
+use crate::whole_file::read_limited;
 
 /// A file of `host:port` lines; empty ones and what follows a `#` are left out.
 #[derive(Clone, Debug)]
@@ -23,31 +23,16 @@ impl FileDirectory {
         Self { path }
     }
 
-    fn fault(&self, reason: String) -> Error {
-        Error::Directory {
-            directory: format!("file:{}", self.path.display()),
-            reason,
-        }
-    }
-
-    fn read(&self) -> std::io::Result<String> {
-        let mut text = String::new();
-        let limit = DIRECTORY_FILE_BYTES_MAX + 1;
-        File::open(&self.path)?
-            .take(limit)
-            .read_to_string(&mut text)?;
-        if text.len() as u64 == limit {
-            let what = format!("it has more than {DIRECTORY_FILE_BYTES_MAX} bytes");
-            return Err(std::io::Error::other(what));
-        }
-        Ok(text)
+    fn fault(&self, why: impl Display) -> Error {
+        Error::directory(format_args!("file:{}", self.path.display()), why)
     }
 }
 
 impl Directory for FileDirectory {
     /// All lines or none: a file that is being written may end in half an address.
     fn nodes(&mut self) -> Result<Vec<ListedNode>, Error> {
-        let text = self.read().map_err(|why| self.fault(why.to_string()))?;
+        let text = read_limited(&self.path, DIRECTORY_FILE_BYTES_MAX);
+        let text = text.map_err(|why| self.fault(why))?;
         let mut nodes = Vec::new();
         for (number, line) in text.lines().enumerate() {
             let line = line.split('#').next().unwrap_or_default().trim();

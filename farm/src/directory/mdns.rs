@@ -24,10 +24,7 @@ pub struct MdnsRegistry {
 }
 
 fn fault(why: impl std::fmt::Display) -> Error {
-    Error::Directory {
-        directory: "mdns:".into(),
-        reason: why.to_string(),
-    }
+    Error::directory("mdns:", why)
 }
 
 impl MdnsDirectory {

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use async_nats::connection::State;
@@ -20,6 +20,8 @@ use tokio::task::JoinHandle;
 
 use super::{Directory, ListedNode, NodeRecord, Registry};
 use crate::Error;
+use crate::lock::lock;
+use crate::net::runtime;
 
 /// `nats://host:port/bucket`, or `tls://` likewise; before the host `user:password@` or `token@`.
 #[derive(Clone, PartialEq, Eq)]
@@ -67,10 +69,7 @@ impl FromStr for NatsBucket {
 
 impl NatsBucket {
     fn fault(&self, why: impl fmt::Display) -> Error {
-        Error::Directory {
-            directory: self.to_string(),
-            reason: why.to_string(),
-        }
+        Error::directory(self, why)
     }
 
     async fn open(&self) -> Result<(Client, Store), Error> {
@@ -113,12 +112,7 @@ impl NatsBucket {
 
 /// A thread for a connection to a server.
 fn runtime(bucket: &NatsBucket) -> Result<Runtime, Error> {
-    tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(1)
-        .thread_name("carom-nats")
-        .enable_all()
-        .build()
-        .map_err(|why| bucket.fault(why))
+    runtime::own_thread("carom-nats").map_err(|why| bucket.fault(why))
 }
 
 async fn in_time<T>(
@@ -298,10 +292,6 @@ fn key(address: &str) -> String {
         _ => '_',
     };
     address.chars().map(plain).collect()
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// How often a node writes its record: 1,000 nodes are 200 messages a second.

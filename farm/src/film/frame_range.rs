@@ -58,9 +58,7 @@ impl FromStr for FrameRange {
             (Ok(first), Ok(last)) if first <= last => Some(Self { first, last }),
             _ => None,
         };
-        range.ok_or_else(|| Error::FrameRange {
-            text: text.to_owned(),
-        })
+        range.ok_or_else(|| Error::FrameRange(text.to_owned()))
     }
 }
 

@@ -82,7 +82,7 @@ impl FilmFrames {
         size: ImageSize,
         range: FrameRange,
     ) -> Result<Self, Error> {
-        fs::create_dir_all(folder).map_err(|source| file_error(folder, source))?;
+        fs::create_dir_all(folder).map_err(Error::file(folder))?;
         let mut frames = Self {
             folder: folder.to_owned(),
             kept: vec![false; identity.frames as usize],
@@ -141,7 +141,7 @@ impl FilmFrames {
             write_png(&mut file, self.size, rgb, COMPRESSION)?;
             file.flush()
         });
-        written.map_err(|source| file_error(&path, source))?;
+        written.map_err(Error::file(&path))?;
         self.kept[index as usize] = true;
         Ok(())
     }
@@ -212,7 +212,7 @@ impl FilmFrames {
             }
             file.flush()
         });
-        failure.map_or(written.map_err(|why| file_error(path, why)), Err)
+        failure.map_or(written.map_err(Error::file(path)), Err)
     }
 
     /// Writes all frames as YUV4MPEG2, for an encoder that reads them while they come, as long as
@@ -234,7 +234,7 @@ impl FilmFrames {
             }
             film.finish()
         };
-        let written = write().map_err(|source| file_error(Path::new("the encoder"), source));
+        let written = write().map_err(Error::file(Path::new("the encoder")));
         failure.map_or(written, Err)
     }
 
@@ -275,7 +275,7 @@ impl FilmFrames {
     pub fn remove(self) -> Result<(), Error> {
         self.clear(self.frames())?;
         let path = self.identity_path();
-        fs::remove_file(&path).map_err(|source| file_error(&path, source))?;
+        fs::remove_file(&path).map_err(Error::file(&path))?;
         // Whatever else somebody put there stays.
         let _ = fs::remove_dir(&self.folder);
         Ok(())
@@ -299,7 +299,7 @@ impl FilmFrames {
     fn clear(&self, frames: u32) -> Result<(), Error> {
         let paths = (0..frames).map(|i| self.path(i));
         for path in paths.filter(|path| path.is_file()) {
-            fs::remove_file(&path).map_err(|source| file_error(&path, source))?;
+            fs::remove_file(&path).map_err(Error::file(&path))?;
         }
         Ok(())
     }
@@ -310,7 +310,7 @@ impl FilmFrames {
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
             Err(why) if why.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(why) => return Err(file_error(&path, why)),
+            Err(why) => return Err(Error::file(&path)(why)),
         };
         match serde_json::from_str::<FilmIdentity>(&text) {
             Ok(film) if film.frames <= FRAMES_MAX => Ok(Some(film)),
@@ -331,7 +331,7 @@ impl FilmFrames {
             writeln!(file, "{}", text?)?;
             file.commit()
         };
-        write().map_err(|source| file_error(&path, source))
+        write().map_err(Error::file(&path))
     }
 
     fn identity_path(&self) -> PathBuf {
@@ -362,17 +362,8 @@ impl FilmFormat {
         match path.extension().and_then(|ending| ending.to_str()) {
             Some("y4m") => Ok(Self::Y4m),
             Some("png") => Ok(Self::Apng),
-            _ => Err(Error::FilmFormat {
-                path: path.to_owned(),
-            }),
+            _ => Err(Error::FilmFormat(path.to_owned())),
         }
-    }
-}
-
-fn file_error(path: &Path, source: io::Error) -> Error {
-    Error::File {
-        path: path.to_owned(),
-        source,
     }
 }
 

@@ -8,7 +8,7 @@ mod y4m;
 
 use std::collections::{BTreeSet, VecDeque};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use carom_protocol::PixelFormat;
@@ -21,6 +21,7 @@ use crate::error::Error;
 use crate::farm::Farm;
 use crate::frame::{FrameSpec, Pixels};
 use crate::job::{Canceller, Job};
+use crate::lock::lock;
 use crate::stats::FrameStats;
 use crate::submission::{Priority, SceneHandle};
 use crate::submitter::Submitter;
@@ -196,12 +197,7 @@ pub struct FilmProgress {
 }
 
 /// A film that is being traced. Dropped, it is cancelled.
-#[derive(Debug)]
-pub struct FilmJob {
-    job: Job<FilmFrames>,
-    progress: Arc<Mutex<FilmProgress>>,
-    resumed_frames: u32,
-}
+pub type FilmJob = Job<FilmFrames, FilmProgress>;
 
 impl Farm {
     /// Begins to trace a film on a thread of its own. Each frame lies in `folder` as soon as it is
@@ -252,48 +248,16 @@ impl Farm {
             tracing: Vec::new(),
             progress: Arc::clone(&progress),
         };
-        Ok(FilmJob {
-            job: Job::start("carom-film", |cancelled| run.run(cancelled))?,
-            progress,
-            resumed_frames,
+        Job::start("carom-film", progress, resumed_frames, |cancelled| {
+            run.run(cancelled)
         })
     }
 }
 
 impl FilmJob {
-    /// How far it is.
-    pub fn progress(&self) -> FilmProgress {
-        let progress = self.progress.lock();
-        progress.unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
     /// Frames of its range that the folder held at the start.
     pub const fn resumed_frames(&self) -> u32 {
-        self.resumed_frames
-    }
-
-    /// Whether [`FilmJob::wait`] would return at once.
-    pub fn is_finished(&self) -> bool {
-        self.job.is_finished()
-    }
-
-    /// Ends the work; finished frames stay.
-    pub fn cancel(&self) {
-        self.job.canceller().cancel();
-    }
-
-    /// To cancel the work while another thread waits for it.
-    pub fn canceller(&self) -> Canceller {
-        self.job.canceller().clone()
-    }
-
-    /// Waits for all frames of the range.
-    ///
-    /// # Errors
-    /// [`Error::NoNodes`] if no node has answered for [`crate::FarmConfig::timeout_secs`],
-    /// [`Error::FrameRefused`] if every node refuses a frame, [`Error::FilmCancelled`], [`Error::FarmClosed`] if the farm has been dropped, [`Error::File`].
-    pub fn wait(self) -> Result<FilmFrames, Error> {
-        self.job.wait()
+        self.resumed
     }
 }
 
@@ -440,7 +404,7 @@ impl FilmRun {
 
     fn report(&mut self, frame: Option<(u32, FrameStats)>) {
         let (tiles_done, tiles) = self.submitter.tiles_in_flight();
-        let mut known = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = lock(&self.progress);
         let progress = FilmProgress {
             frames_done: self.kept.kept(),
             frames: known.frames,

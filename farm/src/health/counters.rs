@@ -1,14 +1,16 @@
 //! Figures of a node since it started.
 
 use std::fmt::Write as _;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_protocol::{NodeInfo, RequestReport};
 
+use crate::lock::lock;
+
 /// What a node has done, counted by those who do it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct NodeCounters {
     pub(super) tiles: AtomicU64,
     pub(super) samples: AtomicU64,
@@ -55,22 +57,12 @@ pub struct NodeFigures {
     pub idle: Duration,
 }
 
-impl Default for NodeCounters {
+impl Default for DeviceUse {
     fn default() -> Self {
         Self {
-            tiles: AtomicU64::new(0),
-            samples: AtomicU64::new(0),
-            dropped_samples: AtomicU64::new(0),
-            sent_bytes: AtomicU64::new(0),
-            requests: AtomicU64::new(0),
-            response_micros: AtomicU64::new(0),
-            players: AtomicU64::new(0),
-            draining: AtomicBool::new(false),
-            device: Mutex::new(DeviceUse {
-                calls: 0,
-                since: Instant::now(),
-                busy: Duration::ZERO,
-            }),
+            calls: 0,
+            since: Instant::now(),
+            busy: Duration::ZERO,
         }
     }
 }
@@ -111,7 +103,7 @@ impl NodeCounters {
     /// The figures now.
     pub fn figures(&self) -> NodeFigures {
         let (busy, idle) = {
-            let device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+            let device = lock(&self.device);
             let since = device.since.elapsed();
             match device.calls {
                 0 => (device.busy, since),
@@ -134,7 +126,7 @@ impl NodeCounters {
     }
 
     pub(super) fn device_begins(&self) {
-        let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut device = lock(&self.device);
         if device.calls == 0 {
             device.since = Instant::now();
         }
@@ -142,7 +134,7 @@ impl NodeCounters {
     }
 
     pub(super) fn device_ends(&self) {
-        let mut device = self.device.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut device = lock(&self.device);
         device.calls -= 1;
         if device.calls == 0 {
             let now = Instant::now();

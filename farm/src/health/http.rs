@@ -19,7 +19,7 @@ use tokio::sync::Semaphore;
 
 use super::NodeCounters;
 use crate::Error;
-use crate::net::StopHandle;
+use crate::net::{StopHandle, runtime};
 
 /// What the probes tell of.
 #[derive(Clone)]
@@ -51,14 +51,9 @@ impl HealthServer {
     /// # Errors
     /// [`Error::Socket`] if the address is in use or not of this machine.
     pub fn start(address: SocketAddr, probe: NodeProbe) -> Result<Self, Error> {
-        let failed = |source| Error::Socket {
-            address: format!("the health port {address}"),
-            source,
-        };
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(failed)?;
+        let port = format!("the health port {address}");
+        let failed = Error::socket(&port);
+        let runtime = runtime::waiting_thread().map_err(failed)?;
         let listener = runtime.block_on(TcpListener::bind(address));
         let listener = listener.map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;

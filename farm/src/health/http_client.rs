@@ -11,9 +11,9 @@ use hyper::http::uri::Authority;
 use hyper::{Method, Request, StatusCode, Uri};
 use hyper_util::rt::TokioIo;
 use tokio::net::TcpStream;
-use tokio::runtime::{Builder, Runtime};
 
 use crate::Error;
+use crate::net::runtime;
 
 /// The text at `http://host:port/path`.
 ///
@@ -32,10 +32,7 @@ pub fn http_get_all(
     urls: &[String],
     patience: Duration,
 ) -> Result<Vec<Result<String, Error>>, Error> {
-    let runtime = runtime().map_err(|why| Error::Directory {
-        directory: "http".into(),
-        reason: why.to_string(),
-    })?;
+    let runtime = runtime::waiting_thread().map_err(|why| Error::directory("http", why))?;
     let mut answers = Vec::new();
     runtime.block_on(async {
         for urls in urls.chunks(AT_ONCE_MAX) {
@@ -43,11 +40,8 @@ pub fn http_get_all(
             let asked = asked.map(|url| tokio::spawn(async move { get(&url, patience).await }));
             let asked: Vec<_> = asked.collect();
             for (task, url) in asked.into_iter().zip(urls) {
-                let answer = task.await.map_err(|panic| Error::Directory {
-                    directory: url.clone(),
-                    reason: panic.to_string(),
-                });
-                answers.push(answer.and_then(|answer| answer));
+                let answer = task.await;
+                answers.push(answer.unwrap_or_else(|panic| Err(Error::directory(url, panic))));
             }
         }
     });
@@ -55,10 +49,7 @@ pub fn http_get_all(
 }
 
 async fn get(url: &str, patience: Duration) -> Result<String, Error> {
-    let failed = |reason: String| Error::Directory {
-        directory: url.to_owned(),
-        reason,
-    };
+    let failed = |reason: String| Error::directory(url, reason);
     let service = HttpService::at(url).ok_or_else(|| failed("no http:// address".into()))?;
     let path = url.parse::<Uri>().map(|uri| uri.path().to_owned());
     let path = path.unwrap_or_default();
@@ -73,11 +64,6 @@ async fn get(url: &str, patience: Duration) -> Result<String, Error> {
 
 /// Services that are asked at once.
 const AT_ONCE_MAX: usize = 128;
-
-/// What requests run on, on the thread that waits for them.
-pub(super) fn runtime() -> std::io::Result<Runtime> {
-    Builder::new_current_thread().enable_all().build()
-}
 
 /// A service at a host and port.
 #[derive(Debug)]

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use hyper::{Method, StatusCode};
 
-use super::http_client::{HttpService, runtime};
+use super::http_client::HttpService;
 use crate::Error;
-use crate::net::StopHandle;
+use crate::net::{StopHandle, runtime};
 
 /// Stops the node at the first notice; asks every five seconds, as AWS advises, until the process ends.
 ///
@@ -20,11 +20,8 @@ use crate::net::StopHandle;
 pub fn watch_spot_notice(stop: StopHandle) -> Result<(), Error> {
     let endpoint = std::env::var(ENDPOINT_VARIABLE).unwrap_or_else(|_| ENDPOINT.to_owned());
     let service = MetadataService::at(&endpoint)?;
-    let failed = |source| Error::Socket {
-        address: endpoint.clone(),
-        source,
-    };
-    let runtime = runtime().map_err(failed)?;
+    let failed = Error::socket(&endpoint);
+    let runtime = runtime::waiting_thread().map_err(failed)?;
     std::thread::Builder::new()
         .name("carom-spot".into())
         .spawn(move || {
@@ -42,11 +39,11 @@ struct MetadataService(HttpService);
 
 impl MetadataService {
     fn at(endpoint: &str) -> Result<Self, Error> {
-        let service = HttpService::at(endpoint).ok_or_else(|| Error::Directory {
-            directory: ENDPOINT_VARIABLE.into(),
-            reason: format!("`{}` is no http:// address", endpoint.escape_debug()),
-        })?;
-        Ok(Self(service))
+        let service = HttpService::at(endpoint).map(Self);
+        service.ok_or_else(|| {
+            let why = format!("`{}` is no http:// address", endpoint.escape_debug());
+            Error::directory(ENDPOINT_VARIABLE, why)
+        })
     }
 
     /// Waits for a notice: AWS' words.
@@ -145,10 +142,7 @@ mod tests {
     #[test]
     fn a_notice_is_found_by_a_token() {
         let service = MetadataService::at(&format!("http://{}", stub())).unwrap();
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .unwrap();
+        let runtime = runtime::waiting_thread().unwrap();
         runtime.block_on(async {
             assert_eq!(service.notice().await, Ok(None));
             let notice = service.notice().await.unwrap().unwrap();

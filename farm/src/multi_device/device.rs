@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,8 @@ use carom_tracer::{
     Tracer,
 };
 
-use super::{JobProgress, JobSink, lock};
+use super::{JobProgress, JobSink};
+use crate::lock::lock;
 
 /// A tracer that may fail for a while.
 pub(super) struct Device {
@@ -126,7 +127,7 @@ impl Device {
     /// A device that has rested is tried again: memory may be free again. A lost device fails at
     /// once, and its tiles are traced elsewhere again.
     pub(super) fn is_usable(&self) -> bool {
-        let fault = self.lock();
+        let fault = lock(&self.fault);
         fault
             .as_ref()
             .is_none_or(|fault| fault.since.elapsed() >= fault.rest)
@@ -134,7 +135,7 @@ impl Device {
 
     pub(super) fn fail(&self, why: &Error) {
         let why = why.to_string();
-        let mut fault = self.lock();
+        let mut fault = lock(&self.fault);
         let rest = match &*fault {
             Some(before) => (2 * before.rest).min(REST_MAX),
             None => {
@@ -147,17 +148,13 @@ impl Device {
     }
 
     pub(super) fn recover(&self) {
-        if self.lock().take().is_some() {
+        if lock(&self.fault).take().is_some() {
             tracing::info!("{} is used again", self.tracer.info().name);
         }
     }
 
     pub(super) fn fault(&self) -> Option<String> {
-        self.lock().as_ref().map(|fault| fault.why.clone())
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Option<DeviceFault>> {
-        lock(&self.fault)
+        lock(&self.fault).as_ref().map(|fault| fault.why.clone())
     }
 }
 

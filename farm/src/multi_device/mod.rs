@@ -18,7 +18,7 @@ mod device_model;
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::NODE_NAME_BYTES_MAX;
@@ -28,6 +28,8 @@ use carom_tracer::{
 };
 use device::Device;
 use device_model::{DeviceTiming, JobClass, JobModels};
+
+use crate::lock::lock;
 
 /// Traces with several devices at once.
 pub struct MultiDeviceTracer {
@@ -112,7 +114,7 @@ impl MultiDeviceTracer {
         }
         if !is_meanwhile && !job.cancelled.load(Ordering::Relaxed) {
             let secs = begun.elapsed().as_secs_f64();
-            self.lock()
+            lock(&self.models)
                 .get_mut(work.class())
                 .judge(work.total(), secs, together);
         }
@@ -200,7 +202,7 @@ impl MultiDeviceTracer {
         if !work.job.cancelled.load(Ordering::Relaxed) {
             let secs = begun.elapsed().as_secs_f64();
             let timing = DeviceTiming::new(work.of(&part.tiles), secs, stats.device_nanos);
-            self.lock()
+            lock(&self.models)
                 .get_mut(work.class())
                 .learn(part.device, &timing);
             self.devices[part.device].recover();
@@ -235,8 +237,7 @@ impl MultiDeviceTracer {
 
     /// Divides all of a job.
     fn parts(&self, work: &JobProgress<'_>, usable: &[usize]) -> Vec<DeviceShare> {
-        let shares = self
-            .lock()
+        let shares = lock(&self.models)
             .get_mut(work.class())
             .divide(work.total(), usable);
         let runs = cut(work.job.tiles, &shares);
@@ -265,10 +266,6 @@ impl MultiDeviceTracer {
             device: "every device of this machine has failed".to_owned(),
             message: faults.join("; "),
         }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, JobModels> {
-        lock(&self.models)
     }
 }
 
@@ -388,10 +385,6 @@ impl Tracer for MultiDeviceTracer {
         }
         Err(self.all_failed())
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Cuts tiles into contiguous runs whose pixels are in the proportion of `shares`.

@@ -34,9 +34,7 @@ impl NodeAddress {
             })?
             .collect();
         if addresses.is_empty() {
-            return Err(Error::NameWithoutAddress {
-                host: self.host.clone(),
-            });
+            return Err(Error::NameWithoutAddress(self.host.clone()));
         }
         Ok(addresses)
     }

@@ -36,8 +36,7 @@ pub struct IssuedCertificate {
 
 impl IssuedCertificate {
     pub(crate) fn certificate_der(&self) -> Result<CertificateDer<'static>, Error> {
-        CertificateDer::from_pem_slice(self.certificate_pem.as_bytes())
-            .map_err(|error| not_created(&error))
+        CertificateDer::from_pem_slice(self.certificate_pem.as_bytes()).map_err(not_created)
     }
 }
 
@@ -109,9 +108,7 @@ impl Authority {
             KeyUsagePurpose::CrlSign,
             KeyUsagePurpose::DigitalSignature,
         ];
-        let certificate = params
-            .self_signed(&key)
-            .map_err(|error| not_created(&error))?;
+        let certificate = params.self_signed(&key).map_err(not_created)?;
         Ok(Self {
             certificate_pem: certificate.pem(),
             issuer: Issuer::new(params, key),
@@ -140,12 +137,12 @@ impl Authority {
         let key = match (encrypted, passphrase) {
             (false, _) => KeyPair::from_pem(&key_pem)
                 .map(WipedKey)
-                .map_err(|error| not_pem(&key_path, "private key", &error))?,
-            (true, None) => return Err(Error::PassphraseMissing { path: key_path }),
+                .map_err(not_pem(&key_path, "private key"))?,
+            (true, None) => return Err(Error::PassphraseMissing(key_path)),
             (true, Some(passphrase)) => decrypted(&key_path, &key_pem, passphrase)?,
         };
         let issuer = Issuer::from_ca_cert_pem(&certificate_pem, key)
-            .map_err(|error| not_pem(&certificate_path, "certificate", &error))?;
+            .map_err(not_pem(&certificate_path, "certificate"))?;
         Ok(Self {
             certificate_pem,
             issuer,
@@ -169,7 +166,7 @@ impl Authority {
         };
         encrypted_key::encrypt(key.serialized_der(), passphrase)
             .map(Zeroizing::new)
-            .map_err(|error| not_created(&error))
+            .map_err(not_created)
     }
 
     /// Creates a key and issues its certificate.
@@ -203,8 +200,8 @@ impl Authority {
         validity: std::ops::Range<SystemTime>,
         request_pem: &str,
     ) -> Result<Certificate, Error> {
-        let request = CertificateSigningRequestParams::from_pem(request_pem)
-            .map_err(|error| not_created(&error))?;
+        let request =
+            CertificateSigningRequestParams::from_pem(request_pem).map_err(not_created)?;
         self.sign(role, name, validity, &request.public_key)
     }
 
@@ -223,14 +220,13 @@ impl Authority {
         Credentials::new(
             self.certificate()?,
             issued.certificate_der()?,
-            key.map_err(|error| not_created(&error))?,
+            key.map_err(not_created)?,
             role,
         )
     }
 
     pub(crate) fn certificate(&self) -> Result<CertificateDer<'static>, Error> {
-        CertificateDer::from_pem_slice(self.certificate_pem.as_bytes())
-            .map_err(|error| not_created(&error))
+        CertificateDer::from_pem_slice(self.certificate_pem.as_bytes()).map_err(not_created)
     }
 
     pub(crate) fn key(&self) -> PrivateKeyDer<'static> {
@@ -244,14 +240,13 @@ impl Authority {
         validity: std::ops::Range<SystemTime>,
         key: &impl PublicKeyData,
     ) -> Result<Certificate, Error> {
-        let serial: [u8; SERIAL_BYTES] =
-            certificate_fields::random().map_err(|error| not_created(&error))?;
+        let serial: [u8; SERIAL_BYTES] = certificate_fields::random().map_err(not_created)?;
         let mut params = CertificateParams::default();
         params.serial_number = Some(SerialNumber::from_slice(&serial));
         params.not_before = validity.start.into();
         params.not_after = validity.end.into();
         params.distinguished_name = subject(name);
-        let uri = role.uri().try_into().map_err(|error| not_created(&error))?;
+        let uri = role.uri().try_into().map_err(not_created)?;
         params.subject_alt_names = vec![SanType::URI(uri)];
         params.is_ca = IsCa::ExplicitNoCa;
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
@@ -261,7 +256,7 @@ impl Authority {
         }];
         params.use_authority_key_identifier_extension = true;
         let signed = params.signed_by(key, &self.issuer);
-        signed.map_err(|error| not_created(&error))
+        signed.map_err(not_created)
     }
 }
 
@@ -272,25 +267,23 @@ pub(crate) fn read_authority(path: &Path) -> Result<String, Error> {
             advice: "create the farm's authority with `carom-farm init`, or name its folder with \
                      --ca-dir",
         },
-        _ => file_error(path, source),
+        _ => file_error(path)(source),
     })
 }
 
 fn generate_key() -> Result<WipedKey, Error> {
     let key = KeyPair::generate().map(WipedKey);
-    key.map_err(|error| not_created(&error))
+    key.map_err(not_created)
 }
 
 fn decrypted(path: &Path, key_pem: &str, passphrase: &str) -> Result<WipedKey, Error> {
     let key = encrypted_key::decrypt(key_pem, passphrase).map_err(|fault| match fault {
-        KeyFault::Format(error) => not_pem(path, "private key", &error),
-        KeyFault::Passphrase => Error::PassphraseWrong {
-            path: path.to_path_buf(),
-        },
+        KeyFault::Format(error) => not_pem(path, "private key")(error),
+        KeyFault::Passphrase => Error::PassphraseWrong(path.to_path_buf()),
     })?;
     KeyPair::try_from(key.as_slice())
         .map(WipedKey)
-        .map_err(|error| not_pem(path, "private key", &error))
+        .map_err(not_pem(path, "private key"))
 }
 
 /// The days of a certificate that is issued now.
@@ -306,10 +299,8 @@ fn subject(name: &str) -> DistinguishedName {
     subject
 }
 
-pub(crate) fn not_created(error: &dyn std::fmt::Display) -> Error {
-    Error::CertificateCreation {
-        reason: error.to_string(),
-    }
+pub(crate) fn not_created(error: impl std::fmt::Display) -> Error {
+    Error::CertificateCreation(error.to_string())
 }
 
 #[cfg(test)]

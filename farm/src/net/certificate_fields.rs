@@ -6,6 +6,7 @@ use std::time::{Duration, SystemTime};
 
 use carom_protocol::limits::NODE_NAME_BYTES_MAX;
 use carom_tracer::text::printable;
+use quinn::Connection;
 use ring::digest;
 use ring::error::Unspecified;
 use ring::rand::{SecureRandom as _, SystemRandom};
@@ -15,6 +16,13 @@ use x509_parser::prelude::{FromDer as _, X509Certificate};
 use x509_parser::time::ASN1Time;
 
 use crate::net::peer::CertificateFault;
+
+/// The certificate that the peer has shown.
+pub(crate) fn peer_certificate(connection: &Connection) -> Option<CertificateDer<'static>> {
+    let chain = connection.peer_identity()?;
+    let chain = chain.downcast::<Vec<CertificateDer<'static>>>().ok()?;
+    chain.into_iter().next()
+}
 
 /// The common name of a certificate's subject, printable.
 pub(crate) fn common_name(certificate: &[u8]) -> Result<String, CertificateFault> {

@@ -16,12 +16,13 @@ use crate::Error;
 use crate::link::LinkSession;
 pub use crate::link::{LinkCommand, LinkEvent};
 use crate::net::address::NodeAddress;
-use crate::net::certificate_fields::common_name;
-use crate::net::connection_driver::{self, PacketHandler};
+use crate::net::certificate_fields::{common_name, peer_certificate};
+use crate::net::connection_driver;
 use crate::net::connector::{Connector, NodeClaims};
 use crate::net::credentials::Credentials;
 use crate::net::deny_list::DenyList;
-use crate::net::peer::CertificateFault;
+use crate::net::runtime;
+use crate::node::PacketHandler;
 
 /// The network side of a player: its threads, sockets and links.
 pub struct Client {
@@ -66,15 +67,8 @@ impl Client {
     pub fn new(credentials: &Credentials) -> Result<Self, Error> {
         let claims = NodeClaims::default();
         let thread = |_| {
-            let runtime = tokio::runtime::Builder::new_multi_thread()
-                .worker_threads(1)
-                .thread_name("carom-net")
-                .enable_all()
-                .build()
-                .map_err(|source| Error::Socket {
-                    address: "network threads".into(),
-                    source,
-                })?;
+            let runtime = runtime::own_thread("carom-net");
+            let runtime = runtime.map_err(Error::socket("network threads"))?;
             let connector = Arc::new(Connector::new(credentials, claims.clone())?);
             Ok(NetworkThread { runtime, connector })
         };
@@ -185,7 +179,7 @@ impl LinkTask {
         };
         // Commands that were meant for the connection before this one.
         while self.commands.try_recv().is_ok() {}
-        let certificate = connection_driver::peer_certificate(&streams.connection);
+        let certificate = peer_certificate(&streams.connection);
         let name = certificate.and_then(|shown| common_name(&shown).ok());
         let mut claims = vec![address_claim];
         let (same, is_same) = oneshot::channel();
@@ -213,9 +207,7 @@ impl LinkTask {
         let error = tokio::select! {
             error = connection_driver::drive(streams, &mut player) => error,
             Ok(error) = is_same => error,
-            () = self.denied.close_if_denied(&connection) => Error::PeerCertificate {
-                fault: CertificateFault::Revoked,
-            },
+            error = self.denied.close_if_denied(&connection) => error,
         };
         player.flush();
         error

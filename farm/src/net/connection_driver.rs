@@ -6,15 +6,13 @@
 use std::collections::VecDeque;
 use std::future::poll_fn;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
 use carom_protocol::framing::{self, Deframer};
 use carom_protocol::limits;
-use carom_protocol::session::{Channel, Packet, SceneAssembler, SceneProgress};
+use carom_protocol::session::{Channel, Packet, SceneAssembler};
 use carom_protocol::{RequestId, codec};
 use quinn::{Connection, ConnectionError, ReadError, RecvStream, SendStream};
-use rustls::pki_types::CertificateDer;
 use tokio::sync::{OwnedSemaphorePermit, mpsc, watch};
 use tokio::task::JoinSet;
 
@@ -26,56 +24,7 @@ use crate::net::peer::Role;
 use crate::net::player_account::PlayerAccount;
 use crate::net::tile_transport::{Nack, TileReceiver, TileSender, TileTransport};
 use crate::net::{close_code, congestion, connection_error};
-use crate::node::ConnectionDrain;
-
-/// A session and its owner, as the driver of their connection sees them.
-pub trait PacketHandler {
-    /// Handles a packet; an error is the other side's fault and ends the connection.
-    ///
-    /// # Errors
-    /// The rule that the other side broke.
-    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
-
-    /// What puts the other side's scenes together, on other threads.
-    fn assembler(&self) -> SceneAssembler {
-        SceneAssembler::default()
-    }
-
-    /// Handles what has become of a scene, which comes instead of its packets.
-    ///
-    /// # Errors
-    /// The rule that the other side broke.
-    fn handle_scene(
-        &mut self,
-        progress: Result<SceneProgress, carom_protocol::Error>,
-    ) -> Result<(), carom_protocol::Error> {
-        progress.map(drop)
-    }
-
-    /// Passes on the events of the packets that have been handled.
-    fn flush(&mut self) {}
-
-    /// The next packet to send, if there is one now.
-    fn poll_transmit(&mut self) -> Option<Packet>;
-
-    /// Executes the next command of this side's owner. Ready when [`PacketHandler::poll_transmit`]
-    /// may have a packet, or with an error to close the connection; otherwise pending, and wakes
-    /// `cx`.
-    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>>;
-
-    /// Requests that have been cancelled since the last call: their streams are reset.
-    fn take_cancelled(&mut self) -> Vec<RequestId> {
-        Vec::new()
-    }
-
-    /// Handles a new estimate of what the path carries.
-    fn on_bandwidth(&mut self, _bytes_per_sec: f64) {}
-
-    /// What finishes the session's work before its node ends; without it the session is cut off.
-    fn drain(&self) -> Option<ConnectionDrain> {
-        None
-    }
-}
+use crate::node::PacketHandler;
 
 /// A new connection with its control stream.
 pub(crate) struct ConnectionStreams {
@@ -86,13 +35,6 @@ pub(crate) struct ConnectionStreams {
     pub(crate) role: Role,
     /// Of the player: a node shares it among the player's connections.
     pub(crate) account: Arc<PlayerAccount>,
-}
-
-/// The certificate that the peer has shown.
-pub(crate) fn peer_certificate(connection: &Connection) -> Option<CertificateDer<'static>> {
-    let chain = connection.peer_identity()?;
-    let chain = chain.downcast::<Vec<CertificateDer<'static>>>().ok()?;
-    chain.into_iter().next()
 }
 
 /// Packets between the session and a stream's task, per channel. Few: packets that wait are better
@@ -229,9 +171,7 @@ impl ConnectionDriver {
                     }
                 }
                 Some(end) = self.tasks.join_next() => {
-                    return end.unwrap_or_else(|panic| ConnectionEnd::Violation(Error::Task {
-                        reason: panic.to_string(),
-                    }));
+                    return end.unwrap_or_else(panicked);
                 }
             };
             if let Some(error) = violation {
@@ -406,11 +346,7 @@ impl ControlReader {
             let progress = assembler.handle(&packet);
             (assembler, progress)
         });
-        let (assembler, progress) = handled.await.map_err(|panic| {
-            ConnectionEnd::Violation(Error::Task {
-                reason: panic.to_string(),
-            })
-        })?;
+        let (assembler, progress) = handled.await.map_err(panicked)?;
         if !assembler.is_under_way() {
             self.transfer = None;
         }
@@ -470,10 +406,13 @@ async fn read_datagrams(
                 let _ = to_session.send(copy).await;
             }
             _ => {
-                return ConnectionEnd::Violation(Error::ErrorCorrection {
-                    rule: "a player sends no such datagram".to_owned(),
-                });
+                let why = "a player sends no such datagram".to_owned();
+                return ConnectionEnd::Violation(Error::ErrorCorrection(why));
             }
         }
     }
+}
+
+fn panicked(panic: tokio::task::JoinError) -> ConnectionEnd {
+    ConnectionEnd::Violation(Error::Task(panic.to_string()))
 }

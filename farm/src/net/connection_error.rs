@@ -14,12 +14,10 @@ pub(crate) fn connection(error: &ConnectionError, own: Role) -> Error {
     match error {
         ConnectionError::TransportError(error) => match tls_alert(error.code.into()) {
             Some(alert) => match certificate_fault(alert, peer) {
-                Some(fault) => Error::PeerCertificate { fault },
+                Some(fault) => Error::PeerCertificate(fault),
                 None => handshake(alert),
             },
-            None => Error::ConnectionBroken {
-                reason: printable(&error.to_string(), REASON_BYTES_MAX),
-            },
+            None => Error::ConnectionBroken(printable(&error.to_string(), REASON_BYTES_MAX)),
         },
         ConnectionError::ConnectionClosed(close) => match tls_alert(close.error_code.into()) {
             Some(alert) => match certificate_fault(alert, own) {
@@ -39,9 +37,9 @@ pub(crate) fn connection(error: &ConnectionError, own: Role) -> Error {
         ConnectionError::Reset => disconnected(DisconnectReason::Restarted),
         ConnectionError::VersionMismatch => disconnected(DisconnectReason::QuicVersion),
         ConnectionError::LocallyClosed => Error::ConnectionClosed,
-        ConnectionError::CidsExhausted => Error::ConnectionBroken {
-            reason: "it ran out of connection identifiers".into(),
-        },
+        ConnectionError::CidsExhausted => {
+            Error::ConnectionBroken("it ran out of connection identifiers".into())
+        }
     }
 }
 
@@ -68,7 +66,7 @@ fn certificate_fault(alert: u8, holder: Role) -> Option<CertificateFault> {
 fn handshake(alert: u8) -> Error {
     match alert {
         70 | 120 => Error::ProtocolMismatch,
-        alert => Error::Handshake { alert },
+        alert => Error::Handshake(alert),
     }
 }
 

@@ -3,18 +3,19 @@
 
 use std::collections::HashMap;
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use quinn::{ClientConfig, Connection, Endpoint};
 
 use crate::Error;
+use crate::lock::lock;
 use crate::net::address::NodeAddress;
 use crate::net::connection_driver::ConnectionStreams;
 use crate::net::credentials::Credentials;
 use crate::net::peer::Role;
 use crate::net::player_account::PlayerAccount;
-use crate::net::{close_code, connection_error, endpoint, tls};
+use crate::net::{close_code, connection_error, endpoint};
 
 /// A player's sockets, one for each address family that is needed.
 pub(crate) struct Connector {
@@ -57,7 +58,7 @@ impl NodeClaims {
         address: SocketAddr,
         node: &NodeAddress,
     ) -> Result<NodeClaim, Error> {
-        let mut claims = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut claims = lock(&self.0);
         if let Some(holder) = claims.get(&identity) {
             let node = holder.to_string();
             return Err(Error::SameNode { address, node });
@@ -86,7 +87,7 @@ impl NodeClaim {
 
 impl Drop for NodeClaim {
     fn drop(&mut self) {
-        let mut claims = self.claims.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut claims = lock(&self.claims.0);
         claims.remove(&self.identity);
     }
 }
@@ -123,35 +124,20 @@ impl Connector {
         }
         // Both families of one host often fail alike.
         errors.dedup_by_key(|error| error.to_string());
-        Err(Error::NoAddressConnects { errors })
+        Err(Error::NoAddressConnects(errors))
     }
 
     async fn connect_address(&self, address: SocketAddr) -> Result<ConnectionStreams, Error> {
-        let endpoint = self.socket(address).map_err(|source| Error::Socket {
-            address: address.to_string(),
-            source,
-        })?;
+        let endpoint = self.socket(address).map_err(Error::socket(address))?;
         let config = self.config.clone();
-        let connecting = endpoint
-            .connect_with(config, address, tls::SERVER_NAME)
-            .map_err(|error| Error::Unreachable {
-                address,
-                reason: error.to_string(),
-            })?;
-        let connection = match tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, connecting).await {
-            Ok(Ok(connection)) => connection,
-            Ok(Err(quinn::ConnectionError::TimedOut)) | Err(_) => {
-                return Err(Error::NoAnswer { address });
-            }
-            Ok(Err(error)) => return Err(connection_error::connection(&error, Role::Player)),
-        };
+        let connection = endpoint::connect(&endpoint, config, address, Role::Player).await?;
         open(connection)
             .await
             .map_err(|error| connection_error::connection(&error, Role::Player))
     }
 
     fn socket(&self, peer: SocketAddr) -> Result<Endpoint, std::io::Error> {
-        let mut sockets = self.sockets.lock().unwrap_or_else(|held| held.into_inner());
+        let mut sockets = lock(&self.sockets);
         let socket = match peer {
             SocketAddr::V4(_) => &mut sockets.v4,
             SocketAddr::V6(_) => &mut sockets.v6,
@@ -166,7 +152,7 @@ impl Connector {
     /// Tells all nodes that this player is gone, and waits until they know.
     pub(crate) async fn close(&self) {
         let endpoints = {
-            let sockets = self.sockets.lock().unwrap_or_else(|held| held.into_inner());
+            let sockets = lock(&self.sockets);
             [sockets.v4.clone(), sockets.v6.clone()]
         };
         for endpoint in endpoints.into_iter().flatten() {
@@ -206,6 +192,7 @@ mod tests {
     use crate::net::authority::{Authority, IssuedCertificate};
     use crate::net::endpoint::TransportOptions;
     use crate::net::handshakes::Handshakes;
+    use crate::net::tls;
     use carom_testkit::link_emulator::LinkConfig;
     use carom_testkit::udp_proxy::UdpProxy;
 
@@ -317,10 +304,7 @@ mod tests {
     }
 
     fn runtime() -> tokio::runtime::Runtime {
-        tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .unwrap()
+        crate::net::runtime::waiting_thread().unwrap()
     }
 
     /// Far longer than a search for the MTU takes.

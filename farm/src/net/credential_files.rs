@@ -13,7 +13,7 @@ pub(crate) fn create_private_dir(dir: &Path) -> Result<(), Error> {
     builder.recursive(true);
     #[cfg(unix)]
     std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
-    builder.create(dir).map_err(|why| file_error(dir, why))
+    builder.create(dir).map_err(file_error(dir))
 }
 
 /// Writes a new file that only its owner can read, from its first byte on.
@@ -25,7 +25,7 @@ pub(crate) fn write_private(path: &Path, text: &str) -> Result<(), Error> {
     options
         .open(path)
         .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|why| file_error(path, why))
+        .map_err(file_error(path))
 }
 
 /// Refuses a key that every user of this machine can read, and warns of one that a group can: containers
@@ -34,7 +34,7 @@ pub(crate) fn check_private(key: &Path) -> Result<(), Error> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        let file = fs::metadata(key).map_err(|why| file_error(key, why))?;
+        let file = fs::metadata(key).map_err(file_error(key))?;
         let mode = file.permissions().mode();
         if mode & 0o007 != 0 {
             return Err(Error::KeyExposed {
@@ -55,11 +55,12 @@ pub(crate) fn check_private(key: &Path) -> Result<(), Error> {
 /// Replaces a file: a reader sees what was before or all that is new.
 pub(crate) fn write_whole(path: &Path, text: &str) -> Result<(), Error> {
     let written = WholeFile::replace(path, |file| file.write_all(text.as_bytes()));
-    written.map_err(|why| file_error(path, why))
+    written.map_err(file_error(path))
 }
 
-pub(crate) fn file_error(path: &Path, source: std::io::Error) -> Error {
-    Error::CredentialsFile {
+/// What the system says of a file or folder.
+pub(crate) fn file_error(path: &Path) -> impl Fn(std::io::Error) -> Error {
+    move |source| Error::CredentialsFile {
         path: path.to_path_buf(),
         source,
     }

@@ -10,7 +10,7 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer, UnixTime};
 use zeroize::{Zeroize, Zeroizing};
 
 use crate::Error;
-use crate::net::credential_files::check_private;
+use crate::net::credential_files::{check_private, file_error};
 use crate::net::deny_list::DenyList;
 use crate::net::peer::{CertificateFault, Role};
 use crate::net::{certificate, certificate_fields};
@@ -43,7 +43,7 @@ impl Credentials {
         let certificate = read_certificate(&certificate_path, role)?;
         let key_path = dir.join(role.key_file());
         let key = PrivateKeyDer::from_pem_slice(&Zeroizing::new(read(&key_path, role)?))
-            .map_err(|error| not_pem(&key_path, "private key", &error))?;
+            .map_err(not_pem(&key_path, "private key"))?;
         check_private(&key_path)?;
         let denied = Arc::new(DenyList::in_folder(dir));
         Self::with_deny_list(authority, certificate, key, role, denied).map_err(|error| match error
@@ -169,8 +169,7 @@ impl fmt::Debug for Credentials {
 }
 
 fn read_certificate(path: &Path, role: Role) -> Result<CertificateDer<'static>, Error> {
-    CertificateDer::from_pem_slice(&read(path, role)?)
-        .map_err(|error| not_pem(path, "certificate", &error))
+    CertificateDer::from_pem_slice(&read(path, role)?).map_err(not_pem(path, "certificate"))
 }
 
 fn read(path: &Path, role: Role) -> Result<Vec<u8>, Error> {
@@ -179,15 +178,13 @@ fn read(path: &Path, role: Role) -> Result<Vec<u8>, Error> {
             path: path.to_path_buf(),
             advice: role.creation_advice(),
         },
-        _ => Error::CredentialsFile {
-            path: path.to_path_buf(),
-            source,
-        },
+        _ => file_error(path)(source),
     })
 }
 
-pub(crate) fn not_pem(path: &Path, item: &'static str, error: &dyn fmt::Display) -> Error {
-    Error::CredentialsPem {
+/// What the parser says of a file that does not hold an `item`.
+pub(crate) fn not_pem<E: fmt::Display>(path: &Path, item: &'static str) -> impl Fn(E) -> Error {
+    move |error| Error::CredentialsPem {
         path: path.to_path_buf(),
         item,
         reason: error.to_string(),

@@ -4,12 +4,14 @@
 use std::collections::HashSet;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 use std::time::{Duration, SystemTime};
 
 use quinn::Connection;
-use rustls::pki_types::CertificateDer;
 
+use crate::Error;
+use crate::lock::lock;
+use crate::net::peer::CertificateFault;
 use crate::net::{certificate_fields, close_code};
 
 /// The file in a folder of credentials: a line each, of a key id and a name.
@@ -49,22 +51,21 @@ impl DenyList {
         let Ok(key_id) = certificate_fields::key_id(certificate) else {
             return true; // no list can name the key of what is no certificate
         };
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = lock(&self.state);
         state.refresh(path);
         state.key_ids.contains(&key_id)
     }
 
-    /// Closes a connection once its peer's key is on the list; never returns otherwise.
-    pub(crate) async fn close_if_denied(&self, connection: &Connection) {
-        let identity = connection.peer_identity();
-        let shown = identity.and_then(|shown| shown.downcast::<Vec<CertificateDer<'_>>>().ok());
-        let Some(certificate) = shown.and_then(|shown| shown.into_iter().next()) else {
+    /// Closes a connection once its peer's key is on the list, and returns the error; never returns otherwise.
+    pub(crate) async fn close_if_denied(&self, connection: &Connection) -> Error {
+        let Some(certificate) = certificate_fields::peer_certificate(connection) else {
             return std::future::pending().await;
         };
         while !self.denies(&certificate) {
             tokio::time::sleep(PERIOD).await;
         }
         connection.close(close_code::REVOKED, b"your certificate has been revoked");
+        Error::PeerCertificate(CertificateFault::Revoked)
     }
 }
 

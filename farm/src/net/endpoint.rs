@@ -6,18 +6,20 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use carom_protocol::limits;
-use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
+use quinn::crypto::rustls::QuicServerConfig;
 use quinn::{
-    AckFrequencyConfig, Endpoint, EndpointConfig, IdleTimeout, MtuDiscoveryConfig, Runtime,
-    TransportConfig, VarInt, congestion,
+    AckFrequencyConfig, Connection, ConnectionError, Endpoint, EndpointConfig, IdleTimeout,
+    MtuDiscoveryConfig, Runtime, TransportConfig, VarInt, congestion,
 };
 
 use crate::Error;
+use crate::net::certificate::PeerVerifier;
 use crate::net::credentials::Credentials;
 use crate::net::flood_filter::FilteredSocket;
 use crate::net::handshakes::Handshakes;
 pub(crate) use crate::net::peer::HANDSHAKE_TIMEOUT;
-use crate::net::tls;
+use crate::net::peer::Role;
+use crate::net::{connection_error, tls};
 use crate::node::STALL_TIMEOUT;
 
 /// max_idle_timeout (RFC 9000, 10.1). Five keep-alives may be lost in a row; the coordinator has
@@ -163,8 +165,11 @@ fn server_transport(options: TransportOptions) -> TransportConfig {
 /// # Errors
 /// [`Error::KeyPair`] if the key does not belong to the certificate.
 pub(crate) fn client_config(credentials: &Credentials) -> Result<quinn::ClientConfig, Error> {
-    let tls = tls::client(credentials).map_err(unusable)?;
-    let crypto = QuicClientConfig::try_from(tls).map_err(unusable)?;
+    let crypto = tls::client(
+        peers(credentials, Role::Node)?,
+        Some(credentials),
+        tls::ALPN,
+    )?;
     let mut config = quinn::ClientConfig::new(Arc::new(crypto));
     config.transport_config(Arc::new(client_transport()));
     Ok(config)
@@ -178,12 +183,21 @@ pub(crate) fn server_config(
     credentials: &Credentials,
     options: TransportOptions,
 ) -> Result<quinn::ServerConfig, Error> {
-    let tls = tls::server(credentials).map_err(unusable)?;
-    let crypto = QuicServerConfig::try_from(tls).map_err(unusable)?;
+    let crypto = tls::server(
+        peers(credentials, Role::Player)?,
+        &credentials.certificate,
+        credentials.key.clone_key(),
+        tls::ALPN,
+    )?;
     let mut config = bounded(crypto, server_transport(options));
     // What a change of address costs is counted: `net::migration`.
     config.migration(true);
     Ok(config)
+}
+
+fn peers(credentials: &Credentials, role: Role) -> Result<PeerVerifier, Error> {
+    let denied = Arc::clone(&credentials.denied);
+    PeerVerifier::new(&credentials.authority, role, denied).map_err(tls::unusable)
 }
 
 /// The configuration with which an authority answers nodes: one stream each.
@@ -220,6 +234,29 @@ pub(crate) fn open_client(peer: SocketAddr) -> Result<Endpoint, io::Error> {
     Endpoint::new(endpoint_config()?, None, bind(any)?, runtime)
 }
 
+/// Connects to `address` as the side with role `own`.
+///
+/// # Errors
+/// [`Error::NoAnswer`] or [`Error::Unreachable`] if nobody is there; an error of the connection.
+pub(crate) async fn connect(
+    endpoint: &Endpoint,
+    config: quinn::ClientConfig,
+    address: SocketAddr,
+    own: Role,
+) -> Result<Connection, Error> {
+    let connecting = endpoint
+        .connect_with(config, address, tls::SERVER_NAME)
+        .map_err(|error| Error::Unreachable {
+            address,
+            reason: error.to_string(),
+        })?;
+    match tokio::time::timeout(HANDSHAKE_TIMEOUT, connecting).await {
+        Ok(Ok(connection)) => Ok(connection),
+        Ok(Err(ConnectionError::TimedOut)) | Err(_) => Err(Error::NoAnswer(address)),
+        Ok(Err(error)) => Err(connection_error::connection(&error, own)),
+    }
+}
+
 /// Opens a server's socket, whose strangers `handshakes` tells from sources that are known. Needs a tokio runtime.
 pub(crate) fn open_server(
     address: SocketAddr,
@@ -254,11 +291,5 @@ fn enlarge_buffers(socket: &UdpSocket) {
     });
     if let Err(error) = enlarged {
         tracing::debug!("socket buffers stay at the system's size: {error}");
-    }
-}
-
-fn unusable(error: impl std::fmt::Display) -> Error {
-    Error::KeyPair {
-        reason: error.to_string(),
     }
 }

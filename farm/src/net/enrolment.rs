@@ -10,7 +10,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use quinn::crypto::rustls::QuicClientConfig;
 use quinn::{Connection, ConnectionError};
 use rcgen::{CertificateParams, KeyPair};
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
@@ -25,10 +24,10 @@ use crate::net::certificate::provider;
 use crate::net::credential_files::{create_private_dir, file_error, write_private, write_whole};
 use crate::net::credentials::{AUTHORITY_FILE, Credentials};
 use crate::net::deny_list::DENY_LIST_FILE;
-use crate::net::enrolment_messages::{EnrolmentAnswer, EnrolmentRequest, broken};
+use crate::net::enrolment_messages::{Certified, EnrolmentAnswer, EnrolmentRequest, broken};
 use crate::net::join_url::{JoinUrl, fingerprint};
 use crate::net::peer::Role;
-use crate::net::{close_code, connection_error, endpoint, tls};
+use crate::net::{close_code, connection_error, endpoint, runtime, tls};
 
 /// The protocol of enrolment; another version is another name.
 pub(crate) const ALPN: &[u8] = b"carom-join/1";
@@ -56,22 +55,15 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
             evidence: certificate_path.display().to_string(),
         });
     }
-    let secret = url.secret.clone().ok_or(Error::JoinUrl {
-        rule: "its token must be 64 hexadecimal digits",
-    })?;
-    let key = KeyPair::generate().map_err(|error| not_created(&error))?;
+    let no_secret = Error::JoinUrl("its token must be 64 hexadecimal digits");
+    let secret = url.secret.clone().ok_or(no_secret)?;
+    let key = KeyPair::generate().map_err(not_created)?;
     let request = EnrolmentRequest::Join {
         secret,
         name: name.to_owned(),
         request_pem: request_pem(&key)?,
     };
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .map_err(|source| Error::Socket {
-            address: url.address.to_string(),
-            source,
-        })?;
+    let runtime = runtime::waiting_thread().map_err(Error::socket(&url.address))?;
     let answer = runtime.block_on(ask(url, None, &request))?;
     if !folder.exists() {
         create_private_dir(folder)?;
@@ -79,7 +71,7 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
     let key_path = folder.join(role.key_file());
     if key_path.exists() {
         // Of a join that was killed: no certificate names it.
-        std::fs::remove_file(&key_path).map_err(|why| file_error(&key_path, why))?;
+        std::fs::remove_file(&key_path).map_err(file_error(&key_path))?;
     }
     write_private(&key_path, &Zeroizing::new(key.serialize_pem()))?;
     write_whole(&folder.join(AUTHORITY_FILE), &answer.authority_pem)?;
@@ -101,11 +93,11 @@ pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<()
     let url: JoinUrl = match std::fs::read_to_string(&path) {
         Ok(text) => text.trim().parse()?,
         Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(()),
-        Err(why) => return Err(file_error(&path, why)),
+        Err(why) => return Err(file_error(&path)(why)),
     };
     let request_pem = match credentials.is_due() {
         true => {
-            let key = KeyPair::try_from(&credentials.key).map_err(|error| not_created(&error))?;
+            let key = KeyPair::try_from(&credentials.key).map_err(not_created)?;
             Some(request_pem(&key)?)
         }
         false => None,
@@ -113,7 +105,7 @@ pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<()
     let request = EnrolmentRequest::Renew { request_pem };
     match ask(&url, Some(credentials), &request).await {
         // By another clock than the authority's. The deny list is for this node all the same.
-        Err(refusal @ Error::EnrolmentRefused { .. }) if credentials.is_due() => {
+        Err(refusal @ Error::EnrolmentRefused(_)) if credentials.is_due() => {
             let request = EnrolmentRequest::Renew { request_pem: None };
             if let Ok(answer) = ask(&url, Some(credentials), &request).await {
                 answer.save(folder)?;
@@ -122,13 +114,6 @@ pub(crate) async fn renew(credentials: &Credentials, folder: &Path) -> Result<()
         }
         answer => answer?.save_renewed(credentials, folder),
     }
-}
-
-/// What the authority has certified.
-struct Certified {
-    authority_pem: String,
-    certificate_pem: Option<String>,
-    deny_list: String,
 }
 
 impl Certified {
@@ -158,7 +143,7 @@ impl Certified {
 fn request_pem(key: &KeyPair) -> Result<String, Error> {
     let request = CertificateParams::default().serialize_request(key);
     let pem = request.and_then(|request| request.pem());
-    pem.map_err(|error| not_created(&error))
+    pem.map_err(not_created)
 }
 
 /// Sends a request to the authority and returns its answer.
@@ -171,11 +156,11 @@ async fn ask(
     for address in url.address.resolve().await? {
         match ask_address(address, client_config(url, credentials)?, request).await {
             // Of a name's addresses the authority may listen at one.
-            Err(error @ (Error::NoAnswer { .. } | Error::Unreachable { .. })) => errors.push(error),
+            Err(error @ (Error::NoAnswer(_) | Error::Unreachable { .. })) => errors.push(error),
             answer => return answer,
         }
     }
-    Err(Error::NoAddressConnects { errors })
+    Err(Error::NoAddressConnects(errors))
 }
 
 async fn ask_address(
@@ -183,62 +168,40 @@ async fn ask_address(
     config: quinn::ClientConfig,
     request: &EnrolmentRequest,
 ) -> Result<Certified, Error> {
-    let socket_error = |source| Error::Socket {
-        address: address.to_string(),
-        source,
-    };
-    let endpoint = endpoint::open_client(address).map_err(socket_error)?;
-    let connecting = endpoint
-        .connect_with(config, address, tls::SERVER_NAME)
-        .map_err(|error| Error::Unreachable {
-            address,
-            reason: error.to_string(),
-        })?;
-    let lost = |error| match error {
-        ConnectionError::TimedOut => Error::NoAnswer { address },
-        error => refusal(&error),
-    };
-    let connection = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, connecting)
-        .await
-        .map_err(|_| Error::NoAnswer { address })?
-        .map_err(lost)?;
+    let endpoint = endpoint::open_client(address).map_err(Error::socket(address))?;
+    let connected = endpoint::connect(&endpoint, config, address, Role::Node).await;
+    let connection = connected.map_err(refusal)?;
     let answer = tokio::time::timeout(ANSWER_TIMEOUT, exchange(&connection, request)).await;
-    let answer = answer.map_err(|_| Error::NoAnswer { address })?;
+    let answer = answer.map_err(|_| Error::NoAnswer(address))?;
+    let lost = |error| match error {
+        ConnectionError::TimedOut => Error::NoAnswer(address),
+        error => refusal(connection_error::connection(&error, Role::Node)),
+    };
     let bytes = answer.map_err(|why| connection.close_reason().map_or(why, lost))?;
     connection.close(close_code::DONE, b"");
     endpoint.wait_idle().await;
     match EnrolmentAnswer::from_json(&bytes)? {
-        EnrolmentAnswer::Certified {
-            authority_pem,
-            certificate_pem,
-            deny_list,
-        } => Ok(Certified {
-            authority_pem,
-            certificate_pem,
-            deny_list,
-        }),
-        EnrolmentAnswer::Refused { sentence } => Err(Error::EnrolmentRefused { sentence }),
+        EnrolmentAnswer::Certified(certified) => Ok(certified),
+        EnrolmentAnswer::Refused { sentence } => Err(Error::EnrolmentRefused(sentence)),
     }
 }
 
 async fn exchange(connection: &Connection, request: &EnrolmentRequest) -> Result<Vec<u8>, Error> {
-    let (mut send, mut receive) = connection.open_bi().await.map_err(|why| broken(&why))?;
+    let (mut send, mut receive) = connection.open_bi().await.map_err(broken)?;
     let bytes = request.to_json()?;
-    send.write_all(&bytes).await.map_err(|why| broken(&why))?;
-    send.finish().map_err(|why| broken(&why))?;
+    send.write_all(&bytes).await.map_err(broken)?;
+    send.finish().map_err(broken)?;
     let answer = receive.read_to_end(ANSWER_BYTES_MAX).await;
-    answer.map_err(|why| broken(&why))
+    answer.map_err(broken)
 }
 
 /// The other side is an authority, which has no role of its own.
-fn refusal(error: &ConnectionError) -> Error {
-    match connection_error::connection(error, Role::Node) {
-        Error::CertificateRefused { fault, .. } => Error::EnrolmentRefused {
-            sentence: format!("our certificate {fault}"),
-        },
-        Error::Disconnected { reason, .. } => Error::EnrolmentRefused {
-            sentence: format!("it {reason}"),
-        },
+fn refusal(error: Error) -> Error {
+    match error {
+        Error::CertificateRefused { fault, .. } => {
+            Error::EnrolmentRefused(format!("our certificate {fault}"))
+        }
+        Error::Disconnected { reason, .. } => Error::EnrolmentRefused(format!("it {reason}")),
         error => error,
     }
 }
@@ -247,27 +210,11 @@ fn client_config(
     url: &JoinUrl,
     credentials: Option<&Credentials>,
 ) -> Result<quinn::ClientConfig, Error> {
-    let unusable = |error: &dyn std::fmt::Display| Error::KeyPair {
-        reason: error.to_string(),
-    };
-    let verifier = Arc::new(PinnedAuthority {
+    let verifier = PinnedAuthority {
         fingerprint: url.fingerprint.clone(),
         provider: provider(),
-    });
-    let builder = rustls::ClientConfig::builder_with_provider(provider())
-        .with_protocol_versions(&[&rustls::version::TLS13])
-        .map_err(|error| unusable(&error))?
-        .dangerous()
-        .with_custom_certificate_verifier(verifier);
-    let mut config = match credentials {
-        None => builder.with_no_client_auth(),
-        Some(own) => builder
-            .with_client_auth_cert(vec![own.certificate.clone()], own.key.clone_key())
-            .map_err(|error| unusable(&error))?,
     };
-    config.alpn_protocols = vec![ALPN.to_vec()];
-    config.resumption = rustls::client::Resumption::disabled();
-    let crypto = QuicClientConfig::try_from(config).map_err(|error| unusable(&error))?;
+    let crypto = tls::client(verifier, credentials, ALPN)?;
     Ok(quinn::ClientConfig::new(Arc::new(crypto)))
 }
 

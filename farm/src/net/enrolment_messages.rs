@@ -29,19 +29,23 @@ pub enum EnrolmentRequest {
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum EnrolmentAnswer {
     /// What was asked for.
-    Certified {
-        /// The authority's certificate.
-        authority_pem: String,
-        /// The node's, if it asked for one.
-        certificate_pem: Option<String>,
-        /// The text of the deny list.
-        deny_list: String,
-    },
+    Certified(Certified),
     /// Nothing.
     Refused {
         /// Why.
         sentence: String,
     },
+}
+
+/// What the authority has certified.
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Certified {
+    /// The authority's certificate.
+    pub authority_pem: String,
+    /// The node's, if it asked for one.
+    pub certificate_pem: Option<String>,
+    /// The text of the deny list.
+    pub deny_list: String,
 }
 
 impl EnrolmentRequest {
@@ -50,7 +54,7 @@ impl EnrolmentRequest {
     /// # Errors
     /// [`Error::ConnectionBroken`] if it is none.
     pub fn from_json(bytes: &[u8]) -> Result<Self, Error> {
-        serde_json::from_slice(bytes).map_err(|_| broken(&"what was sent is not a request"))
+        serde_json::from_slice(bytes).map_err(|_| broken("what was sent is not a request"))
     }
 
     /// The request as JSON.
@@ -58,7 +62,7 @@ impl EnrolmentRequest {
     /// # Errors
     /// None is known: those of the JSON library.
     pub fn to_json(&self) -> Result<Vec<u8>, Error> {
-        serde_json::to_vec(self).map_err(|why| broken(&why))
+        serde_json::to_vec(self).map_err(broken)
     }
 }
 
@@ -68,7 +72,7 @@ impl EnrolmentAnswer {
     /// # Errors
     /// [`Error::ConnectionBroken`] if it is none.
     pub fn from_json(bytes: &[u8]) -> Result<Self, Error> {
-        serde_json::from_slice(bytes).map_err(|why| broken(&why))
+        serde_json::from_slice(bytes).map_err(broken)
     }
 
     /// The answer as JSON.
@@ -76,12 +80,10 @@ impl EnrolmentAnswer {
     /// # Errors
     /// None is known: those of the JSON library.
     pub fn to_json(&self) -> Result<Vec<u8>, Error> {
-        serde_json::to_vec(self).map_err(|why| broken(&why))
+        serde_json::to_vec(self).map_err(broken)
     }
 }
 
-pub(crate) fn broken(why: &dyn Display) -> Error {
-    Error::ConnectionBroken {
-        reason: why.to_string(),
-    }
+pub(crate) fn broken(why: impl Display) -> Error {
+    Error::ConnectionBroken(why.to_string())
 }

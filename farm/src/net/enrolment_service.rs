@@ -1,27 +1,27 @@
 //! Service of a farm's authority: admits nodes that show its token, and renews certificates.
 
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use quinn::crypto::rustls::QuicServerConfig;
 use quinn::{Connection, Endpoint, Incoming};
 use rustls::pki_types::CertificateDer;
 use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 
 use crate::Error;
+use crate::lock::lock;
 use crate::net::address::NodeAddress;
-use crate::net::certificate::{PeerVerifier, provider};
+use crate::net::certificate::PeerVerifier;
 use crate::net::enrolment::{ALPN, ANSWER_TIMEOUT, REQUEST_BYTES_MAX};
-use crate::net::enrolment_messages::{EnrolmentAnswer, EnrolmentRequest, broken};
+use crate::net::enrolment_messages::{Certified, EnrolmentAnswer, EnrolmentRequest, broken};
 use crate::net::farm_folder::AuthorityFolder;
 use crate::net::handshakes::Handshakes;
 use crate::net::join_url::JoinUrl;
 use crate::net::peer::{CertificateFault, Role};
 use crate::net::signals::Signals;
 use crate::net::{
-    certificate_fields, close_code, connection_driver, connection_error, endpoint, listener,
+    certificate_fields, close_code, connection_error, endpoint, listener, runtime, tls,
 };
 use crate::token_bucket::TokenBucket;
 
@@ -80,18 +80,10 @@ impl EnrolmentService {
         url_address: NodeAddress,
         uses: u32,
     ) -> Result<(Self, JoinUrl), Error> {
-        let failed = |source| Error::Socket {
-            address: address.to_string(),
-            source,
-        };
+        let failed = Error::socket(address);
         let authority = folder.authority.certificate()?;
         let config = server_config(&folder, &authority)?;
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(1)
-            .thread_name("carom-net")
-            .enable_all()
-            .build()
-            .map_err(failed)?;
+        let runtime = runtime::own_thread("carom-net").map_err(failed)?;
         let handshakes = Handshakes::default();
         let (endpoint, signals) = {
             let _inside = runtime.enter();
@@ -150,23 +142,9 @@ fn server_config(
     folder: &AuthorityFolder,
     authority: &CertificateDer<'static>,
 ) -> Result<quinn::ServerConfig, Error> {
-    let unusable = |error: &dyn std::fmt::Display| Error::KeyPair {
-        reason: error.to_string(),
-    };
     let denied = Arc::new(folder.log.deny_list());
-    let nodes = PeerVerifier::new(authority, Role::Node, denied)
-        .map_err(|error| unusable(&error))?
-        .optional();
-    let mut tls = rustls::ServerConfig::builder_with_provider(provider())
-        .with_protocol_versions(&[&rustls::version::TLS13])
-        .map_err(|error| unusable(&error))?
-        .with_client_cert_verifier(Arc::new(nodes))
-        .with_single_cert(vec![authority.clone()], folder.authority.key())
-        .map_err(|error| unusable(&error))?;
-    tls.alpn_protocols = vec![ALPN.to_vec()];
-    tls.send_tls13_tickets = 0;
-    tls.session_storage = Arc::new(rustls::server::NoServerSessionStorage {});
-    let crypto = QuicServerConfig::try_from(tls).map_err(|error| unusable(&error))?;
+    let nodes = PeerVerifier::new(authority, Role::Node, denied).map_err(tls::unusable)?;
+    let crypto = tls::server(nodes.optional(), authority, folder.authority.key(), ALPN)?;
     Ok(endpoint::enrolment_server_config(crypto))
 }
 
@@ -197,10 +175,7 @@ async fn accept(
             };
             // Whoever has no certificate can be refused as often as he likes.
             let now = Instant::now();
-            let free = lines
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .try_take(now);
+            let free = lock(&lines).try_take(now);
             let counts = state.handshakes.fail(now);
             let why = match counts {
                 Some(counts) if !free => format!("{counts}; the last: {error}"),
@@ -223,25 +198,22 @@ impl EnrolmentState {
         incoming: Incoming,
         events: &impl Fn(EnrolmentEvent),
     ) -> Result<(), Error> {
-        let connection: Connection = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, incoming)
-            .await
-            .map_err(|_| Error::HandshakeTimeout)?
-            .map_err(|error| connection_error::connection(&error, Role::Node))?;
+        let connection = listener::accept(incoming).await?;
         let stream = connection.accept_bi().await;
         let (mut send, mut receive) =
             stream.map_err(|error| connection_error::connection(&error, Role::Node))?;
         let bytes = receive.read_to_end(REQUEST_BYTES_MAX).await;
-        let bytes = bytes.map_err(|why| broken(&why))?;
+        let bytes = bytes.map_err(broken)?;
         let request = EnrolmentRequest::from_json(&bytes)?;
         let decided = self.decide(request, &connection);
         let refused = |sentence| EnrolmentAnswer::Refused { sentence };
         let answer = match &decided {
             Ok((answer, _)) => answer.to_json()?,
-            Err(Error::EnrolmentRefused { sentence }) => refused(sentence.clone()).to_json()?,
+            Err(Error::EnrolmentRefused(sentence)) => refused(sentence.clone()).to_json()?,
             Err(why) => refused(why.to_string()).to_json()?,
         };
-        send.write_all(&answer).await.map_err(|why| broken(&why))?;
-        send.finish().map_err(|why| broken(&why))?;
+        send.write_all(&answer).await.map_err(broken)?;
+        send.finish().map_err(broken)?;
         let refusal = match decided {
             Ok((_, event)) => {
                 event.into_iter().for_each(events);
@@ -273,8 +245,8 @@ impl EnrolmentState {
                 let shown = shown_certificate(connection)?;
                 match request_pem {
                     Some(pem) => {
-                        let fault = |fault| Error::PeerCertificate { fault };
-                        let name = certificate_fields::common_name(&shown).map_err(fault)?;
+                        let name = certificate_fields::common_name(&shown)
+                            .map_err(Error::PeerCertificate)?;
                         let pem = self.folder.renew(&shown, &pem)?;
                         (Some(pem), Some(EnrolmentEvent::Renewed { name }))
                     }
@@ -282,27 +254,20 @@ impl EnrolmentState {
                 }
             }
         };
-        let answer = EnrolmentAnswer::Certified {
+        let certified = Certified {
             authority_pem: self.folder.certificate_pem().to_owned(),
             certificate_pem,
             deny_list: self.folder.log.deny_list_text()?,
         };
-        Ok((answer, event))
+        Ok((EnrolmentAnswer::Certified(certified), event))
     }
 
     /// A use is spent only by a node that is certified.
     fn join(&self, secret: &str, name: &str, request_pem: &str) -> Result<(String, u32), Error> {
-        let refused = |sentence: &str| Error::EnrolmentRefused {
-            sentence: sentence.to_owned(),
-        };
-        let mut uses_left = self
-            .uses_left
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut uses_left = lock(&self.uses_left);
         if certificate_fields::sha256(secret.as_bytes()) != self.secret_hash || *uses_left == 0 {
-            return Err(refused(
-                "the token is not valid: ask for another by `carom-farm token`",
-            ));
+            let why = "the token is not valid: ask for another by `carom-farm token`";
+            return Err(Error::EnrolmentRefused(why.to_owned()));
         }
         let pem = self.folder.admit(name, request_pem)?;
         *uses_left -= 1;
@@ -315,6 +280,6 @@ impl EnrolmentState {
 
 /// The certificate that a client has shown, which the handshake has checked.
 fn shown_certificate(connection: &Connection) -> Result<CertificateDer<'static>, Error> {
-    let fault = CertificateFault::Missing;
-    connection_driver::peer_certificate(connection).ok_or(Error::PeerCertificate { fault })
+    let missing = Error::PeerCertificate(CertificateFault::Missing);
+    certificate_fields::peer_certificate(connection).ok_or(missing)
 }

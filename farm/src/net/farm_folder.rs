@@ -82,19 +82,19 @@ impl AuthorityFolder {
         for file in [AUTHORITY_FILE, AUTHORITY_KEY_FILE] {
             let path = dir.join(file);
             if path.exists() {
-                return Err(Error::FarmExists { path });
+                return Err(Error::FarmExists(path));
             }
         }
         if dir.exists() {
             // Only an empty folder can be removed.
-            fs::remove_dir(dir).map_err(|why| file_error(dir, why))?;
+            fs::remove_dir(dir).map_err(file_error(dir))?;
         }
         let mut staged = dir.file_name().unwrap_or_default().to_owned();
         staged.push(".init");
         let staged = dir.with_file_name(staged);
         if staged.exists() {
             // An `init` was killed: nobody has used what it left.
-            fs::remove_dir_all(&staged).map_err(|why| file_error(&staged, why))?;
+            fs::remove_dir_all(&staged).map_err(file_error(&staged))?;
         }
         create_private_dir(&staged)?;
         let authority = Authority::generate()?;
@@ -111,7 +111,7 @@ impl AuthorityFolder {
         if let Some(player) = player {
             folder.add(Role::Player, player, Some(&staged), false)?;
         }
-        fs::rename(&staged, dir).map_err(|why| file_error(dir, why))?;
+        fs::rename(&staged, dir).map_err(file_error(dir))?;
         Ok(Self {
             dir: dir.to_path_buf(),
             log: IssuanceLog::open(dir)?,
@@ -172,7 +172,7 @@ impl AuthorityFolder {
             }
         }
         if role == Role::Node && out.join(AUTHORITY_KEY_FILE).exists() {
-            return Err(Error::AuthorityExposed { folder: out });
+            return Err(Error::AuthorityExposed(out));
         }
         if !out.exists() {
             create_private_dir(&out)?;
@@ -215,17 +215,16 @@ impl AuthorityFolder {
         shown: &CertificateDer<'_>,
         request_pem: &str,
     ) -> Result<String, Error> {
-        let fault = |fault| Error::PeerCertificate { fault };
-        let refused = |sentence: String| Err(Error::EnrolmentRefused { sentence });
+        let refused = |sentence: String| Err(Error::EnrolmentRefused(sentence));
         let role = Role::Node;
-        let name = certificate_fields::common_name(shown).map_err(fault)?;
-        let key_id = certificate_fields::key_id(shown).map_err(fault)?;
+        let name = certificate_fields::common_name(shown).map_err(Error::PeerCertificate)?;
+        let key_id = certificate_fields::key_id(shown).map_err(Error::PeerCertificate)?;
         let _lock = self.log.lock()?;
         // The handshake has looked, but before this lock was held.
         if self.log.deny_list_text()?.contains(&key_id) {
             return refused(format!("the certificate of {name} has been revoked"));
         }
-        let shown_days = certificate_fields::validity(shown).map_err(fault)?;
+        let shown_days = certificate_fields::validity(shown).map_err(Error::PeerCertificate)?;
         let recorded = self.log.latest_validity(&key_id)?;
         let latest = recorded.filter(|days| days.end > shown_days.end);
         let latest = latest.unwrap_or(shown_days);
@@ -239,7 +238,7 @@ impl AuthorityFolder {
         let issued = self
             .authority
             .sign_request(role, &name, lasting(role.life()), request_pem)?;
-        if certificate_fields::key_id(issued.der()).map_err(fault)? != key_id {
+        if certificate_fields::key_id(issued.der()).map_err(Error::PeerCertificate)? != key_id {
             return refused(format!(
                 "a renewal is of the key that {name} has: another key joins with a token of its own"
             ));
@@ -297,7 +296,7 @@ fn save(
 ) -> Result<(), Error> {
     let key = dir.join(role.key_file());
     if key.exists() {
-        fs::remove_file(&key).map_err(|why| file_error(&key, why))?;
+        fs::remove_file(&key).map_err(file_error(&key))?;
     }
     write_private(&key, &issued.key_pem)?;
     write_whole(&dir.join(AUTHORITY_FILE), authority_pem)?;
@@ -417,12 +416,9 @@ mod tests {
         let key = fs::read_to_string(dir.join(AUTHORITY_KEY_FILE)).unwrap();
         assert!(key.contains("ENCRYPTED"), "{key}");
         let without = AuthorityFolder::open(&dir, None).unwrap_err();
-        assert!(
-            matches!(without, Error::PassphraseMissing { .. }),
-            "{without}"
-        );
+        assert!(matches!(without, Error::PassphraseMissing(_)), "{without}");
         let wrong = AuthorityFolder::open(&dir, Some("sesame")).unwrap_err();
-        assert!(matches!(wrong, Error::PassphraseWrong { .. }), "{wrong}");
+        assert!(matches!(wrong, Error::PassphraseWrong(_)), "{wrong}");
         let folder = AuthorityFolder::open(&dir, Some("open sesame")).unwrap();
         let node = folder.add(Role::Node, "oak", None, false).unwrap();
         Credentials::load(&node, Role::Node).unwrap();

@@ -8,7 +8,7 @@ use std::hash::{BuildHasher, RandomState};
 use std::io::{self, IoSliceMut};
 use std::net::{IpAddr, SocketAddr};
 use std::pin::Pin;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll, ready};
 use std::time::Instant;
 
@@ -16,6 +16,7 @@ use quinn::udp::{RecvMeta, Transmit};
 use quinn::{AsyncUdpSocket, UdpPoller};
 
 use super::handshakes::{Handshakes, source};
+use crate::lock::lock;
 use crate::token_bucket::TokenBucket;
 
 /// Packets a second of all strangers, and again of all sources that players have come from. A handshake has two to
@@ -78,8 +79,8 @@ impl AsyncUdpSocket for FilteredSocket {
         let mut filter = None;
         for (buffer, meta) in buffers.iter().zip(meta).take(count) {
             if opens_connections(&buffer[..meta.len]) {
-                let lock = || self.filter.lock().unwrap_or_else(PoisonError::into_inner);
-                let (filter, now) = filter.get_or_insert_with(|| (lock(), Instant::now()));
+                let (filter, now) =
+                    filter.get_or_insert_with(|| (lock(&self.filter), Instant::now()));
                 // The kernel hands over packets of one source that came together as one.
                 let packets = meta.len.div_ceil(meta.stride.max(1));
                 if !filter.admits(*now, meta.addr.ip(), packets) {

@@ -2,10 +2,12 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::{IpAddr, Ipv6Addr};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use tokio::sync::Notify;
+
+use crate::lock::lock;
 
 /// Handshakes that a node performs at once.
 const HANDSHAKES_MAX: usize = 32;
@@ -50,7 +52,7 @@ impl Handshakes {
     /// the most of them gives way to one of a source with fewer: who holds many places cannot keep them.
     pub(crate) fn begin(&self, address: IpAddr) -> Option<PendingHandshake> {
         let source = source(address);
-        let mut table = self.lock();
+        let mut table = lock(&self.0);
         let limit = match table.known.contains(&source) {
             true => HANDSHAKES_MAX,
             false => HANDSHAKES_MAX - RESERVED,
@@ -74,17 +76,17 @@ impl Handshakes {
 
     /// Whether players have come from a [`source`] before.
     pub(super) fn knows(&self, source: IpAddr) -> bool {
-        self.lock().known.contains(&source)
+        lock(&self.0).known.contains(&source)
     }
 
     /// Whether so many are under way that strangers must validate their addresses.
     pub(crate) fn must_validate(&self) -> bool {
-        self.lock().count() > UNVALIDATED_MAX
+        lock(&self.0).count() > UNVALIDATED_MAX
     }
 
     /// Counts a handshake that failed. Once a minute at the most, a sentence for the log.
     pub(crate) fn fail(&self, now: Instant) -> Option<String> {
-        let mut table = self.lock();
+        let mut table = lock(&self.0);
         table.failed += 1;
         let since = table
             .warned
@@ -100,10 +102,6 @@ impl Handshakes {
         Some(format!(
             "{failed} connections refused and {ignored} not answered since the last such line"
         ))
-    }
-
-    fn lock(&self) -> MutexGuard<'_, HandshakeTable> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -137,7 +135,7 @@ impl PendingHandshake {
 
     /// Remembers the source as one that players come from.
     pub(crate) fn succeed(&self) {
-        let mut table = self.handshakes.lock();
+        let mut table = lock(&self.handshakes.0);
         table.known.retain(|known| *known != self.source);
         table.known.push_back(self.source);
         if table.known.len() > KNOWN_MAX {
@@ -148,7 +146,7 @@ impl PendingHandshake {
 
 impl Drop for PendingHandshake {
     fn drop(&mut self) {
-        let mut table = self.handshakes.lock();
+        let mut table = lock(&self.handshakes.0);
         if let Some(pending) = table.pending.get_mut(&self.source) {
             pending.retain(|one| !Arc::ptr_eq(one, &self.evicted));
             if pending.is_empty() {

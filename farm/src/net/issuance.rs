@@ -109,7 +109,7 @@ impl IssuanceLog {
         let mut options = OpenOptions::new();
         let file = options.append(true).create(true).open(&path);
         let locked = file.and_then(|file| file.lock().map(|()| file));
-        locked.map_err(|why| file_error(&path, why))
+        locked.map_err(file_error(&path))
     }
 
     /// The days of the certificate of a key that ends last.
@@ -135,7 +135,7 @@ impl IssuanceLog {
         let record = IssuanceRecord::of(certificate, role)
             .map_err(|fault| Error::Certificate { path: None, fault })?;
         let path = self.path();
-        let mut line = serde_json::to_vec(&record).map_err(|why| file_error(&path, why.into()))?;
+        let mut line = serde_json::to_vec(&record).map_err(|why| file_error(&path)(why.into()))?;
         line.push(b'\n');
         let mut options = OpenOptions::new();
         let file = options.append(true).create(true).open(&path);
@@ -143,7 +143,7 @@ impl IssuanceLog {
             file.write_all(&line)?;
             file.sync_all()
         })
-        .map_err(|why| file_error(&path, why))
+        .map_err(file_error(&path))
     }
 
     /// All that was issued, oldest first. A line that is damaged is reported and passed over: it must
@@ -155,7 +155,7 @@ impl IssuanceLog {
         let path = self.path();
         let bytes = match std::fs::read(&path) {
             Err(why) if why.kind() == ErrorKind::NotFound => Vec::new(),
-            bytes => bytes.map_err(|why| file_error(&path, why))?,
+            bytes => bytes.map_err(file_error(&path))?,
         };
         let mut records = Vec::new();
         for (index, line) in bytes.split_inclusive(|&byte| byte == b'\n').enumerate() {
@@ -243,7 +243,7 @@ impl IssuanceLog {
         let path = self.deny_list_path();
         match std::fs::read_to_string(&path) {
             Err(why) if why.kind() == ErrorKind::NotFound => Ok(String::new()),
-            text => text.map_err(|why| file_error(&path, why)),
+            text => text.map_err(file_error(&path)),
         }
     }
 

@@ -29,9 +29,7 @@ impl JoinUrl {
     /// [`Error::CertificateCreation`] if the system gives no randomness.
     pub(crate) fn new(address: NodeAddress, authority: &[u8]) -> Result<Self, Error> {
         let secret = certificate_fields::random::<BYTES>();
-        let secret = secret.map_err(|error| Error::CertificateCreation {
-            reason: error.to_string(),
-        })?;
+        let secret = secret.map_err(|error| Error::CertificateCreation(error.to_string()))?;
         Ok(Self {
             address,
             secret: Some(certificate_fields::hexadecimal(&secret)),
@@ -59,7 +57,7 @@ impl FromStr for JoinUrl {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self, Error> {
-        let refused = |rule| Error::JoinUrl { rule };
+        let refused = Error::JoinUrl;
         let rest = text
             .strip_prefix(SCHEME)
             .ok_or_else(|| refused("it must begin with farm://"))?;

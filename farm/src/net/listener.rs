@@ -9,7 +9,7 @@ use std::time::Instant;
 use quinn::{Connection, Endpoint, Incoming};
 
 use crate::Error;
-use crate::net::connection_driver::{self, ConnectionStreams};
+use crate::net::connection_driver::ConnectionStreams;
 use crate::net::credentials::Credentials;
 use crate::net::endpoint::{self, TransportOptions};
 use crate::net::handshakes::{Handshakes, PendingHandshake};
@@ -39,12 +39,8 @@ impl Listener {
         let config = endpoint::server_config(credentials, options)?;
         let handshakes = Handshakes::default();
         let endpoint = endpoint::open_server(address, config, &handshakes);
-        let endpoint = endpoint.map_err(|source| Error::Socket {
-            address: address.to_string(),
-            source,
-        })?;
         Ok(Self {
-            endpoint,
+            endpoint: endpoint.map_err(Error::socket(address))?,
             handshakes,
         })
     }
@@ -139,26 +135,30 @@ pub(crate) fn screen(
     Some((incoming, pending))
 }
 
-/// Completes the handshake, which checks the certificate, and waits for the control stream.
+/// Completes the handshake, which checks the certificate.
+pub(crate) async fn accept(incoming: Incoming) -> Result<Connection, Error> {
+    let connected = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, incoming).await;
+    connected
+        .map_err(|_| Error::HandshakeTimeout)?
+        .map_err(|error| connection_error::connection(&error, Role::Node))
+}
+
+/// Completes the handshake, and waits for the control stream.
 async fn authenticate(
     incoming: Incoming,
     pending: &PendingHandshake,
     places: &Places,
 ) -> Result<(ConnectionStreams, Place), Error> {
     let role = Role::Node;
-    let lost = |error| connection_error::connection(&error, role);
-    let connection: Connection = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, incoming)
-        .await
-        .map_err(|_| Error::HandshakeTimeout)?
-        .map_err(lost)?;
-    let player = connection_driver::peer_certificate(&connection)
+    let connection = accept(incoming).await?;
+    let player = certificate_fields::peer_certificate(&connection)
         .ok_or(CertificateFault::Missing)
         .and_then(|shown| certificate_fields::key_id(&shown))
-        .map_err(|fault| Error::PeerCertificate { fault })?;
+        .map_err(Error::PeerCertificate)?;
     let place = places.enter(Instant::now(), PlayerId::of_key(player.as_bytes()));
     let place = place.map_err(|reason| {
         connection.close(close_code::FULL, reason.to_string().as_bytes());
-        Error::NodeFull { reason }
+        Error::NodeFull(reason)
     })?;
     let control = tokio::time::timeout(endpoint::HANDSHAKE_TIMEOUT, connection.accept_bi());
     let Ok(control) = control.await else {
@@ -166,7 +166,7 @@ async fn authenticate(
         connection.close(close_code::PROTOCOL, why.to_string().as_bytes());
         return Err(why);
     };
-    let (send, receive) = control.map_err(lost)?;
+    let (send, receive) = control.map_err(|error| connection_error::connection(&error, role))?;
     // Only now, so that a player that opens no stream counts as a handshake.
     pending.succeed();
     let streams = ConnectionStreams {

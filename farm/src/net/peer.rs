@@ -104,88 +104,68 @@ impl fmt::Display for Role {
 }
 
 /// The reason why a certificate is not accepted; displays as a predicate: "has expired: …".
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CertificateFault {
     /// None was shown.
+    #[error("is missing")]
     Missing,
     /// It is past its last day; of a holder of this role.
+    #[error("has expired: {}", _0.renewal_advice())]
     Expired(Role),
     /// The other side found it outside its days, in the past or in the future; of a holder of this
     /// role.
+    #[error(
+        "has expired or is not valid yet: compare the clocks of both machines, or {}",
+        _0.renewal_advice()
+    )]
     OutsideItsDays(Role),
     /// Its first day is yet to come.
+    #[error("is not valid yet: check this machine's clock, and that of the farm's authority")]
     NotYetValid,
     /// Its key is on the farm's deny list.
+    #[error("has been revoked: ask whoever holds the farm's authority for another")]
     Revoked,
     /// It does not grant this role.
+    #[error("does not have the role of a {0}")]
     WrongRole(Role),
     /// Another farm's authority issued it.
+    #[error("belongs to another farm")]
     OtherFarm,
     /// The `ca.pem` in the same folder did not issue it.
+    #[error("was not issued by the ca.pem beside it")]
     OtherAuthority,
     /// TLS has another objection.
+    #[error("cannot be used: {0}")]
     Unusable(String),
 }
 
-impl fmt::Display for CertificateFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Missing => f.write_str("is missing"),
-            Self::Expired(role) => write!(f, "has expired: {}", role.renewal_advice()),
-            Self::OutsideItsDays(role) => write!(
-                f,
-                "has expired or is not valid yet: compare the clocks of both machines, or {}",
-                role.renewal_advice()
-            ),
-            Self::NotYetValid => f.write_str(
-                "is not valid yet: check this machine's clock, and that of the farm's authority",
-            ),
-            Self::Revoked => {
-                f.write_str("has been revoked: ask whoever holds the farm's authority for another")
-            }
-            Self::WrongRole(role) => write!(f, "does not have the role of a {role}"),
-            Self::OtherFarm => f.write_str("belongs to another farm"),
-            Self::OtherAuthority => f.write_str("was not issued by the ca.pem beside it"),
-            Self::Unusable(reason) => write!(f, "cannot be used: {reason}"),
-        }
-    }
-}
-
 /// The reason why the other side ended a connection; displays as a predicate: "is shutting down".
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DisconnectReason {
     /// It closed the connection, with an explanation or an empty one.
+    #[error("has closed the connection{}{_0}", if _0.is_empty() { "" } else { ": " })]
     Closed(String),
     /// It has no place for another player, or another connection of this one: its sentence.
+    #[error("has no place: {0}")]
     Full(String),
     /// It is shutting down.
+    #[error("is shutting down")]
     Draining,
     /// It accepts no connection.
+    #[error("accepts no connections at the moment")]
     Refusing,
     /// Its QUIC layer gave the connection up.
+    #[error("broke the connection: {0}")]
     Broken(String),
     /// It has been silent for too long.
+    #[error("no longer answers")]
     TimedOut,
     /// It has lost its state.
+    #[error("has restarted")]
     Restarted,
     /// It supports no common version of QUIC.
+    #[error("supports another version of QUIC")]
     QuicVersion,
-}
-
-impl fmt::Display for DisconnectReason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Closed(reason) if reason.is_empty() => f.write_str("has closed the connection"),
-            Self::Closed(reason) => write!(f, "has closed the connection: {reason}"),
-            Self::Full(reason) => write!(f, "has no place: {reason}"),
-            Self::Draining => f.write_str("is shutting down"),
-            Self::Refusing => f.write_str("accepts no connections at the moment"),
-            Self::Broken(reason) => write!(f, "broke the connection: {reason}"),
-            Self::TimedOut => f.write_str("no longer answers"),
-            Self::Restarted => f.write_str("has restarted"),
-            Self::QuicVersion => f.write_str("supports another version of QUIC"),
-        }
-    }
 }
 
 /// The reason why a player gets no place.

@@ -6,11 +6,12 @@
 //! to the first in line.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
+use crate::lock::lock;
 use crate::net::peer::NoPlace;
 use crate::net::player_account::PlayerAccount;
 use crate::node::PlayerId;
@@ -141,7 +142,7 @@ pub(crate) struct Place {
 
 impl Places {
     pub(crate) fn enter(&self, now: Instant, player: PlayerId) -> Result<Place, NoPlace> {
-        let mut seating = self.lock();
+        let mut seating = lock(&self.0);
         let known = seating.accounts.get(&player);
         let pause = known.map_or(Duration::ZERO, |account| account.path_probes_pause(now));
         if !pause.is_zero() {
@@ -158,10 +159,6 @@ impl Places {
             places: self.clone(),
         })
     }
-
-    fn lock(&self) -> MutexGuard<'_, Seating> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 impl Place {
@@ -176,7 +173,7 @@ impl Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.places.lock().leave(self.player, &self.yielded);
+        lock(&self.places.0).leave(self.player, &self.yielded);
     }
 }
 

@@ -1,12 +1,13 @@
 //! Account of a player at a node: what all its connections together may send, how often their addresses may change,
 //! and when it last worked.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits;
 use tokio::sync::Semaphore;
 
+use crate::lock::lock;
 use crate::token_bucket::TokenBucket;
 
 /// Bytes of a player's control streams that a node reads at once, and each second: the longest scene, then
@@ -93,10 +94,6 @@ impl PlayerAccount {
     pub(crate) fn idle(&self, now: Instant) -> Duration {
         now.saturating_duration_since(*lock(&self.worked))
     }
-}
-
-fn lock<T>(state: &Mutex<T>) -> MutexGuard<'_, T> {
-    state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -3,26 +3,23 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::Duration;
 
-use carom_protocol::RequestId;
-use carom_protocol::session::{Packet, SceneAssembler, SceneProgress};
 use tokio::runtime::Runtime;
 use tokio::sync::watch;
 use tokio::time::timeout;
 
 use crate::Error;
-use crate::net::connection_driver::{self, ConnectionStreams, PacketHandler};
+use crate::net::connection_driver::{self, ConnectionStreams};
 use crate::net::credentials::Credentials;
 use crate::net::deny_list::DenyList;
 use crate::net::endpoint::TransportOptions;
 use crate::net::enrolment;
 use crate::net::listener::Listener;
-use crate::net::peer::{CertificateFault, DisconnectReason, Role};
+use crate::net::peer::{DisconnectReason, Role};
 use crate::net::signals::Signals;
-use crate::net::{close_code, migration};
-use crate::node::{ConnectionDrain, NodeConnection, PlayerId};
+use crate::net::{close_code, migration, runtime};
+use crate::node::{ConnectionDrain, PacketHandler, PlayerId};
 
 /// A change in a node's connections.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -88,11 +85,6 @@ impl StopHandle {
     }
 }
 
-/// Encryption takes 2 ms of a core for a megabyte, and tiles are encoded elsewhere. Two threads
-/// wake each other for each message: an answer of 64 KiB over a loopback then takes a fifth more
-/// processor time and leaves in smaller packets.
-const THREADS: usize = 1;
-
 impl NodeServer {
     /// Opens the socket.
     ///
@@ -112,16 +104,8 @@ impl NodeServer {
         credentials: &Credentials,
         options: TransportOptions,
     ) -> Result<Self, Error> {
-        let failed = |source| Error::Socket {
-            address: address.to_string(),
-            source,
-        };
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(THREADS)
-            .thread_name("carom-net")
-            .enable_all()
-            .build()
-            .map_err(failed)?;
+        let failed = Error::socket(address);
+        let runtime = runtime::own_thread("carom-net").map_err(failed)?;
         let (listener, signals) = {
             let _inside = runtime.enter();
             let signals = Signals::listen().map_err(failed)?;
@@ -151,10 +135,8 @@ impl NodeServer {
     /// # Errors
     /// [`Error::Socket`] if the system does not know.
     pub fn local_addr(&self) -> Result<SocketAddr, Error> {
-        self.listener.local_addr().map_err(|source| Error::Socket {
-            address: "the node's socket".into(),
-            source,
-        })
+        let address = self.listener.local_addr();
+        address.map_err(Error::socket("the node's socket"))
     }
 
     /// Serves players until `stop`, Ctrl-C or SIGTERM. Then it drains, for ten seconds at most: each
@@ -193,9 +175,7 @@ impl NodeServer {
                 let moved = |to| events(ServerEvent::Moved { player, to });
                 let error = tokio::select! {
                     error = connection_driver::drive(streams, &mut session) => error,
-                    () = denied.close_if_denied(&connection) => Error::PeerCertificate {
-                        fault: CertificateFault::Revoked,
-                    },
+                    error = denied.close_if_denied(&connection) => error,
                     error = migration::watch(&connection, &account, moved) => error,
                     () = drained(stops, drain, &connection) => Error::ControlStreamEnded,
                 };
@@ -306,42 +286,5 @@ fn ended(player: SocketAddr, error: &Error) -> ServerEvent {
             player,
             why: error.to_string(),
         },
-    }
-}
-
-impl PacketHandler for NodeConnection {
-    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
-        Self::handle(self, packet)
-    }
-
-    fn assembler(&self) -> SceneAssembler {
-        Self::assembler(self)
-    }
-
-    fn handle_scene(
-        &mut self,
-        progress: Result<SceneProgress, carom_protocol::Error>,
-    ) -> Result<(), carom_protocol::Error> {
-        Self::handle_scene(self, progress)
-    }
-
-    fn poll_transmit(&mut self) -> Option<Packet> {
-        Self::poll_transmit(self)
-    }
-
-    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>> {
-        self.poll_ready(cx).map(Ok)
-    }
-
-    fn take_cancelled(&mut self) -> Vec<RequestId> {
-        Self::take_cancelled(self)
-    }
-
-    fn on_bandwidth(&mut self, bytes_per_sec: f64) {
-        Self::on_bandwidth(self, bytes_per_sec);
-    }
-
-    fn drain(&self) -> Option<ConnectionDrain> {
-        Some(Self::drain(self))
     }
 }

@@ -4,14 +4,14 @@ use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::net::runtime;
+
 /// A flag that turns true at the first Ctrl-C or SIGTERM, which then no longer end the program.
 ///
 /// # Errors
 /// If the system has no thread left or does not report signals.
 pub fn interruption() -> Result<Arc<AtomicBool>, io::Error> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
+    let runtime = runtime::waiting_thread()?;
     let mut signals = {
         let _inside = runtime.enter();
         Signals::listen()?

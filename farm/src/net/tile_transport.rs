@@ -149,7 +149,7 @@ impl TileSender {
                 Err(SendDatagramError::ConnectionLost(error)) => {
                     return Err(ConnectionEnd::Lost(error));
                 }
-                Err(error) => return Err(broken(&error)),
+                Err(error) => return Err(broken(error)),
             }
         }
         Ok(())
@@ -235,7 +235,7 @@ impl TileSender {
             Some(Err(WriteError::ConnectionLost(error))) => {
                 return Err(ConnectionEnd::Lost(error));
             }
-            Some(Err(error)) => return Err(broken(&error)),
+            Some(Err(error)) => return Err(broken(error)),
         }
         Ok(())
     }
@@ -399,7 +399,7 @@ async fn read_stream(mut stream: RecvStream, mut tiles: UnfinishedTiles) -> Stre
             Ok(None) => return Ok(std::mem::take(&mut tiles.bytes)),
             Err(ReadError::Reset(_)) => return Err(None),
             Err(ReadError::ConnectionLost(error)) => return Err(Some(ConnectionEnd::Lost(error))),
-            Err(error) => return Err(Some(broken(&error))),
+            Err(error) => return Err(Some(broken(error))),
         }
     }
 }
@@ -447,10 +447,10 @@ impl Drop for UnfinishedTiles {
 }
 
 fn violation(rule: impl Into<String>) -> ConnectionEnd {
-    ConnectionEnd::Violation(Error::ErrorCorrection { rule: rule.into() })
+    ConnectionEnd::Violation(Error::ErrorCorrection(rule.into()))
 }
 
-fn broken(error: &dyn std::fmt::Display) -> ConnectionEnd {
+fn broken(error: impl std::fmt::Display) -> ConnectionEnd {
     ConnectionEnd::Violation(Error::Stream {
         content: "tiles",
         reason: error.to_string(),

@@ -1,60 +1,76 @@
 //! TLS 1.3 configurations of both sides, which authenticate each other by the farm's own
 //! authority and by nothing else.
 
+use std::fmt::Display;
 use std::sync::Arc;
 
-use rustls::Error;
+use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
+use rustls::client::danger::ServerCertVerifier;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::server::danger::ClientCertVerifier;
 
-use crate::net::certificate::{PeerVerifier, provider};
+use crate::Error;
+use crate::net::certificate::provider;
 use crate::net::credentials::Credentials;
-use crate::net::peer::Role;
 
-/// The protocol that both ends must offer; another version of the transport is another name.
+/// The protocol of players and nodes; another version of the transport is another name.
 pub(crate) const ALPN: &[u8] = b"carom/1";
 /// The server name that clients send: certificates name roles and not hosts, so it is never
 /// checked.
 pub(crate) const SERVER_NAME: &str = "node.carom";
 
-/// The configuration of a player's side.
-pub(crate) fn client(credentials: &Credentials) -> Result<rustls::ClientConfig, Error> {
-    let verifier = Arc::new(PeerVerifier::new(
-        &credentials.authority,
-        Role::Node,
-        Arc::clone(&credentials.denied),
-    )?);
-    let mut config = rustls::ClientConfig::builder_with_provider(provider())
-        .with_protocol_versions(&[&rustls::version::TLS13])?
+/// The configuration of the side that calls and speaks `protocol`; it shows `own`, or no certificate.
+///
+/// # Errors
+/// [`Error::KeyPair`] if the key does not belong to the certificate.
+pub(crate) fn client(
+    verifier: impl ServerCertVerifier + 'static,
+    own: Option<&Credentials>,
+    protocol: &[u8],
+) -> Result<QuicClientConfig, Error> {
+    let builder = rustls::ClientConfig::builder_with_provider(provider())
+        .with_protocol_versions(&[&rustls::version::TLS13])
+        .map_err(unusable)?
         .dangerous()
-        .with_custom_certificate_verifier(verifier)
-        .with_client_auth_cert(
-            vec![credentials.certificate.clone()],
-            credentials.key.clone_key(),
-        )?;
-    config.alpn_protocols = vec![ALPN.to_vec()];
+        .with_custom_certificate_verifier(Arc::new(verifier));
+    let mut config = match own {
+        None => builder.with_no_client_auth(),
+        Some(own) => builder
+            .with_client_auth_cert(vec![own.certificate.clone()], own.key.clone_key())
+            .map_err(unusable)?,
+    };
+    config.alpn_protocols = vec![protocol.to_vec()];
     // A request in early data could be replayed.
     config.enable_early_data = false;
     config.resumption = rustls::client::Resumption::disabled();
-    Ok(config)
+    QuicClientConfig::try_from(config).map_err(unusable)
 }
 
-/// The configuration of a node's side.
-pub(crate) fn server(credentials: &Credentials) -> Result<rustls::ServerConfig, Error> {
-    let verifier = Arc::new(PeerVerifier::new(
-        &credentials.authority,
-        Role::Player,
-        Arc::clone(&credentials.denied),
-    )?);
+/// The configuration of the side that is called, speaks `protocol` and shows `certificate`.
+///
+/// # Errors
+/// [`Error::KeyPair`] if the key does not belong to the certificate.
+pub(crate) fn server(
+    verifier: impl ClientCertVerifier + 'static,
+    certificate: &CertificateDer<'static>,
+    key: PrivateKeyDer<'static>,
+    protocol: &[u8],
+) -> Result<QuicServerConfig, Error> {
     let mut config = rustls::ServerConfig::builder_with_provider(provider())
-        .with_protocol_versions(&[&rustls::version::TLS13])?
-        .with_client_cert_verifier(verifier)
-        .with_single_cert(
-            vec![credentials.certificate.clone()],
-            credentials.key.clone_key(),
-        )?;
-    config.alpn_protocols = vec![ALPN.to_vec()];
+        .with_protocol_versions(&[&rustls::version::TLS13])
+        .map_err(unusable)?
+        .with_client_cert_verifier(Arc::new(verifier))
+        .with_single_cert(vec![certificate.clone()], key)
+        .map_err(unusable)?;
+    config.alpn_protocols = vec![protocol.to_vec()];
     config.max_early_data_size = 0;
     // Each handshake checks the certificate and its date anew: no resumption.
     config.send_tls13_tickets = 0;
     config.session_storage = Arc::new(rustls::server::NoServerSessionStorage {});
-    Ok(config)
+    QuicServerConfig::try_from(config).map_err(unusable)
+}
+
+/// What the TLS library says of a certificate or key that it cannot use.
+pub(crate) fn unusable(error: impl Display) -> Error {
+    Error::KeyPair(error.to_string())
 }

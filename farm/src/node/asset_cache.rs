@@ -8,13 +8,14 @@
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Read as _, Write as _};
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 
 use carom_protocol::ChunkKey;
 use carom_protocol::session::ChunkStore;
 
+use crate::lock::lock;
 use crate::whole_file::WholeFile;
 
 /// Chunks of scenes in a folder. Other files in there are left alone.
@@ -66,7 +67,7 @@ impl AssetCache {
     }
 
     fn make_room(&self, bytes: u64) -> io::Result<()> {
-        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut written = lock(&self.written);
         *written += bytes;
         if *written > self.bytes_max / SCAN_PARTS {
             self.evict(bytes, SystemTime::now())?;

@@ -47,10 +47,10 @@ pub(super) struct BitrateController {
 }
 
 impl BitrateController {
-    pub(super) const fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             level: 0.0,
-            model: RateModel::new(),
+            model: RateModel::default(),
             last_change: Duration::ZERO,
             probe_start: None,
             probe_interval: FIRST_PROBE_INTERVAL,

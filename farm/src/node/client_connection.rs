@@ -17,6 +17,7 @@ use carom_tracer::{Tile, TileRange};
 use super::bitrate_control::{BitrateController, LinkEstimate};
 use super::fair_queue::PlayerId;
 use super::rate_model::EncodedSample;
+use crate::lock::lock;
 
 /// How pixels get to a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -182,10 +183,6 @@ impl ClientConnection {
     pub(super) fn lock(&self) -> MutexGuard<'_, ConnectionState> {
         lock(&self.state)
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Wakes the transport after the lock is released, so that it does not wait for it.

@@ -13,6 +13,7 @@ use super::client_connection::{ClientConnection, STALL_TIMEOUT, TileSharing, wak
 use super::fair_queue::PlayerId;
 use super::job::UncompiledJob;
 use super::queue::JobQueue;
+use crate::Error;
 
 /// The end of a connection's work, seen from outside its session.
 #[derive(Clone)]
@@ -37,6 +38,55 @@ impl ConnectionDrain {
     pub fn is_idle(&self) -> bool {
         let state = self.client.lock();
         state.session.open_requests() == 0 && state.session.waiting_bytes() == 0
+    }
+}
+
+/// A session and its owner, as whoever carries their packets sees them.
+pub trait PacketHandler {
+    /// Handles a packet; an error is the other side's fault and ends the connection.
+    ///
+    /// # Errors
+    /// The rule that the other side broke.
+    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
+
+    /// What puts the other side's scenes together, on other threads.
+    fn assembler(&self) -> SceneAssembler {
+        SceneAssembler::default()
+    }
+
+    /// Handles what has become of a scene, which comes instead of its packets.
+    ///
+    /// # Errors
+    /// The rule that the other side broke.
+    fn handle_scene(
+        &mut self,
+        progress: Result<SceneProgress, carom_protocol::Error>,
+    ) -> Result<(), carom_protocol::Error> {
+        progress.map(drop)
+    }
+
+    /// Passes on the events of the packets that have been handled.
+    fn flush(&mut self) {}
+
+    /// The next packet to send, if there is one now.
+    fn poll_transmit(&mut self) -> Option<Packet>;
+
+    /// Executes the next command of this side's owner. Ready when [`PacketHandler::poll_transmit`]
+    /// may have a packet, or with an error to close the connection; otherwise pending, and wakes
+    /// `cx`.
+    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>>;
+
+    /// Requests that have been cancelled since the last call: their streams are reset.
+    fn take_cancelled(&mut self) -> Vec<RequestId> {
+        Vec::new()
+    }
+
+    /// Handles a new estimate of what the path carries.
+    fn on_bandwidth(&mut self, _bytes_per_sec: f64) {}
+
+    /// What finishes the session's work before its node ends; without it the session is cut off.
+    fn drain(&self) -> Option<ConnectionDrain> {
+        None
     }
 }
 
@@ -67,43 +117,6 @@ impl NodeConnection {
     pub(super) fn with_store(mut self, store: Option<Arc<dyn ChunkStore>>) -> Self {
         self.store = store;
         self
-    }
-
-    /// What puts the client's scenes together on another thread, for [`NodeConnection::handle_scene`].
-    pub fn assembler(&self) -> SceneAssembler {
-        let memory = usize::try_from(self.queue.scenes.player_bytes_max());
-        let bytes_max = memory.unwrap_or(usize::MAX).min(SCENE_BYTES_MAX);
-        SceneAssembler::new(self.store.clone(), bytes_max)
-    }
-
-    /// What finishes this connection's work before the node ends.
-    pub fn drain(&self) -> ConnectionDrain {
-        let client = Arc::clone(&self.client);
-        ConnectionDrain { client }
-    }
-
-    /// Handles a packet from the client.
-    ///
-    /// # Errors
-    /// The rule that the client broke: send what [`NodeConnection::poll_transmit`] still hands out,
-    /// and close.
-    pub fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
-        let event = self.client.lock().session.handle(packet)?;
-        self.on_event(event);
-        Ok(())
-    }
-
-    /// Handles what [`NodeConnection::assembler`] has made of a packet.
-    ///
-    /// # Errors
-    /// As [`NodeConnection::handle`].
-    pub fn handle_scene(
-        &mut self,
-        progress: Result<SceneProgress, carom_protocol::Error>,
-    ) -> Result<(), carom_protocol::Error> {
-        let event = self.client.lock().session.handle_scene(progress)?;
-        self.on_event(event);
-        Ok(())
     }
 
     fn on_event(&self, event: Option<NodeEvent>) {
@@ -141,18 +154,37 @@ impl NodeConnection {
         }
     }
 
-    /// Requests that have been cancelled since the last call.
-    pub fn take_cancelled(&mut self) -> Vec<RequestId> {
-        self.client.lock().session.take_unwanted()
+    /// The next packet to send; wakes `cx` when there is one.
+    pub fn poll_packet(&mut self, cx: &mut Context<'_>) -> Poll<Packet> {
+        // The waker first: a packet that is queued in between is returned, or wakes.
+        self.client.lock().waker = Some(cx.waker().clone());
+        self.poll_transmit().map_or(Poll::Pending, Poll::Ready)
+    }
+}
+
+impl PacketHandler for NodeConnection {
+    fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
+        let event = self.client.lock().session.handle(packet)?;
+        self.on_event(event);
+        Ok(())
     }
 
-    /// Handles a new estimate of what the link carries.
-    pub fn on_bandwidth(&mut self, bytes_per_sec: f64) {
-        self.client.on_bandwidth(bytes_per_sec);
+    fn assembler(&self) -> SceneAssembler {
+        let memory = usize::try_from(self.queue.scenes.player_bytes_max());
+        let bytes_max = memory.unwrap_or(usize::MAX).min(SCENE_BYTES_MAX);
+        SceneAssembler::new(self.store.clone(), bytes_max)
     }
 
-    /// The next packet to send, if there is one now.
-    pub fn poll_transmit(&mut self) -> Option<Packet> {
+    fn handle_scene(
+        &mut self,
+        progress: Result<SceneProgress, carom_protocol::Error>,
+    ) -> Result<(), carom_protocol::Error> {
+        let event = self.client.lock().session.handle_scene(progress)?;
+        self.on_event(event);
+        Ok(())
+    }
+
+    fn poll_transmit(&mut self) -> Option<Packet> {
         let mut state = self.client.lock();
         let packet = state.session.poll_transmit()?;
         state.stall_timeout = STALL_TIMEOUT;
@@ -161,22 +193,28 @@ impl NodeConnection {
         Some(packet)
     }
 
-    /// The next packet to send; wakes `cx` when there is one.
-    pub fn poll_packet(&mut self, cx: &mut Context<'_>) -> Poll<Packet> {
-        // The waker first: a packet that is queued in between is returned, or wakes.
-        self.client.lock().waker = Some(cx.waker().clone());
-        self.poll_transmit().map_or(Poll::Pending, Poll::Ready)
-    }
-
-    /// Wakes `cx` when a worker has queued a packet for [`NodeConnection::poll_transmit`].
-    pub fn poll_ready(&mut self, cx: &mut Context<'_>) -> Poll<()> {
+    /// Ready when a worker has queued a packet.
+    fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>> {
         let mut state = self.client.lock();
         if state.ready {
             state.ready = false;
-            return Poll::Ready(());
+            return Poll::Ready(Ok(()));
         }
         state.waker = Some(cx.waker().clone());
         Poll::Pending
+    }
+
+    fn take_cancelled(&mut self) -> Vec<RequestId> {
+        self.client.lock().session.take_unwanted()
+    }
+
+    fn on_bandwidth(&mut self, bytes_per_sec: f64) {
+        self.client.on_bandwidth(bytes_per_sec);
+    }
+
+    fn drain(&self) -> Option<ConnectionDrain> {
+        let client = Arc::clone(&self.client);
+        Some(ConnectionDrain { client })
     }
 }
 
@@ -217,7 +255,7 @@ mod tests {
             width: 1,
             threads: 1,
         };
-        let (name, queue) = (String::new(), Arc::new(JobQueue::new()));
+        let (name, queue) = (String::new(), Arc::new(JobQueue::default()));
         let info = NodeInfo {
             name,
             instance: 0,

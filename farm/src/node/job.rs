@@ -1,7 +1,7 @@
 //! A request that a node has taken in, with its scene.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Instant;
 
 use carom_protocol::TraceRequest;
@@ -10,6 +10,7 @@ use carom_tracer::{CompiledScene, Scene, Tile, TileRange};
 use super::client_connection::ClientConnection;
 use super::guard_band::{guarded_pixels, guarded_pixels_of_run, halves};
 use super::partial_tile::PartialTile;
+use crate::lock::lock;
 
 /// A request whose scene is to be compiled.
 pub(super) struct UncompiledJob {
@@ -113,20 +114,20 @@ impl NodeJob {
 
     /// Takes out what has been traced of a tile that is traced in parts.
     pub(super) fn take_partial(&self, tile: u32) -> Option<PartialTile> {
-        let mut partial = self.lock_partial();
+        let mut partial = lock(&self.partial);
         let place = partial.iter().position(|partial| partial.index == tile)?;
         Some(partial.swap_remove(place))
     }
 
     /// Keeps what has been traced of a tile for its next part.
     pub(super) fn keep_partial(&self, partial: PartialTile) {
-        self.lock_partial().push(partial);
+        lock(&self.partial).push(partial);
     }
 
     /// The next part of a tile that has been divided, or is to be: at most so many pixels are traced for it where it can
     /// be divided further. `None` if the tile is to be traced as a whole.
     pub(super) fn next_part(&self, tile: u32, divides: bool, pixels: u32) -> Option<Tile> {
-        let mut partial = self.lock_partial();
+        let mut partial = lock(&self.partial);
         let begun = partial.iter_mut().find(|partial| partial.index == tile);
         match begun {
             Some(begun) => Some(begun.next(pixels)),
@@ -159,9 +160,5 @@ impl NodeJob {
             grid.tile(tile),
             self.is_denoised().then_some(grid.size),
         )
-    }
-
-    fn lock_partial(&self) -> MutexGuard<'_, Vec<PartialTile>> {
-        self.partial.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -38,7 +38,7 @@ pub use bitrate_control::LinkEstimate;
 #[cfg(feature = "net")]
 pub(crate) use client_connection::STALL_TIMEOUT;
 use client_connection::TileSharing;
-pub use connection::{ConnectionDrain, NodeConnection};
+pub use connection::{ConnectionDrain, NodeConnection, PacketHandler};
 pub use fair_queue::{FairQueue, PlayerId};
 use queue::JobQueue;
 
@@ -60,7 +60,7 @@ impl Node {
             DeviceKind::Gpu => 2,
             DeviceKind::Cpu | DeviceKind::Scalar => 1,
         };
-        let queue = Arc::new(JobQueue::new());
+        let queue = Arc::new(JobQueue::default());
         for _ in 0..workers {
             worker::start(Arc::clone(&queue), Arc::clone(&tracer));
         }

@@ -12,7 +12,7 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 use carom_protocol::NodeLoad;
@@ -25,6 +25,7 @@ use super::fair_queue::{FairQueue, PlayerId};
 use super::job::{NodeJob, UncompiledJob};
 use super::load_meter::LoadMeter;
 use super::scene_compiler::SceneCompiler;
+use crate::lock::lock;
 
 /// A worker's turn at a request.
 pub(super) struct Turn {
@@ -49,6 +50,7 @@ pub(super) enum TurnWork {
 }
 
 /// The queue of a node, shared by connections and workers.
+#[derive(Default)]
 pub(super) struct JobQueue {
     state: Mutex<QueueState>,
     changed: Condvar,
@@ -91,17 +93,6 @@ struct RunningTurn {
 }
 
 impl JobQueue {
-    pub(super) fn new() -> Self {
-        Self {
-            state: Mutex::default(),
-            changed: Condvar::new(),
-            watched: Condvar::new(),
-            scenes: SceneCompiler::new(),
-            updated: Mutex::default(),
-            last_done: Mutex::default(),
-        }
-    }
-
     /// Gives each player but that of this process at most so many seconds of the device an hour.
     pub(super) fn set_quota(&self, secs_per_hour: f64) {
         lock(&self.state).quota = Some(DeviceQuota::new(secs_per_hour));
@@ -440,10 +431,6 @@ fn sort_newest(jobs: &mut VecDeque<QueuedJob>) {
         jobs.swap(index, other);
         index = other;
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Jobs that keep their copies of scenes: those that are traced, and those whose turns come next.

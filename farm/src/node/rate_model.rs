@@ -10,7 +10,7 @@ use carom_protocol::tile_codec::DeltaStats;
 
 /// The rate of each precision, by index. Rates are bytes over those of an exact picture that is
 /// coded without references.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct RateModel {
     /// Share of the pixels that change from frame to frame; `None` before the first message.
     changing: Option<f64>,
@@ -18,7 +18,7 @@ pub(super) struct RateModel {
 }
 
 /// The actual and expected bytes of one precision's messages, exponentially decayed.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct RateHistory {
     messages: f64,
     bytes: f64,
@@ -44,18 +44,6 @@ pub(super) struct Blend {
 }
 
 impl RateModel {
-    pub(super) const fn new() -> Self {
-        let empty = RateHistory {
-            messages: 0.0,
-            bytes: 0.0,
-            expected_bytes: 0.0,
-        };
-        Self {
-            changing: None,
-            history: [empty; PRECISIONS],
-        }
-    }
-
     /// Updates the model with an encoded message.
     pub(super) fn update(&mut self, message: EncodedSample) {
         let (index, delta) = (message.precision as usize, message.delta);
@@ -224,7 +212,7 @@ mod tests {
 
     #[test]
     fn level_of_is_the_inverse_of_rate() {
-        let mut model = RateModel::new();
+        let mut model = RateModel::default();
         train(&mut model, 64, PixelPrecision::Exact, 1.0, 3000);
         for level in 0..=50 {
             let level = f64::from(level) / 10.0;
@@ -236,7 +224,7 @@ mod tests {
 
     #[test]
     fn unused_precisions_follow_their_neighbours() {
-        let (mut model, prior) = (RateModel::new(), RateModel::new());
+        let (mut model, prior) = (RateModel::default(), RateModel::default());
         train(&mut model, 200, PixelPrecision::Within2, 1.0, 4000);
         let rates = model.rates();
         let factor = 4000.0 / 8192.0 / EXACT_BYTES_PER_PIXEL / INTRA_RATE[2];
@@ -252,7 +240,7 @@ mod tests {
 
     #[test]
     fn precisions_that_save_nothing_are_skipped() {
-        let mut model = RateModel::new();
+        let mut model = RateModel::default();
         let samples = [
             (PixelPrecision::Exact, 640),
             (PixelPrecision::Within2, 270),
@@ -280,7 +268,7 @@ mod tests {
 
     #[test]
     fn old_messages_lose_their_weight() {
-        let mut model = RateModel::new();
+        let mut model = RateModel::default();
         train(&mut model, 500, PixelPrecision::Lossy90, 1.0, 4000);
         let before = model.rates()[3];
         train(&mut model, 8000, PixelPrecision::Exact, 1.0, 3000);

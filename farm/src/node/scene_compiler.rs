@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Instant;
 
 use carom_protocol::{RefusalReason, SceneHash};
@@ -15,6 +15,7 @@ use carom_tracer::{CompiledScene, Scene, SceneError};
 
 use super::fair_queue::{FairQueue, PlayerId};
 use super::job::UncompiledJob;
+use crate::lock::lock;
 
 /// The scenes that a node has compiled, and the jobs whose scenes are to be.
 pub(super) struct SceneCompiler {
@@ -44,8 +45,8 @@ impl KeptScene {
     }
 }
 
-impl SceneCompiler {
-    pub(super) fn new() -> Self {
+impl Default for SceneCompiler {
+    fn default() -> Self {
         Self {
             state: Mutex::new(CompilerState {
                 waiting: FairQueue::new(),
@@ -56,25 +57,27 @@ impl SceneCompiler {
             changed: Condvar::new(),
         }
     }
+}
 
+impl SceneCompiler {
     /// Bounds the memory of all compiled scenes.
     pub(super) fn set_bytes_max(&self, bytes: u64) {
-        self.lock().bytes_max = bytes;
+        lock(&self.state).bytes_max = bytes;
     }
 
     /// How much of that a player may have.
     pub(super) fn player_bytes_max(&self) -> u64 {
-        self.lock().bytes_max / PLAYER_PARTS
+        lock(&self.state).bytes_max / PLAYER_PARTS
     }
 
     /// A scene that is compiled already.
     pub(super) fn kept(&self, hash: SceneHash) -> Option<Arc<CompiledScene>> {
-        self.lock().take_kept(hash)
+        lock(&self.state).take_kept(hash)
     }
 
     /// Has the job's scene compiled.
     pub(super) fn push(&self, job: UncompiledJob) {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         if !state.closed {
             state.waiting.jobs_mut(job.client.player).push_back(job);
             self.changed.notify_one();
@@ -83,7 +86,7 @@ impl SceneCompiler {
 
     /// Waits for a job whose scene is to be compiled; `None` when the node is dropped.
     pub(super) fn next(&self) -> Option<UncompiledJob> {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         loop {
             if state.closed {
                 return None;
@@ -101,7 +104,7 @@ impl SceneCompiler {
     /// A job whose scene is to be compiled, if one waits.
     #[cfg(test)]
     pub(super) fn try_next(&self) -> Option<UncompiledJob> {
-        self.lock().next()
+        lock(&self.state).next()
     }
 
     /// Compiles a job's scene, or says why not.
@@ -110,7 +113,7 @@ impl SceneCompiler {
         let begun = Instant::now();
         let predicted = predicted_bytes(&job.scene).map_err(|why| invalid(&why))?;
         {
-            let mut state = self.lock();
+            let mut state = lock(&self.state);
             if let Some(scene) = state.take_kept(hash) {
                 return Ok(scene);
             }
@@ -118,7 +121,7 @@ impl SceneCompiler {
         }
         // Without the lock, as compiling a large scene takes long.
         let compiled = CompiledScene::new(&job.scene);
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         state.waiting.charge(player, begun.elapsed().as_secs_f64());
         let scene = Arc::new(compiled.map_err(|why| invalid(&why))?);
         state.kept.push_front(KeptScene {
@@ -133,20 +136,16 @@ impl SceneCompiler {
     /// Drops the jobs that have been cancelled.
     pub(super) fn drop_cancelled(&self) {
         let is_cancelled = |job: &UncompiledJob| job.cancelled.load(Ordering::Relaxed);
-        self.lock().waiting.retain(|job| !is_cancelled(job));
+        lock(&self.state).waiting.retain(|job| !is_cancelled(job));
     }
 
     /// Drops everything; no job is handed out any more.
     pub(super) fn close(&self) {
-        let mut state = self.lock();
+        let mut state = lock(&self.state);
         state.closed = true;
         state.waiting = FairQueue::new();
         state.kept.clear();
         self.changed.notify_all();
-    }
-
-    fn lock(&self) -> MutexGuard<'_, CompilerState> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -5,7 +5,7 @@ use std::any::Any;
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
@@ -20,6 +20,7 @@ use super::client_connection::TileSharing;
 use super::cost::{COST_ADVICE, UNDIVIDED_SECS_MAX};
 use super::job::NodeJob;
 use super::queue::{BLOCK_SECS_MAX, BLOCK_STOPS_MAX, JobQueue, Turn, TurnWork};
+use crate::lock::lock;
 
 /// Starts a worker thread; it ends when the queue is closed.
 pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
@@ -199,7 +200,7 @@ impl NodeJob {
         if self.request.update == SceneUpdate::default() {
             return Ok(Arc::clone(&self.base));
         }
-        let mut compiled = self.compiled.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut compiled = lock(&self.compiled);
         if let Some(scene) = &*compiled {
             return Ok(Arc::clone(scene));
         }
@@ -406,9 +407,7 @@ impl<'a> ActiveSlice<'a> {
         dropped_samples: u32,
     ) -> Option<(usize, TileGroup)> {
         let index = tile / GROUP_TILES;
-        let mut group = self.groups[index]
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut group = lock(&self.groups[index]);
         let slot = &mut group.pixels[tile % GROUP_TILES];
         if slot.is_some() {
             return None; // a tracer that delivers a tile twice: the first one counts
@@ -428,10 +427,7 @@ impl<'a> ActiveSlice<'a> {
 
     /// Whether each group is complete, by its place.
     fn complete(&self) -> impl Iterator<Item = bool> {
-        self.groups.iter().map(|group| {
-            let group = group.lock().unwrap_or_else(PoisonError::into_inner);
-            group.missing == 0
-        })
+        self.groups.iter().map(|group| lock(group).missing == 0)
     }
 
     /// The tiles of the groups that are complete.

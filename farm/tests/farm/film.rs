@@ -165,9 +165,7 @@ fn growth(key: &str, frames: usize, made: &Arc<AtomicU32>) -> Film {
     let make = move |frame: u32| {
         made.fetch_add(1, Ordering::Relaxed);
         if frame == 4 {
-            return Err(Error::FrameRange {
-                text: "it cannot be drawn".to_owned(),
-            });
+            return Err(Error::FrameRange("it cannot be drawn".to_owned()));
         }
         Ok(FilmState {
             scene: (frame != 1).then(|| Arc::new(grown(frame))),

@@ -9,10 +9,10 @@ use super::reference_tiles::ReferenceList;
 use super::requests::{OpenRequest, RefusedRequests};
 use super::scene_transfers::SceneTransfers;
 use super::scenes::SceneCache;
-use super::{Channel, Packet, SessionState};
+use super::{Channel, Packet, SessionState, not_above};
 use crate::codec;
 use crate::encoded_scene::EncodedScene;
-use crate::error::{Error, Reason};
+use crate::error::{Error, REPEATED, Reason, SESSION_CLOSED};
 use crate::limits::{CONTROL_QUEUED_MAX, REQUESTS_QUEUED_MAX};
 use crate::message::{
     FrameId, NodeInfo, NodeLoad, NodeTimes, PixelFormat, Refusal, RefusalReason, RequestId,
@@ -197,7 +197,7 @@ impl ClientSession {
             return Ok(SceneStatus::Transferring);
         }
         if self.scenes_asked.len() + self.transfers.len() >= CONTROL_QUEUED_MAX {
-            return Err(Error::unsendable("scene", Reason::NoAnswers));
+            return Err(Error::unsendable("scene", NO_ANSWERS));
         }
         if !scene.chunks().is_empty() {
             self.transfers.push(Arc::clone(scene));
@@ -220,21 +220,19 @@ impl ClientSession {
     ///
     /// [set]: ClientSession::set_scene
     pub fn trace(&mut self, mut request: TraceRequest) -> Result<(), Error> {
-        let unsendable = |reason| Err(Error::unsendable("trace request", reason));
+        let unsendable = |reason: Reason| Err(Error::unsendable("trace request", reason));
         let id = request.id;
         if self.state != SessionState::Open {
-            return unsendable(Reason::NotOpen);
+            return unsendable("the node has not answered, or is at fault".into());
         }
         if self.last_request.is_some_and(|last| id <= last) {
-            return unsendable(Reason::RequestNotAbove { id: id.0 });
+            return unsendable(not_above(id));
         }
         if self.requests.len() >= REQUESTS_QUEUED_MAX {
-            return unsendable(Reason::RequestsOpen {
-                max: REQUESTS_QUEUED_MAX,
-            });
+            return unsendable(format!("{REQUESTS_QUEUED_MAX} requests are open").into());
         }
         if self.scenes.peek_mut(request.scene).is_none() {
-            return unsendable(Reason::SceneNotHeld);
+            return unsendable(Reason::SCENE_NOT_HELD);
         }
         let references = self.references.fill_in(&mut request);
         let (hash, state) = (request.scene, OpenRequest::new(&request, references));
@@ -284,7 +282,7 @@ impl ClientSession {
     /// pings for an answer.
     pub fn ping(&mut self, number: u64) -> Result<(), Error> {
         if self.pings.len() >= CONTROL_QUEUED_MAX {
-            return Err(Error::unsendable("ping", Reason::NoAnswers));
+            return Err(Error::unsendable("ping", NO_ANSWERS));
         }
         self.send(&ToNode::Ping(number))?;
         self.pings.push_back(number);
@@ -344,13 +342,10 @@ impl ClientSession {
 
     fn try_handle(&mut self, packet: Packet) -> Result<Vec<ClientEvent>, Error> {
         if self.state == SessionState::Closed {
-            return Err(Error::out_of_order("packet", Reason::SessionClosed));
+            return Err(Error::out_of_order("packet", SESSION_CLOSED));
         }
         if self.state == SessionState::New && !codec::is_hello(&packet.bytes) {
-            return Err(Error::out_of_order(
-                "message",
-                Reason::NotFirst { first: "Welcome" },
-            ));
+            return Err(Error::out_of_order("message", "the first must be Welcome"));
         }
         let message = codec::decode_to_client(&packet.bytes)?;
         let what = codec::to_client_kind(&message);
@@ -360,11 +355,11 @@ impl ClientSession {
         };
         if packet.channel != channel {
             let channel = packet.channel.packet_name();
-            return Err(Error::out_of_order(what, Reason::WrongChannel { channel }));
+            return Err(Error::out_of_order(what, format!("it came as a {channel}")));
         }
         match message {
             ToClient::Welcome { .. } if self.state == SessionState::Open => {
-                Err(Error::out_of_order(what, Reason::Repeated))
+                Err(Error::out_of_order(what, REPEATED))
             }
             ToClient::Welcome { node, .. } => {
                 self.state = SessionState::Open;
@@ -400,7 +395,7 @@ impl ClientSession {
             }]),
             None => Err(Error::out_of_order(
                 "progress of a scene",
-                Reason::SceneProgress { bytes },
+                format!("no scene of {bytes} bytes was sent"),
             )),
         }
     }
@@ -435,7 +430,7 @@ impl ClientSession {
             }
             _ => Err(Error::out_of_order(
                 "answer to a scene",
-                Reason::SceneNotSent,
+                "the scene was not sent",
             )),
         }
     }
@@ -510,8 +505,7 @@ impl ClientSession {
         request: RequestId,
     ) -> Result<Vec<ClientEvent>, Error> {
         if !self.refused.may_hold(request) {
-            let reason = Reason::RequestNotOpen { id: request.0 };
-            return Err(Error::out_of_order("tile message", reason));
+            return Err(not_open("tile message", request));
         }
         self.stale_tiles += 1;
         Ok(Vec::new())
@@ -522,15 +516,10 @@ impl ClientSession {
         let Some(request) = self.requests.get_mut(&report.request) else {
             // The client cancelled a request whose report was still on its way, and a node may not
             // report twice: so the request was never asked for, or is done.
-            return Err(Error::out_of_order(
-                WHAT,
-                Reason::RequestNotOpen {
-                    id: report.request.0,
-                },
-            ));
+            return Err(not_open(WHAT, report.request));
         };
         if request.report.is_some() {
-            return Err(Error::out_of_order(WHAT, Reason::Repeated));
+            return Err(Error::out_of_order(WHAT, REPEATED));
         }
         let frame = request.frame;
         if request.missing > 0 && !request.cancelled {
@@ -552,16 +541,11 @@ impl ClientSession {
             .get(&id)
             .filter(|request| request.report.is_none())
         else {
-            return Err(Error::out_of_order(
-                WHAT,
-                Reason::RequestNotOpen { id: id.0 },
-            ));
+            return Err(not_open(WHAT, id));
         };
         if refusal.why == RefusalReason::Cancelled && !request.cancelled {
-            return Err(Error::out_of_order(
-                WHAT,
-                Reason::RequestNotCancelled { id: id.0 },
-            ));
+            let rule = format!("request {} was not cancelled", id.0);
+            return Err(Error::out_of_order(WHAT, rule));
         }
         let frame = request.frame;
         self.requests.remove(&id);
@@ -571,7 +555,7 @@ impl ClientSession {
 
     fn pong(&mut self, number: u64, load: NodeLoad) -> Result<Vec<ClientEvent>, Error> {
         if self.pings.front() != Some(&number) {
-            return Err(Error::out_of_order("pong", Reason::NoPing));
+            return Err(Error::out_of_order("pong", "it answers no ping"));
         }
         self.pings.pop_front();
         Ok(vec![ClientEvent::Pong { number, load }])
@@ -616,10 +600,16 @@ impl ClientSession {
     fn check_room(&self, what: &'static str) -> Result<(), Error> {
         match self.packets.len() {
             0..CONTROL_QUEUED_MAX => Ok(()),
-            _ => Err(Error::unsendable(what, Reason::NetworkFull)),
+            _ => Err(Error::unsendable(what, "the network takes no packet")),
         }
     }
 }
+
+fn not_open(what: &'static str, request: RequestId) -> Error {
+    Error::out_of_order(what, format!("request {} is not open", request.0))
+}
+
+const NO_ANSWERS: &str = "the node answers none";
 
 impl Default for ClientSession {
     fn default() -> Self {

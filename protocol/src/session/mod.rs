@@ -29,6 +29,8 @@ pub use node::{NodeEvent, NodeSession};
 pub use reference_tiles::{References, SentReferences};
 pub use scene_assembler::{ChunkStore, ReceivedScene, SceneAssembler, SceneProgress};
 
+use crate::error::Reason;
+use crate::message::RequestId;
 use crate::tile_codec::TilePixels;
 
 /// A whole message on its way.
@@ -92,3 +94,10 @@ impl Channel {
         }
     }
 }
+
+/// Of a request whose number does not rise.
+fn not_above(request: RequestId) -> Reason {
+    format!("request {} is not above the one before", request.0).into()
+}
+
+const TRANSFER_NOT_OPEN: &str = "no scene's chunks are being sent";

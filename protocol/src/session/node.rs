@@ -8,9 +8,9 @@ use carom_tracer::{Scene, SceneUpdate, Shape, TileRange};
 
 use super::scene_assembler::{ReceivedScene, SceneAssembler, SceneProgress};
 use super::scenes::SceneCache;
-use super::{Channel, Packet, SessionState};
+use super::{Channel, Packet, SessionState, not_above};
 use crate::codec;
-use crate::error::{Error, Reason};
+use crate::error::{Error, REPEATED, Reason, SESSION_CLOSED};
 use crate::limits::{
     CONTROL_QUEUED_MAX, NODE_NAME_BYTES_MAX, REQUESTS_QUEUED_MAX, REQUESTS_REFUSED_KEPT,
     SENTENCE_BYTES_MAX, TILES_QUEUED_BYTES_MAX,
@@ -172,7 +172,7 @@ impl NodeSession {
                 Ok(self.answer_scene(progress))
             }),
             SessionState::New => Err(Error::out_of_order("scene", HELLO_FIRST)),
-            SessionState::Closed => Err(Error::out_of_order("scene", Reason::SessionClosed)),
+            SessionState::Closed => Err(Error::out_of_order("scene", SESSION_CLOSED)),
         };
         if event.is_err() {
             self.state = SessionState::Closed;
@@ -222,12 +222,10 @@ impl NodeSession {
         let part = tiles.tiles;
         let inside = request.tiles.first <= part.first && part.end() <= request.tiles.end();
         if !inside || part.count > request.tiles_left {
-            let reason = Reason::TilesNotLeft {
-                tiles: part,
-                left: request.tiles_left,
-                requested: request.tiles,
-            };
-            return Err(Error::unsendable("tile message", reason));
+            let (left, requested) = (request.tiles_left, request.tiles);
+            let rule =
+                format!("{part:?} is not in the {left} tiles that are left of {requested:?}");
+            return Err(Error::unsendable("tile message", rule));
         }
         let (id, frame) = (tiles.request, request.frame);
         let bytes = codec::encode_to_client(&ToClient::Tiles(tiles))?;
@@ -248,14 +246,12 @@ impl NodeSession {
         let Some(request) = self.requests.get_mut(&report.request) else {
             return Ok(false);
         };
-        if request.tiles_left > 0 || request.reported {
-            let reason = match request.reported {
-                true => Reason::Repeated,
-                false => Reason::TilesMissing {
-                    count: request.tiles_left,
-                },
-            };
-            return Err(Error::unsendable("report", reason));
+        if request.reported {
+            return Err(Error::unsendable("report", REPEATED));
+        }
+        if request.tiles_left > 0 {
+            let rule = format!("{} tiles are missing", request.tiles_left);
+            return Err(Error::unsendable("report", rule));
         }
         let bytes = codec::encode_to_client(&ToClient::RequestDone(report))?;
         request.reported = true;
@@ -335,14 +331,14 @@ impl NodeSession {
 
     fn try_handle(&mut self, packet: Packet) -> Result<Option<NodeEvent>, Error> {
         if self.state == SessionState::Closed {
-            return Err(Error::out_of_order("packet", Reason::SessionClosed));
+            return Err(Error::out_of_order("packet", SESSION_CLOSED));
         }
         if packet.channel == Channel::Copy {
             return self.handle_duplicate_request(&packet.bytes);
         }
         if packet.channel != Channel::Control {
             let what = packet.channel.packet_name();
-            return Err(Error::out_of_order(what, Reason::NotForNodes));
+            return Err(Error::out_of_order(what, "clients send none"));
         }
         // Nothing else is looked at, or anything allocated for it, before the greeting.
         if self.state == SessionState::New && !codec::is_hello(&packet.bytes) {
@@ -378,7 +374,7 @@ impl NodeSession {
     /// Answers a greeting, one of another version too: its sender reads the version from it.
     fn welcome(&mut self) -> Result<(), Error> {
         if self.state != SessionState::New {
-            return Err(Error::out_of_order("greeting", Reason::Repeated));
+            return Err(Error::out_of_order("greeting", REPEATED));
         }
         self.state = SessionState::Open;
         self.send(&ToClient::Welcome {
@@ -391,7 +387,7 @@ impl NodeSession {
     fn check_answers_are_read(&self, what: &'static str) -> Result<(), Error> {
         match self.control_queue.len() {
             0..CONTROL_QUEUED_MAX => Ok(()),
-            _ => Err(Error::out_of_order(what, Reason::AnswersUnread)),
+            _ => Err(Error::out_of_order(what, "the answers are not being read")),
         }
     }
 
@@ -438,8 +434,7 @@ impl NodeSession {
     ) -> Result<Option<NodeEvent>, Error> {
         let id = request.id;
         if self.last_request.is_some_and(|last| id <= last) {
-            let reason = Reason::RequestNotAbove { id: id.0 };
-            return Err(Error::out_of_order("trace request", reason));
+            return Err(Error::out_of_order("trace request", not_above(id)));
         }
         self.last_request = Some(id);
         let copy = self.begun.remove(&id);
@@ -447,7 +442,10 @@ impl NodeSession {
             .as_ref()
             .is_some_and(|copy| copy.digest != blake3::hash(packet))
         {
-            return Err(Error::out_of_order("trace request", Reason::CopyDiffers));
+            return Err(Error::out_of_order(
+                "trace request",
+                "it differs from its copy",
+            ));
         }
         self.decode_particles(&mut request)?;
         self.particles.remember(id, &request.update.particles);
@@ -479,7 +477,7 @@ impl NodeSession {
         }
         let ToNode::Trace(mut request) = codec::decode_to_node(bytes)? else {
             let what = Channel::Copy.packet_name();
-            return Err(Error::out_of_order(what, Reason::CopyOfNoRequest));
+            return Err(Error::out_of_order(what, "only requests have copies"));
         };
         let id = request.id;
         let come = self.last_request.is_some_and(|last| id <= last) || self.begun.contains_key(&id);
@@ -613,7 +611,7 @@ impl NodeSession {
     }
 }
 
-const HELLO_FIRST: Reason = Reason::NotFirst { first: "Hello" };
+const HELLO_FIRST: &str = "the first must be Hello";
 
 /// Whether each pose names a ball of the scene.
 fn check_fit(scene: &Scene, update: &SceneUpdate) -> Result<(), Reason> {
@@ -621,10 +619,18 @@ fn check_fit(scene: &Scene, update: &SceneUpdate) -> Result<(), Reason> {
         let object = pose.object;
         match scene.objects.get(object as usize).map(|found| &found.shape) {
             Some(Shape::Sphere { .. } | Shape::TruncatedCone { .. } | Shape::Mesh(_)) => {}
-            Some(_) => return Err(Reason::PoseOfImmovable { object }),
+            Some(_) => {
+                return Err(format!(
+                    "object {object} is posed, but it is neither a sphere nor a truncated cone nor a mesh"
+                )
+                .into());
+            }
             None => {
                 let objects = scene.objects.len();
-                return Err(Reason::PoseOutsideScene { object, objects });
+                return Err(format!(
+                    "object {object} is posed, but the scene has {objects} objects"
+                )
+                .into());
             }
         }
     }

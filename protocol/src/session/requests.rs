@@ -6,7 +6,7 @@ use std::sync::Arc;
 use carom_tracer::{Tile, TileGrid, TileRange};
 
 use super::reference_tiles::References;
-use crate::error::{Error, Reason};
+use crate::error::Error;
 use crate::limits::REQUESTS_REFUSED_KEPT;
 use crate::message::{FrameId, PixelFormat, RequestId, RequestReport, TraceRequest};
 use crate::precision::PrecisionRange;
@@ -72,14 +72,15 @@ impl OpenRequest {
         const WHAT: &str = "tile message";
         if tiles.first < self.tiles.first || tiles.end() > self.tiles.end() {
             let requested = self.tiles;
-            let reason = Reason::TilesNotAsked { tiles, requested };
-            return Err(Error::out_of_order(WHAT, reason));
+            let rule = format!("{tiles:?} was not asked for: the request is {requested:?}");
+            return Err(Error::out_of_order(WHAT, rule));
         }
         self.received.resize(self.tiles.count as usize, false);
         let start = (tiles.first - self.tiles.first) as usize;
         let received = &mut self.received[start..][..tiles.count as usize];
         if received.contains(&true) {
-            return Err(Error::out_of_order(WHAT, Reason::TilesRepeated { tiles }));
+            let rule = format!("some of {tiles:?} have come before");
+            return Err(Error::out_of_order(WHAT, rule));
         }
         received.fill(true);
         self.missing -= tiles.count;

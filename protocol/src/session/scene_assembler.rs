@@ -10,8 +10,9 @@ use std::sync::Arc;
 use carom_tracer::Scene;
 use carom_tracer::text::printable;
 
+use super::TRANSFER_NOT_OPEN;
 use crate::codec;
-use crate::error::{Error, Reason};
+use crate::error::{Error, SCENE_HASH};
 use crate::limits::{SCENE_BYTES_MAX, SCENE_TEXTURE_BYTES_MAX, SENTENCE_BYTES_MAX};
 use crate::message::{ChunkKey, SceneHash, ToNode};
 
@@ -120,19 +121,19 @@ impl SceneAssembler {
                 let received = ReceivedScene::new(hash, bytes, *scene);
                 Ok(SceneProgress::Received(received))
             }
-            (ToNode::Manifest { .. }, Some(_)) => out_of_order(Reason::TransferOpen),
+            (ToNode::Manifest { .. }, Some(_)) => out_of_order("a scene's chunks are being sent"),
             (ToNode::Manifest { hash, chunks }, None) => Ok(self.begin(hash, chunks)),
             (ToNode::Chunk { bytes }, Some(assembly)) => {
                 assembly.add(&bytes, self.store.as_deref())
             }
-            (ToNode::Chunk { .. }, None) => out_of_order(Reason::ChunkNotWanted),
+            (ToNode::Chunk { .. }, None) => out_of_order(CHUNK_NOT_WANTED),
             (ToNode::ChunksSent(sent), assembly) => {
                 match assembly.take().filter(|assembly| assembly.hash == sent) {
                     Some(assembly) => assembly.finish().map(SceneProgress::Received),
-                    None => out_of_order(Reason::TransferNotOpen),
+                    None => out_of_order(TRANSFER_NOT_OPEN),
                 }
             }
-            _ => Err(Error::malformed(what, Reason::UnknownMessage)),
+            _ => Err(Error::malformed(what, codec::UNKNOWN_MESSAGE)),
         }
     }
 
@@ -215,11 +216,14 @@ impl Assembly {
     ) -> Result<SceneProgress, Error> {
         const WHAT: &str = "chunk";
         let Some(place) = self.wanted.pop_front() else {
-            return Err(Error::out_of_order(WHAT, Reason::ChunkNotWanted));
+            return Err(Error::out_of_order(WHAT, CHUNK_NOT_WANTED));
         };
         let chunk = self.chunks[place as usize];
         if ChunkKey::of(bytes) != chunk {
-            return Err(Error::malformed(WHAT, Reason::ChunkHash));
+            return Err(Error::malformed(
+                WHAT,
+                "it hashes to another one than was wanted",
+            ));
         }
         if let Some(store) = store {
             store.write(&chunk, bytes);
@@ -245,16 +249,18 @@ impl Assembly {
     fn finish(self) -> Result<ReceivedScene, Error> {
         const WHAT: &str = "end of a scene";
         if !self.wanted.is_empty() {
-            let count = self.wanted.len();
-            return Err(Error::out_of_order(WHAT, Reason::ChunksMissing { count }));
+            let rule = format!("{} chunks are still to come", self.wanted.len());
+            return Err(Error::out_of_order(WHAT, rule));
         }
         if SceneHash::of_bytes(&self.bytes) != self.hash {
-            return Err(Error::malformed(WHAT, Reason::SceneHash));
+            return Err(Error::malformed(WHAT, SCENE_HASH));
         }
         let scene = codec::decode_scene(&self.bytes)?;
         Ok(ReceivedScene::new(self.hash, self.bytes.len(), scene))
     }
 }
+
+const CHUNK_NOT_WANTED: &str = "no chunk is wanted";
 
 /// Whether a node draws a scene, or a sentence.
 fn check_scene(scene: &Scene) -> Result<(), String> {

@@ -3,8 +3,9 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use super::TRANSFER_NOT_OPEN;
 use crate::encoded_scene::EncodedScene;
-use crate::error::{Error, Reason};
+use crate::error::Error;
 use crate::message::{SceneHash, ToNode};
 
 /// Scenes whose chunks are sent or will be; the first is under way.
@@ -75,14 +76,14 @@ impl SceneTransfers {
     pub(super) fn want(&mut self, hash: SceneHash, wanted: Vec<u32>) -> Result<(), Error> {
         const WHAT: &str = "list of wanted chunks";
         let Some(SceneTransfer { scene, state }) = self.first(hash) else {
-            return Err(Error::out_of_order(WHAT, Reason::TransferNotOpen));
+            return Err(Error::out_of_order(WHAT, TRANSFER_NOT_OPEN));
         };
         let chunks = scene.chunks().len();
         if let Some(&chunk) = wanted.last()
             && chunk as usize >= chunks
         {
-            let reason = Reason::NoSuchChunk { chunk, chunks };
-            return Err(Error::out_of_order(WHAT, reason));
+            let rule = format!("chunk {chunk} of {chunks} is wanted");
+            return Err(Error::out_of_order(WHAT, rule));
         }
         *state = TransferState::Sending(wanted.into());
         Ok(())

@@ -17,7 +17,7 @@ use super::transform::float_planes;
 use super::transform::quantise::{dequantise, quantised};
 use super::transform::srgb_inverse::InverseTransform;
 use super::{TilePixels, jpeg};
-use crate::error::{Error, Reason};
+use crate::error::{EMPTY, Error, Reason};
 use crate::limits::PIXELS_PER_MESSAGE_MAX;
 use crate::message::PixelFormat;
 use crate::precision::{PixelPrecision, PrecisionRange};
@@ -80,7 +80,7 @@ impl Decoder {
             Some((first, planes)) => self
                 .unpack(*first, planes, size..=size)
                 .map_err(|reason| Error::malformed(WHAT, reason))?,
-            None => return Err(Error::malformed(WHAT, Reason::Empty)),
+            None => return Err(Error::malformed(WHAT, EMPTY)),
         };
         Ok(TilePixels::Linear(match format {
             PixelFormat::LinearF16 => from_f16(&float_planes::inverse(planes, tiles)),
@@ -103,11 +103,10 @@ impl Decoder {
         let malformed = |reason: Reason| Error::malformed(WHAT, reason);
         let header = Header::parse(payload, tiles.len()).map_err(malformed)?;
         if !range.contains(header.precision) {
-            return Err(malformed(Reason::PrecisionNotAsked {
-                sent: header.precision.name(),
-                finest: range.finest.name(),
-                coarsest: range.coarsest.name(),
-            }));
+            let PrecisionRange { finest, coarsest } = range;
+            let sent = header.precision;
+            let rule = format!("it is {sent}: from {finest} to {coarsest} was asked for");
+            return Err(malformed(rule.into()));
         }
         let mut decoded = SrgbTiles {
             pixels: Vec::new(),
@@ -153,7 +152,7 @@ impl Decoder {
             _ => self.unpack(header.storage, header.body, least..=least + 3 * delta)?,
         };
         let transform = InverseTransform::new(level, planes, mask_bytes, intra);
-        let mut transform = transform.ok_or(Reason::DeltaMasks)?;
+        let mut transform = transform.ok_or(DELTA_MASKS)?;
         // Allocated once the planes have turned out to be there.
         decoded.pixels = vec![[0; 3]; count];
         let mut pixels = &mut decoded.pixels[..];
@@ -163,7 +162,7 @@ impl Decoder {
             match mode {
                 TileMode::Unchanged => {
                     let same = reference.and_then(|known| known.at_precision(precision, *tile));
-                    let same = same.ok_or(Reason::MissingReference)?;
+                    let same = same.ok_or(MISSING_REFERENCE)?;
                     here.copy_from_slice(&same.pixels);
                     decoded.references.push(same);
                     continue;
@@ -171,9 +170,9 @@ impl Decoder {
                 TileMode::Intra => transform.intra_tile(here, step, tile.width as usize),
                 TileMode::Delta => {
                     let base = reference.and_then(|known| known.base(precision, tile.pixels()));
-                    let base = base.ok_or(Reason::MissingReference)?;
+                    let base = base.ok_or(MISSING_REFERENCE)?;
                     let inverted = transform.delta_tile(here, step, *tile, base);
-                    inverted.ok_or(Reason::DeltaMasks)?;
+                    inverted.ok_or(DELTA_MASKS)?;
                 }
             }
             let pixels = Box::from(&*here);
@@ -196,12 +195,12 @@ impl Decoder {
         self.delta_coder.begin();
         decoded.pixels = Vec::with_capacity(count);
         for (tile, reference) in tiles {
-            let reference = reference.ok_or(Reason::MissingReference)?;
+            let reference = reference.ok_or(MISSING_REFERENCE)?;
             let tile = if self.delta_coder.tile_changes(&mut coder, false) {
                 let width = tile.width as usize;
                 let base = reference
                     .base(precision, tile.pixels())
-                    .ok_or(Reason::MissingReference)?;
+                    .ok_or(MISSING_REFERENCE)?;
                 let mut pixels = quantised(step, width, base);
                 self.delta_coder
                     .tile(&mut coder, width, step, &mut pixels, None);
@@ -211,7 +210,7 @@ impl Decoder {
             } else {
                 reference
                     .at_precision(precision, *tile)
-                    .ok_or(Reason::MissingReference)?
+                    .ok_or(MISSING_REFERENCE)?
             };
             decoded.pixels.extend_from_slice(&tile.pixels);
             decoded.references.push(tile);
@@ -219,7 +218,7 @@ impl Decoder {
         if coder.is_at_end() {
             return Ok(());
         }
-        Err(Reason::RangeCoderEnd)
+        Err("its range coder does not end where it does".into())
     }
 
     /// Planes of one of `sizes` bytes.
@@ -233,7 +232,7 @@ impl Decoder {
             STORED if sizes.contains(&bytes.len()) => Ok(bytes),
             STORED => Err(wrong_size(bytes.len(), &sizes)),
             ZSTD => self.decompress(bytes, &sizes),
-            _ => Err(Reason::Storage),
+            _ => Err(NO_STORAGE.into()),
         }
     }
 
@@ -243,9 +242,7 @@ impl Decoder {
         match self.zstd.decompress_to_buffer(frame, &mut self.planes[..]) {
             Ok(length) if length == size => Ok(&self.planes),
             Ok(length) => Err(wrong_size(length, sizes)),
-            Err(error) => Err(Reason::Zstd {
-                message: error.to_string(),
-            }),
+            Err(why) => Err(undecompressed(&why)),
         }
     }
 }
@@ -271,7 +268,7 @@ fn decode_lossy(
     let scan = match (scanned.is_empty(), header.storage) {
         (true, STORED) if header.body.is_empty() => Vec::new(),
         (false, JPEG) => jpeg::decode(precision, &scanned, header.body)?,
-        _ => return Err(Reason::JpegStorage),
+        _ => return Err("it is no JPEG scan".into()),
     };
     decoded.pixels = vec![[0; 3]; count];
     let mut scan = &scan[..];
@@ -292,7 +289,7 @@ fn decode_lossy(
                 here.copy_from_slice(&same.pixels);
                 decoded.references.push(Arc::clone(same));
             }
-            _ => return Err(Reason::MissingReference),
+            _ => return Err(MISSING_REFERENCE.into()),
         }
     }
     Ok(())
@@ -314,30 +311,32 @@ fn checked_pixels(tiles: impl Iterator<Item = Tile>, format: PixelFormat) -> Res
 /// them.
 pub(crate) fn check_frame(frame: &[u8], sizes: &RangeInclusive<usize>) -> Result<usize, Reason> {
     if !frame.starts_with(&zstd_safe::MAGICNUMBER.to_le_bytes()) {
-        return Err(Reason::ZstdMagic);
+        return Err("it is no zstd frame".into());
     }
     if zstd_safe::get_dict_id_from_frame(frame).is_some() {
-        return Err(Reason::ZstdDictionary);
+        return Err("it asks for a zstd dictionary".into());
     }
     let size = match zstd_safe::get_frame_content_size(frame) {
         Ok(Some(size)) => usize::try_from(size).unwrap_or(usize::MAX),
-        _ => return Err(Reason::ZstdNoSize),
+        _ => return Err("its zstd frame states no size".into()),
     };
     if !sizes.contains(&size) {
         return Err(wrong_size(size, sizes));
     }
     match zstd_safe::find_frame_compressed_size(frame) {
         Ok(length) if length == frame.len() => Ok(size),
-        Ok(length) => Err(Reason::TrailingBytes {
-            bytes: frame.len() - length,
-        }),
-        Err(_) => Err(Reason::ZstdCutShort),
+        Ok(length) => Err(format!("{} bytes follow its end", frame.len() - length).into()),
+        Err(_) => Err("its zstd frame is cut short".into()),
     }
 }
 
 fn wrong_size(bytes: usize, sizes: &RangeInclusive<usize>) -> Reason {
     let (min, max) = (*sizes.start(), *sizes.end());
-    Reason::PlaneBytes { bytes, min, max }
+    format!("it has planes of {bytes} bytes: it must be from {min} to {max}").into()
+}
+
+pub(crate) fn undecompressed(why: &std::io::Error) -> Reason {
+    format!("its zstd frame cannot be decompressed: {why}").into()
 }
 
 /// All at once: for one number at a time, `half` asks each time what the processor can do.
@@ -354,3 +353,6 @@ fn from_f32(bits: &[[u32; 3]]) -> Vec<[f32; 3]> {
 }
 
 const WHAT: &str = "tile payload";
+const MISSING_REFERENCE: &str = "a tile is delta-coded against one that is not held";
+const DELTA_MASKS: &str = "its masks do not fit";
+pub(crate) const NO_STORAGE: &str = "its first byte names no way of storing";

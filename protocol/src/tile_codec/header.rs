@@ -1,6 +1,6 @@
 //! Header of an sRGB payload: its precision, how its planes are stored, and the modes of its tiles.
 
-use crate::error::Reason;
+use crate::error::{EMPTY, Reason};
 use crate::precision::PixelPrecision;
 
 /// How a tile of a payload is coded.
@@ -25,11 +25,12 @@ pub(super) struct Header<'a> {
 
 impl<'a> Header<'a> {
     pub(super) fn parse(payload: &'a [u8], tiles: usize) -> Result<Self, Reason> {
-        let (&first, rest) = payload.split_first().ok_or(Reason::Empty)?;
+        let (&first, rest) = payload.split_first().ok_or(EMPTY)?;
         let precision = PixelPrecision::ALL.get(usize::from(first >> PRECISION_SHIFT));
+        let unknown = || format!("its first byte names no precision: {first:#04x}");
         let header = |modes, body| {
             Ok(Self {
-                precision: *precision.ok_or(Reason::PrecisionByte { byte: first })?,
+                precision: *precision.ok_or_else(unknown)?,
                 storage: first & STORAGE_MASK,
                 modes,
                 body,
@@ -40,7 +41,7 @@ impl<'a> Header<'a> {
         }
         let (bytes, body) = rest
             .split_at_checked(tiles.div_ceil(TILES_PER_BYTE))
-            .ok_or(Reason::ModesCutShort)?;
+            .ok_or("its modes are cut short")?;
         let bits = bytes
             .iter()
             .flat_map(|byte| [0, 2, 4, 6].map(|shift| byte >> shift & 3));
@@ -55,7 +56,7 @@ impl TileMode {
             0 => Ok(Self::Intra),
             1 => Ok(Self::Delta),
             2 => Ok(Self::Unchanged),
-            _ => Err(Reason::TileMode { mode: bits }),
+            _ => Err(format!("there is no mode {bits}").into()),
         }
     }
 }

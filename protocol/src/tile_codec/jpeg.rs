@@ -47,15 +47,14 @@ pub(crate) fn decode(
         .set_max_height(height)
         .jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&file), options);
-    let stack = decoder.decode().map_err(|error| Reason::Jpeg {
-        message: format!("{error:?}"),
-    })?;
+    let stack = decoder.decode();
+    let stack = stack.map_err(|why| format!("its JPEG scan cannot be decoded: {why:?}"))?;
     let (stack, rest) = stack.as_chunks::<3>();
     if decoder.dimensions() != Some((width, height))
         || stack.len() != width * height
         || !rest.is_empty()
     {
-        return Err(Reason::JpegSize);
+        return Err("its JPEG scan is a picture of another size".into());
     }
     let mut rows = stack.chunks_exact(width);
     let mut pixels = Vec::with_capacity(tiles.iter().map(|tile| tile.pixels()).sum());

@@ -78,8 +78,8 @@ use std::sync::Arc;
 use carom_tracer::Tile;
 use carom_tracer::tonemap::srgb8;
 
-pub(crate) use self::decode::check_frame;
 use self::decode::from_f16;
+pub(crate) use self::decode::{NO_STORAGE, check_frame, undecompressed};
 use self::encode::f16_bits;
 use crate::message::PixelFormat;
 

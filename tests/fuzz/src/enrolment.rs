@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use carom_farm::Error;
 use carom_farm::carom_tracer::text::SENTENCE_BYTES_MAX;
 use carom_farm::net::authority::lasting;
-use carom_farm::net::enrolment_messages::{EnrolmentAnswer, EnrolmentRequest};
+use carom_farm::net::enrolment_messages::{Certified, EnrolmentAnswer, EnrolmentRequest};
 use carom_farm::net::farm_folder::check_name;
 use carom_farm::net::{Authority, Role};
 
@@ -37,7 +37,7 @@ pub fn enrolment(bytes: &[u8]) {
             let again = EnrolmentAnswer::from_json(&written).expect("its own text");
             assert!(again == answer);
             if let EnrolmentAnswer::Refused { sentence } = answer {
-                assert_told(&Error::EnrolmentRefused { sentence });
+                assert_told(&Error::EnrolmentRefused(sentence));
             }
         }
         Err(why) => assert_told(&why),
@@ -79,11 +79,11 @@ pub fn enrolment_seeds() -> Vec<Vec<u8>> {
         EnrolmentRequest::Renew { request_pem: None },
     ];
     let answers = [
-        EnrolmentAnswer::Certified {
+        EnrolmentAnswer::Certified(Certified {
             authority_pem: "-----BEGIN CERTIFICATE-----".to_owned(),
             certificate_pem: None,
             deny_list: "0123 node oak\n".to_owned(),
-        },
+        }),
         EnrolmentAnswer::Refused {
             sentence: "the token is not valid".to_owned(),
         },

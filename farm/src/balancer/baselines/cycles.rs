@@ -6,7 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::balancer::{Balancer, Division, RequestOutcome, Shares, in_proportion};
+use super::{RESPONSE_SECS_MIN, at_least_a_tile, known_or_mean};
+use crate::balancer::{Balancer, Division, RequestOutcome, Shares};
 use crate::node_status::NodeIndex;
 
 /// See [`crate::Algorithm::Cycles`].
@@ -47,23 +48,9 @@ impl Balancer for Cycles {
     fn divide(&mut self, division: &Division<'_>) -> Shares {
         self.rebalance(division);
         let nodes = || division.candidates.iter().map(|candidate| candidate.node);
-        let known: Vec<f64> = nodes()
-            .filter_map(|node| self.weights.get(&node).copied())
-            .collect();
-        let mean = if known.is_empty() {
-            1.0
-        } else {
-            known.iter().sum::<f64>() / known.len() as f64
-        };
-        let weights: Vec<f64> = nodes()
-            .map(|node| *self.weights.entry(node).or_insert(mean))
-            .collect();
-        let shares = in_proportion(division.work, &weights);
-        let at_least_a_tile: Vec<f64> = shares
-            .iter()
-            .map(|share| share.max(division.tile_work))
-            .collect();
-        Shares::Work(in_proportion(division.work, &at_least_a_tile))
+        let weights = known_or_mean(nodes().map(|node| self.weights.get(&node).copied()));
+        self.weights.extend(nodes().zip(weights.iter().copied()));
+        at_least_a_tile(division, &weights)
     }
 
     fn learn(&mut self, outcome: &RequestOutcome) {
@@ -74,8 +61,6 @@ impl Balancer for Cycles {
 
 /// Deviation from the mean, as a share of it, that is left alone.
 const DEAD_BAND: f64 = 0.02;
-/// Shorter responses are below the resolution that durations are measured with.
-const RESPONSE_SECS_MIN: f64 = 1e-6;
 
 #[cfg(test)]
 mod tests {

@@ -1,6 +1,6 @@
 //! The same work for each node: what balancing is measured against.
 
-use crate::balancer::{Balancer, Division, RequestOutcome, Shares};
+use crate::balancer::{Balancer, Division, Shares};
 
 /// See [`crate::Algorithm::Equal`].
 #[derive(Debug, Default)]
@@ -11,6 +11,4 @@ impl Balancer for Equal {
         let nodes = division.candidates.len();
         Shares::Work(vec![division.work / nodes as f64; nodes])
     }
-
-    fn learn(&mut self, _outcome: &RequestOutcome) {}
 }

@@ -13,6 +13,32 @@ pub use equal::Equal;
 pub use naive::Naive;
 pub use pull::Pull;
 
+use super::{Division, Shares, in_proportion};
+
+/// Shorter responses are below the resolution that durations are measured with.
+const RESPONSE_SECS_MIN: f64 = 1e-6;
+
+/// The weight of each node; one that has none counts as the mean of the others.
+fn known_or_mean(weights: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
+    let weights: Vec<_> = weights.collect();
+    let known: Vec<f64> = weights.iter().flatten().copied().collect();
+    let mean = match known.len() {
+        0 => 1.0,
+        count => known.iter().sum::<f64>() / count as f64,
+    };
+    let weights = weights.into_iter();
+    weights.map(|weight| weight.unwrap_or(mean)).collect()
+}
+
+/// In proportion to the weights, but nobody gets less than a tile: it would not be measured again.
+fn at_least_a_tile(division: &Division<'_>, weights: &[f64]) -> Shares {
+    let mut shares = in_proportion(division.work, weights);
+    for share in &mut shares {
+        *share = share.max(division.tile_work);
+    }
+    Shares::Work(in_proportion(division.work, &shares))
+}
+
 #[cfg(test)]
 mod tests {
     use crate::balancer::{Candidate, Division};

@@ -4,7 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::balancer::{Balancer, Division, RequestOutcome, Shares, in_proportion};
+use super::{RESPONSE_SECS_MIN, at_least_a_tile, known_or_mean};
+use crate::balancer::{Balancer, Division, RequestOutcome, Shares};
 use crate::node_status::NodeIndex;
 
 /// See [`crate::Algorithm::Naive`], [`crate::Algorithm::NaiveMean`] and
@@ -56,22 +57,8 @@ impl Balancer for Naive {
     /// one tile, or it would never be measured again.
     fn divide(&mut self, division: &Division<'_>) -> Shares {
         let speeds = division.candidates.iter();
-        let speeds: Vec<_> = speeds
-            .map(|candidate| self.nodes.get(&candidate.node).map(|speed| speed.mean))
-            .collect();
-        let known: Vec<f64> = speeds.iter().flatten().copied().collect();
-        let mean = if known.is_empty() {
-            1.0
-        } else {
-            known.iter().sum::<f64>() / known.len() as f64
-        };
-        let weights: Vec<f64> = speeds.iter().map(|speed| speed.unwrap_or(mean)).collect();
-        let shares = in_proportion(division.work, &weights);
-        let at_least_a_tile: Vec<f64> = shares
-            .iter()
-            .map(|share| share.max(division.tile_work))
-            .collect();
-        Shares::Work(in_proportion(division.work, &at_least_a_tile))
+        let speeds = speeds.map(|candidate| Some(self.nodes.get(&candidate.node)?.mean));
+        at_least_a_tile(division, &known_or_mean(speeds))
     }
 
     fn learn(&mut self, outcome: &RequestOutcome) {
@@ -89,8 +76,6 @@ impl Balancer for Naive {
 
 /// Runs that count for ever.
 const FROZEN_RUNS: u32 = 60;
-/// Shorter responses are below the resolution that durations are measured with.
-const RESPONSE_SECS_MIN: f64 = 1e-6;
 
 #[cfg(test)]
 mod tests {

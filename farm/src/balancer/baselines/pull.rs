@@ -4,7 +4,7 @@
 //! slow nodes hold at the end is waited for. Portions shrink as the pool does (guided
 //! self-scheduling: Polychronopoulos and Kuck, IEEE Transactions on Computers 36, 1987).
 
-use crate::balancer::{Balancer, Division, Estimate, RequestOutcome, Shares};
+use crate::balancer::{Balancer, Division, Estimate, Shares};
 
 /// See [`crate::Algorithm::Pull`].
 #[derive(Debug)]
@@ -30,8 +30,6 @@ impl Balancer for Pull {
     fn divide(&mut self, _division: &Division<'_>) -> Shares {
         Shares::Pool
     }
-
-    fn learn(&mut self, _outcome: &RequestOutcome) {}
 }
 
 /// More tiles than these in one request gain nothing: they are as many as one message carries.

@@ -9,8 +9,8 @@ use carom_tracer::{
     DeviceInfo, DeviceKind, ImageSize, RenderSettings, Scene, SceneUpdate, TileGrid, TileRange,
 };
 
-use super::super::NodeConnection;
 use super::super::client_connection::TileSharing;
+use super::super::{NodeConnection, PacketHandler as _};
 use super::*;
 
 /// A client that is connected to a node of `queue`.
@@ -151,7 +151,7 @@ fn price(queue: &JobQueue, secs_per_sample: f64, probes: u32) {
 
 #[test]
 fn each_clients_oldest_frame_runs_first_in_its_turn() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let [near_id, far_id] = [b"near", b"far!"].map(|key| PlayerId::of_key(key));
     let (mut near, mut far) = (
         Requester::new(&queue, near_id),
@@ -183,7 +183,7 @@ fn each_clients_oldest_frame_runs_first_in_its_turn() {
 
 #[test]
 fn a_long_request_delays_others_by_a_slice() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let [greedy_id, honest_id] = [b"a", b"b"].map(|key| PlayerId::of_key(key));
     let mut greedy = Requester::new(&queue, greedy_id);
     greedy.request(0, 4096);
@@ -208,7 +208,7 @@ fn a_long_request_delays_others_by_a_slice() {
 
 #[test]
 fn the_player_of_this_process_is_neither_priced_nor_sliced() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let mut stranger = Requester::new(&queue, PlayerId::of_key(b"stranger"));
     stranger.request(0, 4096);
     price(&queue, 100.0, PROBES_BEFORE_REFUSAL);
@@ -226,7 +226,7 @@ fn the_player_of_this_process_is_neither_priced_nor_sliced() {
 
 #[test]
 fn a_player_that_has_had_its_hour_is_refused_and_others_are_not() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     queue.set_quota(2.5 * SLICE_SECS);
     let [near_id, far_id] = [b"near", b"far!"].map(|key| PlayerId::of_key(key));
     let (mut near, mut far) = (
@@ -247,7 +247,7 @@ fn a_player_that_has_had_its_hour_is_refused_and_others_are_not() {
 
 #[test]
 fn a_request_that_takes_days_is_refused() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let mut greedy = Requester::new(&queue, PlayerId::of_key(b"greedy"));
     greedy.request_with(0, 32, DENOISED);
     price(&queue, 1.0, PROBES_BEFORE_REFUSAL);
@@ -263,7 +263,7 @@ fn a_request_that_takes_days_is_refused() {
 
 #[test]
 fn slices_grow_from_what_was_measured() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let mut player = Requester::new(&queue, PlayerId::of_key(b"player"));
     player.request(0, 4096);
     let probe = queue.next().unwrap();
@@ -277,7 +277,7 @@ fn slices_grow_from_what_was_measured() {
 
 #[test]
 fn a_slice_that_takes_longer_than_its_price_is_cut_when_somebody_waits() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let [greedy_id, honest_id] = [b"a", b"b"].map(|key| PlayerId::of_key(key));
     let mut greedy = Requester::new(&queue, greedy_id);
     greedy.request(0, 4096);
@@ -326,7 +326,7 @@ fn end_traced(queue: &JobQueue, turn: &Turn) {
 
 #[test]
 fn a_tile_longer_than_a_slice_is_traced_in_parts() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let mut greedy = Requester::new(&queue, PlayerId::of_key(b"a"));
     greedy.request(0, 2);
     // A column of eight samples fills a slice, three times.
@@ -360,7 +360,7 @@ fn greedy_and_honest(queue: &Arc<JobQueue>) -> [Requester; 2] {
 
 #[test]
 fn dear_denoised_tiles_are_whole_while_nobody_waits_and_slices_otherwise() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let [_greedy, mut honest] = greedy_and_honest(&queue);
     let first = TileRange { first: 0, count: 1 };
     let alone = queue.next().unwrap();
@@ -396,7 +396,7 @@ fn dear_denoised_tiles_are_whole_while_nobody_waits_and_slices_otherwise() {
 
 #[test]
 fn a_denoised_tile_stopped_for_another_player_goes_on_in_parts() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let [_greedy, mut honest] = greedy_and_honest(&queue);
     let turn = queue.next().unwrap();
     assert_eq!(turn.work, TurnWork::Trace(TileRange { first: 0, count: 1 }));
@@ -432,7 +432,7 @@ fn a_denoised_tile_stopped_for_another_player_goes_on_in_parts() {
 
 #[test]
 fn a_denoised_block_beside_others_is_stopped_in_seconds() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let [greedy_id, honest_id] = [b"a", b"b"].map(|key| PlayerId::of_key(key));
     let mut greedy = Requester::new(&queue, greedy_id);
     greedy.request_with(0, 1, DENOISED);
@@ -450,7 +450,7 @@ fn a_denoised_block_beside_others_is_stopped_in_seconds() {
 
 #[test]
 fn a_tile_without_end_is_stopped() {
-    let queue = Arc::new(JobQueue::new());
+    let queue = Arc::new(JobQueue::default());
     let mut greedy = Requester::new(&queue, PlayerId::of_key(b"a"));
     greedy.request_with(0, 1, DENOISED);
     price(&queue, 1e-6, 1);

@@ -150,7 +150,7 @@ impl Chart<'_> {
             for curve in self.curves {
                 let newest = curve.values.last().copied().unwrap_or(0.0);
                 let newest = format!("{newest:5.1} {}", self.unit);
-                marked(ui, curve.term, &newest, curve.color);
+                marked(ui, curve.term, newest, curve.color);
             }
         });
         let size = Vec2::new(ui.available_width(), HEIGHT);

@@ -6,45 +6,33 @@ use egui::{Rect, RichText, Sense, Shape, Ui, Vec2, epaint::Mesh};
 
 use super::glossary as terms;
 use super::summary::StatsSummary;
-use super::value_label::{figure, figure_or_alarm, marked, ms, percent};
+use super::value_label::{figure, figure_or_alarm, in_ms, marked, ms, percent};
 use super::{StatsInput, palette};
 
 /// Draws the figures that the line has no room for.
 pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) {
     let rates = &summary.rates;
     ui.horizontal_wrapped(|ui| {
-        figure(ui, &terms::FPS_MEAN, &format!("{:3.0}", rates.mean));
-        figure(ui, &terms::LOW_01, &format!("{:3.0}", rates.low_01_percent));
-        figure(ui, &terms::DRAW, &format!("{} ms", ms(input.draw_secs)));
-        figure(ui, &terms::LEAD, &format!("{} ms", ms(input.lead_secs)));
-        figure(ui, &terms::SKIPPED, &input.skipped.to_string());
+        figure(ui, &terms::FPS_MEAN, format!("{:3.0}", rates.mean));
+        figure(ui, &terms::LOW_01, format!("{:3.0}", rates.low_01_percent));
+        figure(ui, &terms::DRAW, in_ms(input.draw_secs));
+        figure(ui, &terms::LEAD, in_ms(input.lead_secs));
+        figure(ui, &terms::SKIPPED, input.skipped);
         if let Some(share) = input.disocclusion_fraction {
-            figure(ui, &terms::GUESSED, &format!("{:.1} %", share * 1e2));
+            figure(ui, &terms::GUESSED, format!("{:.1} %", share * 1e2));
         }
-        figure(
-            ui,
-            &terms::REISSUED,
-            &(summary.late + summary.lost).to_string(),
-        );
-        figure(ui, &terms::TWICE, &summary.twice.to_string());
-        figure_or_alarm(
-            ui,
-            &terms::DROPPED,
-            &summary.dropped.to_string(),
-            summary.dropped > 0,
-        );
+        figure(ui, &terms::REISSUED, summary.late + summary.lost);
+        figure(ui, &terms::TWICE, summary.twice);
+        figure_or_alarm(ui, &terms::DROPPED, summary.dropped, summary.dropped > 0);
         figure(ui, &terms::DISPLAY, input.present);
     });
     if let Some(record) = &summary.record {
         ui.horizontal_wrapped(|ui| {
-            figure(ui, &terms::IDEAL, &format!("{} ms", ms(record.ideal_secs)));
-            figure(ui, &terms::IDLE, &format!("{} %", percent(record.idle())));
+            figure(ui, &terms::IDEAL, in_ms(record.ideal_secs));
+            figure(ui, &terms::IDLE, percent(record.idle()));
             if let Some(index) = record.straggler {
-                figure(
-                    ui,
-                    &terms::STRAGGLER,
-                    &text!("stats-straggler", node = index),
-                );
+                let node = text!("stats-straggler", node = index);
+                figure(ui, &terms::STRAGGLER, node);
             }
         });
         if let Some(split) = record.critical_split() {
@@ -77,17 +65,13 @@ fn critical_path(ui: &mut Ui, split: &LatencySplit) {
     if let Some((term, secs)) = under {
         response.on_hover_ui_at_pointer(|ui| {
             ui.set_max_width(320.0);
-            ui.label(format!(
-                "{} {} ms. {}",
-                term.label(),
-                ms(*secs),
-                term.meaning()
-            ));
+            let (label, meaning) = (term.label(), term.meaning());
+            ui.label(format!("{label} {}. {meaning}", in_ms(*secs)));
         });
     }
     ui.horizontal_wrapped(|ui| {
         for ((term, secs), color) in stages.iter().zip(palette::STAGES) {
-            marked(ui, term, &ms(*secs), color);
+            marked(ui, term, ms(*secs), color);
         }
     });
 }

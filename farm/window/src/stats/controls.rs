@@ -9,7 +9,7 @@ use egui::{ComboBox, Ui};
 use super::glossary as terms;
 use super::maps::MapKind;
 use super::recorder::Recorder;
-use super::value_label::{figure, ms, percent};
+use super::value_label::{figure, in_ms, ms, percent};
 use super::{Stats, StatsCommand, StatsInput, StatsLevel, palette};
 use crate::theme;
 
@@ -22,25 +22,14 @@ pub(super) fn show(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     ui.horizontal(|ui| {
         ui.label(text!("stats-map"))
             .on_hover_text(text!("stats-map-about"));
-        for (kind, label, about) in [
-            (
-                MapKind::None,
-                text!("stats-map-none"),
-                text!("stats-map-none-about"),
-            ),
-            (
-                MapKind::Owner,
-                text!("stats-map-owner"),
-                text!("stats-map-owner-about"),
-            ),
-            (
-                MapKind::Cost,
-                text!("stats-map-cost"),
-                text!("stats-map-cost-about"),
-            ),
+        for (kind, id) in [
+            (MapKind::None, "none"),
+            (MapKind::Owner, "owner"),
+            (MapKind::Cost, "cost"),
         ] {
+            let label = text!(&format!("stats-map-{id}"));
             ui.selectable_value(&mut stats.maps.kind, kind, label)
-                .on_hover_text(about);
+                .on_hover_text(text!(&format!("stats-map-{id}-about")));
         }
     });
     if stats.maps.kind == MapKind::Cost {
@@ -81,10 +70,9 @@ fn distribution(ui: &mut Ui, stats: &mut Stats, now: Distribution) {
         .on_hover_text(text!("stats-by-samples-about"))
         .changed();
     if changed {
-        let wanted = if by_samples {
-            Distribution::Samples
-        } else {
-            Distribution::Tiles
+        let wanted = match by_samples {
+            true => Distribution::Samples,
+            false => Distribution::Tiles,
         };
         stats.commands.push(StatsCommand::Distribution(wanted));
     }
@@ -166,7 +154,7 @@ fn recording(ui: &mut Ui, recorder: &Recorder) {
             written = state.written,
             missed = state.left_out
         );
-        figure(ui, &terms::RECORDING, &frames);
+        figure(ui, &terms::RECORDING, frames);
         match &state.failure {
             Some(why) => {
                 ui.colored_label(theme::ALARM, text!("stats-recording-stopped", why = why))
@@ -181,22 +169,13 @@ pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
     for tally in stats.history.tallies() {
         ui.horizontal_wrapped(|ui| {
             ui.monospace(format!("{:<20}", tally.balancing.to_string()));
-            figure(ui, &terms::TALLY_FRAMES, &format!("{:5}", tally.frames));
-            figure(
-                ui,
-                &terms::TALLY_EFFICIENCY,
-                &format!("{:>3} %", percent(tally.efficiency())),
-            );
-            figure(
-                ui,
-                &terms::TALLY_SIGMA,
-                &format!("{:>5} ms", ms(tally.deviation_secs())),
-            );
-            figure(
-                ui,
-                &terms::TALLY_MAX,
-                &format!("{:>5} ms", ms(tally.max_secs())),
-            );
+            figure(ui, &terms::TALLY_FRAMES, format!("{:5}", tally.frames));
+            let efficiency = format!("{:>5}", percent(tally.efficiency()));
+            figure(ui, &terms::TALLY_EFFICIENCY, efficiency);
+            let deviation = format!("{:>8}", in_ms(tally.deviation_secs()));
+            figure(ui, &terms::TALLY_SIGMA, deviation);
+            let longest = format!("{:>8}", in_ms(tally.max_secs()));
+            figure(ui, &terms::TALLY_MAX, longest);
         });
     }
 }
@@ -206,25 +185,14 @@ pub(super) fn tallies(ui: &mut Ui, stats: &Stats) {
 pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
     let mut wanted = input.preference;
     ui.horizontal(|ui| {
-        for (preference, label, about) in [
-            (
-                QualityPreference::Smooth,
-                text!("stats-quality-smooth"),
-                text!("stats-quality-smooth-about"),
-            ),
-            (
-                QualityPreference::Balanced,
-                text!("stats-quality-balanced"),
-                text!("stats-quality-balanced-about"),
-            ),
-            (
-                QualityPreference::Fine,
-                text!("stats-quality-fine"),
-                text!("stats-quality-fine-about"),
-            ),
+        for (preference, id) in [
+            (QualityPreference::Smooth, "smooth"),
+            (QualityPreference::Balanced, "balanced"),
+            (QualityPreference::Fine, "fine"),
         ] {
+            let label = text!(&format!("stats-quality-{id}"));
             ui.selectable_value(&mut wanted, preference, label)
-                .on_hover_text(about);
+                .on_hover_text(text!(&format!("stats-quality-{id}-about")));
         }
     });
     if wanted != input.preference {
@@ -234,19 +202,13 @@ pub(super) fn quality(ui: &mut Ui, stats: &mut Stats, input: &StatsInput<'_>) {
         let size = stop.size(input.window);
         ui.horizontal_wrapped(|ui| {
             ui.monospace(if stop == input.stop { ">" } else { " " });
-            figure(
-                ui,
-                &terms::LEVEL_SCALE,
-                &format!("{:4}x{:<4}", size.width, size.height),
-            );
+            let pixels = format!("{:4}x{:<4}", size.width, size.height);
+            figure(ui, &terms::LEVEL_SCALE, pixels);
             let filter = if stop.denoise { "+" } else { " " };
             let samples = format!("{:2}{filter}", stop.samples);
-            figure(ui, &terms::LEVEL_SAMPLES, &samples);
-            figure(
-                ui,
-                &terms::LEVEL_MS,
-                &format!("{:>6}", secs.map_or_else(|| "-".to_owned(), ms)),
-            );
+            figure(ui, &terms::LEVEL_SAMPLES, samples);
+            let cost = secs.map_or_else(|| "-".to_owned(), ms);
+            figure(ui, &terms::LEVEL_MS, format!("{cost:>6}"));
         });
     }
 }

@@ -7,7 +7,7 @@ use egui::{Align2, Color32, FontId, Pos2, Rect, Sense, Shape, Ui, Vec2};
 
 use super::frame_record::FrameRecord;
 use super::palette;
-use super::value_label::ms;
+use super::value_label::{in_ms, ms};
 use crate::theme::{ALARM, FAINT, INK};
 
 /// Draws a picture's chart, as wide as there is room.
@@ -171,7 +171,7 @@ impl GanttLayout {
             font.clone(),
             palette::IDEAL,
         );
-        let end = format!("{} ms", ms(self.end_secs));
+        let end = in_ms(self.end_secs);
         painter.text(rect.right_bottom(), Align2::RIGHT_BOTTOM, end, font, INK);
     }
 }

@@ -6,24 +6,23 @@ use egui::{RichText, Ui};
 use super::StatsInput;
 use super::glossary as terms;
 use super::summary::StatsSummary;
-use super::value_label::{figure, figure_or_alarm, ms};
+use super::value_label::{figure, figure_or_alarm, in_ms, percent};
 use crate::theme;
 
 /// Draws how smooth, how late and how sharp the picture is, who makes it, and what is wrong with that.
 pub(super) fn show(ui: &mut Ui, summary: &StatsSummary, input: &StatsInput<'_>) {
     ui.horizontal_wrapped(|ui| {
-        figure(ui, &terms::FPS, &format!("{:3.0}", summary.rates.now));
+        figure(ui, &terms::FPS, format!("{:3.0}", summary.rates.now));
         let pictures = format!("{:.0}", summary.pictures_per_sec);
         let pictures = text!("stats-pictures-per-second", pictures = pictures);
-        figure(ui, &terms::NEW_PICTURES, &pictures);
+        figure(ui, &terms::NEW_PICTURES, pictures);
         if let Some(record) = &summary.record {
-            let delay = format!("{} ms", ms(record.makespan_secs));
             let is_late = record.makespan_secs > input.period_secs.max(input.lead_secs) * LATE;
-            figure_or_alarm(ui, &terms::DELAY, &delay, is_late);
+            figure_or_alarm(ui, &terms::DELAY, in_ms(record.makespan_secs), is_late);
             let share = f64::from(record.width) / f64::from(input.window.width.max(1));
-            figure(ui, &terms::SHARPNESS, &format!("{:.0} %", 100.0 * share));
+            figure(ui, &terms::SHARPNESS, percent(share));
         }
-        figure(ui, &terms::MADE_BY, &made_by(summary));
+        figure(ui, &terms::MADE_BY, made_by(summary));
     });
     if let Some(trouble) = trouble(summary) {
         ui.label(RichText::new(trouble).color(theme::ALARM));

@@ -1,5 +1,7 @@
 //! A number with its name and its definition, and how numbers are written.
 
+use std::fmt::Display;
+
 use egui::text::{LayoutJob, TextFormat};
 use egui::{Color32, FontId, Label, Response, Sense, Ui};
 
@@ -7,36 +9,42 @@ use super::glossary::Term;
 use crate::theme::{ALARM, FAINT, INK};
 
 /// Writes a figure; under the pointer its definition shows.
-pub(super) fn figure(ui: &mut Ui, term: &Term, value: &str) -> Response {
-    colored(ui, term, value, INK)
+pub(super) fn figure(ui: &mut Ui, term: &Term, value: impl Display) -> Response {
+    written(ui, LayoutJob::default(), term, value, INK)
 }
 
 /// The same, told to be bad by a mark and a colour if `is_bad`.
-pub(super) fn figure_or_alarm(ui: &mut Ui, term: &Term, value: &str, is_bad: bool) -> Response {
-    if is_bad {
-        colored(ui, term, &format!("{value}!"), ALARM)
-    } else {
-        figure(ui, term, value)
+pub(super) fn figure_or_alarm(
+    ui: &mut Ui,
+    term: &Term,
+    value: impl Display,
+    is_bad: bool,
+) -> Response {
+    match is_bad {
+        true => written(ui, LayoutJob::default(), term, format!("{value}!"), ALARM),
+        false => figure(ui, term, value),
     }
 }
 
 /// A figure whose curve or bar has a colour, which stands before it.
-pub(super) fn marked(ui: &mut Ui, term: &Term, value: &str, mark: Color32) -> Response {
+pub(super) fn marked(ui: &mut Ui, term: &Term, value: impl Display, mark: Color32) -> Response {
     let mut job = LayoutJob::default();
     let format = TextFormat::simple(FontId::monospace(SIZE), mark);
     job.append("■ ", 0.0, format);
     written(ui, job, term, value, INK)
 }
 
-fn colored(ui: &mut Ui, term: &Term, value: &str, color: Color32) -> Response {
-    written(ui, LayoutJob::default(), term, value, color)
-}
-
-fn written(ui: &mut Ui, mut job: LayoutJob, term: &Term, value: &str, color: Color32) -> Response {
+fn written(
+    ui: &mut Ui,
+    mut job: LayoutJob,
+    term: &Term,
+    value: impl Display,
+    color: Color32,
+) -> Response {
     let font = FontId::monospace(SIZE);
     job.append(term.label(), 0.0, TextFormat::simple(font.clone(), FAINT));
     job.append(" ", 0.0, TextFormat::simple(font.clone(), FAINT));
-    job.append(value, 0.0, TextFormat::simple(font, color));
+    job.append(&value.to_string(), 0.0, TextFormat::simple(font, color));
     // Name and value stay in one line.
     let label = Label::new(job).extend().selectable(false);
     explained(ui.add(label.sense(Sense::hover())), term.meaning())
@@ -60,9 +68,14 @@ pub(super) fn ms(secs: f64) -> String {
     }
 }
 
-/// Per cent without a digit behind the point.
+/// The same with its unit.
+pub(super) fn in_ms(secs: f64) -> String {
+    ms(secs) + " ms"
+}
+
+/// Per cent without a digit behind the point, with its unit.
 pub(super) fn percent(share: f64) -> String {
-    format!("{:.0}", share * 1e2)
+    format!("{:.0} %", share * 1e2)
 }
 
 /// Of figures, in points.
