@@ -456,7 +456,8 @@ impl CompiledScene {
                 false => self.apply_pose(pose)?,
             }
             if std::mem::replace(&mut posed_before[pose.object as usize], true) {
-                return Err(Error::InvalidUpdate(SceneError::PosedTwice(pose.object)));
+                let sentence = format!("object {} is posed twice", pose.object);
+                return Err(Error::InvalidUpdate(SceneError::rule(sentence)));
             }
         }
         self.place_meshes(&of_meshes);
@@ -539,14 +540,15 @@ impl CompiledScene {
             Some(_) => match self.cones.iter().position(cone_of) {
                 Some(cone) => self.place_cone(cone, pose),
                 None => {
-                    return Err(Error::InvalidUpdate(SceneError::Immovable(pose.object)));
+                    return Err(Error::InvalidUpdate(SceneError::immovable(pose.object)));
                 }
             },
             None => {
-                return Err(Error::InvalidUpdate(SceneError::UnknownObject {
-                    object: pose.object,
-                    count: self.primitives.len(),
-                }));
+                return Err(Error::InvalidUpdate(SceneError::rule(format!(
+                    "object {} is posed, but the scene has {} objects",
+                    pose.object,
+                    self.primitives.len()
+                ))));
             }
         }
         Ok(())

@@ -11,8 +11,9 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use crate::Error;
 use crate::scene::EnvironmentMap;
-use crate::{Error, SceneError};
+use crate::scene::validate::map_fault;
 #[cfg(feature = "image-io")]
 use crate::{ImageSize, RadianceImage};
 
@@ -53,7 +54,7 @@ impl CompiledEnvironment {
             return Ok(Self::default());
         };
         let compiled = compile(map, scale, has_area_lights);
-        compiled.map_err(|fault| Error::InvalidScene(SceneError::EnvironmentMap(fault)))
+        compiled.map_err(|why| Error::InvalidScene(map_fault(why)))
     }
 
     /// Whether there is none.

@@ -200,11 +200,7 @@ impl CompiledMeshes {
                 continue;
             };
             let mesh = SurfaceMesh::new(cloud, smoothing_m, floor_m);
-            let mesh = mesh.map_err(|fault| SceneError::Cloud {
-                index: *index,
-                fault: Box::new(fault),
-            });
-            match mesh {
+            match mesh.map_err(|fault| fault.of_cloud(*index)) {
                 Ok(mesh) => push_surface(triangles, normals, &mesh, *material),
                 Err(fault) => {
                     triangles.truncate(triangles_own);

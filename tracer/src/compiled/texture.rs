@@ -11,10 +11,10 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use super::layer_texture::LayerTextureData;
+use crate::Error;
 #[cfg(feature = "image-io")]
 use crate::scene::{ColorSpace, Wrap, levels};
 use crate::scene::{ImageTexture, Material, MaterialTextures, halved};
-use crate::{Error, SceneError};
 
 /// The textures of a scene, shared with copies of it.
 #[derive(Clone, Debug, Default)]
@@ -110,20 +110,14 @@ impl CompiledTextures {
         textures: &[ImageTexture],
         materials: impl Iterator<Item = &'a Material> + Clone,
     ) -> Result<Self, Error> {
-        let mut used = materials.clone().map(Material::textures);
-        if used.all(|textures| textures.indices().next().is_none()) {
+        let mut used = materials.clone();
+        if !used.any(Material::has_textures) {
             return Ok(Self::default());
         }
         let (mut images, mut texels) = (Vec::new(), Vec::new());
         for (index, texture) in textures.iter().enumerate() {
-            let fault = |fault| {
-                Error::InvalidScene(SceneError::Texture {
-                    index,
-                    name: texture.name.clone(),
-                    fault,
-                })
-            };
-            images.push(push_image(texture, &mut texels).map_err(fault)?);
+            let image = push_image(texture, &mut texels);
+            images.push(image.map_err(|why| Error::InvalidScene(texture.fault(index, why)))?);
         }
         let layers = materials.clone();
         let layers = layers

@@ -361,10 +361,10 @@ fn check_materials(scene: &CompiledScene) -> Result<(), Error> {
     let highest = materials.chain(faces).chain(triangles).max();
     match highest {
         Some(material) if material as usize >= scene.materials.len() => {
-            Err(Error::InvalidScene(SceneError::MaterialIndex {
-                material,
-                count: scene.materials.len(),
-            }))
+            Err(Error::InvalidScene(SceneError::rule(format!(
+                "a surface has material {material}, but there are {}",
+                scene.materials.len()
+            ))))
         }
         _ => Ok(()),
     }

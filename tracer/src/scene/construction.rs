@@ -150,9 +150,11 @@ impl Scene {
     ) -> Result<ObjectPose, Error> {
         let count = self.objects.len();
         if handle.scene != self.identity.0 || handle.index as usize >= count {
-            let index = handle.index;
-            let fault = SceneError::ForeignHandle { index, count };
-            return Err(Error::InvalidUpdate(fault));
+            return Err(Error::InvalidUpdate(SceneError::rule(format!(
+                "the handle of object {} is of another scene than this one of {count} objects: use one that this \
+                 scene's `add` returned",
+                handle.index
+            ))));
         }
         Ok(ObjectPose {
             object: handle.index,
@@ -182,7 +184,7 @@ impl Scene {
                 rotation: *rotation,
                 ..pose
             }),
-            _ => Err(Error::InvalidUpdate(SceneError::Immovable(handle.index))),
+            _ => Err(Error::InvalidUpdate(SceneError::immovable(handle.index))),
         }
     }
 
@@ -193,12 +195,16 @@ impl Scene {
     pub fn validate_visible(&self) -> Result<(), Error> {
         self.validate()?;
         if self.objects.is_empty() && self.area_lights.is_empty() {
-            return Err(Error::InvalidScene(SceneError::NoObjects));
+            let sentence = "it has 0 objects and 0 area lights: add at least one of either";
+            return Err(Error::InvalidScene(SceneError::rule(sentence)));
         }
         let sky = self.environment.radiance;
         if sky == Vec3::ZERO && !self.has_light() {
             let lights = self.area_lights.len();
-            return Err(Error::InvalidScene(SceneError::NoLight { sky, lights }));
+            return Err(Error::InvalidScene(SceneError::rule(format!(
+                "it has no light: the radiance of its sky is {sky} and none of its {lights} area lights emits; \
+                 brighten one of them"
+            ))));
         }
         Ok(())
     }
@@ -507,6 +513,10 @@ impl Material {
     }
 
     /// Whether there is a clear coat over it.
+    pub(crate) fn has_textures(&self) -> bool {
+        self.textures().indices().next().is_some()
+    }
+
     pub(crate) fn has_clearcoat(&self) -> bool {
         matches!(self, Self::MetallicRoughness { layers, .. } if layers.clearcoat > 0.0)
     }
