@@ -16,6 +16,7 @@
 
 mod adapter;
 mod aov;
+mod buffer_cache;
 mod coplanar;
 mod denoise;
 mod device;
@@ -242,19 +243,7 @@ impl GpuTracer {
                 return Ok(false);
             }
             let end = begin.saturating_add(step).min(settings.samples);
-            let data = DispatchData {
-                tile_count: chunk.entries.len() as u32,
-                block_count: chunk.blocks,
-                sample_begin: begin,
-                sample_end: end,
-                samples: settings.samples,
-                first_half: 0,
-                pixels: chunk.pixels as u32,
-                first_sample: settings.first_sample,
-                seed: settings.seed,
-                max_depth: settings.max_depth,
-                is_list: 0,
-            };
+            let data = DispatchData::new(chunk, settings, begin..end);
             let samples = u64::from(end - begin) * chunk.pixels;
             pass.uniforms = bytes_of(&data).to_vec();
             let passes = std::slice::from_ref(&pass);
@@ -360,17 +349,8 @@ impl GpuTracer {
         job: &TraceJob<'_>,
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
-        let sink: &ChunkSink<'_> = &|chunk, dropped, film| {
-            let film = cast_slice(film);
-            deliver(chunk, dropped, film, |index, radiance, dropped_samples| {
-                sink(TileRadiance {
-                    index,
-                    radiance: radiance.to_vec(),
-                    dropped_samples,
-                });
-            });
-        };
-        self.trace_output(scene, job, KernelOutput::Radiance, sink)
+        let sink = radiance_sink(0, sink);
+        self.trace_output(scene, job, KernelOutput::Radiance, &sink)
     }
 
     /// Traces `output` chunk by chunk.
@@ -434,6 +414,23 @@ const fn outputs(settings: &RenderSettings) -> &'static [KernelOutput] {
     match settings.denoise {
         true => &[KernelOutput::Reflected, KernelOutput::Aovs],
         false => &[KernelOutput::Radiance],
+    }
+}
+
+/// Passes tiles on as radiance, numbered from `first` on.
+fn radiance_sink(
+    first: usize,
+    sink: &(dyn Fn(TileRadiance) + Sync),
+) -> impl Fn(&Chunk, &[u32], &[f32]) {
+    move |chunk, dropped, film| {
+        let film = cast_slice(film);
+        deliver(chunk, dropped, film, |index, radiance, dropped_samples| {
+            sink(TileRadiance {
+                index: first + index,
+                radiance: radiance.to_vec(),
+                dropped_samples,
+            });
+        });
     }
 }
 
