@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use gltf_json::{Root, image, root};
 
-use super::{Document, Fault, GLTF_BYTES_MAX, Refusal};
+use super::{Document, Fault, GLTF_BYTES_MAX, Refusal, find};
 use crate::Error;
 use crate::scene::file::{lies_beside, read_limited_file};
 use crate::scene::image_texture::from_base64;
@@ -81,8 +81,7 @@ pub(super) fn image(
     files: &mut Files,
 ) -> Result<Vec<u8>, Fault> {
     let place = index.value();
-    let image = document.root.images.get(place);
-    let image = image.ok_or_else(|| format!("image {place} does not exist"))?;
+    let image = find(&document.root.images, place, "image")?;
     match (&image.uri, image.buffer_view) {
         (Some(uri), _) => files.resolve(uri, &format!("image {place}")),
         (None, Some(view)) => Ok(document.view(view, &format!("image {place}"))?.to_vec()),
