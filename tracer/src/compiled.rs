@@ -44,8 +44,6 @@ pub use self::layer_texture::LayerTextureData;
 pub use self::mesh::CompiledMeshes;
 pub(crate) use self::opacity::{AlphaTest, corner_weights};
 pub use self::punctual_light::PunctualLightData;
-#[cfg(feature = "gpu")]
-pub(crate) use self::texture::SRGB_LINEAR;
 pub use self::texture::{
     CompiledTextures, MaterialTextureData, TextureData, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
@@ -255,6 +253,12 @@ impl CompiledScene {
             ShapeKind::CsgFace => self.csg_faces.len(),
             ShapeKind::Triangle => self.meshes.triangles.len(),
         }
+    }
+
+    /// The number of a shape's first primitive, where back ends number all of them.
+    pub(crate) fn first_id(&self, shape: ShapeKind) -> u32 {
+        let before = ShapeKind::ALL.into_iter().take_while(|kind| *kind != shape);
+        before.map(|kind| self.count(kind) as u32).sum()
     }
 
     /// The BVH by which a back end finds the primitives of a shape that is faster so from `least` of them

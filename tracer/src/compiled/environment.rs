@@ -138,17 +138,8 @@ impl CompiledEnvironment {
 
 /// The interval of rising sums from 0 to 1 that a number lies in, its length, and where in it.
 fn draw(sums: &[f32], u: f32) -> (usize, f32, f32) {
-    let mut first = 0;
-    let mut last = sums.len() - 1;
     // The last interval that does not begin above `u`.
-    while last - first > 1 {
-        let middle = usize::midpoint(first, last);
-        if sums[middle] <= u {
-            first = middle;
-        } else {
-            last = middle;
-        }
-    }
+    let first = sums[1..sums.len() - 1].partition_point(|sum| *sum <= u);
     let share = sums[first + 1] - sums[first];
     let within = if share > 0.0 {
         (u - sums[first]) / share

@@ -45,29 +45,29 @@ impl Geometry {
         let reach = reach(scene);
         let is_dielectric =
             |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
-        let spheres_bvh = scene.bvh(ShapeKind::Sphere, Sphere::BVH_MIN);
-        let spheres = PrimitiveSet::of(&scene.spheres, 0, spheres_bvh, reach, |data| {
+        let first = |kind| scene.first_id(kind);
+        let kind = ShapeKind::Sphere;
+        let bvh = scene.bvh(kind, Sphere::BVH_MIN);
+        let spheres = PrimitiveSet::of(&scene.spheres, first(kind), bvh, reach, |data| {
             Some((Sphere::numbers(data, reach)?, is_dielectric(data.material)))
         });
-        let boxes_first = scene.spheres.len() as u32;
-        let boxes_bvh = scene.bvh(ShapeKind::Box, AlignedBox::BVH_MIN);
-        let boxes = PrimitiveSet::of(&scene.boxes, boxes_first, boxes_bvh, reach, |data| {
+        let kind = ShapeKind::Box;
+        let bvh = scene.bvh(kind, AlignedBox::BVH_MIN);
+        let boxes = PrimitiveSet::of(&scene.boxes, first(kind), bvh, reach, |data| {
             Some((AlignedBox::numbers(data), is_dielectric(data.material)))
         });
-        let discs_first = boxes_first + scene.boxes.len() as u32;
-        let discs_bvh = scene.bvh(ShapeKind::Disc, Disc::BVH_MIN);
-        let discs = PrimitiveSet::of(&scene.discs, discs_first, discs_bvh, reach, |data| {
+        let kind = ShapeKind::Disc;
+        let bvh = scene.bvh(kind, Disc::BVH_MIN);
+        let discs = PrimitiveSet::of(&scene.discs, first(kind), bvh, reach, |data| {
             Some((Disc::numbers(data), false))
         });
-        let rectangles_first = discs_first + scene.discs.len() as u32;
-        let bvh = scene.bvh(ShapeKind::Rectangle, Rectangle::BVH_MIN);
-        let rectangles =
-            PrimitiveSet::of(&scene.rectangles, rectangles_first, bvh, reach, |data| {
-                Some((Rectangle::numbers(data), false))
-            });
-        // As many ids as there are faces.
-        let csg_faces_first = rectangles_first + scene.rectangles.len() as u32;
-        let triangles_first = csg_faces_first + scene.csg_faces.len() as u32;
+        let kind = ShapeKind::Rectangle;
+        let bvh = scene.bvh(kind, Rectangle::BVH_MIN);
+        let rectangles = PrimitiveSet::of(&scene.rectangles, first(kind), bvh, reach, |data| {
+            Some((Rectangle::numbers(data), false))
+        });
+        let csg_faces_first = first(ShapeKind::CsgFace);
+        let triangles_first = first(ShapeKind::Triangle);
         let area_lights_first = triangles_first + scene.meshes.triangles.len() as u32;
         let csg_boxes = scene.csg_boxes.iter();
         let csg_boxes = csg_boxes

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use bytemuck::cast_slice;
 
 use crate::compiled::{
-    CompiledEnvironment, CompiledTextures, LayerTextureData, MaterialTextureData, SRGB_LINEAR,
-    TextureData,
+    CompiledEnvironment, CompiledTextures, LayerTextureData, MaterialTextureData, TextureData,
 };
 use crate::gpu::buffer_cache::{BufferCache, buffer_bytes_max, upload};
 use crate::gpu::device::Device;
+use crate::tonemap::SRGB_LINEAR;
 use crate::{CompiledScene, Error};
 
 /// Buffers of the scenes that were traced last.
