@@ -120,15 +120,7 @@ impl CompiledScene {
                 rotation,
                 length,
                 radii,
-            } => {
-                let pose = ObjectPose {
-                    object: self.primitives.len() as u32,
-                    position: center,
-                    rotation,
-                    visible: true,
-                };
-                self.push_cone(pose, length, radii, material)
-            }
+            } => self.push_cone((center, rotation), length, radii, material),
             Shape::Disc {
                 center,
                 normal,
@@ -200,7 +192,7 @@ impl CompiledScene {
 
     fn push_cone(
         &mut self,
-        pose: ObjectPose,
+        (position, rotation): (Vec3, Quat),
         length: f32,
         radii: [f32; 2],
         material: u32,
@@ -210,6 +202,12 @@ impl CompiledScene {
             first_face: self.csg_faces.len() as u32,
             length,
             radii,
+        };
+        let pose = ObjectPose {
+            object: self.primitives.len() as u32,
+            position,
+            rotation,
+            visible: true,
         };
         let (csg_box, faces) = cone.at(&pose, material);
         self.csg_boxes.push(csg_box);

@@ -84,21 +84,26 @@ fn emissive_surfaces(i: u32) -> [u32; 6] {
     }
 }
 
+/// Of primitives in the `i`th variant.
+fn counts(i: u32) -> [u32; 6] {
+    let count = |bit: u32, count: u32| count * (i >> bit & 1);
+    [
+        count(0, 3 + 7 * (i % 5)),
+        count(1, 1 + 7 * (i % 3)),
+        count(2, 2 + 3 * (i % 7)),
+        count(3, 1 + i % 11),
+        5 * (i / 2 % 2),
+        if i % 4 < 2 { 5 + i % 7 } else { 0 },
+    ]
+}
+
 /// Every choice of parts; constants alternate.
 fn variants() -> impl Iterator<Item = Features> {
     (0..16 * 3 * 2 * 2_u32).map(|i| {
-        let count = |bit: u32, count: u32| count * (i >> bit & 1);
         let is_textured = i % 4 < 2 && i % 5 == 3;
         let textured = |count: u32| if is_textured { count } else { 0 };
         Features {
-            counts: [
-                count(0, 3 + 7 * (i % 5)),
-                count(1, 1 + 7 * (i % 3)),
-                count(2, 2 + 3 * (i % 7)),
-                count(3, 1 + i % 11),
-                5 * (i / 2 % 2),
-                if i % 4 < 2 { 5 + i % 7 } else { 0 },
-            ],
+            counts: counts(i),
             bvhs: [
                 i & 1 == 1 && i % 5 > 0,
                 i >> 1 & 1 == 1 && i % 3 > 1,

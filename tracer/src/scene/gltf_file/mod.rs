@@ -55,7 +55,7 @@ pub const GLTF_JSON_BYTES_MAX: usize = 256 << 20;
 type Refusal = String;
 
 /// The element of a list that a file refers to by its place.
-fn find<'a, T>(list: &'a [T], place: usize, what: impl Display) -> Result<&'a T, Refusal> {
+fn find<T>(list: &[T], place: usize, what: impl Display) -> Result<&T, Refusal> {
     let found = list.get(place);
     found.ok_or_else(|| format!("{what} {place} does not exist"))
 }
