@@ -78,7 +78,8 @@ impl SceneHandle {
         if let PixelFormat::Srgb8 { exposure } = spec.format
             && !(exposure > 0.0 && exposure.is_finite())
         {
-            let fault = SettingsError::Exposure(exposure);
+            let sentence = format!("the exposure is {exposure}: it must be above 0");
+            let fault = SettingsError(sentence);
             return Err(carom_tracer::Error::InvalidSettings(fault).into());
         }
         let mut compiled = lock(&self.compiled);

@@ -1,14 +1,11 @@
 //! Environment files: OpenEXR and Radiance HDR, whose size is known before memory is taken for it.
 
+use std::fmt::Display;
 use std::io::Cursor;
 
 use exr::meta::MetaData;
-use exr::prelude::{
-    self as openexr, ReadChannels as _, ReadLayers as _, ReadSpecificChannel as _,
-    WritableImage as _,
-};
 
-use crate::image_file::ENCODING;
+use crate::image_file::decode_exr;
 use crate::scene::ENVIRONMENT_EDGE_MAX;
 use crate::scene::validate::RADIANCE_MAX;
 use crate::{ImageSize, RadianceImage};
@@ -33,8 +30,7 @@ pub fn size(file: &[u8]) -> Result<ImageSize, String> {
         return Ok(size);
     }
     Err(format!(
-        "it has {}x{} pixels: each side must be from 1 to {ENVIRONMENT_EDGE_MAX}",
-        size.width, size.height
+        "it has {size} pixels: each side must be from 1 to {ENVIRONMENT_EDGE_MAX}"
     ))
 }
 
@@ -46,7 +42,7 @@ pub fn decode(file: &[u8]) -> Result<RadianceImage, String> {
     let size = size(file)?;
     let mut image = match file.first() {
         Some(b'#') => decode_hdr(file)?,
-        _ => decode_exr(file)?,
+        _ => decode_exr(Cursor::new(file)).map_err(exr_fault)?,
     };
     if image.size != size || image.pixels.len() != size.pixels() {
         return Err("its layers have different sizes".to_owned());
@@ -70,17 +66,8 @@ pub fn decode(file: &[u8]) -> Result<RadianceImage, String> {
 /// # Errors
 /// A sentence if it cannot be written.
 pub fn encode_exr(picture: &RadianceImage) -> Result<Vec<u8>, String> {
-    let (width, height) = (picture.size.width as usize, picture.size.height as usize);
-    let pixel = |at: openexr::Vec2<usize>| {
-        let [r, g, b] = picture.pixels[at.y() * width + at.x()];
-        (r, g, b)
-    };
-    let channels = openexr::SpecificChannels::rgb(pixel);
     let mut file = Cursor::new(Vec::new());
-    openexr::Image::from_encoded_channels((width, height), ENCODING, channels)
-        .write()
-        .to_buffered(&mut file)
-        .map_err(exr_fault)?;
+    picture.encode_exr(&mut file).map_err(exr_fault)?;
     Ok(file.into_inner())
 }
 
@@ -96,28 +83,7 @@ fn exr_size(file: &[u8]) -> Result<ImageSize, String> {
     Ok(ImageSize::new(edge(largest.x()), edge(largest.y())))
 }
 
-fn decode_exr(file: &[u8]) -> Result<RadianceImage, String> {
-    let image = openexr::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .specific_channels()
-        .required("R")
-        .required("G")
-        .required("B")
-        .collect_pixels(
-            |size, _| RadianceImage::black(ImageSize::new(size.x() as u32, size.y() as u32)),
-            |image, at, (r, g, b): (f32, f32, f32)| {
-                image.pixels[at.y() * image.size.width as usize + at.x()] = [r, g, b];
-            },
-        )
-        .first_valid_layer()
-        .all_attributes()
-        .from_buffered(Cursor::new(file))
-        .map_err(exr_fault)?;
-    Ok(image.layer_data.channel_data.pixels)
-}
-
-fn exr_fault(error: exr::error::Error) -> String {
+fn exr_fault(error: impl Display) -> String {
     format!("its OpenEXR cannot be read: {error}")
 }
 

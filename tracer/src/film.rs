@@ -6,8 +6,7 @@ use std::sync::atomic::AtomicBool;
 use crate::image::RadianceImage;
 use crate::metrics::Estimate;
 use crate::{
-    CompiledScene, Error, ImageSize, RenderSettings, SettingsError, Tile, TileGrid, TileRadiance,
-    TraceJob, Tracer,
+    CompiledScene, Error, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance, TraceJob, Tracer,
 };
 
 /// Sums of samples per pixel, from tiles in any order and of any range of samples.
@@ -139,16 +138,16 @@ impl Film {
         let right = u64::from(tile.x) + u64::from(tile.width);
         let bottom = u64::from(tile.y) + u64::from(tile.height);
         if right > u64::from(self.size.width) || bottom > u64::from(self.size.height) {
-            return Err(Error::InvalidSettings(SettingsError::TileOutsideFilm {
-                tile,
-                size: self.size,
-            }));
+            let size = self.size;
+            return Err(Error::settings(format!(
+                "{tile:?} does not lie in a film of {size} pixels"
+            )));
         }
         if radiance.len() != tile.pixels() {
-            return Err(Error::InvalidSettings(SettingsError::TilePixels {
-                tile,
-                pixels: radiance.len(),
-            }));
+            let pixels = radiance.len();
+            return Err(Error::settings(format!(
+                "{tile:?} comes with {pixels} pixels"
+            )));
         }
         if tile.width == 0 {
             return Ok(());

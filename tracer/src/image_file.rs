@@ -1,7 +1,7 @@
 //! Image files: OpenEXR keeps radiance, PNG and JPEG what a display shows of it.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Seek, Write};
+use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 use std::path::Path;
 
 use exr::meta::MetaData;
@@ -11,7 +11,7 @@ use exr::prelude::{
 };
 
 use crate::tonemap::srgb8;
-use crate::{Aovs, Error, ImageSize, RadianceImage, SettingsError};
+use crate::{Aovs, Error, ImageSize, RadianceImage};
 
 impl RadianceImage {
     /// Reads the first layer of an OpenEXR file that has channels R, G and B, of whatever number
@@ -26,35 +26,14 @@ impl RadianceImage {
         for header in &meta.headers {
             let size = header.layer_size;
             if size.x().max(size.y()) > ImageSize::EDGE_MAX as usize {
-                let edge = ImageSize::EDGE_MAX;
-                return Err(Error::Format {
-                    path: path.to_owned(),
-                    message: format!(
-                        "it has {}x{} pixels: at most {edge}x{edge} are read",
-                        size.x(),
-                        size.y()
-                    ),
-                });
+                let (width, height, edge) = (size.x(), size.y(), ImageSize::EDGE_MAX);
+                let message =
+                    format!("it has {width}x{height} pixels: at most {edge}x{edge} are read");
+                return Err(Error::format(path, message));
             }
         }
-        let image = openexr::read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .specific_channels()
-            .required("R")
-            .required("G")
-            .required("B")
-            .collect_pixels(
-                |size, _| Self::black(ImageSize::new(size.x() as u32, size.y() as u32)),
-                |image, at, (r, g, b): (f32, f32, f32)| {
-                    image.pixels[at.y() * image.size.width as usize + at.x()] = [r, g, b];
-                },
-            )
-            .first_valid_layer()
-            .all_attributes()
-            .from_file(path)
-            .map_err(|error| refused(path, error))?;
-        Ok(image.layer_data.channel_data.pixels)
+        let file = File::open(path).map_err(|source| Error::io(path, source))?;
+        decode_exr(BufReader::new(file)).map_err(|error| refused(path, error))
     }
 
     /// Writes channels R, G and B as 32-bit floats, compressed without loss.
@@ -65,7 +44,7 @@ impl RadianceImage {
         let path = path.as_ref();
         let file = File::create(path).map(BufWriter::new);
         file.and_then(|file| self.encode_exr(file))
-            .map_err(|source| io_error(path, source))
+            .map_err(|source| Error::io(path, source))
     }
 
     /// The bytes of [`RadianceImage::write_exr`], for who has opened the file.
@@ -90,13 +69,14 @@ impl RadianceImage {
     /// along the camera's axis in metres, ∞ where there is nothing. All as 32-bit floats.
     ///
     /// # Errors
-    /// The writer's; [`SettingsError`] if there are not as many first hits as pixels.
+    /// The writer's; another if there are not as many first hits as pixels.
     pub fn encode_exr_with_aovs(&self, hits: &[Aovs], to: impl Write + Seek) -> io::Result<()> {
         if hits.len() != self.pixels.len() {
-            return Err(io::Error::other(SettingsError::AovPixels {
-                aovs: hits.len(),
-                pixels: self.pixels.len(),
-            }));
+            return Err(io::Error::other(format!(
+                "{} first hits are to be the layers of {} pixels",
+                hits.len(),
+                self.pixels.len()
+            )));
         }
         let radiance = |c: usize| self.pixels.iter().map(|pixel| pixel[c]).collect();
         let layer = |value: &dyn Fn(&Aovs) -> f32| hits.iter().map(value).collect();
@@ -141,11 +121,8 @@ impl RadianceImage {
             writer.finish()
         };
         write().map_err(|error| match error {
-            png::EncodingError::IoError(source) => io_error(path, source),
-            other => Error::Format {
-                path: path.to_owned(),
-                message: other.to_string(),
-            },
+            png::EncodingError::IoError(source) => Error::io(path, source),
+            other => Error::format(path, other.to_string()),
         })
     }
 }
@@ -177,34 +154,45 @@ impl RadianceImage {
 
 /// Scan lines in increasing order: tiles are written as threads finish them, so that the bytes of
 /// equal pictures differ from run to run.
-pub(crate) const ENCODING: openexr::Encoding = openexr::Encoding::SMALL_LOSSLESS;
+const ENCODING: openexr::Encoding = openexr::Encoding::SMALL_LOSSLESS;
+
+/// The first layer that has channels R, G and B, of whatever number format and compression.
+pub(crate) fn decode_exr(from: impl Read + Seek) -> exr::error::Result<RadianceImage> {
+    let image = openexr::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .specific_channels()
+        .required("R")
+        .required("G")
+        .required("B")
+        .collect_pixels(
+            |size, _| RadianceImage::black(ImageSize::new(size.x() as u32, size.y() as u32)),
+            |image, at, (r, g, b): (f32, f32, f32)| {
+                image.pixels[at.y() * image.size.width as usize + at.x()] = [r, g, b];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(from)?;
+    Ok(image.layer_data.channel_data.pixels)
+}
 
 fn refused(path: &Path, error: exr::error::Error) -> Error {
     let message = match error {
-        exr::error::Error::Io(source) => return io_error(path, source),
+        exr::error::Error::Io(source) => return Error::io(path, source),
         exr::error::Error::NotSupported(what) => format!("this kind of EXR is not read: {what}"),
         exr::error::Error::Invalid(what) => {
             format!("it is not an EXR picture with channels R, G and B: {what}")
         }
         exr::error::Error::Aborted => "reading was interrupted".to_owned(),
     };
-    Error::Format {
-        path: path.to_owned(),
-        message,
-    }
+    Error::format(path, message)
 }
 
 fn not_written(error: exr::error::Error) -> io::Error {
     match error {
         exr::error::Error::Io(source) => source,
         other => io::Error::other(other.to_string()),
-    }
-}
-
-fn io_error(path: &Path, source: io::Error) -> Error {
-    Error::Io {
-        path: path.to_owned(),
-        source,
     }
 }
 

@@ -40,16 +40,18 @@ impl RenderSettings {
     /// [`Error::InvalidSettings`] with the value and its range.
     pub fn validate(&self) -> Result<(), Error> {
         if !(1..=Self::SAMPLES_MAX).contains(&self.samples) {
-            return Err(Error::InvalidSettings(SettingsError::Samples {
-                asked: self.samples,
-                max: Self::SAMPLES_MAX,
-            }));
+            return Err(Error::settings(format!(
+                "{} samples per pixel are asked for: it must be from 1 to {}",
+                self.samples,
+                Self::SAMPLES_MAX
+            )));
         }
         if self.max_depth > Self::DEPTH_MAX {
-            return Err(Error::InvalidSettings(SettingsError::MaxDepth {
-                asked: self.max_depth,
-                max: Self::DEPTH_MAX,
-            }));
+            return Err(Error::settings(format!(
+                "a maximum depth of {} is asked for: at most {} is allowed",
+                self.max_depth,
+                Self::DEPTH_MAX
+            )));
         }
         Ok(())
     }
@@ -142,7 +144,7 @@ impl std::str::FromStr for Preset {
         let named = Self::ALL.into_iter().find(|preset| preset.name() == text);
         named.ok_or_else(|| {
             let names = Self::ALL.map(Self::name).join(", ");
-            SettingsError::UnknownPreset { names }
+            SettingsError(format!("it must be one of {names}"))
         })
     }
 }

@@ -1,10 +1,11 @@
 //! An image as tiles in a fixed order: the unit in which work is handed out.
 
+use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, SettingsError};
+use crate::Error;
 
 /// Width and height in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -44,10 +45,17 @@ impl ImageSize {
         if range.contains(&self.width) && range.contains(&self.height) {
             return Ok(());
         }
-        Err(Error::InvalidSettings(SettingsError::ImageSize {
-            size: self,
-            max: Self::EDGE_MAX,
-        }))
+        Err(Error::settings(format!(
+            "the image is {self} pixels: width and height must be from 1 to {}",
+            Self::EDGE_MAX
+        )))
+    }
+}
+
+/// `WIDTHxHEIGHT`.
+impl fmt::Display for ImageSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
     }
 }
 
@@ -60,8 +68,9 @@ impl FromStr for ImageSize {
             .split_once('x')
             .and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
         let Some((width, height)) = edges else {
-            let text = text.to_owned();
-            return Err(Error::InvalidSettings(SettingsError::ImageSizeText(text)));
+            return Err(Error::settings(format!(
+                "`{text}` is not WIDTHxHEIGHT in pixels, as in 1280x720"
+            )));
         };
         let size = Self { width, height };
         size.validate()?;

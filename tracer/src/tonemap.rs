@@ -49,10 +49,11 @@ pub(crate) const DESATURATION: f32 = 0.15;
 /// The linear light that an 8-bit sRGB step shows, 0 to 1.
 #[inline]
 pub fn linear(step: u8) -> f32 {
-    LIGHT[step as usize]
+    SRGB_LINEAR[step as usize]
 }
 
-static LIGHT: [f32; 256] = light();
+/// The linear share of light of each sRGB byte (IEC 61966-2-1).
+pub(crate) static SRGB_LINEAR: [f32; 256] = light();
 
 const fn light() -> [f32; 256] {
     let mut light = [0.0; 256];

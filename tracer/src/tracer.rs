@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use serde::{Deserialize, Serialize};
 
 use crate::tonemap::srgb8;
-use crate::{CompiledScene, Error, ImageSize, RenderSettings, SettingsError, Tile, TileAovs};
+use crate::{CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
 
 /// A device that traces tiles. It keeps nothing between calls but caches, so that any number of
 /// threads may call it at once: a GPU has two frames in flight when two threads do.
@@ -93,10 +93,10 @@ impl TraceJob<'_> {
             if !inside(tile.x, tile.width, self.size.width)
                 || !inside(tile.y, tile.height, self.size.height)
             {
-                return Err(Error::InvalidSettings(SettingsError::TileOutsideImage {
-                    tile: *tile,
-                    size: self.size,
-                }));
+                return Err(Error::settings(format!(
+                    "a tile of {}x{} pixels at ({}, {}) does not lie in an image of {}",
+                    tile.width, tile.height, tile.x, tile.y, self.size
+                )));
             }
         }
         Ok(())

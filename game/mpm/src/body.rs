@@ -18,6 +18,22 @@ impl Bodies {
         self.balls.iter().try_for_each(Ball::validate)?;
         self.obstacles.iter().try_for_each(Obstacle::validate)
     }
+
+    /// Begins a step, whose impulses add up.
+    pub(crate) fn clear_impulses(&mut self) {
+        for ball in &mut self.balls {
+            ball.impulse = DVec3::ZERO;
+            ball.angular_impulse = DVec3::ZERO;
+        }
+    }
+
+    /// Moves balls that nothing touches.
+    pub(crate) fn move_freely(&mut self, dt: f64) {
+        for ball in &mut self.balls {
+            ball.velocity += ball.acceleration * dt;
+            ball.advance(dt);
+        }
+    }
 }
 
 /// A rigid sphere. A step moves it, and changes its velocities by its acceleration and by the
@@ -64,6 +80,14 @@ impl Ball {
     /// Of a uniform sphere, in kg·m².
     pub fn moment_of_inertia(&self) -> f64 {
         0.4 * self.mass_kg * self.radius_m * self.radius_m
+    }
+
+    /// Changes its velocities by an impulse and an angular one, and notes both.
+    pub(crate) fn kick(&mut self, impulse: DVec3, turn: DVec3) {
+        self.velocity += impulse / self.mass_kg;
+        self.angular_velocity += turn / self.moment_of_inertia();
+        self.impulse += impulse;
+        self.angular_impulse += turn;
     }
 
     /// Moves it on at its velocity, as far as its floor lets it.

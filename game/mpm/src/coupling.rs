@@ -70,11 +70,7 @@ impl Contact {
         let impulse = normal * (push - self.push) + (drag - self.drag);
         self.push = push;
         self.drag = drag;
-        ball.velocity -= impulse / ball.mass_kg;
-        let turn = self.arm.cross(impulse);
-        ball.angular_velocity -= turn / ball.moment_of_inertia();
-        ball.impulse -= impulse;
-        ball.angular_impulse -= turn;
+        ball.kick(-impulse, -self.arm.cross(impulse));
         velocity + impulse / self.mass_kg
     }
 }

@@ -162,10 +162,7 @@ fn carry(speck: &mut Speck, ball: &mut Ball, mass_kg: f64) {
     let arm = arm.normalize_or(DVec3::Z) * ball.radius_m;
     let velocity = ball.velocity + ball.angular_velocity.cross(arm);
     let impulse = mass_kg * (velocity - speck.velocity.as_dvec3());
-    ball.velocity -= impulse / ball.mass_kg;
-    ball.angular_velocity -= arm.cross(impulse) / ball.moment_of_inertia();
-    ball.impulse -= impulse;
-    ball.angular_impulse -= arm.cross(impulse);
+    ball.kick(-impulse, -arm.cross(impulse));
     speck.position = (ball.position + arm).as_vec3();
     speck.velocity = velocity.as_vec3();
     speck.is_settled = false;

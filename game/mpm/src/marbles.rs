@@ -9,11 +9,12 @@ use std::collections::HashMap;
 use glam::{DVec3, IVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::body::{Ball, Bodies};
+use crate::body::Bodies;
 use crate::error::{Error, Result, check_range};
 use crate::marble::{Marble, MarbleState};
 use crate::marble_contact::{Surface, damping_of};
 use crate::settings::REST_SECS;
+use crate::storage::neighbours;
 
 /// What a marble may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -175,14 +176,9 @@ impl Marbles {
     pub fn step(&mut self, duration_secs: f64, bodies: &mut Bodies) -> Result<()> {
         check_range("duration of a step in s", duration_secs, 0.0, STEP_SECS_MAX)?;
         bodies.validate()?;
-        for ball in &mut bodies.balls {
-            (ball.impulse, ball.angular_impulse) = (DVec3::ZERO, DVec3::ZERO);
-        }
+        bodies.clear_impulses();
         if self.is_asleep() && !self.is_disturbed(bodies) {
-            for ball in &mut bodies.balls {
-                ball.velocity += ball.acceleration * duration_secs;
-                ball.advance(duration_secs);
-            }
+            bodies.move_freely(duration_secs);
             return Ok(());
         }
         let count = (duration_secs / self.marble.substep_secs_max())
@@ -247,8 +243,7 @@ impl Marbles {
                     stretch: DVec3::ZERO,
                 });
             };
-            for side in 0..27 {
-                let offset = IVec3::new(side / 9 - 1, side / 3 % 3 - 1, side % 3 - 1);
+            for offset in neighbours() {
                 for &other in cells.get(&(cell(at) + offset)).into_iter().flatten() {
                     let apart = self.spheres[other as usize].position.distance(at);
                     if other > marble && apart < edge_m {
@@ -333,7 +328,7 @@ impl Marbles {
             fastest = fastest.max(sphere.velocity.length());
         }
         for (ball, (impulse, turn)) in bodies.balls.iter_mut().zip(ball_kicks) {
-            kick_ball(ball, impulse, turn);
+            ball.kick(impulse, turn);
             ball.advance(dt);
             fastest = fastest.max(ball.velocity.length());
         }
@@ -370,13 +365,6 @@ fn surface(
             Surface::still(distance_m, normal)
         }
     }
-}
-
-fn kick_ball(ball: &mut Ball, impulse: DVec3, turn: DVec3) {
-    ball.velocity += impulse / ball.mass_kg;
-    ball.angular_velocity += turn / ball.moment_of_inertia();
-    ball.impulse += impulse;
-    ball.angular_impulse += turn;
 }
 
 /// How far marbles may move, over their radius, before contacts are looked for again.

@@ -1,5 +1,7 @@
 //! Packets: particles side by side, as SIMD takes them.
 
+use glam::Vec3;
+
 use crate::lanes::LANES;
 
 /// Up to 16 particles of one block and material. Lanes from `len` on are no particles.
@@ -61,4 +63,22 @@ impl Packet {
         self.volume[to] = from.volume[lane];
         self.id[to] = from.id[lane];
     }
+
+    /// A particle's affine velocities.
+    pub(crate) fn affine_columns(&self, lane: usize) -> [Vec3; 3] {
+        [0, 1, 2].map(|axis: usize| Vec3::from_slice(&self.affine[axis][lane]))
+    }
+}
+
+/// The last of a block's packets, or a new one if a particle of the material does not fit into it.
+pub(crate) fn room_in(
+    packets: &mut Vec<Packet>,
+    material: u16,
+    state: impl FnOnce() -> f32,
+) -> &mut Packet {
+    let is_full = |last: &Packet| last.len == LANES || last.material != material;
+    if packets.last().is_none_or(is_full) {
+        packets.push(Packet::new(material, state()));
+    }
+    packets.last_mut().expect("there is one now")
 }

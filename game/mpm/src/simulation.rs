@@ -154,15 +154,12 @@ impl Simulation {
     pub fn step(&mut self, duration_secs: f64, bodies: &mut Bodies) -> Result<StepReport> {
         check_range("duration of a step in s", duration_secs, 0.0, 3600.0)?;
         bodies.validate()?;
-        for ball in &mut bodies.balls {
-            ball.impulse = glam::DVec3::ZERO;
-            ball.angular_impulse = glam::DVec3::ZERO;
-        }
+        bodies.clear_impulses();
         let mut report = StepReport::default();
         let mut left_secs = duration_secs;
         while left_secs > 0.0 {
             if self.is_asleep() && !self.is_disturbed(bodies) {
-                move_balls(bodies, left_secs);
+                bodies.move_freely(left_secs);
                 break;
             }
             let longest_secs = self.substep_secs_max(bodies);
@@ -385,13 +382,5 @@ impl Simulation {
     /// Every particle, in an order that changes as they move; ids stay.
     pub fn particles(&self) -> impl Iterator<Item = Particle> + '_ {
         self.storage.particles()
-    }
-}
-
-/// Moves balls that no particle touches.
-fn move_balls(bodies: &mut Bodies, duration_secs: f64) {
-    for ball in &mut bodies.balls {
-        ball.velocity += ball.acceleration * duration_secs;
-        ball.advance(duration_secs);
     }
 }

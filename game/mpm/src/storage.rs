@@ -12,9 +12,8 @@ use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::lanes::LANES;
 use crate::material::Material;
-use crate::packet::Packet;
+use crate::packet::{Packet, room_in};
 use crate::totals::Totals;
 
 /// Edge of a block, in cells.
@@ -69,6 +68,12 @@ impl ParticleBlock {
             speed_max: 0.0,
             sound_max: 0.0,
         }
+    }
+
+    /// Its particles: a packet and a lane of it each.
+    pub(crate) fn lanes(&self) -> impl Iterator<Item = (&Packet, usize)> {
+        let packets = self.packets.iter();
+        packets.flat_map(|packet| (0..packet.len).map(move |lane| (packet, lane)))
     }
 }
 
@@ -163,20 +168,11 @@ impl Storage {
         let mut totals = Totals::default();
         let cell_size_m = f64::from(self.cell_size_m);
         for block in &self.blocks {
-            for packet in &block.packets {
-                for lane in 0..packet.len {
-                    let position = self.position_m(block.coordinate, packet.position[lane]);
-                    let velocity = Vec3::from_slice(&packet.velocity[lane]);
-                    let column = |axis: usize| Vec3::from_slice(&packet.affine[axis][lane]);
-                    let [x, y, z] = [0, 1, 2].map(|axis| column(axis).as_dvec3());
-                    totals.add(
-                        packet.mass[lane],
-                        position,
-                        velocity,
-                        [x, y, z],
-                        cell_size_m,
-                    );
-                }
+            for (packet, lane) in block.lanes() {
+                let position = self.position_m(block.coordinate, packet.position[lane]);
+                let velocity = Vec3::from_slice(&packet.velocity[lane]);
+                let columns = packet.affine_columns(lane).map(Vec3::as_dvec3);
+                totals.add(packet.mass[lane], position, velocity, columns, cell_size_m);
             }
         }
         totals
@@ -203,46 +199,31 @@ impl Storage {
         let ParticleState {
             particle, state, ..
         } = added;
-        let state = *state;
-        let index = self.block_index(coordinate);
-        let packets = &mut self.blocks[index as usize].packets;
+        let index = self.block_index(coordinate) as usize;
         let material = particle.material as u16;
-        if packets
-            .last()
-            .is_none_or(|last| last.len == LANES || last.material != material)
-        {
-            packets.push(Packet::new(material, state));
+        let packet = room_in(&mut self.blocks[index].packets, material, || *state);
+        packet.push(&Packet::new(material, *state), 0);
+        let lane = packet.len - 1;
+        packet.position[lane] = added.local.extend(0.0).into();
+        for (column, entries) in packet.affine.iter_mut().zip(added.affine) {
+            column[lane] = entries.extend(0.0).into();
         }
-        if let Some(packet) = packets.last_mut() {
-            packet.push(&Packet::new(material, state), 0);
-            let lane = packet.len - 1;
-            packet.position[lane] = added.local.extend(0.0).into();
-            for (column, entries) in packet.affine.iter_mut().zip(added.affine) {
-                column[lane] = entries.extend(0.0).into();
-            }
-            for (entry, value) in packet.deformation.iter_mut().zip(added.deformation) {
-                entry[lane] = value;
-            }
-            packet.velocity[lane] = particle.velocity.extend(0.0).into();
-            packet.mass[lane] = particle.mass_kg;
-            packet.volume[lane] = particle.volume_m3;
-            packet.id[lane] = particle.id;
+        for (entry, value) in packet.deformation.iter_mut().zip(added.deformation) {
+            entry[lane] = value;
         }
+        packet.velocity[lane] = particle.velocity.extend(0.0).into();
+        packet.mass[lane] = particle.mass_kg;
+        packet.volume[lane] = particle.volume_m3;
+        packet.id[lane] = particle.id;
     }
 
     /// Every block, with its particles.
     pub(crate) fn states(&self) -> impl Iterator<Item = (IVec3, Vec<ParticleState>)> + '_ {
-        let mut seen = self.particles();
-        self.blocks.iter().map(move |block| {
-            let lanes = block
-                .packets
-                .iter()
-                .flat_map(|packet| (0..packet.len).map(move |lane| (packet, lane)));
-            let states = lanes.zip(seen.by_ref());
-            let states = states.map(|((packet, lane), particle)| ParticleState {
-                particle,
+        self.blocks.iter().map(|block| {
+            let states = block.lanes().map(|(packet, lane)| ParticleState {
+                particle: self.particle(block, packet, lane),
                 local: Vec3::from_slice(&packet.position[lane]),
-                affine: [0, 1, 2].map(|axis: usize| Vec3::from_slice(&packet.affine[axis][lane])),
+                affine: packet.affine_columns(lane),
                 deformation: packet.deformation.map(|entry| entry[lane]),
                 state: packet.state[lane],
             });
@@ -261,19 +242,21 @@ impl Storage {
     /// Every particle, by block.
     pub(crate) fn particles(&self) -> impl Iterator<Item = Particle> + '_ {
         self.blocks.iter().flat_map(move |block| {
-            block.packets.iter().flat_map(move |packet| {
-                (0..packet.len).map(move |lane| Particle {
-                    id: packet.id[lane],
-                    position: self
-                        .position_m(block.coordinate, packet.position[lane])
-                        .as_vec3(),
-                    velocity: Vec3::from_slice(&packet.velocity[lane]),
-                    mass_kg: packet.mass[lane],
-                    volume_m3: packet.volume[lane],
-                    material: packet.material.into(),
-                })
-            })
+            let lanes = block.lanes();
+            lanes.map(move |(packet, lane)| self.particle(block, packet, lane))
         })
+    }
+
+    fn particle(&self, block: &ParticleBlock, packet: &Packet, lane: usize) -> Particle {
+        let position = self.position_m(block.coordinate, packet.position[lane]);
+        Particle {
+            id: packet.id[lane],
+            position: position.as_vec3(),
+            velocity: Vec3::from_slice(&packet.velocity[lane]),
+            mass_kg: packet.mass[lane],
+            volume_m3: packet.volume[lane],
+            material: packet.material.into(),
+        }
     }
 
     /// Keeps the particles for which the function is true; [`Self::put_in_order`] must follow.
@@ -409,23 +392,16 @@ impl Slot {
     fn move_into(&self, block: &mut ParticleBlock, old: &[ParticleBlock], materials: &[Material]) {
         let from_block = &old[self.source.0 as usize];
         let from = &from_block.packets[self.source.1 as usize];
-        let packets = &mut block.packets;
-        if packets
-            .last()
-            .is_none_or(|last| last.len == LANES || last.material != from.material)
-        {
-            let state = materials[usize::from(from.material)].state_at_rest();
-            packets.push(Packet::new(from.material, state));
-        }
-        if let Some(packet) = packets.last_mut() {
-            packet.push(from, self.source.2 as usize);
-            let shift = (block.coordinate - from_block.coordinate) * BLOCK_EDGE;
-            let local = &mut packet.position[packet.len - 1];
-            for (axis, shift) in shift.to_array().into_iter().enumerate() {
-                // Rounding up to the far side would be outside of the block.
-                let below_end = (BLOCK_EDGE as f32).next_down();
-                local[axis] = (local[axis] - shift as f32).clamp(0.0, below_end);
-            }
+        let material = from.material;
+        let at_rest = || materials[usize::from(material)].state_at_rest();
+        let packet = room_in(&mut block.packets, material, at_rest);
+        packet.push(from, self.source.2 as usize);
+        let shift = (block.coordinate - from_block.coordinate) * BLOCK_EDGE;
+        let local = &mut packet.position[packet.len - 1];
+        for (axis, shift) in shift.to_array().into_iter().enumerate() {
+            // Rounding up to the far side would be outside of the block.
+            let below_end = (BLOCK_EDGE as f32).next_down();
+            local[axis] = (local[axis] - shift as f32).clamp(0.0, below_end);
         }
     }
 }

@@ -11,8 +11,9 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use crate::Error;
 use crate::scene::EnvironmentMap;
-use crate::{Error, SceneError};
+use crate::scene::validate::map_fault;
 #[cfg(feature = "image-io")]
 use crate::{ImageSize, RadianceImage};
 
@@ -53,7 +54,7 @@ impl CompiledEnvironment {
             return Ok(Self::default());
         };
         let compiled = compile(map, scale, has_area_lights);
-        compiled.map_err(|fault| Error::InvalidScene(SceneError::EnvironmentMap(fault)))
+        compiled.map_err(|why| Error::InvalidScene(map_fault(why)))
     }
 
     /// Whether there is none.
@@ -137,17 +138,8 @@ impl CompiledEnvironment {
 
 /// The interval of rising sums from 0 to 1 that a number lies in, its length, and where in it.
 fn draw(sums: &[f32], u: f32) -> (usize, f32, f32) {
-    let mut first = 0;
-    let mut last = sums.len() - 1;
     // The last interval that does not begin above `u`.
-    while last - first > 1 {
-        let middle = usize::midpoint(first, last);
-        if sums[middle] <= u {
-            first = middle;
-        } else {
-            last = middle;
-        }
-    }
+    let first = sums[1..sums.len() - 1].partition_point(|sum| *sum <= u);
     let share = sums[first + 1] - sums[first];
     let within = if share > 0.0 {
         (u - sums[first]) / share

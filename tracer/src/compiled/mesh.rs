@@ -58,38 +58,15 @@ impl CompiledMeshes {
         let directions: Vec<Vec3> = (mesh.normals.iter())
             .map(|n| (world_from_mesh * n.as_dvec3().normalize()).as_vec3())
             .collect();
-        let uvs = self.uvs.len();
-        let added = mesh.triangles.iter().zip(0u32..);
-        let added = added.map(|(corners, index)| {
-            let [a, b, c] = corners.map(|corner| points[corner as usize].to_array());
-            let normals = match directions.is_empty() {
-                true => TriangleData::FLAT,
-                false => normals as u32 + index,
-            };
-            let uvs = match mesh.uvs.is_empty() {
-                true => TriangleData::FLAT,
-                false => uvs as u32 + index,
-            };
-            TriangleData {
-                a,
-                b,
-                c,
-                material,
-                normals,
-                uvs,
-            }
-        });
+        let has_normals = !directions.is_empty();
+        let first = [
+            has_normals.then_some(normals as u32),
+            (!mesh.uvs.is_empty()).then_some(self.uvs.len() as u32),
+        ];
+        let added = triangle_data(&mesh.triangles, &points, material, first);
         Arc::make_mut(&mut self.triangles).extend(added);
-        if !directions.is_empty() {
-            let added = (mesh.triangles.iter()).map(|corners| {
-                let [a, b, c] = corners.map(|corner| directions[corner as usize].to_array());
-                TriangleNormals {
-                    a,
-                    b,
-                    c,
-                    ..TriangleNormals::zeroed()
-                }
-            });
+        if has_normals {
+            let added = triangle_normals(&mesh.triangles, &directions);
             Arc::make_mut(&mut self.normals).extend(added);
         }
         if !mesh.uvs.is_empty() {
@@ -167,7 +144,7 @@ impl CompiledMeshes {
     /// power of two: kernels are built for numbers of primitives. Returns whether any surface is another than before.
     ///
     /// # Errors
-    /// As [`SurfaceMesh::new`], with the index of the cloud in the update; then there are none.
+    /// As [`SurfaceMesh::new`], with the index of the cloud in the update; then all stays as it was.
     pub(super) fn set_surfaces(
         &mut self,
         clouds: &[(u32, usize, &ParticleCloud)],
@@ -182,7 +159,19 @@ impl CompiledMeshes {
         {
             return Ok(false);
         }
-        self.surfaces.clear();
+        let meshes = clouds.iter().filter_map(|(material, index, cloud)| {
+            let ParticleForm::Surface {
+                smoothing_m,
+                floor_m,
+            } = cloud.form
+            else {
+                return None;
+            };
+            let mesh = SurfaceMesh::new(cloud, smoothing_m, floor_m);
+            let mesh = mesh.map_err(|fault| fault.of_cloud(*index));
+            Some(mesh.map(|mesh| (*material, mesh)))
+        });
+        let meshes = meshes.collect::<Result<Vec<_>, _>>()?;
         let own = self.placed.last();
         let [triangles_own, normals_own] =
             own.map_or([0; 2], |mesh| [mesh.triangles.end, mesh.normals.end]);
@@ -191,28 +180,11 @@ impl CompiledMeshes {
         triangles.truncate(triangles_own);
         normals.truncate(normals_own);
         self.layout = LayoutCache::default();
-        for (material, index, cloud) in clouds {
-            let ParticleForm::Surface {
-                smoothing_m,
-                floor_m,
-            } = cloud.form
-            else {
-                continue;
-            };
-            let mesh = SurfaceMesh::new(cloud, smoothing_m, floor_m);
-            let mesh = mesh.map_err(|fault| SceneError::Cloud {
-                index: *index,
-                fault: Box::new(fault),
-            });
-            match mesh {
-                Ok(mesh) => push_surface(triangles, normals, &mesh, *material),
-                Err(fault) => {
-                    triangles.truncate(triangles_own);
-                    normals.truncate(normals_own);
-                    self.reach = reach(triangles);
-                    return Err(fault);
-                }
-            }
+        for (material, mesh) in &meshes {
+            let first = [Some(normals.len() as u32), None];
+            let positions = &mesh.positions;
+            triangles.extend(triangle_data(&mesh.triangles, positions, *material, first));
+            normals.extend(triangle_normals(&mesh.triangles, &mesh.normals));
         }
         hide_up_to_slots(triangles, normals, triangles_own);
         self.reach = reach(triangles);
@@ -318,34 +290,41 @@ impl Movement {
     }
 }
 
-fn push_surface(
-    triangles: &mut Vec<TriangleData>,
-    normals: &mut Vec<TriangleNormals>,
-    mesh: &SurfaceMesh,
+/// Triangles between points; `first` are the places of the first one's normals and texture coordinates, if they have any.
+fn triangle_data(
+    triangles: &[[u32; 3]],
+    points: &[Vec3],
     material: u32,
-) {
-    let first = normals.len() as u32;
-    let added = mesh.triangles.iter().zip(first..);
-    triangles.extend(added.map(|(corners, normals)| {
-        let [a, b, c] = corners.map(|corner| mesh.positions[corner as usize].to_array());
+    first: [Option<u32>; 2],
+) -> impl Iterator<Item = TriangleData> {
+    triangles.iter().zip(0u32..).map(move |(corners, index)| {
+        let [a, b, c] = corners.map(|corner| points[corner as usize].to_array());
+        let [normals, uvs] =
+            first.map(|first| first.map_or(TriangleData::FLAT, |first| first + index));
         TriangleData {
             a,
             b,
             c,
             material,
             normals,
-            uvs: TriangleData::FLAT,
+            uvs,
         }
-    }));
-    normals.extend(mesh.triangles.iter().map(|corners| {
-        let [a, b, c] = corners.map(|corner| mesh.normals[corner as usize].to_array());
+    })
+}
+
+fn triangle_normals(
+    triangles: &[[u32; 3]],
+    directions: &[Vec3],
+) -> impl Iterator<Item = TriangleNormals> {
+    triangles.iter().map(|corners| {
+        let [a, b, c] = corners.map(|corner| directions[corner as usize].to_array());
         TriangleNormals {
             a,
             b,
             c,
             ..TriangleNormals::zeroed()
         }
-    }));
+    })
 }
 
 /// Adds triangles without area until the update's are a power of two.

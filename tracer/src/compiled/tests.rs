@@ -1,5 +1,7 @@
+use glam::Quat;
+
 use super::*;
-use crate::scene::{Environment, Lens, Material, Object};
+use crate::scene::{AreaLight, Environment, Lens, Material, Object, Scene, SceneUpdate, Shape};
 
 /// A box and two balls, so that an object's number differs from its sphere's.
 fn scene() -> Scene {

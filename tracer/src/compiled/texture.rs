@@ -11,10 +11,11 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use super::layer_texture::LayerTextureData;
+use crate::Error;
 #[cfg(feature = "image-io")]
 use crate::scene::{ColorSpace, Wrap, levels};
 use crate::scene::{ImageTexture, Material, MaterialTextures, halved};
-use crate::{Error, SceneError};
+use crate::tonemap::SRGB_LINEAR;
 
 /// The textures of a scene, shared with copies of it.
 #[derive(Clone, Debug, Default)]
@@ -110,20 +111,14 @@ impl CompiledTextures {
         textures: &[ImageTexture],
         materials: impl Iterator<Item = &'a Material> + Clone,
     ) -> Result<Self, Error> {
-        let mut used = materials.clone().map(Material::textures);
-        if used.all(|textures| textures.indices().next().is_none()) {
+        let mut used = materials.clone();
+        if !used.any(Material::has_textures) {
             return Ok(Self::default());
         }
         let (mut images, mut texels) = (Vec::new(), Vec::new());
         for (index, texture) in textures.iter().enumerate() {
-            let fault = |fault| {
-                Error::InvalidScene(SceneError::Texture {
-                    index,
-                    name: texture.name.clone(),
-                    fault,
-                })
-            };
-            images.push(push_image(texture, &mut texels).map_err(fault)?);
+            let image = push_image(texture, &mut texels);
+            images.push(image.map_err(|why| Error::InvalidScene(texture.fault(index, why)))?);
         }
         let layers = materials.clone();
         let layers = layers
@@ -283,18 +278,6 @@ impl Taps {
     }
 }
 
-/// The linear share of light of each sRGB byte (IEC 61966-2-1).
-pub(crate) static SRGB_LINEAR: std::sync::LazyLock<[f32; 256]> = std::sync::LazyLock::new(|| {
-    std::array::from_fn(|byte| {
-        let share = byte as f64 / 255.0;
-        let linear = match share <= 0.040_45 {
-            true => share / 12.92,
-            false => ((share + 0.055) / 1.055).powf(2.4),
-        };
-        linear as f32
-    })
-});
-
 #[cfg(not(feature = "image-io"))]
 fn push_image(_: &ImageTexture, _: &mut Vec<u32>) -> Result<TextureData, String> {
     Err(
@@ -334,9 +317,9 @@ fn push_image(texture: &ImageTexture, texels: &mut Vec<u32>) -> Result<TextureDa
 
 #[cfg(feature = "image-io")]
 mod mip {
-    use super::SRGB_LINEAR;
     use crate::scene::halved;
     use crate::texture_file::Texels;
+    use crate::tonemap::SRGB_LINEAR;
 
     /// The next level of detail.
     pub(super) fn halve(level: &Texels, is_srgb: bool) -> Texels {

@@ -12,7 +12,7 @@ use super::beam::Beam;
 use super::geometry::Geometry;
 use super::lanes::{Float, LANES, Vec3x, Word};
 use super::rays::{NONE, Rays};
-use crate::compiled::CameraFrame;
+use crate::compiled::{CameraFrame, ShapeKind};
 use crate::simd::{Level, dispatch};
 use crate::{CompiledScene, ImageSize};
 
@@ -76,13 +76,6 @@ impl FirstHits {
     }
 }
 
-/// The number of the first triangle of a scene.
-pub(crate) fn first_triangle(scene: &CompiledScene) -> u32 {
-    let plates = scene.discs.len() + scene.rectangles.len();
-    let solids = scene.spheres.len() + scene.boxes.len() + scene.csg_faces.len();
-    (plates + solids) as u32
-}
-
 /// Columns of the grid around a row of the film.
 fn grid_columns(width: usize) -> usize {
     width.div_ceil(2) + 1
@@ -105,7 +98,7 @@ impl<'a> FirstRays<'a> {
             scene,
             geometry: Geometry::new(scene),
             camera: scene.camera_frame(size),
-            first_triangle: first_triangle(scene),
+            first_triangle: scene.first_id(ShapeKind::Triangle),
         }
     }
 

@@ -45,40 +45,29 @@ impl Geometry {
         let reach = reach(scene);
         let is_dielectric =
             |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
-        let mut first = 0;
-        let spheres = scene.spheres.iter().zip(first..).map(|(data, id)| {
-            let numbers = Sphere::numbers(data, reach)?;
-            let solid = PackedPrimitive::new(numbers, id, is_dielectric(data.material));
-            Some((solid, Bounds::from(data)))
+        let first = |kind| scene.first_id(kind);
+        let kind = ShapeKind::Sphere;
+        let bvh = scene.bvh(kind, Sphere::BVH_MIN);
+        let spheres = PrimitiveSet::of(&scene.spheres, first(kind), bvh, reach, |data| {
+            Some((Sphere::numbers(data, reach)?, is_dielectric(data.material)))
         });
-        let spheres = PrimitiveSet::new(
-            scene.bvh(ShapeKind::Sphere, Sphere::BVH_MIN),
-            reach,
-            spheres,
-        );
-        first += scene.spheres.len() as u32;
-        let boxes = scene.boxes.iter().zip(first..).map(|(data, id)| {
-            let numbers = AlignedBox::numbers(data);
-            let solid = PackedPrimitive::new(numbers, id, is_dielectric(data.material));
-            Some((solid, Bounds::from(data)))
+        let kind = ShapeKind::Box;
+        let bvh = scene.bvh(kind, AlignedBox::BVH_MIN);
+        let boxes = PrimitiveSet::of(&scene.boxes, first(kind), bvh, reach, |data| {
+            Some((AlignedBox::numbers(data), is_dielectric(data.material)))
         });
-        let boxes = PrimitiveSet::new(scene.bvh(ShapeKind::Box, AlignedBox::BVH_MIN), reach, boxes);
-        first += scene.boxes.len() as u32;
-        let discs = scene.discs.iter().zip(first..).map(|(data, id)| {
-            let disc = PackedPrimitive::new(Disc::numbers(data), id, false);
-            Some((disc, Bounds::from(data)))
+        let kind = ShapeKind::Disc;
+        let bvh = scene.bvh(kind, Disc::BVH_MIN);
+        let discs = PrimitiveSet::of(&scene.discs, first(kind), bvh, reach, |data| {
+            Some((Disc::numbers(data), false))
         });
-        let discs = PrimitiveSet::new(scene.bvh(ShapeKind::Disc, Disc::BVH_MIN), reach, discs);
-        first += scene.discs.len() as u32;
-        let rectangles = scene.rectangles.iter().zip(first..).map(|(data, id)| {
-            let rectangle = PackedPrimitive::new(Rectangle::numbers(data), id, false);
-            Some((rectangle, Bounds::from(data)))
+        let kind = ShapeKind::Rectangle;
+        let bvh = scene.bvh(kind, Rectangle::BVH_MIN);
+        let rectangles = PrimitiveSet::of(&scene.rectangles, first(kind), bvh, reach, |data| {
+            Some((Rectangle::numbers(data), false))
         });
-        let bvh = scene.bvh(ShapeKind::Rectangle, Rectangle::BVH_MIN);
-        let rectangles = PrimitiveSet::new(bvh, reach, rectangles);
-        // As many ids as there are faces.
-        let csg_faces_first = first + scene.rectangles.len() as u32;
-        let triangles_first = csg_faces_first + scene.csg_faces.len() as u32;
+        let csg_faces_first = first(ShapeKind::CsgFace);
+        let triangles_first = first(ShapeKind::Triangle);
         let area_lights_first = triangles_first + scene.meshes.triangles.len() as u32;
         let csg_boxes = scene.csg_boxes.iter();
         let csg_boxes = csg_boxes
@@ -87,13 +76,13 @@ impl Geometry {
         let far = |bounds: Bounds| bounds.min.abs().max(bounds.max.abs()).element_sum();
         let far = scene.area_lights.iter().map(|light| far(light.into()));
         let area_lights_reach = far.fold(reach, |reach, far| reach.max(2.0 * far));
-        let area_lights = scene.area_lights.iter().zip(area_lights_first..);
-        let area_lights = area_lights.map(|(data, id)| {
-            let light = PackedPrimitive::new(Rectangle::area_light_numbers(data), id, false);
-            Some((light, Bounds::from(data)))
-        });
-        let area_lights = PrimitiveSet::new(None, area_lights_reach, area_lights);
-        let has_dielectric = has_dielectric(scene);
+        let area_lights = PrimitiveSet::of(
+            &scene.area_lights,
+            area_lights_first,
+            None,
+            area_lights_reach,
+            |light| Some((Rectangle::area_light_numbers(light), false)),
+        );
         Self {
             spheres,
             boxes,
@@ -104,7 +93,7 @@ impl Geometry {
             triangles: Triangles::new(scene, triangles_first, reach),
             area_lights,
             area_lights_first,
-            has_dielectric,
+            has_dielectric: has_dielectric(scene),
         }
     }
 
@@ -191,12 +180,23 @@ impl Geometry {
 }
 
 impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
-    /// `each` is by index, with its bounds; what is hidden is none.
-    fn new(
+    /// Ids count from `first`. `numbers` gives a primitive's numbers and whether it is a dielectric; of what is hidden,
+    /// none.
+    fn of<D>(
+        all: &[D],
+        first: u32,
         bvh: Option<&Bvh>,
         reach: f32,
-        each: impl Iterator<Item = Option<(PackedPrimitive<F, N>, Bounds)>>,
-    ) -> Self {
+        numbers: impl Fn(&D) -> Option<([f32; N], bool)>,
+    ) -> Self
+    where
+        for<'a> Bounds: From<&'a D>,
+    {
+        let each = all.iter().zip(first..).map(|(data, id)| {
+            let (numbers, is_dielectric) = numbers(data)?;
+            let one = PackedPrimitive::new(numbers, id, is_dielectric);
+            Some((one, Bounds::from(data)))
+        });
         if let Some(bvh) = bvh {
             let each: Vec<_> = each.map(|one| Some(one?.0)).collect();
             return Self {
@@ -269,20 +269,8 @@ fn has_dielectric(scene: &CompiledScene) -> bool {
 fn reach(scene: &CompiledScene) -> f32 {
     let eye = scene.camera.eye.to_array();
     let far = |p: [f32; 3], extent: f32| p.iter().fold(extent, |sum, c| sum + c.abs());
-    let length = |v: [f32; 3]| far(v, 0.0);
-    let spheres = scene.spheres.iter().map(|s| far(s.center, s.radius));
-    let boxes = scene.boxes.iter();
-    let boxes = boxes.map(|b| far(b.min, 0.0).max(far(b.max, 0.0)));
-    let discs = scene.discs.iter().map(|d| far(d.center, d.radius));
-    let rectangles = scene.rectangles.iter();
-    let rectangles = rectangles.map(|r| far(r.center, length(r.half_u) + length(r.half_v)));
-    let csg_boxes = scene.csg_boxes.iter();
-    let csg_boxes = csg_boxes.map(|c| far(c.min, 0.0).max(far(c.max, 0.0)));
-    let from_world_origin = spheres
-        .chain(boxes)
-        .chain(discs)
-        .chain(rectangles)
-        .chain(csg_boxes);
+    let extents = scene.extents(|v| far(v, 0.0));
+    let from_world_origin = extents.map(|(center, extent)| far(center, extent));
     2.0 * from_world_origin.fold(far(eye, 0.0).max(scene.meshes.reach), f32::max)
 }
 

@@ -63,7 +63,6 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 
 pub use first_hit::FirstHits;
-pub(crate) use first_hit::first_triangle;
 pub(crate) use motion_vectors::{Footprint, Motion, MotionVectors};
 
 use crate::denoise::{DenoiseInputTile, DenoiseSource, FilterMemory, trace_denoised};

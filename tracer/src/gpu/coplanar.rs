@@ -80,24 +80,12 @@ fn corners(light: &AreaLightData) -> impl Iterator<Item = Vec3> + use<> {
 pub(crate) fn farthest(scene: &CompiledScene) -> f32 {
     let reach = |center: [f32; 3], extent: f32| Vec3::from(center).abs().max_element() + extent;
     let length = |v: [f32; 3]| Vec3::from(v).length();
-    let spheres = scene.spheres.iter().map(|s| reach(s.center, s.radius));
-    let boxes = scene
-        .boxes
-        .iter()
-        .map(|b| reach(b.min, 0.0).max(reach(b.max, 0.0)));
-    let discs = scene.discs.iter().map(|d| reach(d.center, d.radius));
-    let rectangles = scene.rectangles.iter();
-    let rectangles = rectangles.map(|r| reach(r.center, length(r.half_u) + length(r.half_v)));
+    let surfaces = scene.extents(length);
     let area_lights = scene.area_lights.iter();
-    let area_lights = area_lights.map(|l| reach(l.center, l.length_u + l.length_v));
-    let csg_boxes = scene.csg_boxes.iter();
-    let csg_boxes = csg_boxes.map(|c| reach(c.min, 0.0).max(reach(c.max, 0.0)));
-    let surfaces = spheres
-        .chain(boxes)
-        .chain(csg_boxes)
-        .chain(discs)
-        .chain(rectangles)
-        .chain(area_lights);
+    let area_lights = area_lights.map(|l| (l.center, l.length_u + l.length_v));
+    let surfaces = surfaces
+        .chain(area_lights)
+        .map(|(center, extent)| reach(center, extent));
     let eye = reach(scene.camera.eye.to_array(), 0.0);
     surfaces.fold(eye.max(scene.meshes.reach), f32::max)
 }

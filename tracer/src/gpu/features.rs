@@ -11,45 +11,30 @@ use crate::compiled::{
 use crate::gpu::coplanar;
 
 impl ShapeKind {
+    const fn names(self) -> [&'static str; 3] {
+        match self {
+            Self::Sphere => ["sphere", "SPHERE", "spheres"],
+            Self::Box => ["box", "BOX", "boxes"],
+            Self::Disc => ["disc", "DISC", "discs"],
+            Self::Rectangle => ["rectangle", "RECTANGLE", "rectangles"],
+            Self::CsgFace => ["csg_face", "CSG_FACE", "csg_faces"],
+            Self::Triangle => ["triangle", "TRIANGLE", "triangles"],
+        }
+    }
+
     /// The prefix or suffix of its functions in WGSL.
     pub(crate) const fn function(self) -> &'static str {
-        match self {
-            Self::Sphere => "sphere",
-            Self::Box => "box",
-            Self::Disc => "disc",
-            Self::Rectangle => "rectangle",
-            Self::CsgFace => "csg_face",
-            Self::Triangle => "triangle",
-        }
+        self.names()[0]
     }
 
     /// The prefix of its constants in WGSL.
     pub(crate) const fn constant(self) -> &'static str {
-        match self {
-            Self::Sphere => "SPHERE",
-            Self::Box => "BOX",
-            Self::Disc => "DISC",
-            Self::Rectangle => "RECTANGLE",
-            Self::CsgFace => "CSG_FACE",
-            Self::Triangle => "TRIANGLE",
-        }
+        self.names()[1]
     }
 
-    /// What a quick test of whether a ray may meet one needs, if there is such a test.
-    pub(crate) const fn bound(self) -> Option<&'static str> {
-        match self {
-            Self::Sphere => Some("SphereBound"),
-            Self::Box => Some("BoxBound"),
-            Self::Disc | Self::Rectangle | Self::CsgFace | Self::Triangle => None,
-        }
-    }
-
-    /// A leaf of its BVH.
-    pub(crate) const fn leaf(self) -> &'static str {
-        match self {
-            Self::Sphere => "SphereLeaf",
-            _ => "vec4u",
-        }
+    /// Its array in the scene.
+    pub(crate) const fn array(self) -> &'static str {
+        self.names()[2]
     }
 
     /// The buffer that holds its primitives, and what rays find them by: triangles, which are many and seldom
@@ -58,30 +43,6 @@ impl ShapeKind {
         match self {
             Self::Triangle => "mesh",
             _ => "scene",
-        }
-    }
-
-    /// Its array in the scene.
-    pub(crate) const fn array(self) -> &'static str {
-        match self {
-            Self::Sphere => "spheres",
-            Self::Box => "boxes",
-            Self::Disc => "discs",
-            Self::Rectangle => "rectangles",
-            Self::CsgFace => "csg_faces",
-            Self::Triangle => "triangles",
-        }
-    }
-
-    /// The element of that array.
-    pub(crate) const fn type_name(self) -> &'static str {
-        match self {
-            Self::Sphere => "SphereData",
-            Self::Box => "BoxData",
-            Self::Disc => "DiscData",
-            Self::Rectangle => "RectangleData",
-            Self::CsgFace => "CsgFaceData",
-            Self::Triangle => "TriangleData",
         }
     }
 }
@@ -135,15 +96,11 @@ impl KernelOutput {
 /// The key of a kernel: scenes with the same features share one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Features {
-    pub(crate) spheres: u32,
-    pub(crate) boxes: u32,
-    pub(crate) discs: u32,
-    pub(crate) rectangles: u32,
-    pub(crate) csg_faces: u32,
+    /// Primitives of each shape, in the order of [`ShapeKind::ALL`].
+    pub(crate) counts: [u32; ShapeKind::ALL.len()],
     /// CSG boxes, which the faces belong to.
     pub(crate) csg_boxes: u32,
-    pub(crate) triangles: u32,
-    /// Those with vertex normals.
+    /// Triangles with vertex normals.
     pub(crate) smooth_triangles: u32,
     /// Some are of dielectrics.
     pub(crate) has_dielectric_mesh: bool,
@@ -246,13 +203,8 @@ impl Features {
             && scene.punctual_lights.is_empty())
             || scene.emissive_surfaces.sixteenths > 0;
         Self {
-            spheres: scene.spheres.len() as u32,
-            boxes: scene.boxes.len() as u32,
-            discs: scene.discs.len() as u32,
-            rectangles: scene.rectangles.len() as u32,
-            csg_faces: scene.csg_faces.len() as u32,
+            counts: ShapeKind::ALL.map(|shape| scene.count(shape) as u32),
             csg_boxes: scene.csg_boxes.len() as u32,
-            triangles: scene.meshes.triangles.len() as u32,
             smooth_triangles: scene.meshes.normals.len() as u32,
             has_dielectric_mesh: scene.has_dielectric_mesh(),
             environment_map: [scene.environment_map.width, scene.environment_map.height],
@@ -332,23 +284,16 @@ impl Features {
     /// its pixels'.
     pub(crate) const fn copies_primitives(&self) -> bool {
         const BYTES_MAX: usize = 16 << 10;
-        let bytes = self.csg_faces as usize * size_of::<CsgFaceData>()
+        let bytes = self.count(ShapeKind::CsgFace) as usize * size_of::<CsgFaceData>()
             + self.csg_boxes as usize * size_of::<CsgBoxData>()
-            + self.boxes as usize * size_of::<BoxData>()
-            + self.spheres as usize * size_of::<SphereData>();
+            + self.count(ShapeKind::Box) as usize * size_of::<BoxData>()
+            + self.count(ShapeKind::Sphere) as usize * size_of::<SphereData>();
         self.workgroup_blocks > 1 && bytes <= BYTES_MAX
     }
 
     /// How many primitives of a shape there are.
     pub(crate) const fn count(&self, shape: ShapeKind) -> u32 {
-        match shape {
-            ShapeKind::Sphere => self.spheres,
-            ShapeKind::Box => self.boxes,
-            ShapeKind::Disc => self.discs,
-            ShapeKind::Rectangle => self.rectangles,
-            ShapeKind::CsgFace => self.csg_faces,
-            ShapeKind::Triangle => self.triangles,
-        }
+        self.counts[shape as usize]
     }
 
     /// Whether light is looked for elsewhere than at area lights.
@@ -395,7 +340,7 @@ impl Features {
 
     /// The shapes whose primitives have numbers in kernels: triangles only where there are some.
     pub(crate) fn numbered_shapes(&self) -> impl Iterator<Item = ShapeKind> + use<> {
-        let has_triangles = self.triangles > 0;
+        let has_triangles = self.count(ShapeKind::Triangle) > 0;
         let shapes = ShapeKind::ALL.into_iter();
         shapes.filter(move |shape| *shape != ShapeKind::Triangle || has_triangles)
     }
@@ -431,7 +376,7 @@ impl Features {
             .into_iter()
             .filter(|shape| self.has_bvh(*shape));
         let bvhs: u32 = in_bvhs.map(|shape| self.tested(shape)).sum();
-        1.05 * f64::from(self.primitives() + 3 * bvhs + 2 * self.csg_faces)
+        1.05 * f64::from(self.primitives() + 3 * bvhs + 2 * self.count(ShapeKind::CsgFace))
     }
 
     fn tested(&self, shape: ShapeKind) -> u32 {

@@ -1,6 +1,6 @@
 //! The buffers of one frame in flight.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 use bytemuck::{Pod, cast_slice, pod_read_unaligned};
 
@@ -8,11 +8,8 @@ use crate::Error;
 use crate::gpu::denoise::FilterBuffers;
 use crate::gpu::device::Device;
 use crate::gpu::features::KernelOutput;
-use crate::gpu::layout::{
-    COUNTERS_BEFORE_TILES, DispatchData, ENVIRONMENT_BINDING, MESH_BINDING, SceneHeader,
-    TEXTURE_BINDING, TileEntry,
-};
-use crate::gpu::mesh_buffer::SceneUpload;
+use crate::gpu::layout::{COUNTERS_BEFORE_TILES, DispatchData, SceneHeader, TileEntry};
+use crate::gpu::mesh_buffer::{FurtherBuffers, SceneUpload};
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
 
@@ -36,12 +33,7 @@ pub(crate) struct FrameBuffers {
     scene: wgpu::Buffer,
     /// Of the present scene.
     scene_bytes: u64,
-    /// The present scene's triangles.
-    mesh: Option<Arc<wgpu::Buffer>>,
-    /// Image textures of the scene.
-    textures: Option<Arc<wgpu::Buffer>>,
-    /// Its environment map.
-    environment_map: Option<Arc<wgpu::Buffer>>,
+    further: FurtherBuffers,
     /// A slot for each pass of a submission.
     uniforms: wgpu::Buffer,
     pub(super) tiles: wgpu::Buffer,
@@ -126,9 +118,7 @@ impl FrameBuffers {
         Self {
             scene: buffer(wgpu, size_of::<SceneHeader>() as u64, SCENE_USAGE),
             scene_bytes: 0,
-            mesh: None,
-            textures: None,
-            environment_map: None,
+            further: FurtherBuffers::default(),
             uniforms: buffer(
                 wgpu,
                 SLOT_BYTES * PASSES_MAX as u64,
@@ -161,13 +151,9 @@ impl FrameBuffers {
         let sums_bytes = SUM_BYTES * chunk.pixels;
         let SceneUpload {
             bytes: scene,
-            mesh,
-            textures,
-            environment_map,
+            further,
         } = scene;
-        self.environment_map.clone_from(environment_map);
-        self.mesh.clone_from(mesh);
-        self.textures.clone_from(textures);
+        self.further.clone_from(further);
         self.scene_bytes = scene.len() as u64;
         device.guarded(|wgpu| {
             reserve(wgpu, &mut self.scene, scene.len() as u64, SCENE_USAGE);
@@ -205,17 +191,11 @@ impl FrameBuffers {
             whole(5, &self.film_sums),
             part(6, &self.scene, 0, self.scene_bytes),
         ];
-        if kernel.has_mesh {
-            entries.extend(self.mesh.as_ref().map(|mesh| whole(MESH_BINDING, mesh)));
-        }
-        if kernel.has_textures {
-            let textures = self.textures.as_ref();
-            entries.extend(textures.map(|textures| whole(TEXTURE_BINDING, textures)));
-        }
-        if kernel.has_environment_map {
-            let map = self.environment_map.as_ref();
-            entries.extend(map.map(|map| whole(ENVIRONMENT_BINDING, map)));
-        }
+        let further = self.further.iter();
+        let further = further.filter(|(binding, _)| kernel.further_bindings.contains(binding));
+        entries.extend(
+            further.filter_map(|(binding, buffer)| Some(whole(*binding, buffer.as_ref()?))),
+        );
         wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("trace"),
             layout: &kernel.layout,

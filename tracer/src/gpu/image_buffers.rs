@@ -1,14 +1,15 @@
 //! The image textures and environment maps of scenes on the device: uploaded once, not with each picture.
 
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::Arc;
 
 use bytemuck::cast_slice;
 
 use crate::compiled::{
-    CompiledEnvironment, CompiledTextures, LayerTextureData, MaterialTextureData, SRGB_LINEAR,
-    TextureData,
+    CompiledEnvironment, CompiledTextures, LayerTextureData, MaterialTextureData, TextureData,
 };
+use crate::gpu::buffer_cache::{BufferCache, buffer_bytes_max, upload};
 use crate::gpu::device::Device;
+use crate::tonemap::SRGB_LINEAR;
 use crate::{CompiledScene, Error};
 
 /// Buffers of the scenes that were traced last.
@@ -33,9 +34,8 @@ impl ImageBuffers {
             return Ok(None);
         }
         let created = || create_textures(device, textures);
-        self.textures
-            .get_or_create(&textures.texels, created)
-            .map(Some)
+        let buffer = (self.textures).get_or_create(&textures.texels, false, created);
+        buffer.map(Some)
     }
 
     /// The environment map of a scene; none without.
@@ -52,55 +52,8 @@ impl ImageBuffers {
             return Ok(None);
         }
         let created = || create_environment_map(device, map);
-        (self.environment_maps.get_or_create(&map.numbers, created)).map(Some)
-    }
-}
-
-/// Buffers by what they were made of.
-struct BufferCache<T> {
-    kept: Mutex<Vec<CachedBuffer<T>>>,
-}
-
-struct CachedBuffer<T> {
-    /// Nobody changes it while this points at it.
-    source: Weak<Vec<T>>,
-    buffer: Arc<wgpu::Buffer>,
-}
-
-impl<T> Default for BufferCache<T> {
-    fn default() -> Self {
-        let kept = Mutex::default();
-        Self { kept }
-    }
-}
-
-impl<T> BufferCache<T> {
-    /// Buffers kept: a node keeps as many scenes.
-    const KEPT_MAX: usize = 4;
-
-    fn get_or_create(
-        &self,
-        source: &Arc<Vec<T>>,
-        create: impl FnOnce() -> Result<wgpu::Buffer, Error>,
-    ) -> Result<Arc<wgpu::Buffer>, Error> {
-        let source = Arc::downgrade(source);
-        let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = (kept().iter().find(|kept| kept.source.ptr_eq(&source)))
-            .map(|kept| Arc::clone(&kept.buffer));
-        if let Some(found) = found {
-            return Ok(found);
-        }
-        let buffer = Arc::new(create()?);
-        let mut kept = kept();
-        kept.retain(|kept| kept.source.strong_count() > 0);
-        if kept.len() >= Self::KEPT_MAX {
-            kept.remove(0);
-        }
-        kept.push(CachedBuffer {
-            source,
-            buffer: Arc::clone(&buffer),
-        });
-        Ok(buffer)
+        let buffer = (self.environment_maps).get_or_create(&map.numbers, false, created);
+        buffer.map(Some)
     }
 }
 
@@ -136,28 +89,13 @@ fn create_environment_map(
     )
 }
 
-/// A buffer of parts, one behind another.
 fn create(device: &Device, what: &str, parts: &[&[u8]]) -> Result<wgpu::Buffer, Error> {
-    let limits = device.device.limits();
-    let bytes_max = (limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
     let bytes: u64 = parts.iter().map(|part| part.len() as u64).sum();
+    let bytes_max = buffer_bytes_max(device);
     if bytes > bytes_max {
         return Err(device.error(format!(
             "{what} {bytes} bytes, but a buffer holds {bytes_max}: trace the scene on the CPU"
         )));
     }
-    device.guarded(|wgpu| {
-        let buffer = wgpu.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("images"),
-            size: bytes,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let mut place = 0;
-        for part in parts {
-            device.queue.write_buffer(&buffer, place, part);
-            place += part.len() as u64;
-        }
-        buffer
-    })
+    upload(device, "images", parts)
 }

@@ -1,10 +1,12 @@
 //! The bytes that a kernel reads: what [`crate::compiled`] holds, one array behind another.
 
+use std::ops::Range;
+
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
 
 use crate::bvh::Bounds;
-use crate::bvh::{BvhNode, LEAF, leaves};
+use crate::bvh::{BvhNode, LEAF, leaves as leaf_count};
 use crate::compiled::all_bounds;
 use crate::compiled::clusters::Clusters;
 use crate::compiled::{
@@ -14,7 +16,8 @@ use crate::compiled::{
 };
 use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features, SceneMemory};
-use crate::{Error, ImageSize, SceneError};
+use crate::gpu::schedule::Chunk;
+use crate::{Error, ImageSize, RenderSettings, SceneError};
 
 /// What stands before the scene's arrays.
 #[repr(C)]
@@ -42,6 +45,25 @@ pub(crate) struct DispatchData {
     pub(crate) max_depth: u32,
     /// Whether the tiles are single pixels, as many as [`LISTED_PIXELS`] says.
     pub(crate) is_list: u32,
+}
+
+impl DispatchData {
+    /// A run of samples of all pixels of a chunk.
+    pub(crate) fn new(chunk: &Chunk, settings: &RenderSettings, samples: Range<u32>) -> Self {
+        Self {
+            tile_count: chunk.entries.len() as u32,
+            block_count: chunk.blocks,
+            sample_begin: samples.start,
+            sample_end: samples.end,
+            samples: settings.samples,
+            first_half: 0,
+            pixels: chunk.pixels as u32,
+            first_sample: settings.first_sample,
+            seed: settings.seed,
+            max_depth: settings.max_depth,
+            is_list: 0,
+        }
+    }
 }
 
 /// Words of the counters before those of the tiles: rays, low and high, and the length of the list of edges.
@@ -194,55 +216,125 @@ pub(crate) fn features(scene: &CompiledScene, uniform_bytes_max: u64) -> Feature
     features
 }
 
+/// An array of a buffer, as the kernel declares it.
+pub(crate) struct ArrayLayout {
+    pub(crate) name: String,
+    pub(crate) element: &'static str,
+    element_bytes: usize,
+    pub(crate) count: u32,
+}
+
+impl ArrayLayout {
+    fn of<T>(name: impl Into<String>, element: &'static str, count: u32) -> Self {
+        Self {
+            name: name.into(),
+            element,
+            element_bytes: size_of::<T>(),
+            count,
+        }
+    }
+
+    fn of_shape(features: &Features, shape: ShapeKind) -> Self {
+        let (name, count) = (shape.array(), features.count(shape));
+        match shape {
+            ShapeKind::Sphere => Self::of::<SphereData>(name, "SphereData", count),
+            ShapeKind::Box => Self::of::<BoxData>(name, "BoxData", count),
+            ShapeKind::Disc => Self::of::<DiscData>(name, "DiscData", count),
+            ShapeKind::Rectangle => Self::of::<RectangleData>(name, "RectangleData", count),
+            ShapeKind::CsgFace => Self::of::<CsgFaceData>(name, "CsgFaceData", count),
+            ShapeKind::Triangle => Self::of::<TriangleData>(name, "TriangleData", count),
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        self.count as usize * self.element_bytes
+    }
+}
+
+/// What lies in the scene's buffer behind the header, in the order of [`scene_bytes`]: of what a scene has none of, no
+/// array is declared.
+pub(crate) fn scene_arrays(features: &Features) -> Vec<ArrayLayout> {
+    let shapes = || features.shapes_of_scene();
+    let (csg_boxes, lights) = (features.csg_boxes, features.area_lights);
+    let (punctual, emissive) = (features.punctual_lights, features.emissive_shapes());
+    let others = [
+        ArrayLayout::of::<CsgBoxData>("csg_boxes", "CsgBoxData", csg_boxes),
+        ArrayLayout::of::<AreaLightData>("area_lights", "AreaLightData", lights),
+        ArrayLayout::of::<PunctualLightData>("punctual_lights", "PunctualLightData", punctual),
+        ArrayLayout::of::<EmissiveSurfaceData>("emissive_shapes", "EmissiveSurfaceData", emissive),
+        ArrayLayout::of::<MaterialData>("materials", "MaterialData", features.materials),
+    ];
+    let primitives = shapes().map(|shape| ArrayLayout::of_shape(features, shape));
+    let finders = shapes().flat_map(|shape| finder_arrays(features, shape));
+    let arrays = primitives.chain(others).chain(finders);
+    arrays.filter(|array| array.count > 0).collect()
+}
+
+/// What lies in the triangles' buffer, in the order of [`mesh_bytes`].
+pub(crate) fn mesh_arrays(features: &Features) -> Vec<ArrayLayout> {
+    let (normals, uvs) = (features.smooth_triangles, features.uv_triangles);
+    let (colors, lights) = (features.colored_triangles, features.emissive_triangles());
+    let arrays = [
+        ArrayLayout::of_shape(features, ShapeKind::Triangle),
+        ArrayLayout::of::<TriangleNormals>("normals", "TriangleNormals", normals),
+        ArrayLayout::of::<TriangleUvs>("uvs", "TriangleUvs", uvs),
+        ArrayLayout::of::<TriangleColors>("colors", "TriangleColors", colors),
+        ArrayLayout::of::<EmissiveSurfaceData>("lights", "EmissiveSurfaceData", lights),
+    ];
+    let finders = finder_arrays(features, ShapeKind::Triangle);
+    let arrays = arrays.into_iter().chain(finders);
+    arrays.filter(|array| array.count > 0).collect()
+}
+
+/// What rays find the primitives of a shape by: the nodes and leaves of a BVH, or bounds for a quick test of whether a
+/// ray may meet one.
+fn finder_arrays(features: &Features, shape: ShapeKind) -> Vec<ArrayLayout> {
+    let (name, count) = (shape.function(), features.count(shape));
+    if features.has_bvh(shape) {
+        let (nodes, leaves) = (format!("{name}_nodes"), format!("{name}_leaves"));
+        let leaf_count = leaf_count(count as usize) as u32;
+        return vec![
+            ArrayLayout::of::<BvhNodeData>(nodes, "BvhNodeData", leaf_count - 1),
+            match shape {
+                ShapeKind::Sphere => {
+                    ArrayLayout::of::<SphereLeaf>(leaves, "SphereLeaf", leaf_count)
+                }
+                _ => ArrayLayout::of::<[u32; LEAF]>(leaves, "vec4u", leaf_count),
+            },
+        ];
+    }
+    let clusters = features.clusters(shape).len() as u32;
+    match shape {
+        ShapeKind::Sphere => vec![ArrayLayout::of::<SphereBound>(
+            "sphere_bounds",
+            "SphereBound",
+            count,
+        )],
+        ShapeKind::Box => vec![ArrayLayout::of::<BoxBound>(
+            "box_bounds",
+            "BoxBound",
+            count + clusters,
+        )],
+        ShapeKind::CsgFace => vec![ArrayLayout::of::<BoxBound>(
+            "csg_box_bounds",
+            "BoxBound",
+            features.csg_boxes + clusters,
+        )],
+        ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Triangle => Vec::new(),
+    }
+}
+
 /// Length of [`scene_bytes`].
 pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
-    let shapes = features
-        .shapes_of_scene()
-        .map(|shape| features.count(shape) as usize * element_bytes(shape));
-    let arrays = shapes.sum::<usize>()
-        + features
-            .shapes_of_scene()
-            .map(|shape| finders_bytes(features, shape))
-            .sum::<usize>()
-        + features.csg_boxes as usize * size_of::<CsgBoxData>()
-        + features.area_lights as usize * size_of::<AreaLightData>()
-        + features.punctual_lights as usize * size_of::<PunctualLightData>()
-        + features.emissive_shapes() as usize * size_of::<EmissiveSurfaceData>()
-        + features.materials as usize * size_of::<MaterialData>();
-    (size_of::<SceneHeader>() + arrays) as u64
+    let arrays = scene_arrays(features);
+    let arrays = arrays.iter().map(ArrayLayout::bytes);
+    (size_of::<SceneHeader>() + arrays.sum::<usize>()) as u64
 }
 
-/// Of what rays find the primitives of a shape by.
-fn finders_bytes(features: &Features, shape: ShapeKind) -> usize {
-    let count = match shape {
-        ShapeKind::CsgFace => features.csg_boxes,
-        _ => features.count(shape),
-    } as usize;
-    if features.has_bvh(shape) {
-        let leaves = leaves(count);
-        let leaf_bytes = match shape {
-            ShapeKind::Sphere => size_of::<SphereLeaf>(),
-            _ => size_of::<[u32; LEAF]>(),
-        };
-        return (leaves - 1) * size_of::<BvhNodeData>() + leaves * leaf_bytes;
-    }
-    (count + features.clusters(shape).len())
-        * match shape {
-            ShapeKind::Sphere => size_of::<SphereBound>(),
-            ShapeKind::Box | ShapeKind::CsgFace => size_of::<BoxBound>(),
-            ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Triangle => 0,
-        }
-}
-
-fn element_bytes(shape: ShapeKind) -> usize {
-    match shape {
-        ShapeKind::Sphere => size_of::<SphereData>(),
-        ShapeKind::Box => size_of::<BoxData>(),
-        ShapeKind::Disc => size_of::<DiscData>(),
-        ShapeKind::Rectangle => size_of::<RectangleData>(),
-        ShapeKind::CsgFace => size_of::<CsgFaceData>(),
-        ShapeKind::Triangle => size_of::<TriangleData>(),
-    }
+/// Length of [`mesh_bytes`].
+pub(crate) fn mesh_bytes_len(features: &Features) -> u64 {
+    let arrays = mesh_arrays(features);
+    arrays.iter().map(ArrayLayout::bytes).sum::<usize>() as u64
 }
 
 /// The scene as the kernel's `SceneData`.
@@ -256,37 +348,31 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
         environment: scene.environment.to_array(),
         zero: 0,
     };
-    let mut bytes = bytes_of(&header).to_vec();
-    bytes.extend_from_slice(cast_slice(&scene.spheres));
-    bytes.extend_from_slice(cast_slice(&scene.boxes));
-    bytes.extend_from_slice(cast_slice(&scene.discs));
-    bytes.extend_from_slice(cast_slice(&scene.rectangles));
-    bytes.extend_from_slice(cast_slice(&scene.csg_faces));
-    bytes.extend_from_slice(cast_slice(&scene.csg_boxes));
-    bytes.extend_from_slice(cast_slice(&scene.area_lights));
-    bytes.extend_from_slice(cast_slice(&scene.punctual_lights));
     let (emissive_shapes, _) = scene.emissive_surfaces.shapes_and_triangles();
-    bytes.extend_from_slice(cast_slice(emissive_shapes));
-    bytes.extend_from_slice(cast_slice(&scene.materials));
-    if scene.materials.is_empty() {
-        bytes.extend_from_slice(bytes_of(&MaterialData::zeroed()));
-    }
+    let no_material = [MaterialData::zeroed()];
+    let materials = match scene.materials.is_empty() {
+        true => &no_material[..],
+        false => &scene.materials,
+    };
+    let mut bytes = [
+        bytes_of(&header),
+        cast_slice(&scene.spheres),
+        cast_slice(&scene.boxes),
+        cast_slice(&scene.discs),
+        cast_slice(&scene.rectangles),
+        cast_slice(&scene.csg_faces),
+        cast_slice(&scene.csg_boxes),
+        cast_slice(&scene.area_lights),
+        cast_slice(&scene.punctual_lights),
+        cast_slice(emissive_shapes),
+        cast_slice(materials),
+    ]
+    .concat();
     let shapes = ShapeKind::ALL.into_iter();
     for shape in shapes.filter(|shape| *shape != ShapeKind::Triangle) {
         bytes.extend(finders(scene, shape));
     }
     Ok(bytes)
-}
-
-/// Length of [`mesh_bytes`].
-pub(crate) fn mesh_bytes_len(features: &Features) -> u64 {
-    let triangles = features.triangles as usize * size_of::<TriangleData>();
-    let normals = features.smooth_triangles as usize * size_of::<TriangleNormals>();
-    let uvs = features.uv_triangles as usize * size_of::<TriangleUvs>();
-    let colors = features.colored_triangles as usize * size_of::<TriangleColors>();
-    let lights = features.emissive_triangles() as usize * size_of::<EmissiveSurfaceData>();
-    (triangles + normals + uvs + colors + lights + finders_bytes(features, ShapeKind::Triangle))
-        as u64
 }
 
 /// The scene's triangles as the kernel's `MeshData`.
@@ -316,15 +402,14 @@ fn finders(scene: &CompiledScene, shape: ShapeKind) -> Vec<u8> {
             let last = indices.len() - 1;
             std::array::from_fn(|i| indices[i.min(last)])
         });
-        let leaves: Vec<[u32; LEAF]> = leaves.collect();
-        if shape == ShapeKind::Sphere {
-            let leaves = leaves.into_iter();
-            let leaves: Vec<_> = leaves
-                .map(|indices| SphereLeaf::new(indices, &scene.spheres))
-                .collect();
-            return [cast_slice(&nodes), cast_slice::<_, u8>(&leaves)].concat();
-        }
-        return [cast_slice(&nodes), cast_slice::<_, u8>(&leaves)].concat();
+        let leaves: Vec<u8> = match shape {
+            ShapeKind::Sphere => {
+                let leaf = |indices| SphereLeaf::new(indices, &scene.spheres);
+                cast_slice(&leaves.map(leaf).collect::<Vec<_>>()).to_vec()
+            }
+            _ => cast_slice(&leaves.collect::<Vec<[u32; LEAF]>>()).to_vec(),
+        };
+        return [cast_slice(&nodes), &leaves[..]].concat();
     }
     match shape {
         ShapeKind::Sphere => {
@@ -353,18 +438,15 @@ fn check_materials(scene: &CompiledScene) -> Result<(), Error> {
     let rectangles = scene.rectangles.iter().map(|rectangle| rectangle.material);
     let faces = scene.csg_faces.iter().map(|face| face.material);
     let materials = spheres.chain(boxes).chain(discs).chain(rectangles);
-    let triangles = scene
-        .meshes
-        .triangles
-        .iter()
-        .map(|triangle| triangle.material);
+    let triangles = scene.meshes.triangles.iter();
+    let triangles = triangles.map(|triangle| triangle.material);
     let highest = materials.chain(faces).chain(triangles).max();
     match highest {
         Some(material) if material as usize >= scene.materials.len() => {
-            Err(Error::InvalidScene(SceneError::MaterialIndex {
-                material,
-                count: scene.materials.len(),
-            }))
+            Err(Error::InvalidScene(SceneError::rule(format!(
+                "a surface has material {material}, but there are {}",
+                scene.materials.len()
+            ))))
         }
         _ => Ok(()),
     }

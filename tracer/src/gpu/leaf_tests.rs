@@ -8,7 +8,7 @@ use super::device::Device;
 use super::layout;
 use super::layout::scene_bytes;
 use super::{probe, shader};
-use crate::compiled::{Primitive, SphereData};
+use crate::compiled::{Primitive, ShapeKind, SphereData};
 use crate::fresnel::fresnel_dielectric;
 use crate::sampling::{pcg4d, uniforms};
 use crate::scalar::area_light::sample_light;
@@ -51,7 +51,7 @@ fn run_on(
     let features = layout::features(scene, 65_536);
     let memory = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE;
     let text = shader::source(&features) + ENTRY + body + "}";
-    let mesh = (features.triangles > 0).then(|| layout::mesh_bytes(scene));
+    let mesh = (features.count(ShapeKind::Triangle) > 0).then(|| layout::mesh_bytes(scene));
     let scene = scene_bytes(scene, ImageSize::new(EDGE, EDGE)).unwrap();
     let bytes = 16 * count as u64;
     let (commands, readback) = device
@@ -680,7 +680,7 @@ fn no_ray_passes_an_edge_or_a_corner_of_a_closed_mesh() {
 #[test]
 fn camera_rays_meet_the_same_in_their_frustum() {
     use crate::bvh::test_scenes::{Arrangement, test_scene};
-    use crate::compiled::{BvhUse, ShapeKind};
+    use crate::compiled::BvhUse;
     const COUNT: usize = (EDGE * EDGE) as usize;
     const PRIMITIVES: u32 = 150;
     let body = format!(

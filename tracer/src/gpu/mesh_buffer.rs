@@ -1,44 +1,36 @@
 //! The triangles of scenes on the device: uploaded once, not with each picture.
 
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::Arc;
 
-use crate::compiled::TriangleData;
+use crate::compiled::{ShapeKind, TriangleData};
+use crate::gpu::buffer_cache::{BufferCache, buffer_bytes_max, upload};
 use crate::gpu::device::Device;
 use crate::gpu::features::Features;
 use crate::gpu::image_buffers::ImageBuffers;
-use crate::gpu::layout::{mesh_bytes, mesh_bytes_len, scene_bytes};
+use crate::gpu::layout::{
+    ENVIRONMENT_BINDING, MESH_BINDING, TEXTURE_BINDING, mesh_bytes, mesh_bytes_len, scene_bytes,
+};
 use crate::{CompiledScene, Error, ImageSize};
 
 /// What a picture's kernels read of its scene.
 pub(crate) struct SceneUpload {
     /// See [`scene_bytes`].
     pub(crate) bytes: Vec<u8>,
-    /// See [`mesh_bytes`]; none without triangles.
-    pub(crate) mesh: Option<Arc<wgpu::Buffer>>,
-    /// Image textures; none without any.
-    pub(crate) textures: Option<Arc<wgpu::Buffer>>,
-    /// The environment map, if there is one.
-    pub(crate) environment_map: Option<Arc<wgpu::Buffer>>,
+    pub(crate) further: FurtherBuffers,
 }
+
+/// Triangles as [`mesh_bytes`] has them, image textures and an environment map, each behind its binding and none without
+/// any.
+pub(crate) type FurtherBuffers = [(u32, Option<Arc<wgpu::Buffer>>); 3];
 
 /// Buffers of the scenes that were traced last.
 #[derive(Default)]
 pub(crate) struct MeshBuffers {
-    kept: Mutex<Vec<MeshBuffer>>,
+    meshes: BufferCache<TriangleData>,
     images: ImageBuffers,
 }
 
-struct MeshBuffer {
-    /// Its triangles, which nobody changes in place while this points at them.
-    triangles: Weak<Vec<TriangleData>>,
-    has_bvh: bool,
-    buffer: Arc<wgpu::Buffer>,
-}
-
 impl MeshBuffers {
-    /// Buffers kept: a node keeps as many scenes.
-    const KEPT_MAX: usize = 4;
-
     /// What is to be uploaded with a picture of `scene`.
     ///
     /// # Errors
@@ -51,9 +43,14 @@ impl MeshBuffers {
     ) -> Result<SceneUpload, Error> {
         Ok(SceneUpload {
             bytes: scene_bytes(scene, size)?,
-            mesh: self.of(device, scene)?,
-            textures: self.images.textures(device, scene)?,
-            environment_map: self.images.environment_map(device, scene)?,
+            further: [
+                (MESH_BINDING, self.of(device, scene)?),
+                (TEXTURE_BINDING, self.images.textures(device, scene)?),
+                (
+                    ENVIRONMENT_BINDING,
+                    self.images.environment_map(device, scene)?,
+                ),
+            ],
         })
     }
 
@@ -66,34 +63,10 @@ impl MeshBuffers {
             return Ok(None);
         }
         let features = Features::new(scene);
-        let has_bvh = features.has_bvh(crate::compiled::ShapeKind::Triangle);
-        let triangles = Arc::downgrade(&scene.meshes.triangles);
-        let is_same =
-            |kept: &MeshBuffer| kept.triangles.ptr_eq(&triangles) && kept.has_bvh == has_bvh;
-        let found = self
-            .lock()
-            .iter()
-            .find(|kept| is_same(kept))
-            .map(|kept| kept.buffer.clone());
-        if found.is_some() {
-            return Ok(found);
-        }
-        let buffer = Arc::new(create(device, scene, &features)?);
-        let mut kept = self.lock();
-        kept.retain(|kept| kept.triangles.strong_count() > 0);
-        if kept.len() >= Self::KEPT_MAX {
-            kept.remove(0);
-        }
-        kept.push(MeshBuffer {
-            triangles,
-            has_bvh,
-            buffer: Arc::clone(&buffer),
-        });
-        Ok(Some(buffer))
-    }
-
-    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<MeshBuffer>> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+        let has_bvh = features.has_bvh(ShapeKind::Triangle);
+        let created = || create(device, scene, &features);
+        let buffer = (self.meshes).get_or_create(&scene.meshes.triangles, has_bvh, created);
+        buffer.map(Some)
     }
 }
 
@@ -102,30 +75,15 @@ fn create(
     scene: &CompiledScene,
     features: &Features,
 ) -> Result<wgpu::Buffer, Error> {
-    let limits = device.device.limits();
-    let bytes_max = limits
-        .max_storage_buffer_binding_size
-        .min(limits.max_buffer_size)
-        .min(TYPE_BYTES_MAX);
+    let bytes_max = buffer_bytes_max(device).min(TYPE_BYTES_MAX);
     let bytes = mesh_bytes_len(features);
     if bytes > bytes_max {
         return Err(device.error(format!(
             "{} triangles take {bytes} bytes, but a buffer holds {bytes_max}: trace them on the CPU",
-            features.triangles
+            scene.meshes.triangles.len()
         )));
     }
-    let data = mesh_bytes(scene);
-    device.guarded(|wgpu| {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        let mesh = wgpu.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("mesh"),
-            size: bytes,
-            usage,
-            mapped_at_creation: false,
-        });
-        device.queue.write_buffer(&mesh, 0, &data);
-        mesh
-    })
+    upload(device, "mesh", &[&mesh_bytes(scene)])
 }
 
 /// The largest type of a shader, which naga bounds.

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::Error;
+use crate::compiled::ShapeKind;
 use crate::gpu::device::Device;
 use crate::gpu::features::{Features, SceneMemory};
 use crate::gpu::layout::{ENVIRONMENT_BINDING, MESH_BINDING, TEXTURE_BINDING};
@@ -13,14 +14,10 @@ use crate::gpu::shader;
 pub(crate) struct Kernel {
     pub(crate) pipeline: wgpu::ComputePipeline,
     pub(crate) layout: wgpu::BindGroupLayout,
-    /// Whether it reads triangles.
-    pub(crate) has_mesh: bool,
+    /// Bindings of those buffers beside the scene's that it reads: triangles, image textures, the environment map.
+    pub(crate) further_bindings: Vec<u32>,
     /// Blocks of pixels that a workgroup traces.
     pub(crate) workgroup_blocks: u32,
-    /// Whether it reads image textures.
-    pub(crate) has_textures: bool,
-    /// Whether it reads an environment map.
-    pub(crate) has_environment_map: bool,
 }
 
 /// Kernels by the features of their scenes.
@@ -77,21 +74,18 @@ pub(crate) fn compile(
             entry(5, wgpu::BufferBindingType::Storage { read_only: false }),
             entry(6, wgpu::BufferBindingType::Storage { read_only: true }),
         ];
-        let has_mesh = features.triangles > 0;
-        if has_mesh {
-            let mesh = wgpu::BufferBindingType::Storage { read_only: true };
-            entries.push(entry(MESH_BINDING, mesh));
-        }
-        let has_textures = features.textures > 0;
-        if has_textures {
-            let textures = wgpu::BufferBindingType::Storage { read_only: true };
-            entries.push(entry(TEXTURE_BINDING, textures));
-        }
-        let has_environment_map = features.has_environment_map();
-        if has_environment_map {
-            let map = wgpu::BufferBindingType::Storage { read_only: true };
-            entries.push(entry(ENVIRONMENT_BINDING, map));
-        }
+        let has_mesh = features.count(ShapeKind::Triangle) > 0;
+        let further_bindings: Vec<u32> = [
+            has_mesh.then_some(MESH_BINDING),
+            (features.textures > 0).then_some(TEXTURE_BINDING),
+            (features.has_environment_map()).then_some(ENVIRONMENT_BINDING),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        let further = further_bindings.iter();
+        let read = wgpu::BufferBindingType::Storage { read_only: true };
+        entries.extend(further.map(|&binding| entry(binding, read)));
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("trace"),
             entries: &entries,
@@ -116,10 +110,8 @@ pub(crate) fn compile(
         Kernel {
             pipeline,
             layout,
-            has_mesh,
+            further_bindings,
             workgroup_blocks: features.workgroup_blocks,
-            has_textures,
-            has_environment_map,
         }
     })
 }

@@ -7,7 +7,7 @@ pub use dots::{DOT_LEVELS, Dots, dots_per_million};
 pub use flip::{Flip, flip};
 
 use crate::image::RadianceImage;
-use crate::{Error, ImageSize, SettingsError, Tile, TileGrid};
+use crate::{Error, ImageSize, Tile, TileGrid};
 
 /// Pixels of two pictures of `size`.
 ///
@@ -20,11 +20,12 @@ fn compared_pixels(
 ) -> Result<usize, Error> {
     let pixels = size.pixels();
     if pixels == 0 || test.len() != pixels || reference.len() != pixels {
-        return Err(Error::InvalidSettings(SettingsError::ComparedPixels {
-            test: test.len(),
-            reference: reference.len(),
-            size,
-        }));
+        return Err(Error::settings(format!(
+            "pictures of {} and {} pixels cannot be compared as {size}: each must have {pixels}, \
+             and at least one",
+            test.len(),
+            reference.len()
+        )));
     }
     Ok(pixels)
 }
@@ -160,7 +161,8 @@ impl Estimate {
     /// [`Error::InvalidSettings`] if there are fewer than two or they differ in size.
     pub fn from_batches(batches: &[RadianceImage]) -> Result<Self, Error> {
         let [first, _, ..] = batches else {
-            return Err(Error::InvalidSettings(SettingsError::TooFewPictures));
+            let sentence = "a standard error needs at least two pictures";
+            return Err(Error::settings(sentence.to_owned()));
         };
         let size = first.size;
         batches
@@ -228,10 +230,9 @@ fn same_size(a: ImageSize, b: ImageSize) -> Result<(), Error> {
     if a == b {
         return Ok(());
     }
-    Err(Error::InvalidSettings(SettingsError::DifferentSizes {
-        a,
-        b,
-    }))
+    Err(Error::settings(format!(
+        "pictures of {a} and {b} pixels cannot be compared: trace both at one size"
+    )))
 }
 
 fn add(sum: &mut [f64; 3], term: [f64; 3]) {

@@ -16,8 +16,8 @@ pub mod temporal_accumulation;
 use std::ops::Range;
 use std::sync::LazyLock;
 
-use crate::compiled::{CSG_FACE_APEX_CONE, CameraFrame, SphereData};
-use crate::cpu::{FirstHits, Footprint, Motion, MotionVectors, first_triangle};
+use crate::compiled::{CSG_FACE_APEX_CONE, CameraFrame, ShapeKind, SphereData};
+use crate::cpu::{FirstHits, Footprint, Motion, MotionVectors};
 use crate::simd::{Level, dispatch};
 use crate::{CompiledScene, ImageSize, ObjectPose};
 use glam::{Mat3, Quat, Vec3};
@@ -258,7 +258,7 @@ impl PlacedCone {
 }
 
 fn meshes(scene: &CompiledScene) -> Vec<(u32, ObjectPose)> {
-    let first = first_triangle(scene);
+    let first = scene.first_id(ShapeKind::Triangle);
     let poses = scene.meshes.poses();
     poses
         .map(|(triangle, pose)| (first + triangle, pose))
@@ -266,9 +266,7 @@ fn meshes(scene: &CompiledScene) -> Vec<(u32, ObjectPose)> {
 }
 
 fn cones(scene: &CompiledScene) -> Vec<PlacedCone> {
-    let first = scene.spheres.len() + scene.boxes.len() + scene.discs.len();
-    let first = (first + scene.rectangles.len()) as u32;
-    let sides = (first..).zip(&scene.csg_faces);
+    let sides = (scene.first_id(ShapeKind::CsgFace)..).zip(&scene.csg_faces);
     let sides = sides.filter(|(_, face)| face.kind == CSG_FACE_APEX_CONE);
     sides
         .map(|(id, side)| PlacedCone {

@@ -7,9 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{Quat, Vec3};
 
 use super::{
-    AreaLight, Axis, Camera, Environment, EnvironmentMap, ImageTexture, Layers, Lens, Material,
-    MaterialTextures, Mesh, Object, ObjectPose, Opacity, ProceduralTexture, PunctualLight, Scene,
-    Shape,
+    AreaLight, Axis, Camera, Environment, EnvironmentMap, ImageTexture, Lens, Material, Mesh,
+    Object, ObjectPose, PunctualLight, Scene, Shape,
 };
 use crate::{Error, SceneError};
 
@@ -150,9 +149,11 @@ impl Scene {
     ) -> Result<ObjectPose, Error> {
         let count = self.objects.len();
         if handle.scene != self.identity.0 || handle.index as usize >= count {
-            let index = handle.index;
-            let fault = SceneError::ForeignHandle { index, count };
-            return Err(Error::InvalidUpdate(fault));
+            return Err(Error::InvalidUpdate(SceneError::rule(format!(
+                "the handle of object {} is of another scene than this one of {count} objects: use one that this \
+                 scene's `add` returned",
+                handle.index
+            ))));
         }
         Ok(ObjectPose {
             object: handle.index,
@@ -182,7 +183,7 @@ impl Scene {
                 rotation: *rotation,
                 ..pose
             }),
-            _ => Err(Error::InvalidUpdate(SceneError::Immovable(handle.index))),
+            _ => Err(Error::InvalidUpdate(SceneError::immovable(handle.index))),
         }
     }
 
@@ -193,12 +194,16 @@ impl Scene {
     pub fn validate_visible(&self) -> Result<(), Error> {
         self.validate()?;
         if self.objects.is_empty() && self.area_lights.is_empty() {
-            return Err(Error::InvalidScene(SceneError::NoObjects));
+            let sentence = "it has 0 objects and 0 area lights: add at least one of either";
+            return Err(Error::InvalidScene(SceneError::rule(sentence)));
         }
         let sky = self.environment.radiance;
         if sky == Vec3::ZERO && !self.has_light() {
             let lights = self.area_lights.len();
-            return Err(Error::InvalidScene(SceneError::NoLight { sky, lights }));
+            return Err(Error::InvalidScene(SceneError::rule(format!(
+                "it has no light: the radiance of its sky is {sky} and none of its {lights} area lights emits; \
+                 brighten one of them"
+            ))));
         }
         Ok(())
     }
@@ -400,141 +405,6 @@ impl From<Cuboid> for Shape {
         Self::Box {
             min: center - 0.5 * size,
             max: center + 0.5 * size,
-        }
-    }
-}
-
-impl Material {
-    /// A matt surface that reflects this share of light per channel, in [0, 1].
-    pub fn diffuse(albedo: impl Into<Vec3>) -> Self {
-        let albedo = albedo.into();
-        Self::Diffuse { albedo }
-    }
-
-    /// A matt grey surface that reflects this share of light, in [0, 1].
-    pub const fn grey(albedo: f32) -> Self {
-        let albedo = Vec3::splat(albedo);
-        Self::Diffuse { albedo }
-    }
-
-    /// A glossy surface of this albedo per channel, in [0, 1], under a clear coat.
-    pub fn plastic(albedo: impl Into<Vec3>) -> Self {
-        Self::SmoothPlastic {
-            albedo: albedo.into(),
-            ior: 1.5,
-            internal_reflectance: None,
-            stripe: None,
-        }
-    }
-
-    /// Clear glass.
-    pub const fn glass() -> Self {
-        Self::Dielectric {
-            ior: 1.5,
-            alpha: 0.0,
-            medium: None,
-            number: 0,
-        }
-    }
-
-    /// Gold of GGX width `alpha` in [0, 1]: 0 is a mirror, 0.3 satin.
-    pub const fn gold(alpha: f32) -> Self {
-        Self::Conductor {
-            eta: Vec3::new(0.143, 0.375, 1.442),
-            k: Vec3::new(3.983, 2.386, 1.603),
-            alpha,
-            number: 0,
-        }
-    }
-
-    /// Steel of GGX width `alpha` in [0, 1].
-    pub const fn steel(alpha: f32) -> Self {
-        Self::Conductor {
-            eta: Vec3::new(2.76, 2.54, 2.27),
-            k: Vec3::new(3.84, 3.43, 3.04),
-            alpha,
-            number: 0,
-        }
-    }
-
-    /// What is no metal, of this colour per channel and this roughness, in [0, 1]: the square root of its GGX width.
-    pub fn rough(base_color: impl Into<Vec3>, roughness: f32) -> Self {
-        Self::MetallicRoughness {
-            base_color: base_color.into(),
-            metallic: 0.0,
-            roughness,
-            ior: 1.5,
-            emission: Vec3::ZERO,
-            textures: MaterialTextures::NONE,
-            opacity: Opacity::Opaque,
-            layers: Layers::NONE,
-        }
-    }
-
-    /// With these textures; other materials than [`Material::MetallicRoughness`] have none.
-    #[must_use]
-    pub fn textured(mut self, with: MaterialTextures) -> Self {
-        if let Self::MetallicRoughness { textures, .. } = &mut self {
-            *textures = with;
-        }
-        self
-    }
-
-    /// As much of it there; other materials than [`Material::MetallicRoughness`] are opaque.
-    #[must_use]
-    pub fn with_opacity(mut self, with: Opacity) -> Self {
-        if let Self::MetallicRoughness { opacity, .. } = &mut self {
-            *opacity = with;
-        }
-        self
-    }
-
-    /// With these layers; other materials than [`Material::MetallicRoughness`] have none.
-    #[must_use]
-    pub fn layered(mut self, with: Layers) -> Self {
-        if let Self::MetallicRoughness { layers, .. } = &mut self {
-            *layers = with;
-        }
-        self
-    }
-
-    /// How much of it is there.
-    pub fn opacity(&self) -> Opacity {
-        match self {
-            Self::MetallicRoughness { opacity, .. } => *opacity,
-            _ => Opacity::Opaque,
-        }
-    }
-
-    /// Whether there is a clear coat over it.
-    pub(crate) fn has_clearcoat(&self) -> bool {
-        matches!(self, Self::MetallicRoughness { layers, .. } if layers.clearcoat > 0.0)
-    }
-
-    /// Whether light passes it without bending.
-    pub(crate) fn is_thin_wall(&self) -> bool {
-        matches!(self, Self::MetallicRoughness { layers, .. } if layers.transmission > 0.0)
-    }
-
-    /// The textures that it has.
-    pub fn textures(&self) -> MaterialTextures {
-        match self {
-            Self::MetallicRoughness { textures, .. } => *textures,
-            _ => MaterialTextures::default(),
-        }
-    }
-
-    /// Varnished wood with its grain along an axis.
-    pub const fn wood(grain: Axis) -> Self {
-        Self::Coated {
-            ior: 1.5,
-            texture: ProceduralTexture::Wood {
-                light: Vec3::new(0.42, 0.24, 0.11),
-                dark: Vec3::new(0.17, 0.08, 0.03),
-                grain,
-                sights: None,
-                scale: 1.0,
-            },
         }
     }
 }

@@ -46,11 +46,11 @@
 
 mod texture_files;
 
-pub(in crate::scene) use texture_files::read_limited as read_file_limited;
+pub(in crate::scene) use texture_files::read_named_file;
 
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write};
-use std::path::Path;
+use std::path::{Component, Path};
 
 use serde::Serialize as _;
 use serde_json::ser::{Formatter, PrettyFormatter, Serializer};
@@ -76,20 +76,11 @@ impl Scene {
         if is_gltf(path) {
             return Self::load_gltf(path);
         }
-        let format = |message| Error::Format {
-            path: path.to_owned(),
-            message,
-        };
-        let bytes = read_limited(path).map_err(|source| Error::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        let text = text(bytes).map_err(|fault| format(fault.to_string()))?;
-        let mut scene = Self::parse(&text).map_err(|error| format(error.to_string()))?;
+        let bytes = read_scene_file(path).map_err(|source| Error::io(path, source))?;
+        let text = text(bytes).map_err(|fault| Error::format(path, fault.to_string()))?;
+        let mut scene = Self::parse(&text).map_err(|fault| fault.in_file(path))?;
         texture_files::read(&mut scene, path)?;
-        scene
-            .validate()
-            .map_err(|error| format(error.to_string()))?;
+        scene.validate().map_err(|fault| fault.in_file(path))?;
         Ok(scene)
     }
 
@@ -105,10 +96,7 @@ impl Scene {
     /// [`Error::Io`] if it cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let path = path.as_ref();
-        fs::write(path, self.to_json()?).map_err(|source| Error::Io {
-            path: path.to_owned(),
-            source,
-        })
+        fs::write(path, self.to_json()?).map_err(|source| Error::io(path, source))
     }
 
     /// Reads and checks a scene in this format.
@@ -155,46 +143,64 @@ fn parse_error(error: &serde_json::Error) -> Error {
         serde_json::error::Category::Eof => "the file ends too early",
         _ => "JSON has no NaN, infinity, comments or trailing commas",
     };
-    Error::InvalidScene(SceneError::Syntax {
-        line: error.line(),
-        column: error.column(),
-        message: what.to_owned(),
-        advice,
-    })
+    let (line, column) = (error.line(), error.column());
+    Error::InvalidScene(SceneError::rule(format!(
+        "line {line}, column {column}: {what} ({advice})"
+    )))
 }
 
-/// At most one byte more than the limit, so that a device or a growing file cannot fill memory.
-fn read_limited(path: &Path) -> io::Result<Vec<u8>> {
-    let file = File::open(path)?;
-    if file.metadata()?.is_dir() {
+fn read_scene_file(path: &Path) -> io::Result<Vec<u8>> {
+    if fs::metadata(path)?.is_dir() {
         return Err(io::Error::new(
             io::ErrorKind::IsADirectory,
             "it is a directory: name a scene file in it",
         ));
     }
+    read_limited(path, SCENE_BYTES_MAX as u64)
+}
+
+/// At most one byte more than the limit, so that a device or a growing file cannot fill memory.
+pub(in crate::scene) fn read_limited(path: &Path, bytes_max: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    file.take(SCENE_BYTES_MAX as u64 + 1)
-        .read_to_end(&mut bytes)?;
+    let file = File::open(path)?;
+    file.take(bytes_max + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+/// [`read_limited`] of a file on a disk: a pipe would be waited for.
+pub(in crate::scene) fn read_limited_file(path: &Path, bytes_max: u64) -> Result<Vec<u8>, Error> {
+    let read = fs::metadata(path).and_then(|metadata| match metadata.is_file() {
+        true => read_limited(path, bytes_max),
+        false => Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no file")),
+    });
+    read.map_err(|source| Error::io(path, source))
+}
+
+/// Whether a name in a file is of one beside it or in a folder there.
+pub(in crate::scene) fn lies_beside(name: &Path) -> bool {
+    let is_below = |part| matches!(part, Component::Normal(_) | Component::CurDir);
+    name.components().all(is_below)
 }
 
 fn text(bytes: Vec<u8>) -> Result<String, SceneError> {
     limit(bytes.len())?;
     String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
-        let line = 1 + error.as_bytes()[..valid]
-            .iter()
-            .filter(|&&b| b == b'\n')
-            .count();
-        SceneError::NotUtf8 { line, byte: valid }
+        let before = error.as_bytes()[..valid].iter();
+        let line = 1 + before.filter(|&&b| b == b'\n').count();
+        SceneError::rule(format!(
+            "line {line}: byte {valid} is not UTF-8: save the scene as UTF-8 text"
+        ))
     })
 }
 
 fn limit(bytes: usize) -> Result<(), SceneError> {
-    if bytes <= SCENE_BYTES_MAX {
-        return Ok(());
+    match bytes <= SCENE_BYTES_MAX {
+        true => Ok(()),
+        false => Err(SceneError::rule(format!(
+            "it is longer than {SCENE_BYTES_MAX} bytes, the most that a scene file may hold: draw fewer objects"
+        ))),
     }
-    Err(SceneError::LongFile(SCENE_BYTES_MAX))
 }
 
 /// serde_json's indented layout, but for vectors, which stay on one line: only the lists of the

@@ -106,58 +106,40 @@ impl ImageSource {
 
 /// The textures of a material, as indices into [`super::Scene::textures`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct MaterialTextures {
     /// Red, green and blue multiply the base colour, alpha that of the material's [`super::Opacity`].
-    #[serde(default)]
     pub base_color: Option<u32>,
     /// Green multiplies the roughness and blue the metallic share, as in glTF 2.0; to be
     /// [`ColorSpace::Linear`].
-    #[serde(default)]
     pub metallic_roughness: Option<u32>,
     /// Normals in tangent space, as in glTF 2.0: `2·rgb − 1`, x along growing u, y against growing v, z out of the
     /// surface; to be [`ColorSpace::Linear`].
-    #[serde(default)]
     pub normal: Option<u32>,
     /// By what x and y of the normals are multiplied, in ±[`super::validate::NORMAL_SCALE_MAX`]: 0 is flat, 1 the map as it
     /// is.
-    #[serde(default = "one")]
     pub normal_scale: f32,
     /// Red, green and blue multiply the emission.
-    #[serde(default)]
     pub emission: Option<u32>,
     /// Red multiplies the strength of the clear coat; to be [`ColorSpace::Linear`].
-    #[serde(default)]
     pub clearcoat: Option<u32>,
     /// Green multiplies the roughness of the clear coat; to be [`ColorSpace::Linear`].
-    #[serde(default)]
     pub clearcoat_roughness: Option<u32>,
     /// Normals of the clear coat, as [`MaterialTextures::normal`]; without, the coat has those of the mesh, whatever the
     /// base has. To be [`ColorSpace::Linear`].
-    #[serde(default)]
     pub clearcoat_normal: Option<u32>,
     /// By what x and y of those are multiplied, as [`MaterialTextures::normal_scale`].
-    #[serde(default = "one")]
     pub clearcoat_normal_scale: f32,
     /// Red, green and blue multiply the colour of the sheen.
-    #[serde(default)]
     pub sheen: Option<u32>,
     /// Alpha multiplies the roughness of the sheen.
-    #[serde(default)]
     pub sheen_roughness: Option<u32>,
     /// Alpha multiplies the strength of the reflection of what is no metal.
-    #[serde(default)]
     pub specular: Option<u32>,
     /// Red, green and blue multiply its colour towards the normal.
-    #[serde(default)]
     pub specular_color: Option<u32>,
     /// Red multiplies the transmission; to be [`ColorSpace::Linear`].
-    #[serde(default)]
     pub transmission: Option<u32>,
-}
-
-fn one() -> f32 {
-    1.0
 }
 
 impl Default for MaterialTextures {
@@ -185,9 +167,8 @@ impl MaterialTextures {
         transmission: None,
     };
 
-    /// The same behind so many other textures.
-    pub(crate) fn shifted(mut self, by: u32) -> Self {
-        for index in [
+    fn slots(&mut self) -> [&mut Option<u32>; 12] {
+        [
             &mut self.base_color,
             &mut self.metallic_roughness,
             &mut self.normal,
@@ -201,30 +182,19 @@ impl MaterialTextures {
             &mut self.specular_color,
             &mut self.transmission,
         ]
-        .into_iter()
-        .flatten()
-        {
+    }
+
+    /// The same behind so many other textures.
+    pub(crate) fn shifted(mut self, by: u32) -> Self {
+        for index in self.slots().into_iter().flatten() {
             *index += by;
         }
         self
     }
 
     /// All of them.
-    pub fn indices(&self) -> impl Iterator<Item = u32> + use<> {
-        let all = [
-            self.base_color,
-            self.metallic_roughness,
-            self.normal,
-            self.emission,
-            self.clearcoat,
-            self.clearcoat_roughness,
-            self.clearcoat_normal,
-            self.sheen,
-            self.sheen_roughness,
-            self.specular,
-            self.specular_color,
-            self.transmission,
-        ];
+    pub fn indices(mut self) -> impl Iterator<Item = u32> + use<> {
+        let all = self.slots().map(|slot| *slot);
         all.into_iter().flatten()
     }
 }

@@ -38,30 +38,23 @@ pub enum Opacity {
 /// The coat lies on top. Both dim what is below by what they reflect, in both directions, so that no light is gained. Textures
 /// multiply each of the numbers, and the coat may have normals of its own: see [`super::MaterialTextures`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Layers {
     /// Strength of the clear coat, whose index of refraction is 1.5, in [0, 1].
-    #[serde(default)]
     pub clearcoat: f32,
     /// Square root of the coat's GGX width, in [0, 1].
-    #[serde(default)]
     pub clearcoat_roughness: f32,
     /// Colour of the sheen per channel, in [0, 1]; the cloth of [`super::Material::Cloth`] has the same one.
-    #[serde(default)]
     pub sheen: Vec3,
     /// Square root of the sheen's width, in [0, 1]; widths below 0.1 are drawn as that.
-    #[serde(default)]
     pub sheen_roughness: f32,
     /// Strength of the reflection of what is no metal, in [0, 1].
-    #[serde(default = "one")]
     pub specular: f32,
     /// Its colour towards the normal, at least 0; where it would reflect more than comes, it reflects all.
-    #[serde(default = "white")]
     pub specular_color: Vec3,
     /// Share of the light in the base of what is no metal that passes to the other side, coloured by the base colour, rather
     /// than being reflected diffusely, in [0, 1]. Such a surface is a thin wall: it bends no light, and spreads it as far as its
     /// roughness says. Its objects are meshes, discs or rectangles.
-    #[serde(default)]
     pub transmission: f32,
 }
 
@@ -90,8 +83,4 @@ fn one() -> f32 {
 
 fn half() -> f32 {
     0.5
-}
-
-fn white() -> Vec3 {
-    Vec3::ONE
 }

@@ -1,7 +1,10 @@
 //! The rules and limits that every scene keeps, checked once before anything is traced.
 
 mod layers;
+mod material;
 mod mesh;
+mod particles;
+mod shape;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -11,15 +14,13 @@ use std::ops::RangeInclusive;
 use glam::{Quat, Vec3};
 
 pub use self::layers::{CUTOFF_MAX, NORMAL_SCALE_MAX};
-use self::layers::{check_layers, check_normal_scales, check_opacity};
+use self::material::check_material;
 pub use self::mesh::{TRIANGLES_MAX, VERTICES_MAX};
 use self::mesh::{check_closed, check_mesh, check_triangles};
+use self::shape::{check_area_light, check_punctual_light, check_shape, check_solid};
+pub(crate) use self::texture::map_fault;
 pub use self::texture::{TEXTURE_BYTES_MAX, TEXTURES_MAX, UV_MAX};
-use crate::scene::{
-    AreaLight, Camera, ClothMarks, CsgSolid, Material, Medium, Object, ObjectPose, Opacity,
-    ParticleCloud, ParticleForm, ProceduralTexture, PunctualEmitter, PunctualLight, Scene,
-    SceneUpdate, Shape, Stripe,
-};
+use crate::scene::{Camera, Material, Object, ObjectPose, Opacity, Scene, Shape};
 use crate::{Error, SceneError};
 
 /// The most objects in a scene. Rays find many of a shape by a BVH.
@@ -78,6 +79,9 @@ pub const APERTURE_RADIUS_M: RangeInclusive<f32> = 0.0..=1e3;
 /// The range of the distance at which a lens is sharp, in metres: before the eye.
 pub const FOCUS_DISTANCE_M: RangeInclusive<f32> = 1e-3..=1e7;
 
+/// The range of shares of a whole.
+const SHARE: RangeInclusive<f32> = 0.0..=1.0;
+
 type Check = Result<(), SceneError>;
 
 impl Scene {
@@ -90,13 +94,10 @@ impl Scene {
     }
 
     fn check(&self) -> Check {
+        let punctual_lights = self.punctual_lights.len();
         count("objects", self.objects.len(), OBJECTS_MAX)?;
         count("area lights", self.area_lights.len(), AREA_LIGHTS_MAX)?;
-        count(
-            "punctual lights",
-            self.punctual_lights.len(),
-            PUNCTUAL_LIGHTS_MAX,
-        )?;
+        count("punctual lights", punctual_lights, PUNCTUAL_LIGHTS_MAX)?;
         count("materials", self.materials.len(), MATERIALS_MAX)?;
         let subtractions = self.objects.iter().map(|object| match &object.shape {
             Shape::CsgBox { subtractions, .. } => subtractions.len(),
@@ -112,22 +113,15 @@ impl Scene {
         self.check_environment_map()?;
         for (key, material) in &self.materials {
             name(key)?;
-            let place = |fault| SceneError::Material {
-                name: key.clone(),
-                fault: Box::new(fault),
-            };
-            check_material(material).map_err(place)?;
-            self.check_material_textures(material).map_err(place)?;
+            let checked = check_material(material);
+            let checked = checked.and_then(|()| self.check_material_textures(material));
+            checked.map_err(|fault| fault.of(format!("material `{key}`")))?;
         }
         for (index, object) in self.objects.iter().enumerate() {
             name(&object.name)?;
             name(&object.material)?;
-            self.check_object(object)
-                .map_err(|fault| SceneError::Object {
-                    index,
-                    name: object.name.clone(),
-                    fault: Box::new(fault),
-                })?;
+            let checked = self.check_object(object);
+            checked.map_err(|fault| fault.of(format!("object {index} `{}`", object.name)))?;
         }
         self.check_lights()
     }
@@ -135,94 +129,82 @@ impl Scene {
     fn check_object(&self, object: &Object) -> Check {
         check_shape(&object.shape)?;
         self.check_subtractions(&object.shape)?;
-        let name = &object.material;
-        let Some(material) = self.materials.get(name) else {
-            return Err(SceneError::UnknownMaterial(name.clone()));
-        };
+        let material = self.material(&object.material)?;
         self.check_textured(object)?;
-        if material.opacity() != Opacity::Opaque && !matches!(object.shape, Shape::Mesh(_)) {
-            return Err(SceneError::TransparentShape(name.clone()));
+        let is_mesh = matches!(object.shape, Shape::Mesh(_));
+        let is_plate = matches!(object.shape, Shape::Disc { .. } | Shape::Rectangle { .. });
+        let refuse = |why| refuse_material(&object.material, why);
+        if material.opacity() != Opacity::Opaque && !is_mesh {
+            return refuse("is not opaque, which only meshes can be of");
         }
-        let is_solid = !matches!(
-            object.shape,
-            Shape::Mesh(_) | Shape::Disc { .. } | Shape::Rectangle { .. }
-        );
-        if material.is_thin_wall() && is_solid {
-            return Err(SceneError::ThinWallShape(name.clone()));
+        if material.is_thin_wall() && !is_mesh && !is_plate {
+            return refuse(THIN_WALL);
         }
         if !matches!(material, Material::Dielectric { .. }) {
             return Ok(());
         }
-        match object.shape {
+        match &object.shape {
             Shape::Disc { .. } | Shape::Rectangle { .. } => {
-                Err(SceneError::DielectricFlat(name.clone()))
+                refuse("is a dielectric, which needs an inside: give it to a sphere or a box")
             }
-            Shape::TruncatedCone { .. } => Err(SceneError::DielectricSurface(name.clone())),
-            Shape::Mesh(ref mesh) => check_closed(mesh),
+            Shape::TruncatedCone { .. } => refuse(DIELECTRIC),
+            Shape::Mesh(mesh) => check_closed(mesh),
             Shape::Sphere { .. } | Shape::Box { .. } | Shape::CsgBox { .. } => Ok(()),
+        }
+    }
+
+    fn check_subtractions(&self, shape: &Shape) -> Check {
+        let Shape::CsgBox { subtractions, .. } = shape else {
+            return Ok(());
+        };
+        count("subtractions", subtractions.len(), SUBTRACTIONS_MAX)?;
+        for (index, subtraction) in subtractions.iter().enumerate() {
+            let material = subtraction.material.as_deref();
+            let checked = check_solid(&subtraction.solid)
+                .and_then(|()| material.map_or(Ok(()), |name| self.check_subtraction(name)));
+            checked.map_err(|fault| fault.of(format!("subtraction {index}")))?;
+        }
+        Ok(())
+    }
+
+    fn check_subtraction(&self, material: &str) -> Check {
+        match self.material(material)? {
+            Material::Dielectric { .. } => refuse_material(material, DIELECTRIC),
+            found if found.is_thin_wall() => refuse_material(material, THIN_WALL),
+            found if found.has_textures() => refuse_material(material, TEXTURED),
+            _ => Ok(()),
+        }
+    }
+
+    fn material(&self, name: &str) -> Result<&Material, SceneError> {
+        match self.materials.get(name) {
+            Some(material) => Ok(material),
+            None => refuse_material(name, "is not among the scene's materials"),
         }
     }
 
     fn check_lights(&self) -> Check {
         for (index, light) in self.punctual_lights.iter().enumerate() {
             name(&light.name)?;
-            check_punctual_light(light).map_err(|fault| SceneError::PunctualLight {
-                index,
-                name: light.name.clone(),
-                fault: Box::new(fault),
-            })?;
+            let part = || format!("punctual light {index} `{}`", light.name);
+            check_punctual_light(light).map_err(|fault| fault.of(part()))?;
         }
         for (index, light) in self.area_lights.iter().enumerate() {
             name(&light.name)?;
-            check_area_light(light).map_err(|fault| SceneError::AreaLight {
-                index,
-                name: light.name.clone(),
-                fault: Box::new(fault),
-            })?;
+            let part = || format!("area light {index} `{}`", light.name);
+            check_area_light(light).map_err(|fault| fault.of(part()))?;
         }
         Ok(())
     }
 }
 
-impl Scene {
-    fn check_subtractions(&self, shape: &Shape) -> Check {
-        let Shape::CsgBox { subtractions, .. } = shape else {
-            return Ok(());
-        };
-        if subtractions.len() > SUBTRACTIONS_MAX {
-            return Err(SceneError::TooMany {
-                what: "subtractions",
-                count: subtractions.len(),
-                max: SUBTRACTIONS_MAX,
-            });
-        }
-        for (index, subtraction) in subtractions.iter().enumerate() {
-            let place = |fault| SceneError::Subtraction {
-                index,
-                fault: Box::new(fault),
-            };
-            check_solid(&subtraction.solid).map_err(place)?;
-            let Some(material) = &subtraction.material else {
-                continue;
-            };
-            match self.materials.get(material) {
-                Some(Material::Dielectric { .. }) => {
-                    return Err(place(SceneError::DielectricSurface(material.clone())));
-                }
-                Some(found) if found.is_thin_wall() => {
-                    return Err(place(SceneError::ThinWallShape(material.clone())));
-                }
-                Some(found) if found.textures().indices().next().is_some() => {
-                    return Err(place(SceneError::TexturedShape(material.clone())));
-                }
-                Some(_) => {}
-                None => {
-                    return Err(place(SceneError::UnknownMaterial(material.clone())));
-                }
-            }
-        }
-        Ok(())
-    }
+const DIELECTRIC: &str = "is a dielectric, which needs an inside";
+const THIN_WALL: &str = "has transmission, which makes it a thin wall: give it to a mesh, a disc or a rectangle, or \
+                         make it a dielectric";
+const TEXTURED: &str = "has textures, which need a mesh with texture coordinates";
+
+fn refuse_material<T>(name: &str, why: &str) -> Result<T, SceneError> {
+    Err(SceneError::rule(format!("its material `{name}` {why}")))
 }
 
 impl Camera {
@@ -234,43 +216,36 @@ impl Camera {
         position("the camera's eye", self.eye)?;
         position("the camera's target", self.target)?;
         finite("the camera's up", self.up)?;
-        if !FOV_X_DEG.contains(&self.fov_x_deg) {
-            return Err(SceneError::OutOfRange {
-                what: "the camera's fov_x_deg",
-                value: self.fov_x_deg,
-                min: *FOV_X_DEG.start(),
-                max: *FOV_X_DEG.end(),
-                unit: " degrees",
-            });
-        }
-        let lens = &self.lens;
-        for (what, value, range) in [
-            (
-                "the camera's aperture_radius_m",
-                lens.aperture_radius_m,
-                APERTURE_RADIUS_M,
-            ),
-            (
-                "the camera's focus_distance_m",
-                lens.focus_distance_m,
-                FOCUS_DISTANCE_M,
-            ),
-        ] {
-            in_range(what, value, &range)?;
-        }
+        let (fov, range) = (self.fov_x_deg, FOV_X_DEG);
+        require(range.contains(&fov), || {
+            let range = format!(
+                "it must be from {} to {} degrees",
+                range.start(),
+                range.end()
+            );
+            SceneError::value("the camera's fov_x_deg", fov, range)
+        })?;
+        let (aperture, focus) = (self.lens.aperture_radius_m, self.lens.focus_distance_m);
+        in_range(
+            "the camera's aperture_radius_m",
+            aperture,
+            APERTURE_RADIUS_M,
+        )?;
+        in_range("the camera's focus_distance_m", focus, FOCUS_DISTANCE_M)?;
         let view = self.target.as_dvec3() - self.eye.as_dvec3();
-        if view.length() < 1e-6 {
-            return Err(SceneError::CameraTarget(self.eye));
-        }
+        require(view.length() >= 1e-6, || {
+            SceneError::rule(format!("the camera's eye and target are both {}", self.eye))
+        })?;
         let up = self.up.as_dvec3();
         let sine = view.cross(up).length() / (view.length() * up.length());
-        if sine.is_nan() || sine < 1e-4 {
-            return Err(SceneError::CameraUp {
-                up: self.up,
-                view: view.as_vec3(),
-            });
-        }
-        Ok(())
+        // NaN is not at least anything.
+        require(sine >= 1e-4, || {
+            SceneError::rule(format!(
+                "the camera's up {} must not be 0 or parallel to its view {}",
+                self.up,
+                view.as_vec3()
+            ))
+        })
     }
 }
 
@@ -280,71 +255,9 @@ impl ObjectPose {
     /// # Errors
     /// The rule that is broken, with the value.
     pub fn validate(&self) -> Check {
-        let place = |fault| SceneError::Pose {
-            object: self.object,
-            fault: Box::new(fault),
-        };
-        position("its position", self.position).map_err(place)?;
-        rotation(self.rotation).map_err(place)
-    }
-}
-
-impl SceneUpdate {
-    /// Checks the particles: that they are not too many, and each cloud.
-    ///
-    /// # Errors
-    /// The rule that is broken, with the value.
-    pub fn validate_particles(&self) -> Check {
-        count("clouds of particles", self.particles.len(), CLOUDS_MAX)?;
-        let particles = self.particles.iter().map(|cloud| cloud.places.len());
-        count("particles", particles.sum(), PARTICLES_MAX)?;
-        for (index, cloud) in self.particles.iter().enumerate() {
-            cloud.validate().map_err(|fault| SceneError::Cloud {
-                index,
-                fault: Box::new(fault),
-            })?;
-        }
-        Ok(())
-    }
-}
-
-impl ParticleCloud {
-    /// Checks material, radius, box and form.
-    ///
-    /// # Errors
-    /// The rule that is broken, with the value.
-    pub fn validate(&self) -> Check {
-        check_material(&self.material)?;
-        let is_patterned = matches!(
-            self.material,
-            Material::Coated { .. } | Material::Cloth { marks: Some(_), .. }
-        );
-        if is_patterned || self.material.textures().indices().next().is_some() {
-            return Err(SceneError::PatternedParticles);
-        }
-        extent("its radius", self.radius_m)?;
-        corners(self.min, self.max)?;
-        let ParticleForm::Surface {
-            smoothing_m,
-            floor_m,
-        } = self.form
-        else {
-            return match self.material.is_thin_wall() {
-                true => Err(SceneError::ThinWallParticles),
-                false => Ok(()),
-            };
-        };
-        extent("its smoothing radius", smoothing_m)?;
-        position("its floor", Vec3::Z * floor_m)?;
-        let edge_m = (self.max - self.min).max_element();
-        match edge_m <= SMOOTHING_RADII_MAX * smoothing_m {
-            true => Ok(()),
-            false => Err(SceneError::SurfaceBox {
-                edge_m,
-                smoothing_m,
-                max: SMOOTHING_RADII_MAX,
-            }),
-        }
+        let checked = position("its position", self.position);
+        let checked = checked.and_then(|()| rotation(self.rotation));
+        checked.map_err(|fault| fault.of(format!("pose of object {}", self.object)))
     }
 }
 
@@ -354,429 +267,77 @@ pub(crate) fn bounds_body(mesh: &super::Mesh) -> bool {
     check_mesh(mesh).and_then(|()| check_closed(mesh)).is_ok()
 }
 
-fn check_shape(shape: &Shape) -> Check {
-    match *shape {
-        Shape::Sphere {
-            center,
-            radius,
-            rotation: turn,
-        } => {
-            position("its center", center)?;
-            extent("its radius", radius)?;
-            rotation(turn)
-        }
-        Shape::Box { min, max } | Shape::CsgBox { min, max, .. } => corners(min, max),
-        Shape::TruncatedCone {
-            center,
-            rotation: turn,
-            length,
-            radii: [narrow, wide],
-        } => {
-            position("its center", center)?;
-            rotation(turn)?;
-            extent("its length", length)?;
-            extent("its narrow radius", narrow)?;
-            extent("its wide radius", wide)?;
-            let slope = (wide - narrow) / length;
-            in_range("the slope of its side", slope, &CONE_SLOPE)
-        }
-        Shape::Disc {
-            center,
-            normal,
-            radius,
-        } => {
-            position("its center", center)?;
-            finite("its normal", normal)?;
-            extent("its radius", radius)?;
-            if normal == Vec3::ZERO {
-                return Err(SceneError::ZeroNormal(normal));
-            }
-            Ok(())
-        }
-        Shape::Rectangle {
-            center,
-            half_u,
-            half_v,
-        } => rectangle(center, half_u, half_v),
-        Shape::Mesh(ref mesh) => check_mesh(mesh),
-    }
+fn require(is_kept: bool, fault: impl FnOnce() -> SceneError) -> Check {
+    is_kept.then_some(()).ok_or_else(fault)
 }
 
-fn check_solid(solid: &CsgSolid) -> Check {
-    match *solid {
-        CsgSolid::HalfSpace { point, normal } => {
-            position("its point", point)?;
-            finite("its normal", normal)?;
-            if normal == Vec3::ZERO {
-                return Err(SceneError::ZeroNormal(normal));
-            }
-            Ok(())
-        }
-        CsgSolid::Cylinder { center, radius } => {
-            position("its center", center)?;
-            extent("its radius", radius)
-        }
-        CsgSolid::Box { min, max } => corners(min, max),
-        CsgSolid::ConeExterior {
-            axis: _,
-            center,
-            radius,
-            taper,
-            beyond,
-        } => {
-            position("its center", center)?;
-            extent("its radius", radius)?;
-            position("its beyond", beyond)?;
-            in_range("its taper", taper, &(-TAPER_MAX..=TAPER_MAX))
-        }
-    }
-}
-
-fn check_number(number: u8) -> Check {
-    match number {
-        0..=99 => Ok(()),
-        _ => Err(SceneError::BallNumber(number)),
-    }
-}
-
-fn in_range(what: &'static str, value: f32, range: &RangeInclusive<f32>) -> Check {
-    if range.contains(&value) {
-        return Ok(());
-    }
-    Err(SceneError::OutOfRange {
-        what,
-        value,
-        min: *range.start(),
-        max: *range.end(),
-        unit: "",
+fn in_range(what: &str, value: f32, range: RangeInclusive<f32>) -> Check {
+    require(range.contains(&value), || {
+        let range = format!("it must be from {} to {}", range.start(), range.end());
+        SceneError::value(what, value, range)
     })
 }
 
-fn corners(min: Vec3, max: Vec3) -> Check {
-    position("its min", min)?;
-    position("its max", max)?;
-    if min.cmplt(max).all() {
-        return Ok(());
-    }
-    Err(SceneError::Corners { min, max })
+/// Whether the numbers are from `min` to `max`, which NaN is not.
+fn is_within(v: Vec3, min: f32, max: f32) -> bool {
+    v.cmpge(Vec3::splat(min)).all() && v.cmple(Vec3::splat(max)).all()
 }
 
-fn check_area_light(light: &AreaLight) -> Check {
-    rectangle(light.center, light.half_u, light.half_v)?;
-    radiance("area light", light.radiance)
-}
-
-fn check_punctual_light(light: &PunctualLight) -> Check {
-    let axis = |direction: Vec3| {
-        finite("its direction", direction)?;
-        match direction == Vec3::ZERO {
-            true => Err(SceneError::ZeroNormal(direction)),
-            false => Ok(()),
-        }
-    };
-    match light.emitter {
-        PunctualEmitter::Point { center, .. } => position("its center", center)?,
-        PunctualEmitter::Spot {
-            center,
-            direction,
-            inner_deg,
-            outer_deg,
-            ..
-        } => {
-            position("its center", center)?;
-            axis(direction)?;
-            in_range("its outer_deg", outer_deg, &(0.0..=90.0))?;
-            in_range("its inner_deg", inner_deg, &(0.0..=outer_deg))?;
-        }
-        PunctualEmitter::Distant { direction, .. } => axis(direction)?,
-    }
-    radiance("punctual light", light.strength())
-}
-
-fn rectangle(center: Vec3, half_u: Vec3, half_v: Vec3) -> Check {
-    position("its center", center)?;
-    finite("its half_u", half_u)?;
-    finite("its half_v", half_v)?;
-    let (u, v) = (half_u.as_dvec3(), half_v.as_dvec3());
-    extent("the length of its half_u", u.length() as f32)?;
-    extent("the length of its half_v", v.length() as f32)?;
-    if u.dot(v).abs() > 1e-4 * u.length() * v.length() {
-        return Err(SceneError::Skew { half_u, half_v });
-    }
-    Ok(())
-}
-
-#[expect(clippy::too_many_lines, reason = "one arm for each material")]
-fn check_material(material: &Material) -> Check {
-    match *material {
-        Material::Diffuse { albedo } => check_albedo("its albedo", albedo),
-        Material::SmoothPlastic {
-            albedo,
-            ior,
-            internal_reflectance,
-            stripe,
-        } => {
-            check_albedo("its albedo", albedo)?;
-            check_ior(ior)?;
-            let internal = internal_reflectance.unwrap_or(0.0);
-            let range = 0.0..=INTERNAL_REFLECTANCE_MAX;
-            in_range("its internal_reflectance", internal, &range)?;
-            stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
-        }
-        Material::Coated { ior, texture } => {
-            check_ior(ior)?;
-            check_texture(&texture)
-        }
-        Material::Cloth {
-            albedo,
-            sheen,
-            sheen_roughness,
-            marks,
-        } => {
-            check_albedo("its albedo", albedo)?;
-            check_albedo("its sheen", sheen)?;
-            in_range("its sheen_roughness", sheen_roughness, &SHEEN_ROUGHNESS)?;
-            marks.map_or(Ok(()), |marks| check_marks(&marks))
-        }
-        Material::Conductor {
-            eta,
-            k,
-            alpha,
-            number,
-        } => {
-            check_alpha(alpha)?;
-            check_number(number)?;
-            let most = Vec3::splat(*IOR.end());
-            if !(eta.cmpgt(Vec3::ZERO).all() && eta.cmple(most).all()) {
-                return Err(SceneError::Eta {
-                    value: eta,
-                    max: *IOR.end(),
-                });
-            }
-            if !(k.cmpge(Vec3::ZERO).all() && k.cmple(most).all()) {
-                return Err(SceneError::Channels {
-                    what: "its k",
-                    value: k,
-                    max: *IOR.end(),
-                });
-            }
-            Ok(())
-        }
-        Material::Dielectric {
-            ior,
-            alpha,
-            medium,
-            number,
-        } => {
-            check_ior(ior)?;
-            check_alpha(alpha)?;
-            check_number(number)?;
-            medium.map_or(Ok(()), |medium| check_medium(&medium))
-        }
-        Material::MetallicRoughness {
-            base_color,
-            metallic,
-            roughness,
-            ior,
-            emission,
-            textures,
-            opacity,
-            layers,
-        } => {
-            check_albedo("its base_color", base_color)?;
-            in_range("its metallic", metallic, &(0.0..=1.0))?;
-            in_range("its roughness", roughness, &(0.0..=1.0))?;
-            check_ior(ior)?;
-            radiance("material", emission)?;
-            check_normal_scales(&textures)?;
-            check_opacity(opacity)?;
-            check_layers(&layers)
-        }
-    }
-}
-
-fn check_stripe(stripe: &Stripe) -> Check {
-    check_albedo("its stripe's albedo", stripe.albedo)?;
-    if stripe.half_width > 0.0 && stripe.half_width <= 1.0 {
-        return Ok(());
-    }
-    Err(SceneError::StripeWidth(stripe.half_width))
-}
-
-fn check_marks(marks: &ClothMarks) -> Check {
-    let within = 0.0..=COORDINATE_M_MAX;
-    in_range("the line_x of its marks", marks.line_x, &within)?;
-    in_range("the d_radius of its marks", marks.d_radius, &within)?;
-    let along = -COORDINATE_M_MAX..=COORDINATE_M_MAX;
-    let mut spots = marks.spots_x.into_iter();
-    spots.try_for_each(|x| in_range("a spot of its marks", x, &along))
-}
-
-fn check_texture(texture: &ProceduralTexture) -> Check {
-    match *texture {
-        ProceduralTexture::Ball {
-            albedo,
-            stripe,
-            number,
-        } => {
-            check_albedo("its albedo", albedo)?;
-            check_number(number)?;
-            stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
-        }
-        ProceduralTexture::Wood {
-            light,
-            dark,
-            sights,
-            scale,
-            ..
-        } => {
-            check_albedo("its light albedo", light)?;
-            check_albedo("its dark albedo", dark)?;
-            in_range("the scale of its texture", scale, &TEXTURE_SCALE)?;
-            let Some(sights) = sights else { return Ok(()) };
-            if sights.spacing != 0.0 {
-                extent("the spacing of its sights", sights.spacing)?;
-            }
-            extent("the end_x of its sights", sights.end_x)?;
-            extent("the side_y of its sights", sights.side_y)
-        }
-        ProceduralTexture::Cue { shaft, butt } => {
-            check_albedo("the albedo of its shaft", shaft)?;
-            check_albedo("the albedo of its butt", butt)
-        }
-        ProceduralTexture::Planks { light, dark } => {
-            check_albedo("its light albedo", light)?;
-            check_albedo("its dark albedo", dark)
-        }
-        ProceduralTexture::Bricks {
-            light,
-            dark,
-            mortar,
-        } => {
-            check_albedo("its light albedo", light)?;
-            check_albedo("its dark albedo", dark)?;
-            check_albedo("the albedo of its mortar", mortar)
-        }
-        ProceduralTexture::Scoreboard {
-            face,
-            ink,
-            center,
-            radius,
-        } => {
-            check_albedo("the albedo of its dials", face)?;
-            check_albedo("the albedo of its ink", ink)?;
-            let along = -COORDINATE_M_MAX..=COORDINATE_M_MAX;
-            let mut center = center.into_iter();
-            center.try_for_each(|at| in_range("the centre of its dials", at, &along))?;
-            extent("the radius of its dials", radius)
-        }
-    }
-}
-
-fn check_ior(ior: f32) -> Check {
-    in_range("its ior", ior, &IOR)
-}
-
-fn check_alpha(alpha: f32) -> Check {
-    in_range("its alpha", alpha, &(0.0..=1.0))
-}
-
-fn check_medium(medium: &Medium) -> Check {
-    check_albedo("its medium's albedo", medium.albedo)?;
-    let extinction = medium.extinction;
-    let most = Vec3::splat(EXTINCTION_PER_M_MAX);
-    if !(extinction.cmpge(Vec3::ZERO).all() && extinction.cmple(most).all()) {
-        return Err(SceneError::Extinction {
-            value: extinction,
-            max: EXTINCTION_PER_M_MAX,
-        });
-    }
-    let (least, largest) = (extinction.min_element(), extinction.max_element());
-    let is_even = least > 0.0 && largest <= EXTINCTION_RATIO_MAX * least;
-    if medium.albedo != Vec3::ZERO && !is_even {
-        return Err(SceneError::ExtinctionRatio {
-            value: extinction,
-            ratio_max: EXTINCTION_RATIO_MAX,
-        });
-    }
-    Ok(())
-}
-
-fn check_albedo(what: &'static str, albedo: Vec3) -> Check {
-    if albedo.cmpge(Vec3::ZERO).all() && albedo.cmple(Vec3::ONE).all() {
-        return Ok(());
-    }
-    Err(SceneError::Channels {
-        what,
-        value: albedo,
-        max: 1.0,
+fn channels(what: &str, value: Vec3, max: f32) -> Check {
+    require(is_within(value, 0.0, max), || {
+        SceneError::value(what, value, format!("each channel must be from 0 to {max}"))
     })
 }
 
-fn radiance(what: &'static str, radiance: Vec3) -> Check {
-    if radiance.cmpge(Vec3::ZERO).all() && radiance.cmple(Vec3::splat(RADIANCE_MAX)).all() {
-        return Ok(());
-    }
-    Err(SceneError::Radiance {
-        what,
-        value: radiance,
-        max: RADIANCE_MAX,
+fn check_albedo(what: &str, albedo: Vec3) -> Check {
+    channels(what, albedo, 1.0)
+}
+
+fn radiance(of: &str, radiance: Vec3) -> Check {
+    require(is_within(radiance, 0.0, RADIANCE_MAX), || {
+        let range = format!("each channel must be from 0 to {RADIANCE_MAX:e}");
+        SceneError::value(format!("the {of}'s radiance"), radiance, range)
     })
 }
 
-fn position(what: &'static str, p: Vec3) -> Check {
-    if p.abs().cmple(Vec3::splat(COORDINATE_M_MAX)).all() {
-        return Ok(());
-    }
-    Err(SceneError::Position {
-        what,
-        value: p,
-        max: COORDINATE_M_MAX,
+fn position(what: &str, p: Vec3) -> Check {
+    require(is_within(p, -COORDINATE_M_MAX, COORDINATE_M_MAX), || {
+        let range = format!("each coordinate must be within ±{COORDINATE_M_MAX:e} m");
+        SceneError::value(what, p, range)
     })
 }
 
-fn finite(what: &'static str, v: Vec3) -> Check {
-    if v.is_finite() {
-        Ok(())
-    } else {
-        Err(SceneError::NotFinite { what, value: v })
-    }
+fn finite(what: &str, v: Vec3) -> Check {
+    require(v.is_finite(), || {
+        SceneError::value(what, v, "it must be finite")
+    })
 }
 
-fn extent(what: &'static str, metres: f32) -> Check {
-    if EXTENT_M.contains(&metres) {
-        return Ok(());
-    }
-    Err(SceneError::Length {
-        what,
-        metres,
-        min: *EXTENT_M.start(),
-        max: *EXTENT_M.end(),
+fn extent(what: &str, metres: f32) -> Check {
+    let (min, max) = (EXTENT_M.start(), EXTENT_M.end());
+    require(EXTENT_M.contains(&metres), || {
+        let range = format!("it must be from {min:e} to {max:e} m");
+        SceneError::value(what, format_args!("{metres} m"), range)
     })
 }
 
 fn rotation(q: Quat) -> Check {
-    if (q.length_squared() - 1.0).abs() <= 1e-3 {
-        return Ok(());
-    }
-    Err(SceneError::Rotation(q))
+    require((q.length_squared() - 1.0).abs() <= 1e-3, || {
+        let range = "it must be a quaternion of length 1";
+        SceneError::value("its rotation", q, range)
+    })
 }
 
 fn name(name: &str) -> Check {
-    if name.len() <= NAME_BYTES_MAX {
-        return Ok(());
-    }
-    let start: String = name.chars().take(16).collect();
-    Err(SceneError::LongName {
-        start,
-        bytes: name.len(),
-        max: NAME_BYTES_MAX,
+    require(name.len() <= NAME_BYTES_MAX, || {
+        let start: String = name.chars().take(16).collect();
+        SceneError::rule(format!(
+            "a name that begins `{start}` has {} bytes: at most {NAME_BYTES_MAX} are allowed",
+            name.len()
+        ))
     })
 }
 
 pub(super) fn count(what: &'static str, count: usize, max: usize) -> Check {
-    if count <= max {
-        return Ok(());
-    }
-    Err(SceneError::TooMany { what, count, max })
+    require(count <= max, || SceneError::TooMany { what, count, max })
 }

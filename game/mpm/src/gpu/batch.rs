@@ -1,7 +1,7 @@
 //! Batches: commands of many substeps, encoded at once.
 
 use crate::gpu::buffers::{Buffers, Grid};
-use crate::gpu::kernels::Kernels;
+use crate::gpu::kernels::{Kernels, Stage};
 use crate::gpu::shader::GROUPS_X_MAX;
 
 /// Substeps of a batch, in groups that begin with an ordering.
@@ -14,7 +14,8 @@ pub(super) struct Batch {
     pub(super) blocks: u32,
 }
 
-/// Where the sizes of dispatches over blocks of nodes begin, in bytes.
+/// Where the sizes of dispatches over particles, and of those over blocks of nodes, begin, in bytes.
+const PARTICLE_SIZES: u64 = 0;
 const NODE_SIZES: u64 = 12;
 
 impl Batch {
@@ -27,77 +28,59 @@ impl Batch {
         grid: &Grid,
         turn: usize,
     ) -> usize {
-        let mut turn = turn;
+        let mut encoder = Encoder {
+            pass,
+            kernels,
+            buffers,
+            grid,
+            turn,
+        };
         for _ in 0..self.groups {
-            self.encode_ordering(pass, kernels, buffers, grid, turn);
-            turn = 1 - turn;
+            encoder.dispatch(Stage::ClearTable, self.blocks.div_ceil(256));
+            encoder.dispatch_over(Stage::CountParticles, PARTICLE_SIZES);
+            encoder.dispatch(Stage::AllocateChunks, self.blocks.div_ceil(64));
+            encoder.dispatch(Stage::FinishOrdering, 1);
+            encoder.dispatch_over(Stage::MoveParticles, PARTICLE_SIZES);
+            encoder.turn = 1 - encoder.turn;
             for _ in 0..self.group {
-                encode_substep(pass, kernels, buffers, grid, turn);
+                // Velocities of the substep before, and the next one up to the grid and the balls.
+                encoder.dispatch_over(Stage::Transfer, PARTICLE_SIZES);
+                encoder.dispatch_over(Stage::UpdateGrid, NODE_SIZES);
+                encoder.dispatch(Stage::Couple, 1);
             }
-            encode_transfer(pass, kernels, buffers, grid, turn);
+            encoder.dispatch_over(Stage::Transfer, PARTICLE_SIZES);
         }
-        turn
-    }
-
-    fn encode_ordering(
-        self,
-        pass: &mut wgpu::ComputePass,
-        kernels: &Kernels,
-        buffers: &Buffers,
-        grid: &Grid,
-        turn: usize,
-    ) {
-        let bindings = &grid.bindings;
-        let sizes = &buffers.dispatch_sizes[turn];
-        pass.set_pipeline(&kernels.clear_table.pipeline);
-        pass.set_bind_group(0, &bindings.clear_table[turn], &[]);
-        dispatch(pass, self.blocks.div_ceil(256));
-        pass.set_pipeline(&kernels.count_particles.pipeline);
-        pass.set_bind_group(0, &bindings.count_particles[turn], &[]);
-        pass.dispatch_workgroups_indirect(sizes, 0);
-        pass.set_pipeline(&kernels.allocate_chunks.pipeline);
-        pass.set_bind_group(0, &bindings.allocate_chunks[turn], &[]);
-        dispatch(pass, self.blocks.div_ceil(64));
-        pass.set_pipeline(&kernels.finish_ordering.pipeline);
-        pass.set_bind_group(0, &bindings.finish_ordering[turn], &[]);
-        dispatch(pass, 1);
-        pass.set_pipeline(&kernels.move_particles.pipeline);
-        pass.set_bind_group(0, &bindings.move_particles[turn], &[]);
-        pass.dispatch_workgroups_indirect(sizes, 0);
+        encoder.turn
     }
 }
 
-/// Velocities of the substep before, and the next one up to the grid and the balls.
-fn encode_substep(
-    pass: &mut wgpu::ComputePass,
-    kernels: &Kernels,
-    buffers: &Buffers,
-    grid: &Grid,
+struct Encoder<'a, 'p> {
+    pass: &'a mut wgpu::ComputePass<'p>,
+    kernels: &'a Kernels,
+    buffers: &'a Buffers,
+    grid: &'a Grid,
     turn: usize,
-) {
-    encode_transfer(pass, kernels, buffers, grid, turn);
-    pass.set_pipeline(&kernels.update_grid.pipeline);
-    pass.set_bind_group(0, &grid.bindings.update_grid[turn], &[]);
-    pass.dispatch_workgroups_indirect(&buffers.dispatch_sizes[turn], NODE_SIZES);
-    pass.set_pipeline(&kernels.couple.pipeline);
-    pass.set_bind_group(0, &grid.bindings.couple[turn], &[]);
-    dispatch(pass, 1);
 }
 
-fn encode_transfer(
-    pass: &mut wgpu::ComputePass,
-    kernels: &Kernels,
-    buffers: &Buffers,
-    grid: &Grid,
-    turn: usize,
-) {
-    pass.set_pipeline(&kernels.transfer.pipeline);
-    pass.set_bind_group(0, &grid.bindings.transfer[turn], &[]);
-    pass.dispatch_workgroups_indirect(&buffers.dispatch_sizes[turn], 0);
-}
+impl Encoder<'_, '_> {
+    fn begin(&mut self, stage: Stage) {
+        self.pass.set_pipeline(self.kernels.pipeline(stage));
+        let bindings = self.grid.bindings(stage, self.turn);
+        self.pass.set_bind_group(0, bindings, &[]);
+    }
 
-/// As kernels count them: rows of equal length.
-fn dispatch(pass: &mut wgpu::ComputePass, groups: u32) {
-    let rows = groups.div_ceil(GROUPS_X_MAX).max(1);
-    pass.dispatch_workgroups(groups.div_ceil(rows), rows, 1);
+    /// Groups as kernels count them: rows of equal length.
+    fn dispatch(&mut self, stage: Stage, groups: u32) {
+        self.begin(stage);
+        let rows = groups.div_ceil(GROUPS_X_MAX).max(1);
+        self.pass
+            .dispatch_workgroups(groups.div_ceil(rows), rows, 1);
+    }
+
+    /// As many groups as the ordering before has found.
+    fn dispatch_over(&mut self, stage: Stage, sizes: u64) {
+        self.begin(stage);
+        let found = &self.buffers.dispatch_sizes[self.turn];
+        self.pass.dispatch_workgroups_indirect(found, sizes);
+    }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::device::Gpu;
-use crate::gpu::kernels::{ComputeKernel, Kernels};
+use crate::gpu::kernels::{ComputeKernel, Kernels, Stage};
 use crate::gpu::layout::{BallRow, Chunk, Control, Counters, MaterialRow, ObstacleRow, Params};
 use crate::gpu::particle_copy::{INDICES_MAX, PARTS, ParticleCopy};
 use crate::gpu::shader::{Features, Resource};
@@ -49,22 +49,11 @@ struct GridBuffers {
     touches: wgpu::Buffer,
 }
 
-/// Bind groups of each kernel, for both turns of the particles.
-pub(super) struct Bindings {
-    pub(super) clear_table: [wgpu::BindGroup; 2],
-    pub(super) count_particles: [wgpu::BindGroup; 2],
-    pub(super) allocate_chunks: [wgpu::BindGroup; 2],
-    pub(super) finish_ordering: [wgpu::BindGroup; 2],
-    pub(super) move_particles: [wgpu::BindGroup; 2],
-    pub(super) transfer: [wgpu::BindGroup; 2],
-    pub(super) update_grid: [wgpu::BindGroup; 2],
-    pub(super) couple: [wgpu::BindGroup; 2],
-}
-
 /// The grid's buffers and all bind groups.
 pub(super) struct Grid {
     buffers: GridBuffers,
-    pub(super) bindings: Bindings,
+    /// Of each [`Stage`], for both turns of the particles.
+    bindings: Vec<[wgpu::BindGroup; 2]>,
 }
 
 const STORAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE;
@@ -186,18 +175,13 @@ impl Grid {
             let bind = |kernel: &ComputeKernel| {
                 [0, 1].map(|turn| kernel.bind(device, |r| find(r, turn, fixed, &buffers)))
             };
-            Bindings {
-                clear_table: bind(&kernels.clear_table),
-                count_particles: bind(&kernels.count_particles),
-                allocate_chunks: bind(&kernels.allocate_chunks),
-                finish_ordering: bind(&kernels.finish_ordering),
-                move_particles: bind(&kernels.move_particles),
-                transfer: bind(&kernels.transfer),
-                update_grid: bind(&kernels.update_grid),
-                couple: bind(&kernels.couple),
-            }
+            kernels.0.iter().map(bind).collect()
         })?;
         Ok(Self { buffers, bindings })
+    }
+
+    pub(super) fn bindings(&self, stage: Stage, turn: usize) -> &wgpu::BindGroup {
+        &self.bindings[stage as usize][turn]
     }
 
     pub(super) fn blocks(&self) -> usize {

@@ -11,22 +11,26 @@ use crate::gpu::shader::Resource::{
 
 /// A pipeline and what it binds.
 pub(super) struct ComputeKernel {
-    pub(super) pipeline: wgpu::ComputePipeline,
+    pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     resources: &'static [Resource],
 }
 
-/// All kernels of a simulation.
-pub(super) struct Kernels {
-    pub(super) clear_table: ComputeKernel,
-    pub(super) count_particles: ComputeKernel,
-    pub(super) allocate_chunks: ComputeKernel,
-    pub(super) finish_ordering: ComputeKernel,
-    pub(super) move_particles: ComputeKernel,
-    pub(super) transfer: ComputeKernel,
-    pub(super) update_grid: ComputeKernel,
-    pub(super) couple: ComputeKernel,
+/// The kernels: five of an ordering, then those of a substep.
+#[derive(Clone, Copy)]
+pub(super) enum Stage {
+    ClearTable,
+    CountParticles,
+    AllocateChunks,
+    FinishOrdering,
+    MoveParticles,
+    Transfer,
+    UpdateGrid,
+    Couple,
 }
+
+/// All kernels of a simulation, in the order of [`Stage`].
+pub(super) struct Kernels(pub(super) Vec<ComputeKernel>);
 
 impl Kernels {
     pub(super) fn compile(gpu: &Gpu, features: &Features) -> Result<Self> {
@@ -36,19 +40,33 @@ impl Kernels {
             Some(_) => &resources[..resources.len() - more],
             None => resources,
         };
-        let transfer = with_friction(TRANSFER, 1);
-        let update_grid = with_friction(UPDATE_GRID, 2);
-        let couple = with_friction(COUPLE, 1);
-        Ok(Self {
-            clear_table: kernel(gpu, &order, "clear_table", CLEAR_TABLE)?,
-            count_particles: kernel(gpu, &order, "count_particles", COUNT_PARTICLES)?,
-            allocate_chunks: kernel(gpu, &order, "allocate_chunks", ALLOCATE_CHUNKS)?,
-            finish_ordering: kernel(gpu, &order, "finish_ordering", FINISH_ORDERING)?,
-            move_particles: kernel(gpu, &order, "move_particles", MOVE_PARTICLES)?,
-            transfer: kernel(gpu, &features.transfer(), "transfer", transfer)?,
-            update_grid: kernel(gpu, &features.grid(), "update_grid", update_grid)?,
-            couple: kernel(gpu, &features.coupling(), "couple", couple)?,
-        })
+        let stages = [
+            (&order, "clear_table", CLEAR_TABLE),
+            (&order, "count_particles", COUNT_PARTICLES),
+            (&order, "allocate_chunks", ALLOCATE_CHUNKS),
+            (&order, "finish_ordering", FINISH_ORDERING),
+            (&order, "move_particles", MOVE_PARTICLES),
+            (&features.transfer(), "transfer", with_friction(TRANSFER, 1)),
+            (
+                &features.grid(),
+                "update_grid",
+                with_friction(UPDATE_GRID, 2),
+            ),
+            (&features.coupling(), "couple", with_friction(COUPLE, 1)),
+        ];
+        let kernels = stages.map(|(text, entry_point, resources)| {
+            let pipeline = gpu.pipeline(entry_point, text)?;
+            Ok(ComputeKernel {
+                layout: pipeline.get_bind_group_layout(0),
+                pipeline,
+                resources,
+            })
+        });
+        Ok(Self(kernels.into_iter().collect::<Result<_>>()?))
+    }
+
+    pub(super) fn pipeline(&self, stage: Stage) -> &wgpu::ComputePipeline {
+        &self.0[stage as usize].pipeline
     }
 }
 
@@ -92,20 +110,6 @@ const UPDATE_GRID: &[Resource] = &[
 const COUPLE: &[Resource] = &[
     Params, Control, Counters, Velocities, Balls, Obstacles, Touches, Frictions,
 ];
-
-fn kernel(
-    gpu: &Gpu,
-    text: &str,
-    entry_point: &'static str,
-    resources: &'static [Resource],
-) -> Result<ComputeKernel> {
-    let pipeline = gpu.pipeline(entry_point, text)?;
-    Ok(ComputeKernel {
-        layout: pipeline.get_bind_group_layout(0),
-        pipeline,
-        resources,
-    })
-}
 
 impl ComputeKernel {
     pub(super) fn bind<'a>(

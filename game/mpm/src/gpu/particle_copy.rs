@@ -12,10 +12,9 @@ use std::collections::HashMap;
 use glam::{IVec3, Vec3};
 
 use crate::gpu::layout::Chunk;
-use crate::lanes::LANES;
 use crate::material::Material;
-use crate::packet::Packet;
-use crate::storage::{BLOCK_EDGE, ParticleBlock, Storage};
+use crate::packet::{Packet, room_in};
+use crate::storage::{BLOCK_EDGE, Storage};
 
 /// Vectors of a particle.
 pub(super) const PARTS: usize = 7;
@@ -45,7 +44,7 @@ impl ParticleCopy {
         let mut start = 0;
         for block in &storage.blocks {
             let first = start;
-            for (packet, lane) in lanes(block) {
+            for (packet, lane) in block.lanes() {
                 let vectors = vectors(packet, lane, start as u32);
                 copy.ids.push(packet.id[lane]);
                 for (part, vector) in vectors.into_iter().enumerate() {
@@ -87,21 +86,10 @@ impl ParticleCopy {
             let packet = packet(&vectors, id, materials);
             let block = storage.block_index(block) as usize;
             let packets = &mut storage.blocks[block].packets;
-            let is_full = |last: &Packet| last.len == LANES || last.material != packet.material;
-            if packets.last().is_none_or(is_full) {
-                packets.push(Packet::new(packet.material, 0.0));
-            }
-            if let Some(last) = packets.last_mut() {
-                last.push(&packet, 0);
-            }
+            room_in(packets, packet.material, || 0.0).push(&packet, 0);
         }
         storage
     }
-}
-
-fn lanes(block: &ParticleBlock) -> impl Iterator<Item = (&Packet, usize)> {
-    let packets = block.packets.iter();
-    packets.flat_map(|packet| (0..packet.len).map(move |lane| (packet, lane)))
 }
 
 fn vectors(packet: &Packet, lane: usize, index: u32) -> [[u32; 4]; PARTS] {
@@ -127,7 +115,7 @@ fn vectors(packet: &Packet, lane: usize, index: u32) -> [[u32; 4]; PARTS] {
 pub(super) fn fullest_cell_kg(storage: &Storage) -> f64 {
     let mut cells: HashMap<IVec3, f64> = HashMap::new();
     for block in &storage.blocks {
-        for (packet, lane) in lanes(block) {
+        for (packet, lane) in block.lanes() {
             let local = Vec3::from_slice(&packet.position[lane]);
             let cell = block.coordinate * BLOCK_EDGE + local.floor().as_ivec3();
             *cells.entry(cell).or_default() += f64::from(packet.mass[lane]);

@@ -1,6 +1,6 @@
 //! Simulation on a GPU: particles that stay there from batch to batch.
 
-use glam::{DVec3, IVec3};
+use glam::IVec3;
 
 use crate::body::Bodies;
 use crate::error::{Error, Result, check_range};
@@ -117,10 +117,7 @@ impl GpuSimulation {
             bodies.obstacles.len(),
             GPU_OBSTACLES_MAX,
         )?;
-        for ball in &mut bodies.balls {
-            ball.impulse = DVec3::ZERO;
-            ball.angular_impulse = DVec3::ZERO;
-        }
+        bodies.clear_impulses();
         let mut report = StepReport::default();
         let mut left_secs = duration_secs;
         // Less than the device's numbers hold is nothing.

@@ -74,7 +74,10 @@ impl DensityGrid {
         self.keys.dedup();
         match self.keys.len() <= BLOCKS_MAX {
             true => Ok(()),
-            false => Err(SceneError::SurfaceBlocks { max: BLOCKS_MAX }),
+            false => Err(SceneError::rule(format!(
+                "its particles are so far apart that their surface takes more than {BLOCKS_MAX} blocks of its grid, \
+                 at most {BLOCKS_MAX} are allowed: draw them as balls, or raise the smoothing radius"
+            ))),
         }
     }
 

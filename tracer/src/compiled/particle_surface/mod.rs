@@ -55,7 +55,7 @@ impl SurfaceMesh {
     /// The surface of a valid cloud. Nothing is below `floor_m`, and what lies there is left out.
     ///
     /// # Errors
-    /// [`SceneError::SurfaceBlocks`] if particles are so far apart that the grid would take too much memory.
+    /// [`SceneError::Rule`] if particles are so far apart that the grid would take too much memory.
     pub(crate) fn new(
         cloud: &ParticleCloud,
         smoothing_m: f32,

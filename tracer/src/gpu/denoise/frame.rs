@@ -21,7 +21,7 @@ use crate::gpu::frame::{FrameBuffers, PASSES_MAX, Pass, ReadbackLayout, SUM_BYTE
 use crate::gpu::layout::DispatchData;
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::{self, BLOCK_PIXELS, Chunk, ChunkLimits};
-use crate::gpu::{ChunkSink, GpuTracer, deliver};
+use crate::gpu::{ChunkSink, GpuTracer, deliver, radiance_sink};
 use crate::{CompiledScene, Error, RenderSettings, TileRadiance, TileSrgb8, TraceJob, TraceStats};
 
 /// Samples of every pixel that are traced into a buffer of their own.
@@ -87,20 +87,7 @@ impl GpuTracer {
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error> {
         in_parts(job, self.region_limits(scene, job), |first, part| {
-            self.trace_region(scene, part, None, &|chunk, dropped, film| {
-                deliver(
-                    chunk,
-                    dropped,
-                    cast_slice(film),
-                    |index, radiance, dropped_samples| {
-                        sink(TileRadiance {
-                            index: first + index,
-                            radiance: radiance.to_vec(),
-                            dropped_samples,
-                        });
-                    },
-                );
-            })
+            self.trace_region(scene, part, None, &radiance_sink(first, sink))
         })
     }
 
@@ -362,15 +349,9 @@ impl RegionFrame<'_> {
         let data = DispatchData {
             tile_count,
             block_count,
-            sample_begin: samples.start,
-            sample_end: samples.end,
-            samples: part.settings.samples,
             first_half,
-            pixels: traced.pixels as u32,
-            first_sample: part.settings.first_sample,
-            seed: part.settings.seed,
-            max_depth: part.settings.max_depth,
             is_list: u32::from(is_list),
+            ..DispatchData::new(traced, &part.settings, samples)
         };
         let bindings = (self.tracer.device)
             .guarded(|wgpu| self.buffers.bind(wgpu, &part.kernel, slot, tiles, film))?;

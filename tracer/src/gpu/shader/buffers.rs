@@ -2,102 +2,49 @@
 
 use std::fmt::Write as _;
 
-use crate::bvh;
 use crate::compiled::{
     MaterialTextureData, OPACITY_MASK, OPACITY_OPAQUE, ShapeKind, TextureData, TriangleData,
     WRAP_CLAMP, WRAP_REPEAT,
 };
 use crate::gpu::features::{Features, SceneMemory};
-use crate::gpu::layout::{ENVIRONMENT_BINDING, MESH_BINDING, TEXTURE_BINDING};
+use crate::gpu::layout::{
+    ArrayLayout, ENVIRONMENT_BINDING, MESH_BINDING, TEXTURE_BINDING, mesh_arrays, scene_arrays,
+};
 use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
 use crate::scene::validate::SHEEN_ROUGHNESS;
 use crate::sheen::{SHEEN_REFLECTANCES, SHEEN_ROOT_MIN};
 
 /// The scene's arrays as one buffer, in the order of [`crate::gpu::layout::scene_bytes`].
 pub(super) fn scene_declaration(features: &Features) -> String {
-    let mut text = String::from("struct SceneData {\n    header: SceneHeader,\n");
-    for shape in features.shapes_of_scene() {
-        let (field, ty, count) = (shape.array(), shape.type_name(), features.count(shape));
-        _ = writeln!(text, "    {field}: array<{ty}, {count}>,");
-    }
-    if features.csg_boxes > 0 {
-        let count = features.csg_boxes;
-        _ = writeln!(text, "    csg_boxes: array<CsgBoxData, {count}>,");
-    }
-    if features.area_lights > 0 {
-        _ = writeln!(
-            text,
-            "    area_lights: array<AreaLightData, {}>,",
-            features.area_lights
-        );
-    }
-    if features.punctual_lights > 0 {
-        let count = features.punctual_lights;
-        _ = writeln!(
-            text,
-            "    punctual_lights: array<PunctualLightData, {count}>,"
-        );
-    }
-    if features.emissive_shapes() > 0 {
-        let count = features.emissive_shapes();
-        _ = writeln!(
-            text,
-            "    emissive_shapes: array<EmissiveSurfaceData, {count}>,"
-        );
-    }
-    _ = writeln!(
-        text,
-        "    materials: array<MaterialData, {}>,",
-        features.materials
-    );
-    for shape in features.shapes_of_scene() {
-        text += &finders_declaration(features, shape);
-    }
+    let arrays = declarations(&scene_arrays(features));
     let space = match features.memory {
         SceneMemory::Uniform => "uniform",
         SceneMemory::Storage => "storage, read",
     };
-    _ = writeln!(
-        text,
-        "}}\n\
+    format!(
+        "struct SceneData {{\n    header: SceneHeader,\n{arrays}}}\n\
          @group(0) @binding(0) var<{space}> scene: SceneData;\n\
          // The same bytes, for reads whose place differs from thread to thread: constant memory\n\
          // serves those one after the other.\n\
-         @group(0) @binding(6) var<storage, read> scene_storage: SceneData;"
-    );
-    text
+         @group(0) @binding(6) var<storage, read> scene_storage: SceneData;\n"
+    )
 }
 
-/// What rays find the primitives of a shape by.
-fn finders_declaration(features: &Features, shape: ShapeKind) -> String {
-    let (name, count) = (shape.function(), features.count(shape));
-    if features.has_bvh(shape) {
-        let leaves = bvh::leaves(count as usize);
-        let nodes = leaves - 1;
-        let leaf = shape.leaf();
-        return format!(
-            "    {name}_nodes: array<BvhNodeData, {nodes}>,\n    \
-             {name}_leaves: array<{leaf}, {leaves}>,\n"
-        );
+fn declarations(arrays: &[ArrayLayout]) -> String {
+    let mut text = String::new();
+    for array in arrays {
+        let (name, element, count) = (&array.name, array.element, array.count);
+        _ = writeln!(text, "    {name}: array<{element}, {count}>,");
     }
-    let clusters = features.clusters(shape).len() as u32;
-    if shape == ShapeKind::CsgFace {
-        let count = features.csg_boxes + clusters;
-        return format!("    csg_box_bounds: array<BoxBound, {count}>,\n");
-    }
-    let (bound, count) = (shape.bound(), count + clusters);
-    bound.map_or_else(String::new, |bound| {
-        format!("    {name}_bounds: array<{bound}, {count}>,\n")
-    })
+    text
 }
 
 /// The triangles of the scene, in the order of [`crate::gpu::layout::mesh_bytes`]; nothing without any.
 pub(super) fn mesh_declaration(features: &Features) -> String {
-    let (triangles, normals) = (features.triangles, features.smooth_triangles);
-    if triangles == 0 {
+    if features.count(ShapeKind::Triangle) == 0 {
         return String::new();
     }
-    let mut text = format!(
+    format!(
         "const FLAT: u32 = {}u;\n\
          const COLORED_TRIANGLE_COUNT: u32 = {}u;\n\
          const OPACITY_OPAQUE: f32 = {OPACITY_OPAQUE:?};\n\
@@ -105,30 +52,13 @@ pub(super) fn mesh_declaration(features: &Features) -> String {
          const POINT_ROUNDING: f32 = {POINT_ROUNDING:e};\n\
          const REFLECTION_SINE_MIN: f32 = {REFLECTION_SINE_MIN:e};\n\
          const HAS_DIELECTRIC_MESH: bool = {};\n\
-         struct MeshData {{\n    triangles: array<TriangleData, {triangles}>,\n",
+         struct MeshData {{\n{}}}\n\
+         @group(0) @binding({MESH_BINDING}) var<storage, read> mesh: MeshData;\n",
         TriangleData::FLAT,
         features.colored_triangles,
-        features.has_dielectric_mesh
-    );
-    if normals > 0 {
-        _ = writeln!(text, "    normals: array<TriangleNormals, {normals}>,");
-    }
-    if features.uv_triangles > 0 {
-        let count = features.uv_triangles;
-        _ = writeln!(text, "    uvs: array<TriangleUvs, {count}>,");
-    }
-    if features.colored_triangles > 0 {
-        let count = features.colored_triangles;
-        _ = writeln!(text, "    colors: array<TriangleColors, {count}>,");
-    }
-    if features.emissive_triangles() > 0 {
-        let count = features.emissive_triangles();
-        _ = writeln!(text, "    lights: array<EmissiveSurfaceData, {count}>,");
-    }
-    text += &finders_declaration(features, ShapeKind::Triangle);
-    text + "}\n@group(0) @binding("
-        + &MESH_BINDING.to_string()
-        + ") var<storage, read> mesh: MeshData;\n"
+        features.has_dielectric_mesh,
+        declarations(&mesh_arrays(features))
+    )
 }
 
 /// The image textures of the scene, as [`crate::gpu::image_buffers`] lays them out; nothing without any.

@@ -22,58 +22,31 @@ use crate::texture;
 
 /// Numbers that Rust owns.
 pub(super) fn constants(features: &Features) -> String {
-    let mut text = format!(
-        "const SOLID_ANGLE_MIN: f32 = {};\n\
-         const COMPENSATED: bool = {};\n\
-         const DISCS_COPLANAR: bool = {};\n\
-         const AREA_LIGHTS_COPLANAR: bool = {};\n\
-         const AREA_LIGHTS_SCALED: bool = {};\n\
-         const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
-         const BVH_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
-         const BVH_LEAF: u32 = {BVH_LEAF}u;\n\
-         const LEAF: u32 = {LEAF}u;\n\
-         const BVH_SLACK: f32 = {SLACK:e};\n\
-         const HAS_COAT: bool = {};\n\
-         const HAS_STRIPE: bool = {};\n\
-         const HAS_DIELECTRIC: bool = {};\n\
-         const HAS_REFRACTED_NEE: bool = {};\n\
-         const HAS_METALLIC_ROUGHNESS: bool = {};\n\
-         const HAS_LAYERS: bool = {};\n\
-         const HAS_EMISSION: bool = {};\n\
-         const HAS_ENVIRONMENT_MAP: bool = {};\n\
-         const SAMPLES_LIGHT: bool = {};\n\
-         const ALPHA_LEAST: f32 = {ALPHA_LEAST:?};\n\
-         const CLEARCOAT_F0: f32 = {CLEARCOAT_F0:?};\n\
-         const REFRACTED_NEE_STEPS: u32 = {}u;\n\
-         const HAS_NUMBER: bool = {};\n\
-         const HAS_NUMBER_DISC: bool = {};\n\
-         const HAS_WOOD: bool = {};\n\
-         const HAS_CSG_CONE: bool = {};\n\
-         const CSG_MARGIN_M: f32 = {CSG_MARGIN_M:?};\n\
-         const REGULARISED_KEY_MASK: u32 = {KEY_MASK}u;\n\
-         const CONE_COSINE: f32 = {CONE_COSINE:?};\n\
-         const CONE_DENSITY: f32 = {CONE_DENSITY:?};\n\
-         const ALPHA_MIN: f32 = {ALPHA_MIN:?};\n",
-        AreaLightData::SOLID_ANGLE_MIN,
-        features.is_compensated,
-        features.discs_coplanar,
-        features.area_lights_coplanar,
-        features.area_lights_scaled,
-        features.has_coat,
-        features.has_stripe,
-        features.has_dielectric,
-        features.has_refracted_nee,
-        features.has_metallic_roughness,
-        features.has_layers,
-        features.has_emission,
-        features.has_environment_map(),
-        features.area_lights > 0 || features.shares_light_sampling(),
-        SphereData::REFRACTED_NEE_STEPS,
-        features.has_number,
-        features.has_number_disc,
-        features.has_wood,
-        features.has_csg_cone
-    );
+    let mut text = String::new();
+    for (name, is_set) in [
+        ("COMPENSATED", features.is_compensated),
+        ("DISCS_COPLANAR", features.discs_coplanar),
+        ("AREA_LIGHTS_COPLANAR", features.area_lights_coplanar),
+        ("AREA_LIGHTS_SCALED", features.area_lights_scaled),
+        ("HAS_COAT", features.has_coat),
+        ("HAS_STRIPE", features.has_stripe),
+        ("HAS_DIELECTRIC", features.has_dielectric),
+        ("HAS_REFRACTED_NEE", features.has_refracted_nee),
+        ("HAS_METALLIC_ROUGHNESS", features.has_metallic_roughness),
+        ("HAS_LAYERS", features.has_layers),
+        ("HAS_EMISSION", features.has_emission),
+        ("HAS_ENVIRONMENT_MAP", features.has_environment_map()),
+        (
+            "SAMPLES_LIGHT",
+            features.area_lights > 0 || features.shares_light_sampling(),
+        ),
+        ("HAS_NUMBER", features.has_number),
+        ("HAS_NUMBER_DISC", features.has_number_disc),
+        ("HAS_WOOD", features.has_wood),
+        ("HAS_CSG_CONE", features.has_csg_cone),
+    ] {
+        _ = writeln!(text, "const {name}: bool = {is_set};");
+    }
     _ = writeln!(text, "const OUTPUT: u32 = {}u;", features.output as u32);
     for output in KernelOutput::ALL {
         _ = writeln!(
@@ -83,6 +56,7 @@ pub(super) fn constants(features: &Features) -> String {
             output as u32
         );
     }
+    text += &numbers();
     text += &dispatch_constants(features.workgroup_blocks);
     text += &light_sampling_constants(features);
     text += &sampling_constants();
@@ -92,6 +66,28 @@ pub(super) fn constants(features: &Features) -> String {
     _ = writeln!(text, "const FIRST_HITS: u32 = {}u;", features.first_hits());
     text += &texture::wgsl();
     text + &primitive_numbers(features)
+}
+
+/// Numbers of traversal and shading.
+fn numbers() -> String {
+    format!(
+        "const SOLID_ANGLE_MIN: f32 = {};\n\
+         const REFRACTED_NEE_STEPS: u32 = {}u;\n\
+         const SPHERE_SLACK: f32 = {SPHERE_SLACK:e};\n\
+         const BVH_DEPTH_MAX: u32 = {DEPTH_MAX}u;\n\
+         const BVH_LEAF: u32 = {BVH_LEAF}u;\n\
+         const LEAF: u32 = {LEAF}u;\n\
+         const BVH_SLACK: f32 = {SLACK:e};\n\
+         const ALPHA_LEAST: f32 = {ALPHA_LEAST:?};\n\
+         const CLEARCOAT_F0: f32 = {CLEARCOAT_F0:?};\n\
+         const CSG_MARGIN_M: f32 = {CSG_MARGIN_M:?};\n\
+         const REGULARISED_KEY_MASK: u32 = {KEY_MASK}u;\n\
+         const CONE_COSINE: f32 = {CONE_COSINE:?};\n\
+         const CONE_DENSITY: f32 = {CONE_DENSITY:?};\n\
+         const ALPHA_MIN: f32 = {ALPHA_MIN:?};\n",
+        AreaLightData::SOLID_ANGLE_MIN,
+        SphereData::REFRACTED_NEE_STEPS
+    )
 }
 
 /// Numbers of primitives, area lights last.

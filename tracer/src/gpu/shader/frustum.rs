@@ -21,12 +21,12 @@ pub(super) fn declaration(features: &Features) -> String {
         let (constant, count, [center, half]) = match shape {
             ShapeKind::Sphere => (
                 "SPHERE",
-                features.spheres,
+                features.count(shape),
                 ["spheres[index].center", "spheres[index].radius"],
             ),
             ShapeKind::Box => (
                 "BOX",
-                features.boxes,
+                features.count(shape),
                 ["box_bounds[index].center", "box_bounds[index].half"],
             ),
             ShapeKind::CsgFace => (

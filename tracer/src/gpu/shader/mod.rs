@@ -37,11 +37,8 @@ pub(crate) fn source(features: &Features) -> String {
     for part in parts(features) {
         let part = with_wrappers(features, part);
         let part = copies.iter().fold(part, |part, copy| {
-            let (read, copied) = (
-                format!("{}[", copy.source),
-                format!("copied_{}[", copy.array),
-            );
-            part.replace(&read, &copied)
+            let (buffer, array) = (copy.buffer, copy.array);
+            part.replace(&format!("{buffer}.{array}["), &format!("copied_{array}["))
         });
         text += &match features.has_dielectric_mesh {
             true => part.replace(
@@ -66,8 +63,8 @@ pub(crate) fn source(features: &Features) -> String {
 
 /// An array of the scene that a workgroup keeps in its own memory.
 struct WorkgroupCopy {
-    /// What the parts of a kernel read it as.
-    source: &'static str,
+    /// The buffer that the parts of a kernel read it from.
+    buffer: &'static str,
     array: &'static str,
     element: &'static str,
     count: u32,
@@ -76,27 +73,22 @@ struct WorkgroupCopy {
 /// The arrays that threads of a workgroup read at different indices: its own memory serves them at once, constants
 /// one after the other.
 fn workgroup_copies(features: &Features) -> Vec<WorkgroupCopy> {
-    let copy = |source, array, element, count| WorkgroupCopy {
-        source,
+    if !features.copies_primitives() {
+        return Vec::new();
+    }
+    let copy = |buffer, array, element, count| WorkgroupCopy {
+        buffer,
         array,
         element,
         count,
     };
-    let (faces, boxes) = (features.csg_faces, features.csg_boxes);
-    let mut copies = match features.copies_primitives() {
-        true => vec![
-            copy("scene.csg_faces", "csg_faces", "CsgFaceData", faces),
-            copy("scene.csg_boxes", "csg_boxes", "CsgBoxData", boxes),
-            copy("scene_storage.boxes", "boxes", "BoxData", features.boxes),
-            copy(
-                "scene_storage.spheres",
-                "spheres",
-                "SphereData",
-                features.spheres,
-            ),
-        ],
-        false => Vec::new(),
-    };
+    let [spheres, boxes, _, _, faces, _] = features.counts;
+    let mut copies = vec![
+        copy("scene", "csg_faces", "CsgFaceData", faces),
+        copy("scene", "csg_boxes", "CsgBoxData", features.csg_boxes),
+        copy("scene_storage", "boxes", "BoxData", boxes),
+        copy("scene_storage", "spheres", "SphereData", spheres),
+    ];
     copies.retain(|copy| copy.count > 0);
     copies
 }

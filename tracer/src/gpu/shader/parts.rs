@@ -61,7 +61,7 @@ pub(super) fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("../shaders/refracted_nee.wgsl"),
         false => include_str!("../shaders/refracted_nee_stub.wgsl"),
     });
-    if features.triangles > 0 {
+    if features.count(ShapeKind::Triangle) > 0 {
         parts.extend(triangle_normal_parts(features));
     }
     parts.push(AOV);

@@ -11,7 +11,7 @@ use crate::compiled::clusters::Clusters;
 use crate::compiled::{
     AreaLightData, BoxData, CameraFrame, CsgBoxData, CsgFaceData, DiscData, EmissiveSurfaceData,
     LayerTextureData, MaterialData, MaterialTextureData, PunctualLightData, RectangleData,
-    SphereData, TextureData, TriangleColors, TriangleData, TriangleNormals, TriangleUvs,
+    ShapeKind, SphereData, TextureData, TriangleColors, TriangleData, TriangleNormals, TriangleUvs,
 };
 use crate::gpu::features::{KernelOutput, SceneMemory};
 use crate::gpu::layout::{
@@ -20,15 +20,10 @@ use crate::gpu::layout::{
 };
 
 const ALL: Features = Features {
-    spheres: 16,
-    boxes: 6,
-    discs: 6,
-    rectangles: 8,
-    csg_faces: 9,
+    counts: [16, 6, 6, 8, 9, 12],
     csg_boxes: 2,
     area_lights: 3,
     materials: 20,
-    triangles: 12,
     smooth_triangles: 7,
     has_dielectric_mesh: true,
     environment_map: [16, 8],
@@ -89,14 +84,26 @@ fn emissive_surfaces(i: u32) -> [u32; 6] {
     }
 }
 
+/// Of primitives in the `i`th variant.
+fn counts(i: u32) -> [u32; 6] {
+    let count = |bit: u32, count: u32| count * (i >> bit & 1);
+    [
+        count(0, 3 + 7 * (i % 5)),
+        count(1, 1 + 7 * (i % 3)),
+        count(2, 2 + 3 * (i % 7)),
+        count(3, 1 + i % 11),
+        5 * (i / 2 % 2),
+        if i % 4 < 2 { 5 + i % 7 } else { 0 },
+    ]
+}
+
 /// Every choice of parts; constants alternate.
 fn variants() -> impl Iterator<Item = Features> {
     (0..16 * 3 * 2 * 2_u32).map(|i| {
-        let count = |bit: u32, count: u32| count * (i >> bit & 1);
         let is_textured = i % 4 < 2 && i % 5 == 3;
         let textured = |count: u32| if is_textured { count } else { 0 };
         Features {
-            spheres: count(0, 3 + 7 * (i % 5)),
+            counts: counts(i),
             bvhs: [
                 i & 1 == 1 && i % 5 > 0,
                 i >> 1 & 1 == 1 && i % 3 > 1,
@@ -105,12 +112,7 @@ fn variants() -> impl Iterator<Item = Features> {
                 false,
                 i % 4 < 2 && i % 9 > 3,
             ],
-            boxes: count(1, 1 + 7 * (i % 3)),
-            discs: count(2, 2 + 3 * (i % 7)),
-            rectangles: count(3, 1 + i % 11),
-            csg_faces: 5 * (i / 2 % 2),
             csg_boxes: i / 2 % 2,
-            triangles: if i % 4 < 2 { 5 + i % 7 } else { 0 },
             smooth_triangles: if i % 4 < 2 { i % 3 } else { 0 },
             has_dielectric_mesh: i % 4 < 2 && i % 7 < 2,
             uv_triangles: textured(1 + i % 2),
@@ -194,7 +196,7 @@ fn clustered() -> Features {
     let clusters = Clusters::new(&boxes, Vec3::ZERO);
     assert_eq!(clusters.len(), 2);
     Features {
-        boxes: 45,
+        counts: [16, 45, 6, 8, 9, 12],
         box_clusters: clusters,
         csg_boxes: 45,
         csg_clusters: clusters,
@@ -208,7 +210,7 @@ fn kernels_are_valid_and_scenes_have_their_size() {
         let module = validated(&features);
         let (_, span) = structure(&module, "SceneData");
         assert_eq!(u64::from(span), scene_bytes_len(&features), "{features:?}");
-        if features.triangles > 0 {
+        if features.count(ShapeKind::Triangle) > 0 {
             let (_, span) = structure(&module, "MeshData");
             assert_eq!(u64::from(span), mesh_bytes_len(&features), "{features:?}");
         }
@@ -217,7 +219,7 @@ fn kernels_are_valid_and_scenes_have_their_size() {
 
 #[test]
 fn kernels_of_scenes_without_meshes_have_nothing_of_them() {
-    for features in variants().filter(|features| features.triangles == 0) {
+    for features in variants().filter(|features| features.count(ShapeKind::Triangle) == 0) {
         let text = source(&features).to_lowercase();
         for word in [
             "triangle",

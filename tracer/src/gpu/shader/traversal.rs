@@ -34,7 +34,7 @@ pub(super) fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
 /// The function that tests the bounds of 32 boxes or CSG boxes, and those of clusters before their own.
 pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
     let (name, constant, count) = match shape {
-        ShapeKind::Box if !features.has_bvh(shape) => ("box", "BOX", features.boxes),
+        ShapeKind::Box if !features.has_bvh(shape) => ("box", "BOX", features.count(shape)),
         ShapeKind::CsgFace => ("csg_box", "CSG_BOX", features.csg_boxes),
         _ => return String::new(),
     };

@@ -1,9 +1,8 @@
 //! Textures and environment maps that lie in files beside a scene file.
 
-use std::fs::{self, File};
-use std::io::{self, ErrorKind, Read as _};
 use std::path::Path;
 
+use super::read_limited_file;
 use crate::Error;
 use crate::scene::{FileBytes, ImageSource, Scene};
 
@@ -20,7 +19,7 @@ pub(super) fn read(scene: &mut Scene, scene_file: &Path) -> Result<(), Error> {
         let ImageSource::File(file) = image else {
             continue;
         };
-        let bytes = read_limited(&folder.join(file), left)?;
+        let bytes = read_named_file(&folder.join(file), left)?;
         left -= bytes.len() as u64;
         *image = ImageSource::Encoded(FileBytes(bytes));
     }
@@ -28,26 +27,15 @@ pub(super) fn read(scene: &mut Scene, scene_file: &Path) -> Result<(), Error> {
 }
 
 /// A file of at most `left` bytes.
-pub(in crate::scene) fn read_limited(path: &Path, left: u64) -> Result<Vec<u8>, Error> {
-    let mut bytes = Vec::new();
-    let read = fs::metadata(path).and_then(|metadata| {
-        // A pipe would be waited for.
-        if !metadata.is_file() {
-            return Err(io::Error::new(ErrorKind::InvalidInput, "it is no file"));
-        }
-        File::open(path)?.take(left + 1).read_to_end(&mut bytes)
-    });
-    read.map_err(|source| Error::Io {
-        path: path.to_owned(),
-        source,
-    })?;
+pub(in crate::scene) fn read_named_file(path: &Path, left: u64) -> Result<Vec<u8>, Error> {
+    let bytes = read_limited_file(path, left)?;
     if bytes.len() as u64 > left {
-        return Err(Error::Format {
-            path: path.to_owned(),
-            message: format!(
+        return Err(Error::format(
+            path,
+            format!(
                 "it and others that the scene names have more bytes than are allowed: {left} are left of them"
             ),
-        });
+        ));
     }
     Ok(bytes)
 }

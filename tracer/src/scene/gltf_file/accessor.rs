@@ -6,7 +6,7 @@ use gltf_json::buffer::View;
 use gltf_json::root::Index;
 use gltf_json::validation::Checked;
 
-use super::{Document, Refusal};
+use super::{Document, Refusal, find, known};
 use crate::scene::validate::VERTICES_MAX;
 
 /// The elements of an accessor, checked to lie in their buffer.
@@ -19,8 +19,11 @@ impl Document {
     /// The bytes of a buffer view.
     pub(super) fn view(&self, index: Index<View>, what: &str) -> Result<&[u8], Refusal> {
         let place = index.value();
-        let view = self.root.buffer_views.get(place);
-        let view = view.ok_or_else(|| format!("{what}: buffer view {place} does not exist"))?;
+        let view = find(
+            &self.root.buffer_views,
+            place,
+            format_args!("{what}: buffer view"),
+        )?;
         let buffer = self.buffers.get(view.buffer.value());
         let offset = view.byte_offset.map_or(0, |offset| offset.0);
         let range = usize::try_from(offset)
@@ -144,16 +147,17 @@ impl Document {
         what: &str,
     ) -> Result<(&Accessor, String), Refusal> {
         let place = index.value();
-        let accessor = self.root.accessors.get(place);
-        let accessor =
-            accessor.ok_or_else(|| format!("{what}: accessor {place} does not exist"))?;
+        let accessor = find(
+            &self.root.accessors,
+            place,
+            format_args!("{what}: accessor"),
+        )?;
         let what = format!("{what}: accessor {place}");
-        match &accessor.type_ {
-            Checked::Valid(found) if *found == wanted => Ok((accessor, what)),
-            Checked::Valid(found) => {
-                Err(format!("{what} holds {found:?}: it must hold {wanted:?}"))
-            }
-            Checked::Invalid => Err(format!("{what} has no type that glTF knows")),
+        let unknown = || format!("{what} has no type that glTF knows");
+        let found = known(&accessor.type_, unknown)?;
+        match found == wanted {
+            true => Ok((accessor, what)),
+            false => Err(format!("{what} holds {found:?}: it must hold {wanted:?}")),
         }
     }
 
@@ -193,10 +197,8 @@ impl Document {
         count: usize,
         what: &str,
     ) -> Result<Vec<usize>, Refusal> {
-        let component = match &sparse.indices.component_type {
-            Checked::Valid(component) => component.0,
-            Checked::Invalid => return Err(format!("{what}: its sparse indices have no type")),
-        };
+        let unknown = || format!("{what}: its sparse indices have no type");
+        let component = known(&sparse.indices.component_type, unknown)?.0;
         let view = self.view(sparse.indices.buffer_view, what)?;
         let bytes = size(component);
         let places = part(view, sparse.indices.byte_offset.0, bytes, bytes, count);
@@ -251,10 +253,8 @@ fn count(accessor: &Accessor, what: &str) -> Result<usize, Refusal> {
 }
 
 fn component(accessor: &Accessor, what: &str) -> Result<ComponentType, Refusal> {
-    match &accessor.component_type {
-        Checked::Valid(component) => Ok(component.0),
-        Checked::Invalid => Err(format!("{what} has no component type that glTF knows")),
-    }
+    let unknown = || format!("{what} has no component type that glTF knows");
+    Ok(known(&accessor.component_type, unknown)?.0)
 }
 
 const fn components(of: Type) -> usize {

@@ -215,20 +215,15 @@ impl AnimatedScene {
 
 fn refused(path: Option<&Path>, refusal: Refusal) -> Error {
     match path {
-        Some(path) => Error::Format {
-            path: path.to_owned(),
-            message: printable(&refusal, SENTENCE_BYTES_MAX),
-        },
-        None => Error::InvalidScene(SceneError::Gltf(refusal)),
+        Some(path) => Error::format(path, printable(&refusal, SENTENCE_BYTES_MAX)),
+        None => Error::InvalidScene(SceneError::rule(refusal)),
     }
 }
 
 fn validate(path: Option<&Path>, scene: &Scene) -> Result<(), Error> {
-    match (path, scene.validate()) {
-        (Some(path), Err(error)) => Err(Error::Format {
-            path: path.to_owned(),
-            message: error.to_string(),
-        }),
-        (_, checked) => Ok(checked?),
-    }
+    let checked = scene.validate();
+    checked.map_err(|error| match path {
+        Some(path) => error.in_file(path),
+        None => error,
+    })
 }

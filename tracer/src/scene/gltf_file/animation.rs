@@ -3,10 +3,9 @@
 use std::collections::BTreeSet;
 
 use gltf_json::animation::{Channel, Property};
-use gltf_json::validation::Checked;
 
 use super::track::Track;
-use super::{Document, Refusal};
+use super::{Document, Refusal, find, known};
 use crate::scene::validate::NAME_BYTES_MAX;
 use crate::text::printable;
 
@@ -87,19 +86,11 @@ fn animated_property(
     what: &str,
 ) -> Result<AnimatedProperty, Refusal> {
     let place = channel.sampler.value();
-    let sampler = from.samplers.get(place);
-    let sampler = sampler.ok_or_else(|| format!("{what}: sampler {place} does not exist"))?;
+    let sampler = find(&from.samplers, place, format_args!("{what}: sampler"))?;
     let place = channel.target.node.value();
-    let node = document.root.nodes.get(place);
-    let node = node.ok_or_else(|| format!("{what}: node {place} does not exist"))?;
-    let property = match channel.target.path {
-        Checked::Valid(property) => property,
-        Checked::Invalid => {
-            return Err(format!(
-                "{what} moves what glTF does not know of node {place}"
-            ));
-        }
-    };
+    let node = find(&document.root.nodes, place, format_args!("{what}: node"))?;
+    let unknown = || format!("{what} moves what glTF does not know of node {place}");
+    let property = known(&channel.target.path, unknown)?;
     let width = match property {
         Property::Translation | Property::Scale => 3,
         Property::Rotation => 4,

@@ -1,13 +1,12 @@
 //! The bytes of a glTF file: its JSON, its buffers, and the files that it names.
 
-use std::fs::{self, File};
-use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 use gltf_json::{Root, image, root};
 
-use super::{Document, Fault, GLTF_BYTES_MAX, Refusal};
+use super::{Document, Fault, GLTF_BYTES_MAX, Refusal, find};
 use crate::Error;
+use crate::scene::file::{lies_beside, read_limited_file};
 use crate::scene::image_texture::from_base64;
 
 /// The JSON of a `.glb` or `.gltf`, and the binary chunk of the former.
@@ -82,8 +81,7 @@ pub(super) fn image(
     files: &mut Files,
 ) -> Result<Vec<u8>, Fault> {
     let place = index.value();
-    let image = document.root.images.get(place);
-    let image = image.ok_or_else(|| format!("image {place} does not exist"))?;
+    let image = find(&document.root.images, place, "image")?;
     match (&image.uri, image.buffer_view) {
         (Some(uri), _) => files.resolve(uri, &format!("image {place}")),
         (None, Some(view)) => Ok(document.view(view, &format!("image {place}"))?.to_vec()),
@@ -133,13 +131,7 @@ impl Files {
             .into());
         };
         let file = percent_decoded(uri);
-        let is_beside = Path::new(&file).components().all(|part| {
-            matches!(
-                part,
-                std::path::Component::Normal(_) | std::path::Component::CurDir
-            )
-        });
-        if !is_beside || uri.contains("://") {
+        if !lies_beside(Path::new(&file)) || uri.contains("://") {
             return Err(format!(
                 "{what} is at `{start}`: it must lie beside or below the glTF file"
             )
@@ -151,27 +143,9 @@ impl Files {
 
     /// A whole file.
     pub(super) fn read(&mut self, path: &Path) -> Result<Vec<u8>, Error> {
-        let io = |source| Error::Io {
-            path: path.to_owned(),
-            source,
-        };
-        let mut bytes = Vec::new();
-        // A pipe would be waited for.
-        if !fs::metadata(path).map_err(io)?.is_file() {
-            return Err(io(io::Error::new(
-                io::ErrorKind::InvalidInput,
-                "it is no file",
-            )));
-        }
-        let file = File::open(path).map_err(io)?;
-        file.take(self.bytes_left + 1)
-            .read_to_end(&mut bytes)
-            .map_err(io)?;
+        let bytes = read_limited_file(path, self.bytes_left)?;
         self.count(bytes.len() as u64)
-            .ok_or_else(|| Error::Format {
-                path: path.to_owned(),
-                message: TOO_LONG.to_owned(),
-            })?;
+            .ok_or_else(|| Error::format(path, TOO_LONG))?;
         Ok(bytes)
     }
 

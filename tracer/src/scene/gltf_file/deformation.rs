@@ -6,7 +6,7 @@ use gltf_json::mesh::{MorphTarget, Primitive, Semantic};
 use gltf_json::validation::Checked;
 
 use super::pose::Pose;
-use super::{Document, Refusal};
+use super::{Document, Refusal, find};
 
 /// Vertices of a mesh in a frame of their own.
 pub(super) struct Vertices {
@@ -167,8 +167,7 @@ pub(super) fn joints(
     place: usize,
     pose: &Pose,
 ) -> Result<Vec<DMat4>, Refusal> {
-    let skin = document.root.skins.get(place);
-    let skin = skin.ok_or_else(|| format!("skin {place} does not exist"))?;
+    let skin = find(&document.root.skins, place, "skin")?;
     let what = format!("skin {place}");
     let world_from_joint = skin.joints.iter().map(|joint| {
         let joint = joint.value();

@@ -12,7 +12,7 @@ use gltf_json::validation::Checked;
 use serde::Deserialize as _;
 
 use super::container::{self, Files};
-use super::{Document, Fault, Refusal, layers};
+use super::{Document, Fault, Refusal, find, layers};
 use crate::scene::validate::NAME_BYTES_MAX;
 use crate::scene::{ColorSpace, ImageTexture, Material, MaterialTextures, Medium, Scene, Wrap};
 use crate::text::printable;
@@ -45,6 +45,7 @@ impl UvSet {
 struct Textures<'a> {
     document: &'a Document,
     files: &'a mut Files,
+    scene: &'a mut Scene,
     known: BTreeMap<(usize, ColorSpace), u32>,
     images: BTreeMap<usize, Vec<u8>>,
 }
@@ -58,6 +59,7 @@ pub(super) fn read(
     let mut textures = Textures {
         document,
         files,
+        scene,
         known: BTreeMap::new(),
         images: BTreeMap::new(),
     };
@@ -72,19 +74,24 @@ pub(super) fn read(
             }
             _ => None,
         };
-        let (material, uvs) = textures.material(material, &what, scene)?;
-        scene.materials.insert(name.clone(), material);
+        let mut surface = SurfaceReader {
+            textures: &mut textures,
+            what: &what,
+            uvs: None,
+        };
+        let (material, uvs) = (surface.read(material)?, surface.uvs);
+        let materials = &mut textures.scene.materials;
+        materials.insert(name.clone(), material);
         let body = body.map(|material| {
             let name = printable(&format!("{index} body of {given}"), NAME_BYTES_MAX);
-            scene.materials.insert(name.clone(), material);
+            materials.insert(name.clone(), material);
             name
         });
         entries.push(MaterialEntry { name, body, uvs });
     }
     let name = "default".to_owned();
-    scene
-        .materials
-        .insert(name.clone(), Material::rough([1.0; 3], 1.0));
+    let material = Material::rough([1.0; 3], 1.0);
+    scene.materials.insert(name.clone(), material);
     entries.push(MaterialEntry {
         name,
         body: None,
@@ -164,92 +171,12 @@ impl<'a> Textures<'a> {
         Ok(mean * transmission.transmission_factor.0)
     }
 
-    fn material(
-        &mut self,
-        from: &gltf_json::Material,
-        what: &str,
-        scene: &mut Scene,
-    ) -> Result<(Material, Option<UvSet>), Fault> {
-        let base = &from.pbr_metallic_roughness;
-        let extensions = from.extensions.as_ref();
-        let mut uvs = None;
-        let mut at = |info: Option<&Info>, space, textures: &mut Self, scene: &mut Scene| {
-            let Some(info) = info else {
-                return Ok::<_, Fault>(None);
-            };
-            merge(&mut uvs, uv_set(info), what)?;
-            textures.texture(info.index, space, what, scene).map(Some)
-        };
-        let colors = ColorSpace::Srgb;
-        let numbers = ColorSpace::Linear;
-        let base_color = at(base.base_color_texture.as_ref(), colors, self, scene)?;
-        let emission = at(from.emissive_texture.as_ref(), colors, self, scene)?;
-        let surface = base.metallic_roughness_texture.as_ref();
-        let metallic_roughness = at(surface, numbers, self, scene)?;
-        let (layers, coat, sheen) = layers::layers(from, what)?;
-        let clearcoat = at(coat.clearcoat_texture.as_ref(), numbers, self, scene)?;
-        let rough = coat.clearcoat_roughness_texture.as_ref();
-        let clearcoat_roughness = at(rough, numbers, self, scene)?;
-        // An alpha is a number in colours, too: a picture of both is one texture.
-        let sheen_roughness = at(sheen.sheen_roughness_texture.as_ref(), colors, self, scene)?;
-        let sheen = at(sheen.sheen_color_texture.as_ref(), colors, self, scene)?;
-        let reflection = extensions.and_then(|all| all.specular.as_ref());
-        let strength = reflection.and_then(|part| part.specular_texture.as_ref());
-        let specular = at(strength, colors, self, scene)?;
-        let color = reflection.and_then(|part| part.specular_color_texture.as_ref());
-        let specular_color = at(color, colors, self, scene)?;
-        let passing = extensions.and_then(|all| all.transmission.as_ref());
-        let share = passing.and_then(|part| part.transmission_texture.as_ref());
-        let transmission = at(share, numbers, self, scene)?;
-        let mut normals =
-            |map: Option<&NormalTexture>, name: &str, textures: &mut Self, scene: &mut Scene| {
-                let Some(map) = map else {
-                    return Ok::<_, Fault>((None, 1.0));
-                };
-                merge(&mut uvs, normals_uv_set(map, name, what)?, what)?;
-                let texture = textures.texture(map.index, numbers, what, scene)?;
-                Ok((Some(texture), map.scale))
-            };
-        let (normal, normal_scale) =
-            normals(from.normal_texture.as_ref(), "normalTexture", self, scene)?;
-        let coat_normals = coat.clearcoat_normal_texture.as_ref();
-        let (clearcoat_normal, clearcoat_normal_scale) =
-            normals(coat_normals, "clearcoatNormalTexture", self, scene)?;
-        let material = Material::MetallicRoughness {
-            base_color: Vec4::from(base.base_color_factor.0).truncate(),
-            metallic: base.metallic_factor.0,
-            roughness: base.roughness_factor.0,
-            ior: index_of_refraction(from),
-            emission: emitted(from),
-            textures: MaterialTextures {
-                base_color,
-                metallic_roughness,
-                normal,
-                normal_scale,
-                emission,
-                clearcoat,
-                clearcoat_roughness,
-                clearcoat_normal,
-                clearcoat_normal_scale,
-                sheen,
-                sheen_roughness,
-                specular,
-                specular_color,
-                transmission,
-            },
-            opacity: layers::opacity(from, what)?,
-            layers,
-        };
-        Ok((material, uvs))
-    }
-
     /// The index in the scene of a texture, which is added if need be.
     fn texture(
         &mut self,
         index: Index<Texture>,
         color_space: ColorSpace,
         what: &str,
-        scene: &mut Scene,
     ) -> Result<u32, Fault> {
         let place = index.value();
         if let Some(known) = self.known.get(&(place, color_space)) {
@@ -269,7 +196,7 @@ impl<'a> Textures<'a> {
             wrap: self.wrap(texture, what)?,
             ..ImageTexture::new(name, bytes)
         };
-        let added = scene.add_texture(added);
+        let added = self.scene.add_texture(added);
         self.known.insert((place, color_space), added);
         Ok(added)
     }
@@ -277,8 +204,8 @@ impl<'a> Textures<'a> {
     /// A texture of the file.
     fn source(&self, index: Index<Texture>, what: &str) -> Result<&'a Texture, Refusal> {
         let place = index.value();
-        let texture = self.document.root.textures.get(place);
-        texture.ok_or_else(|| format!("{what}: texture {place} does not exist"))
+        let textures = &self.document.root.textures;
+        find(textures, place, format_args!("{what}: texture"))
     }
 
     /// The bytes of an image file, which is read once.
@@ -296,8 +223,8 @@ impl<'a> Textures<'a> {
             return Ok([Wrap::Repeat; 2]);
         };
         let place = index.value();
-        let sampler = self.document.root.samplers.get(place);
-        let sampler = sampler.ok_or_else(|| format!("{what}: sampler {place} does not exist"))?;
+        let samplers = &self.document.root.samplers;
+        let sampler = find(samplers, place, format_args!("{what}: sampler"))?;
         let wrap = |mode: &Checked<WrappingMode>| match mode {
             Checked::Valid(WrappingMode::ClampToEdge) => Ok(Wrap::Clamp),
             Checked::Valid(WrappingMode::MirroredRepeat) => Ok(Wrap::Mirror),
@@ -305,6 +232,92 @@ impl<'a> Textures<'a> {
             Checked::Invalid => Err(format!("{what}: sampler {place} wraps in no way of glTF")),
         };
         Ok([wrap(&sampler.wrap_s)?, wrap(&sampler.wrap_t)?])
+    }
+}
+
+/// Reads the surface of one material.
+struct SurfaceReader<'t, 'a> {
+    textures: &'t mut Textures<'a>,
+    what: &'t str,
+    /// How the textures so far are laid over meshes.
+    uvs: Option<UvSet>,
+}
+
+impl SurfaceReader<'_, '_> {
+    fn read(&mut self, from: &gltf_json::Material) -> Result<Material, Fault> {
+        let base = &from.pbr_metallic_roughness;
+        let (layers, coat, sheen) = layers::layers(from, self.what)?;
+        let extensions = from.extensions.as_ref();
+        let specular = extensions.and_then(|all| all.specular.as_ref());
+        let transmission = extensions.and_then(|all| all.transmission.as_ref());
+        let color = specular.and_then(|part| part.specular_color_texture.as_ref());
+        let specular = specular.and_then(|part| part.specular_texture.as_ref());
+        let transmission = transmission.and_then(|part| part.transmission_texture.as_ref());
+        let (colors, numbers) = (ColorSpace::Srgb, ColorSpace::Linear);
+        let rough = coat.clearcoat_roughness_texture.as_ref();
+        let mut textures = MaterialTextures {
+            base_color: self.texture(base.base_color_texture.as_ref(), colors)?,
+            emission: self.texture(from.emissive_texture.as_ref(), colors)?,
+            metallic_roughness: self.texture(base.metallic_roughness_texture.as_ref(), numbers)?,
+            clearcoat: self.texture(coat.clearcoat_texture.as_ref(), numbers)?,
+            clearcoat_roughness: self.texture(rough, numbers)?,
+            // An alpha is a number in colours, too: a picture of both is one texture.
+            sheen_roughness: self.texture(sheen.sheen_roughness_texture.as_ref(), colors)?,
+            sheen: self.texture(sheen.sheen_color_texture.as_ref(), colors)?,
+            specular: self.texture(specular, colors)?,
+            specular_color: self.texture(color, colors)?,
+            transmission: self.texture(transmission, numbers)?,
+            ..MaterialTextures::NONE
+        };
+        (textures.normal, textures.normal_scale) =
+            self.normals(from.normal_texture.as_ref(), "normalTexture")?;
+        let coat_normals = coat.clearcoat_normal_texture.as_ref();
+        (textures.clearcoat_normal, textures.clearcoat_normal_scale) =
+            self.normals(coat_normals, "clearcoatNormalTexture")?;
+        Ok(Material::MetallicRoughness {
+            base_color: Vec4::from(base.base_color_factor.0).truncate(),
+            metallic: base.metallic_factor.0,
+            roughness: base.roughness_factor.0,
+            ior: index_of_refraction(from),
+            emission: emitted(from),
+            textures,
+            opacity: layers::opacity(from, self.what)?,
+            layers,
+        })
+    }
+
+    fn texture(&mut self, info: Option<&Info>, space: ColorSpace) -> Result<Option<u32>, Fault> {
+        let Some(info) = info else {
+            return Ok(None);
+        };
+        self.lay(uv_set(info))?;
+        let texture = self.textures.texture(info.index, space, self.what)?;
+        Ok(Some(texture))
+    }
+
+    /// A map of normals and its scale.
+    fn normals(
+        &mut self,
+        map: Option<&NormalTexture>,
+        name: &str,
+    ) -> Result<(Option<u32>, f32), Fault> {
+        let Some(map) = map else {
+            return Ok((None, 1.0));
+        };
+        self.lay(normals_uv_set(map, name, self.what)?)?;
+        let texture = (self.textures).texture(map.index, ColorSpace::Linear, self.what)?;
+        Ok((Some(texture), map.scale))
+    }
+
+    /// All textures of a material are laid over its meshes in one way.
+    fn lay(&mut self, next: UvSet) -> Result<(), Refusal> {
+        match self.uvs.replace(next) {
+            Some(before) if before != next => Err(format!(
+                "{}: its textures use different texture coordinates, {before:?} and {next:?}: all must be laid in one way",
+                self.what
+            )),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -363,14 +376,4 @@ fn mean_red(file: &[u8]) -> Result<f32, Refusal> {
     let texels = crate::texture_file::decode(file)?.texels;
     let sum: u64 = texels.iter().map(|[red, ..]| u64::from(*red)).sum();
     Ok((sum as f64 / (255.0 * texels.len() as f64)) as f32)
-}
-
-/// All textures of a material are laid over its meshes in one way.
-fn merge(uvs: &mut Option<UvSet>, next: UvSet, what: &str) -> Result<(), Refusal> {
-    match uvs.replace(next) {
-        Some(before) if before != next => Err(format!(
-            "{what}: its textures use different texture coordinates, {before:?} and {next:?}: all must be laid in one way"
-        )),
-        _ => Ok(()),
-    }
 }

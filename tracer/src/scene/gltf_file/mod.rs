@@ -33,9 +33,11 @@ mod pose;
 mod tests;
 mod track;
 
+use std::fmt::Display;
 use std::path::Path;
 
 use gltf_json::Root;
+use gltf_json::validation::Checked;
 
 pub use self::animated_scene::{AnimatedScene, AnimationTime};
 pub use self::animation::Animation;
@@ -51,6 +53,20 @@ pub const GLTF_JSON_BYTES_MAX: usize = 256 << 20;
 
 /// Why a file is refused.
 type Refusal = String;
+
+/// The element of a list that a file refers to by its place.
+fn find<T>(list: &[T], place: usize, what: impl Display) -> Result<&T, Refusal> {
+    let found = list.get(place);
+    found.ok_or_else(|| format!("{what} {place} does not exist"))
+}
+
+/// A word of a file, unless it is one that glTF does not know.
+fn known<T: Copy>(word: &Checked<T>, refusal: impl FnOnce() -> Refusal) -> Result<T, Refusal> {
+    match word {
+        Checked::Valid(known) => Ok(*known),
+        Checked::Invalid => Err(refusal()),
+    }
+}
 
 impl Scene {
     /// Reads and checks a glTF 2.0 file, `.gltf` or `.glb`, and the files beside it that it names.

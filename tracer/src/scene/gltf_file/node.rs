@@ -15,7 +15,7 @@ use gltf_json::validation::Checked;
 use super::deformation::{self, DISPLACEMENTS_MAX, Vertices};
 use super::material::{MaterialEntry, UvSet};
 use super::pose::{Hierarchy, Pose};
-use super::{Document, Refusal};
+use super::{Document, Refusal, find};
 use crate::scene::validate::{
     NAME_BYTES_MAX, OBJECTS_MAX, TRIANGLES_MAX, VERTICES_MAX, bounds_body,
 };
@@ -96,8 +96,7 @@ impl Contents<'_> {
     ) -> Result<(), Refusal> {
         let lights = self.document.root.extensions.as_ref();
         let lights = lights.and_then(|all| all.khr_lights_punctual.as_ref());
-        let light = lights.and_then(|all| all.lights.get(index));
-        let light = light.ok_or_else(|| format!("light {index} does not exist"))?;
+        let light = find(lights.map_or(&[], |all| &all.lights), index, "light")?;
         let strength = light.intensity * Vec3::from(light.color);
         let center = world_from_node.w_axis.truncate().as_vec3();
         let direction = world_from_node.transform_vector3(DVec3::NEG_Z);
@@ -134,8 +133,7 @@ impl Contents<'_> {
         world_from_node: DMat4,
     ) -> Result<(), Refusal> {
         let place = mesh.value();
-        let mesh = self.document.root.meshes.get(place);
-        let mesh = mesh.ok_or_else(|| format!("mesh {place} does not exist"))?;
+        let mesh = find(&self.document.root.meshes, place, "mesh")?;
         let placement = match self.document.root.nodes[node].skin {
             None => MeshPlacement::Rigid(world_from_node),
             Some(skin) => {
@@ -150,16 +148,10 @@ impl Contents<'_> {
         let weights = self.pose.weights(self.document, node)?;
         for (index, primitive) in mesh.primitives.iter().enumerate() {
             let what = format!("mesh {place}, primitive {index}");
-            let default = self.materials.len() - 1;
-            let material = primitive
-                .material
-                .map_or(default, |material| material.value());
-            let entry = self.materials[..default].get(material);
+            let (default, given) = self.materials.split_last().expect("a default material");
             let entry = match primitive.material {
-                Some(_) => {
-                    entry.ok_or_else(|| format!("{what}: material {material} does not exist"))?
-                }
-                None => &self.materials[default],
+                Some(material) => find(given, material.value(), format_args!("{what}: material"))?,
+                None => default,
             };
             let shape = self.shape(primitive, entry.uvs.as_ref(), placement, &weights, &what)?;
             let body = entry.body.as_ref().filter(|_| bounds_body(&shape));
@@ -417,8 +409,7 @@ fn camera<'a>(document: &'a Document, node: &Node) -> Result<Option<&'a Perspect
         return Ok(None);
     };
     let place = index.value();
-    let camera = document.root.cameras.get(place);
-    let camera = camera.ok_or_else(|| format!("camera {place} does not exist"))?;
+    let camera = find(&document.root.cameras, place, "camera")?;
     Ok(camera.perspective.as_ref())
 }
 

@@ -9,7 +9,7 @@ use gltf_json::mesh::Primitive;
 use gltf_json::scene::Node;
 
 use super::animation::Animation;
-use super::{Document, Refusal};
+use super::{Document, Refusal, find};
 
 /// Nodes of the file's scene: parents before their children.
 #[derive(Debug)]
@@ -43,15 +43,13 @@ impl Hierarchy {
     pub(super) fn read(document: &Document) -> Result<Self, Refusal> {
         let root = &document.root;
         let place = root.scene.map_or(0, |scene| scene.value());
-        let scene = root.scenes.get(place);
-        let scene = scene.ok_or_else(|| format!("scene {place} does not exist"))?;
+        let scene = find(&root.scenes, place, "scene")?;
         let mut is_reached = vec![false; root.nodes.len()];
         let roots = scene.nodes.iter().rev();
         let mut stack: Vec<_> = roots.map(|node| (node.value(), None)).collect();
         let mut nodes = Vec::new();
         while let Some((place, parent)) = stack.pop() {
-            let node = root.nodes.get(place);
-            let node = node.ok_or_else(|| format!("node {place} does not exist"))?;
+            let node = find(&root.nodes, place, "node")?;
             if std::mem::replace(&mut is_reached[place], true) {
                 return Err(format!(
                     "node {place} is reached twice: a node must have one parent, and none below itself"
@@ -156,9 +154,7 @@ impl Document {
     /// Morph targets of a node's mesh.
     pub(super) fn targets(&self, node: &Node) -> Result<usize, Refusal> {
         let Some(index) = node.mesh else { return Ok(0) };
-        let place = index.value();
-        let targets = self.targets.get(place).copied();
-        targets.ok_or_else(|| format!("mesh {place} does not exist"))
+        find(&self.targets, index.value(), "mesh").copied()
     }
 }
 

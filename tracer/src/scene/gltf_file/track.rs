@@ -3,9 +3,8 @@
 use glam::DQuat;
 use gltf_json::accessor::Type;
 use gltf_json::animation::{Interpolation, Property, Sampler};
-use gltf_json::validation::Checked;
 
-use super::{Document, Refusal};
+use super::{Document, Refusal, known};
 
 /// Key frames of a translation, rotation, scale or of the weights of morph targets.
 #[derive(Debug)]
@@ -28,12 +27,8 @@ impl Track {
         width: usize,
         what: &str,
     ) -> Result<Self, Refusal> {
-        let interpolation = match sampler.interpolation {
-            Checked::Valid(interpolation) => interpolation,
-            Checked::Invalid => {
-                return Err(format!("{what} is interpolated in no way that glTF knows"));
-            }
-        };
+        let unknown = || format!("{what} is interpolated in no way that glTF knows");
+        let interpolation = known(&sampler.interpolation, unknown)?;
         let times = document.numbers(sampler.input, Type::Scalar, what)?;
         check_times(&times, what)?;
         let kind = match property {

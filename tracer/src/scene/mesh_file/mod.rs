@@ -14,14 +14,16 @@ mod ply;
 mod tests;
 
 use std::fs::File;
-use std::io::{self, Read as _, Write as _};
+use std::io::Write as _;
 use std::path::Path;
 
 use glam::Vec3;
 
+use super::file::read_limited;
 use super::validate::{NAME_BYTES_MAX, TRIANGLES_MAX, VERTICES_MAX};
 use super::{ImageTexture, Material, Mesh, Scene};
 use crate::Error;
+use crate::text::{SENTENCE_BYTES_MAX, printable};
 
 /// The longest mesh file in bytes: ten million triangles as text have 0.7 GB.
 pub const MESH_BYTES_MAX: u64 = 1 << 30;
@@ -78,8 +80,7 @@ impl ObjScene {
             let material = material.ok_or_else(|| {
                 format!("line {line}: the material `{name}` is in none of its mtllib files")
             })?;
-            let has_textures = material.textures().indices().next().is_some();
-            if has_textures && faces.mesh.uvs.is_empty() {
+            if material.has_textures() && faces.mesh.uvs.is_empty() {
                 return Err(format!(
                     "line {line}: the material `{name}` has textures, but not all corners of its faces have texture \
                      coordinates"
@@ -106,7 +107,7 @@ impl ObjScene {
         for part in self.parts {
             let material = part.material.unwrap_or(otherwise);
             let textures = material.textures().shifted(first);
-            let name = crate::text::printable(&part.name, NAME_BYTES_MAX);
+            let name = printable(&part.name, NAME_BYTES_MAX);
             scene.add_named(name, part.mesh, material.textured(textures));
         }
     }
@@ -136,41 +137,21 @@ impl Mesh {
     pub fn save_ply(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let path = path.as_ref();
         let written = File::create(path).and_then(|mut file| file.write_all(&ply::bytes(self)));
-        written.map_err(|source| Error::Io {
-            path: path.to_owned(),
-            source,
-        })
+        written.map_err(|source| Error::io(path, source))
     }
 }
 
 fn format(path: &Path, message: &str) -> Error {
-    Error::Format {
-        path: path.to_owned(),
-        message: crate::text::printable(message, crate::text::SENTENCE_BYTES_MAX),
-    }
+    Error::format(path, printable(message, SENTENCE_BYTES_MAX))
 }
 
 fn read_mesh_file(path: &Path) -> Result<Vec<u8>, Error> {
-    let bytes = read_limited(path).map_err(|source| Error::Io {
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = read_limited(path, MESH_BYTES_MAX).map_err(|source| Error::io(path, source))?;
     if bytes.len() as u64 > MESH_BYTES_MAX {
-        let sentence = "it is longer than {} bytes, the most that a mesh file may hold";
-        return Err(format(
-            path,
-            &sentence.replace("{}", &MESH_BYTES_MAX.to_string()),
-        ));
+        let message =
+            format!("it is longer than {MESH_BYTES_MAX} bytes, the most that a mesh file may hold");
+        return Err(format(path, &message));
     }
-    Ok(bytes)
-}
-
-/// At most one byte more than the limit.
-fn read_limited(path: &Path) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    File::open(path)?
-        .take(MESH_BYTES_MAX + 1)
-        .read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 

@@ -7,13 +7,13 @@
 //! and `norm` are read, and `map_d` where it is the file of `map_Kd`, whose alpha then counts; other statements are passed over.
 
 use std::collections::BTreeMap;
-use std::path::{Component, Path};
+use std::path::{Path, PathBuf};
 use std::str::SplitAsciiWhitespace;
 
 use glam::Vec3;
 
 use super::Refusal;
-use crate::scene::file::read_file_limited;
+use crate::scene::file::{lies_beside, read_named_file};
 use crate::scene::validate::{MATERIALS_MAX, NAME_BYTES_MAX};
 use crate::scene::{ColorSpace, ImageTexture, Layers, Material, MaterialTextures, Opacity, Wrap};
 use crate::text::printable;
@@ -70,7 +70,7 @@ impl MaterialLibrary {
     /// Adds the materials of a file that stands in `folder`.
     pub(super) fn read(&mut self, folder: &Path, file: &str) -> Result<(), Refusal> {
         let path = beside(folder, file)?;
-        let bytes = read_file_limited(&path, MTL_BYTES_MAX).map_err(|why| why.to_string())?;
+        let bytes = read_named_file(&path, MTL_BYTES_MAX).map_err(|why| why.to_string())?;
         let mut current: Option<MtlMaterial> = None;
         for (line, text) in (1..).zip(bytes.split(|&byte| byte == b'\n')) {
             let place = Place { folder, file, line };
@@ -166,7 +166,7 @@ impl MaterialLibrary {
         }
         let path = beside(place.folder, &map.file)?;
         let left = TEXTURE_FILES_BYTES_MAX - self.texture_bytes;
-        let bytes = read_file_limited(&path, left).map_err(|why| why.to_string())?;
+        let bytes = read_named_file(&path, left).map_err(|why| why.to_string())?;
         self.texture_bytes += bytes.len() as u64;
         let wrap = if map.is_clamped {
             Wrap::Clamp
@@ -294,12 +294,9 @@ impl TextureStatement {
 }
 
 /// A file in the folder or one within it.
-fn beside(folder: &Path, file: &str) -> Result<std::path::PathBuf, Refusal> {
+fn beside(folder: &Path, file: &str) -> Result<PathBuf, Refusal> {
     let path = Path::new(file);
-    let is_within = path
-        .components()
-        .all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    match is_within && !file.is_empty() {
+    match lies_beside(path) && !file.is_empty() {
         true => Ok(folder.join(path)),
         false => Err(format!(
             "the file `{file}` must lie beside the OBJ file or in a folder there"

@@ -1,9 +1,6 @@
 //! The rules that opacity and the layers of glTF's material keep.
 
-use glam::Vec3;
-
-use super::{Check, IOR, check_albedo, in_range};
-use crate::SceneError;
+use super::{Check, IOR, SHARE, channels, check_albedo, in_range};
 use crate::scene::{Layers, MaterialTextures, Opacity};
 
 /// The largest scale of a normal map.
@@ -15,39 +12,27 @@ pub(super) fn check_opacity(opacity: Opacity) -> Check {
     match opacity {
         Opacity::Opaque => Ok(()),
         Opacity::Mask { alpha, cutoff } => {
-            in_range("the alpha of its opacity", alpha, &(0.0..=1.0))?;
-            in_range("the cutoff of its opacity", cutoff, &(0.0..=CUTOFF_MAX))
+            in_range("the alpha of its opacity", alpha, SHARE)?;
+            in_range("the cutoff of its opacity", cutoff, 0.0..=CUTOFF_MAX)
         }
-        Opacity::Blend { alpha } => in_range("the alpha of its opacity", alpha, &(0.0..=1.0)),
+        Opacity::Blend { alpha } => in_range("the alpha of its opacity", alpha, SHARE),
     }
 }
 
 pub(super) fn check_normal_scales(textures: &MaterialTextures) -> Check {
     let scales = -NORMAL_SCALE_MAX..=NORMAL_SCALE_MAX;
     let (base, coat) = (textures.normal_scale, textures.clearcoat_normal_scale);
-    in_range("the normal_scale of its textures", base, &scales)?;
-    in_range("the clearcoat_normal_scale of its textures", coat, &scales)
+    in_range("the normal_scale of its textures", base, scales.clone())?;
+    in_range("the clearcoat_normal_scale of its textures", coat, scales)
 }
 
 pub(super) fn check_layers(layers: &Layers) -> Check {
-    let share = 0.0..=1.0;
-    in_range("its clearcoat", layers.clearcoat, &share)?;
-    in_range(
-        "its clearcoat_roughness",
-        layers.clearcoat_roughness,
-        &share,
-    )?;
+    let (coat, coat_roughness) = (layers.clearcoat, layers.clearcoat_roughness);
+    in_range("its clearcoat", coat, SHARE)?;
+    in_range("its clearcoat_roughness", coat_roughness, SHARE)?;
     check_albedo("its sheen", layers.sheen)?;
-    in_range("its sheen_roughness", layers.sheen_roughness, &share)?;
-    in_range("its specular", layers.specular, &share)?;
-    in_range("its transmission", layers.transmission, &share)?;
-    let (value, max) = (layers.specular_color, *IOR.end());
-    match value.cmpge(Vec3::ZERO).all() && value.cmple(Vec3::splat(max)).all() {
-        true => Ok(()),
-        false => Err(SceneError::Channels {
-            what: "its specular_color",
-            value,
-            max,
-        }),
-    }
+    in_range("its sheen_roughness", layers.sheen_roughness, SHARE)?;
+    in_range("its specular", layers.specular, SHARE)?;
+    in_range("its transmission", layers.transmission, SHARE)?;
+    channels("its specular_color", layers.specular_color, *IOR.end())
 }

@@ -1,8 +1,10 @@
 //! The rules that triangle meshes keep.
 
+use std::fmt::Display;
+
 use glam::{Vec2, Vec3, Vec4};
 
-use super::{COORDINATE_M_MAX, Check, UV_MAX, count, position, rotation};
+use super::{COORDINATE_M_MAX, Check, UV_MAX, count, position, require, rotation};
 use crate::SceneError;
 use crate::scene::{Mesh, Scene, Shape};
 
@@ -26,73 +28,66 @@ pub(super) fn check_mesh(mesh: &Mesh) -> Check {
     rotation(mesh.rotation)?;
     let vertices = mesh.positions.len();
     count("vertices", vertices, VERTICES_MAX)?;
-    if mesh.triangles.is_empty() {
-        return Err(SceneError::NoTriangles(vertices));
-    }
+    require(!mesh.triangles.is_empty(), || {
+        SceneError::rule(format!(
+            "its mesh has {vertices} vertices and no triangle: give it one"
+        ))
+    })?;
     // In the world a coordinate is at most the distance from the mesh's own origin beyond its centre.
     let reach_max = COORDINATE_M_MAX - mesh.center.abs().max_element();
-    let mut positions = mesh.positions.iter().enumerate();
-    // NaN is not within.
-    let is_within = |p: &Vec3| p.length() <= reach_max;
-    if let Some((index, &value)) = positions.find(|(_, p)| !is_within(p)) {
-        let max = COORDINATE_M_MAX;
-        return Err(SceneError::Vertex { index, value, max });
-    }
+    check_each(
+        "vertex",
+        &mesh.positions,
+        |p| p.length() <= reach_max,
+        || format!("every coordinate in the world must be within ±{COORDINATE_M_MAX:e} m"),
+    )?;
     for (triangle, corners) in mesh.triangles.iter().enumerate() {
-        if let Some(&vertex) = corners.iter().find(|vertex| **vertex as usize >= vertices) {
-            return Err(SceneError::VertexIndex {
-                triangle,
-                vertex,
-                vertices,
-            });
+        if let Some(vertex) = corners.iter().find(|vertex| **vertex as usize >= vertices) {
+            return Err(SceneError::rule(format!(
+                "triangle {triangle} of its mesh has vertex {vertex}, but there are {vertices} vertices"
+            )));
         }
     }
-    check_normals(mesh)?;
-    check_uvs(mesh)?;
-    check_colors(mesh)
-}
-
-fn check_normals(mesh: &Mesh) -> Check {
-    let (normals, vertices) = (mesh.normals.len(), mesh.positions.len());
-    if normals != 0 && normals != vertices {
-        return Err(SceneError::VertexNormals { normals, vertices });
-    }
-    let mut normals = mesh.normals.iter().enumerate();
     let is_direction = |n: &Vec3| n.is_finite() && n.as_dvec3().length_squared() > 0.0;
-    match normals.find(|(_, normal)| !is_direction(normal)) {
-        Some((index, &value)) => Err(SceneError::VertexNormal { index, value }),
-        None => Ok(()),
-    }
+    check_count("normals", &mesh.normals, vertices)?;
+    check_each("normal", &mesh.normals, is_direction, || {
+        "it must be finite and not 0".to_owned()
+    })?;
+    let is_near = |uv: &Vec2| uv.abs().cmple(Vec2::splat(UV_MAX)).all();
+    check_count("texture coordinates", &mesh.uvs, vertices)?;
+    check_each("texture coordinate", &mesh.uvs, is_near, || {
+        format!("each must be within ±{UV_MAX}")
+    })?;
+    let is_share = |c: &Vec4| c.cmpge(Vec4::ZERO).all() && c.cmple(Vec4::ONE).all();
+    check_count("colours", &mesh.colors, vertices)?;
+    check_each("colour", &mesh.colors, is_share, || {
+        "each number must be from 0 to 1".to_owned()
+    })
 }
 
-fn check_uvs(mesh: &Mesh) -> Check {
-    let (uvs, vertices) = (mesh.uvs.len(), mesh.positions.len());
-    if uvs != 0 && uvs != vertices {
-        return Err(SceneError::TextureCoordinates { uvs, vertices });
-    }
-    let mut uvs = mesh.uvs.iter().enumerate();
-    // NaN is not within.
-    let is_within = |uv: &Vec2| uv.abs().cmple(Vec2::splat(UV_MAX)).all();
-    match uvs.find(|(_, uv)| !is_within(uv)) {
-        Some((index, &value)) => Err(SceneError::TextureCoordinate {
-            index,
-            value,
-            max: UV_MAX,
-        }),
-        None => Ok(()),
-    }
+/// Checks that vertices have one element of a list each, or none.
+fn check_count<T>(what: &str, elements: &[T], vertices: usize) -> Check {
+    let count = elements.len();
+    require(count == 0 || count == vertices, || {
+        SceneError::rule(format!(
+            "its mesh has {count} {what} for {vertices} vertices: give it one each, or none"
+        ))
+    })
 }
 
-fn check_colors(mesh: &Mesh) -> Check {
-    let (colors, vertices) = (mesh.colors.len(), mesh.positions.len());
-    if colors != 0 && colors != vertices {
-        return Err(SceneError::VertexColors { colors, vertices });
-    }
-    let mut colors = mesh.colors.iter().enumerate();
-    // NaN is not within.
-    let is_within = |c: &Vec4| c.cmpge(Vec4::ZERO).all() && c.cmple(Vec4::ONE).all();
-    match colors.find(|(_, color)| !is_within(color)) {
-        Some((index, &value)) => Err(SceneError::VertexColor { index, value }),
+/// Checks elements of a list by a test that NaN fails.
+fn check_each<T: Display>(
+    what: &str,
+    elements: &[T],
+    is_valid: impl Fn(&T) -> bool,
+    range: impl FnOnce() -> String,
+) -> Check {
+    let mut numbered = elements.iter().enumerate();
+    match numbered.find(|(_, element)| !is_valid(element)) {
+        Some((index, value)) => {
+            let what = format!("{what} {index} of its mesh");
+            Err(SceneError::value(what, value, range()))
+        }
         None => Ok(()),
     }
 }
@@ -133,22 +128,23 @@ pub(super) fn check_closed(mesh: &Mesh) -> Check {
         } else {
             (high, low)
         };
-        return Err(SceneError::OpenMesh {
-            triangle: (first / 2) as usize,
-            from: mesh.positions[from as usize],
-            to: mesh.positions[to as usize],
-            along,
-            against: edge.len() - along,
-        });
+        let [from, to] = [from, to].map(|vertex| mesh.positions[vertex as usize]);
+        let (triangle, against) = (first / 2, edge.len() - along);
+        return Err(SceneError::rule(format!(
+            "its material is a dielectric, so its mesh must be closed, but of the edge from {from} to {to} of triangle \
+             {triangle} there are {along} that way and {against} the other way: there must be one of each"
+        )));
     }
     let volumes = mesh.triangles.iter().map(|corners| {
         let [a, b, c] = corners.map(|corner| mesh.positions[corner as usize].as_dvec3());
         a.dot(b.cross(c))
     });
-    match volumes.sum::<f64>() > 0.0 {
-        true => Ok(()),
-        false => Err(SceneError::InwardMesh),
-    }
+    require(volumes.sum::<f64>() > 0.0, || {
+        SceneError::rule(
+            "its material is a dielectric, but its mesh is inside out: let its triangles go round counterclockwise \
+             as seen from outside",
+        )
+    })
 }
 
 /// For each vertex the first in the same place.

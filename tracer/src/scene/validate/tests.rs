@@ -1,5 +1,5 @@
 use super::*;
-use crate::scene::{Environment, Lens, Object};
+use crate::scene::{AreaLight, Environment, Lens, Object, Stripe};
 
 fn object(name: &str, shape: Shape) -> Object {
     Object {

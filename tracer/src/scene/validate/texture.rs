@@ -1,6 +1,6 @@
 //! The rules that image textures keep.
 
-use super::{Check, count, in_range, name};
+use super::{Check, TEXTURED, count, in_range, name, refuse_material, require};
 use crate::SceneError;
 use crate::scene::{ImageSource, ImageTexture, Material, Object, Scene, Shape};
 
@@ -18,30 +18,23 @@ impl Scene {
     /// # Errors
     /// The texture that is at fault, and why.
     pub fn texture_bytes(&self) -> Result<u64, SceneError> {
-        let textures = self.textures.iter().enumerate();
-        let bytes = textures.map(|(index, texture)| {
-            bytes_of(texture).map_err(|fault| SceneError::Texture {
-                index,
-                name: texture.name.clone(),
-                fault,
-            })
-        });
-        let bytes = bytes.sum::<Result<u64, SceneError>>()?;
-        let map = self.environment_map.as_ref();
-        let map = map.map_or(Ok(0), |map| map_bytes(&map.image));
-        Ok(bytes + map.map_err(SceneError::EnvironmentMap)?)
+        let mut bytes = 0;
+        for (index, texture) in self.textures.iter().enumerate() {
+            bytes += bytes_of(texture).map_err(|fault| texture.fault(index, fault))?;
+        }
+        if let Some(map) = &self.environment_map {
+            bytes += map_bytes(&map.image).map_err(map_fault)?;
+        }
+        Ok(bytes)
     }
 
     pub(super) fn check_environment_map(&self) -> Check {
         let Some(map) = &self.environment_map else {
             return Ok(());
         };
-        map_bytes(&map.image).map_err(SceneError::EnvironmentMap)?;
-        in_range(
-            "the environment map's turn_deg",
-            map.turn_deg,
-            &(-360.0..=360.0),
-        )
+        map_bytes(&map.image).map_err(map_fault)?;
+        let turn = map.turn_deg;
+        in_range("the environment map's turn_deg", turn, -360.0..=360.0)
     }
 
     pub(super) fn check_textures(&self) -> Check {
@@ -50,33 +43,43 @@ impl Scene {
             .iter()
             .try_for_each(|texture| name(&texture.name))?;
         let bytes = self.texture_bytes()?;
-        if bytes > TEXTURE_BYTES_MAX {
-            let max = TEXTURE_BYTES_MAX;
-            return Err(SceneError::TextureBytes { bytes, max });
-        }
-        Ok(())
+        require(bytes <= TEXTURE_BYTES_MAX, || {
+            SceneError::rule(format!(
+                "its textures take {bytes} bytes once decoded: at most {TEXTURE_BYTES_MAX} are allowed"
+            ))
+        })
     }
 
     pub(super) fn check_material_textures(&self, material: &Material) -> Check {
         let count = self.textures.len();
         let mut indices = material.textures().indices();
         match indices.find(|index| *index as usize >= count) {
-            Some(index) => Err(SceneError::UnknownTexture { index, count }),
+            Some(index) => Err(SceneError::rule(format!(
+                "its texture {index} is not among the scene's {count}"
+            ))),
             None => Ok(()),
         }
     }
 
     /// Whether an object has what its material's textures need.
     pub(super) fn check_textured(&self, object: &Object) -> Check {
-        let material = &self.materials[&object.material];
-        if material.textures().indices().next().is_none() {
-            return Ok(());
-        }
-        match &object.shape {
-            Shape::Mesh(mesh) if !mesh.uvs.is_empty() => Ok(()),
-            _ => Err(SceneError::TexturedShape(object.material.clone())),
+        let is_mapped = matches!(&object.shape, Shape::Mesh(mesh) if !mesh.uvs.is_empty());
+        match self.materials[&object.material].has_textures() && !is_mapped {
+            true => refuse_material(&object.material, TEXTURED),
+            false => Ok(()),
         }
     }
+}
+
+impl ImageTexture {
+    pub(crate) fn fault(&self, index: usize, why: String) -> SceneError {
+        SceneError::rule(why).of(format!("texture {index} `{}`", self.name))
+    }
+}
+
+/// What is wrong with the file of an environment map.
+pub(crate) fn map_fault(why: String) -> SceneError {
+    SceneError::rule(why).of("the environment map")
 }
 
 #[cfg(feature = "image-io")]
