@@ -53,6 +53,8 @@ pub enum SceneView {
     Rack,
     /// The rack before the far end of the room, from a low eye and with depth of field
     Title,
+    /// The cue ball and the chalked tip from a hand's breadth, with depth of field
+    Macro,
 }
 
 impl SceneView {
@@ -64,6 +66,10 @@ impl SceneView {
             (Self::Cue, Some(cue_ball)) => {
                 let bearing_rad = (-cue_ball.position.truncate()).to_angle();
                 Viewpoint::behind(cue_ball.position, bearing_rad).camera_in(table)
+            }
+            (Self::Macro, Some(cue_ball)) => {
+                let camera = close_up(cue_ball.position).camera_in(table);
+                camera.aperture_radius_m(MACRO_APERTURE_RADIUS_M)
             }
             (Self::Rack | Self::Title, _) if !object_balls.is_empty() => {
                 let sum: DVec3 = object_balls.iter().map(|ball| ball.position).sum();
@@ -94,6 +100,20 @@ fn title(rack: DVec3) -> Viewpoint {
         pitch_rad: 0.1,
         distance_m: 0.82,
         fov_x_deg: 46.0,
+    }
+}
+
+/// A lens of 50 mm at f/8, as near things need.
+const MACRO_APERTURE_RADIUS_M: f32 = 0.003;
+
+/// Across the cue, on the gap between its tip and the cue ball.
+fn close_up(cue_ball: DVec3) -> Viewpoint {
+    Viewpoint {
+        focus: cue_ball + DVec3::new(-0.022, 0.0, 0.004),
+        bearing_rad: 1.0,
+        pitch_rad: 0.16,
+        distance_m: 0.2,
+        fov_x_deg: 44.0,
     }
 }
 
