@@ -89,7 +89,7 @@ pub const CUE_COLLAR_ALBEDO: [f32; 3] = [0.62, 0.47, 0.2];
 pub const CUE_WRAP_ALBEDO: [f32; 3] = [0.03, 0.032, 0.038];
 
 /// Of footprints, in whatever unit: smaller ones, and those of no width, are as wide.
-pub const FOOTPRINT_MIN: f32 = 1e-5;
+pub const FOOTPRINT_MIN: f32 = 1e-4;
 
 /// Half the width of a stroke.
 const STROKE_HALF: f32 = 0.125;
@@ -682,7 +682,7 @@ mod tests {
             let at = |x: f64, y: f64| {
                 let n = axis + 0.37 * 0.66 * (x * right + y * DVec3::Z);
                 let albedo = numbered(7, [n.normalize(), DVec3::X, DVec3::Z], base, 0.0);
-                albedo.distance(ink) < 1e-6
+                albedo.distance(ink) < 1e-3
             };
             assert!(at(-0.3, 0.75) && at(0.3, 0.75));
             assert!(at(-0.08, -0.68) && !at(0.25, -0.68));
@@ -722,9 +722,13 @@ mod tests {
             scale: 1.0,
             ..bytemuck::Zeroable::zeroed()
         };
-        let cases: [(f64, fn(&MaterialData, DVec3, f32) -> DVec3); 3] =
-            [(0.006, bricks), (0.004, wood), (0.0004, cloth)];
-        for (footprint_m, texture) in cases {
+        type Texture = fn(&MaterialData, DVec3, f32) -> DVec3;
+        let cases: [(f64, DVec3, Texture); 3] = [
+            (0.006, DVec3::Z, bricks),
+            (0.004, DVec3::Y, wood),
+            (0.0004, DVec3::Y, cloth),
+        ];
+        for (footprint_m, across, texture) in cases {
             let (mut error, mut plain_error) = (0.0, 0.0);
             for place in 0..400 {
                 let place = f64::from(place);
@@ -735,7 +739,7 @@ mod tests {
                 );
                 let offsets = (0..16 * 16).map(|i| {
                     let at = |k: i32| (f64::from(k) + 0.5) / 16.0 - 0.5;
-                    footprint_m * DVec3::new(at(i % 16), 0.0, at(i / 16))
+                    footprint_m * (at(i % 16) * DVec3::X + at(i / 16) * across)
                 });
                 // No footprint of the camera's is 0: then cloth has no weave.
                 let sum: f64 = offsets
@@ -767,7 +771,8 @@ mod tests {
                     DIAL_NUMBERS_AT * cos + up,
                     0.0,
                 );
-                found == ink_share(number, across / DIAL_DIGIT, up / DIAL_DIGIT, 0.0)
+                let wanted = ink_share(number, across / DIAL_DIGIT, up / DIAL_DIGIT, 0.0);
+                (found - wanted).abs() < 0.01
             })
         };
         assert!((1..=12).all(|hour| is_number(0.0, hour, hour as f32, 12.0)));
