@@ -11,7 +11,7 @@ use super::refracted_nee::{NeeBoundaryRow, nee_boundary_row};
 use super::rows::Rows;
 use super::shapes::Chord;
 use super::sheen::{Sheen, SheenRow};
-use super::texture::{Seen, TextureRow, are_on_discs, texture_row, textured};
+use super::texture::{TextureRow, are_on_discs, texture_row, textured};
 use super::triangle_surface::{TriangleHit, TriangleSurfaces};
 use crate::compiled::{
     CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z, CSG_FACE_CYLINDER,
@@ -359,14 +359,7 @@ impl Surfaces {
             albedo = albedo.scale(color);
         }
         if !self.texture.is_empty() {
-            let footprint = distance * footprint;
-            let seen = Seen {
-                position,
-                normal,
-                footprint,
-                ball_footprint: footprint / second.x,
-            };
-            albedo = textured(simd, &self.texture, id, &seen, albedo);
+            albedo = textured(simd, &self.texture, id, position, normal, albedo);
         }
         let behind = normal.dot(direction).simd_gt(0.0);
         Hit {

@@ -10,11 +10,9 @@ use crate::compiled::{
 };
 use crate::texture::{
     BRICK_M, CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, CUE_COLLAR_ALBEDO, CUE_ENDS_M,
-    CUE_FERRULE_ALBEDO, CUE_TIP_ALBEDO, CUE_WRAP_ALBEDO, FOOTPRINT_MIN, INK_ALBEDO, JOINT_M,
-    LINE_HALF_M, LINE_SHARE, LINT_HALF_M, LINT_SHARE, LINT_SQUARE_M, MARK_REACH_M, PLANK_GAP,
-    PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SIGHT_SLOPE_PER_M, SINE_OF_TURNS, SPOT_RADIUS_M,
-    SPOT_SHARE, WEAVE_PER_M, WEAVE_SHARE, WOOD_TURNS_PER_M, WORN_M2, WORN_SHARE, ink_share,
-    scoreboard_ink_share,
+    CUE_FERRULE_ALBEDO, CUE_TIP_ALBEDO, CUE_WRAP_ALBEDO, INK_ALBEDO, JOINT_M, LINE_HALF_M,
+    LINE_SHARE, MARK_REACH_M, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SINE_OF_TURNS,
+    SPOT_RADIUS_M, SPOT_SHARE, WORN_M2, WORN_SHARE, is_ink, is_scoreboard_ink,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -53,24 +51,14 @@ pub(super) fn texture_row(
     row
 }
 
-/// What is seen of textured surfaces.
-pub(super) struct Seen<S: Simd> {
-    pub(super) position: Vec3x<S>,
-    /// Of balls, outwards.
-    pub(super) normal: Vec3x<S>,
-    /// In metres; 0 where no camera sees it.
-    pub(super) footprint: Float<S>,
-    /// Of balls, in their radius.
-    pub(super) ball_footprint: Float<S>,
-}
-
-/// `albedo` with the texture over it.
+/// `albedo` with the texture over it. `normal` points out of balls.
 #[inline(always)]
 pub(super) fn textured<S: Simd>(
     simd: S,
     table: &[TextureRow],
     id: Word<S>,
-    seen: &Seen<S>,
+    position: Vec3x<S>,
+    normal: Vec3x<S>,
     albedo: Vec3x<S>,
 ) -> Vec3x<S> {
     let rows = Rows::new(table, id);
@@ -81,33 +69,32 @@ pub(super) fn textured<S: Simd>(
     let mut textured = albedo;
     let numbered_lanes = pattern.simd_eq(PATTERN_NUMBER as f32);
     if numbered_lanes.any_true() {
-        textured = numbered(simd, &rows, numbered_lanes, seen, textured);
+        textured = numbered(simd, &rows, numbered_lanes, normal, textured);
     }
     let planks = pattern.simd_eq(PATTERN_PLANKS as f32);
     let wooden = planks | pattern.simd_eq(PATTERN_WOOD as f32);
     if wooden.any_true() {
-        let wood = wood(simd, &rows, planks, seen, albedo);
+        let wood = wood(simd, &rows, planks, position, albedo);
         textured = Vec3x::select(wooden, wood, textured);
     }
     let cues = pattern.simd_eq(PATTERN_CUE as f32);
     if cues.any_true() {
-        let cue = cue(simd, &rows, seen, albedo);
+        let cue = cue(simd, &rows, position, albedo);
         textured = Vec3x::select(cues, cue, textured);
     }
     let bricked = pattern.simd_eq(PATTERN_BRICKS as f32);
     if bricked.any_true() {
-        let bricks = bricks(simd, &rows, seen, albedo);
+        let bricks = bricks(simd, &rows, position, albedo);
         textured = Vec3x::select(bricked, bricks, textured);
     }
     let scoreboards = pattern.simd_eq(PATTERN_SCOREBOARD as f32);
     if scoreboards.any_true() {
-        let ink = scoreboard_ink(simd, &rows, scoreboards, seen);
-        let scoreboard = (rows.triple(simd, DARK) - albedo).mul_add(ink, albedo);
-        textured = Vec3x::select(scoreboards, scoreboard, textured);
+        let ink = scoreboard_ink(simd, &rows, scoreboards, position);
+        textured = Vec3x::select(ink, rows.triple(simd, DARK), textured);
     }
     let woven = pattern.simd_eq(PATTERN_CLOTH as f32);
     if woven.any_true() {
-        let cloth = cloth(simd, &rows, seen, albedo);
+        let cloth = cloth(simd, &rows, position, albedo);
         textured = Vec3x::select(woven, cloth, textured);
     }
     textured
@@ -143,66 +130,27 @@ fn numbered<S: Simd>(
     simd: S,
     rows: &Rows<'_, 16>,
     lanes: Mask<S>,
-    seen: &Seen<S>,
+    n: Vec3x<S>,
     albedo: Vec3x<S>,
 ) -> Vec3x<S> {
-    let (x, y) = in_circle(simd, rows, seen.normal);
-    let footprint = seen.ball_footprint * (1.0 / CIRCLE_SINE);
-    let of_circle = share_inside(1.0 - x.mul_add(x, y * y).sqrt(), footprint);
-    let circle = lanes & of_circle.simd_gt(0.0);
+    let (x, y) = in_circle(simd, rows, n);
+    let circle = lanes & x.mul_add(x, y * y).simd_lt(1.0);
     let bits = circle.to_bitmask();
     if bits == 0 {
         return albedo;
     }
-    let (x, y, footprint) = (x.to_array(), y.to_array(), footprint.to_array());
+    let (x, y) = (x.to_array(), y.to_array());
     let number = rows.number(simd, NUMBER).to_array();
-    let mut ink = [0.0; LANES];
+    let mut ink = 0;
     for lane in 0..LANES {
-        if bits >> lane & 1 == 1 {
-            ink[lane] = ink_share(number[lane] as u32, x[lane], y[lane], footprint[lane]);
+        if bits >> lane & 1 == 1 && is_ink(number[lane] as u32, x[lane], y[lane]) {
+            ink |= 1 << lane;
         }
     }
+    let ink = Mask::from_bitmask(simd, ink);
     let white = Vec3x::splat(simd, CIRCLE_ALBEDO);
-    let black = Vec3x::splat(simd, INK_ALBEDO);
-    let texture = mix(white, black, Float::load_array(simd, ink));
-    Vec3x::select(circle, mix(albedo, texture, of_circle), albedo)
-}
-
-#[inline(always)]
-fn mix<S: Simd>(a: Vec3x<S>, b: Vec3x<S>, share: Float<S>) -> Vec3x<S> {
-    (b - a).mul_add(share, a)
-}
-
-/// See [`crate::texture`].
-#[inline(always)]
-fn share_of_line<S: Simd>(distance: Float<S>, half_width: f32, footprint: Float<S>) -> Float<S> {
-    share_within(distance + half_width, 2.0 * half_width, footprint)
-}
-
-#[inline(always)]
-fn share_within<S: Simd>(x: Float<S>, end: f32, footprint: Float<S>) -> Float<S> {
-    let footprint = footprint.max(FOOTPRINT_MIN);
-    let (low, high) = (x - footprint * 0.5, x + footprint * 0.5);
-    ((high.min(end) - low.max(0.0)) / footprint).max(0.0)
-}
-
-#[inline(always)]
-fn share_inside<S: Simd>(inside: Float<S>, footprint: Float<S>) -> Float<S> {
-    (inside / footprint.max(FOOTPRINT_MIN) + 0.5)
-        .max(0.0)
-        .min(1.0)
-}
-
-#[inline(always)]
-fn share_of_joints<S: Simd>(x: Float<S>, joint: f32, footprint: Float<S>) -> Float<S> {
-    share_within(x, joint, footprint) + share_within(x - 1.0, joint, footprint)
-}
-
-#[inline(always)]
-fn faded<S: Simd>(turns_per_m: f32, footprint_m: Float<S>) -> Float<S> {
-    let turns = (footprint_m * turns_per_m).min(1.0);
-    let left = 1.0 - turns * turns;
-    left * left
+    let texture = Vec3x::select(ink, Vec3x::splat(simd, INK_ALBEDO), white);
+    Vec3x::select(circle, texture, albedo)
 }
 
 /// The sine of an angle in turns, by a polynomial over the first quarter.
@@ -221,10 +169,9 @@ fn wood<S: Simd>(
     simd: S,
     rows: &Rows<'_, 16>,
     planks: Mask<S>,
-    seen: &Seen<S>,
+    p: Vec3x<S>,
     light: Vec3x<S>,
 ) -> Vec3x<S> {
-    let p = seen.position;
     let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
     let sights = rows.triple(simd, SIGHTS);
     let has_sights = sights.x.simd_gt(0.0);
@@ -236,18 +183,16 @@ fn wood<S: Simd>(
     let along_y = grain.simd_gt(0.5) & !upright;
 
     let place = p;
-    let scale = rows.number(simd, SCALE);
-    let (p, footprint) = (p * scale, seen.footprint * scale);
+    let p = p * rows.number(simd, SCALE);
     let mut a = upright.select(p.z, along_y.select(p.y, p.x));
     let b = upright.select(p.x + p.y, along_y.select(p.x, p.y));
     let height = upright.select(zero, p.z);
     let mut tone = zero;
-    let mut of_gap = zero;
+    let mut gap = Mask::splat(simd, false);
     if planks.any_true() {
         let across = b * (1.0 / PLANK_M);
         let plank = across.floor();
-        let of_joints = share_of_joints(across - plank, PLANK_GAP, footprint * (1.0 / PLANK_M));
-        of_gap = planks.select(of_joints, zero);
+        gap = planks & (across - plank).simd_lt(PLANK_GAP);
         tone = planks.select(wave(plank * 0.381_966) * 0.28, zero);
         a = planks.select(a + plank * 1.7, a);
     }
@@ -257,14 +202,11 @@ fn wood<S: Simd>(
     let sway = wave(a.mul_add(1.3, b * 3.1)) * 0.8;
     let fibre = wave(b * 151.0 + height * 83.0 + sway + a * 2.0);
     let pore = wave(b * 463.0 + height * 211.0 + wave(a * 4.1) * 1.1);
-    let [rings, fibres, pores] = WOOD_TURNS_PER_M;
-    let ring = ring * 0.27 * faded(rings, footprint);
-    let fibre = fibre * 0.14 * faded(fibres, footprint);
-    let pore = pore * 0.09 * faded(pores, footprint);
-    let shade = (ring + fibre + pore + tone + 0.45).max(zero).min(one);
+    let shade = ring * 0.27 + fibre * 0.14 + pore * 0.09 + tone + 0.45;
+    let shade = shade.max(zero).min(one);
     let dark = rows.triple(simd, DARK);
-    let wood = mix(light, dark, shade);
-    let wood = mix(wood, dark * Float::splat(simd, 0.3), of_gap);
+    let wood = (dark - light).mul_add(shade, light);
+    let wood = Vec3x::select(gap, dark * Float::splat(simd, 0.3), wood);
     if !has_sights.any_true() {
         return wood;
     }
@@ -276,27 +218,19 @@ fn wood<S: Simd>(
     let exists = nearest.abs().simd_lt(count) & (is_end | nearest.simd_ne(0.0));
     let diamond = (along - nearest * sights.x).abs() * (1.0 / SIGHT_HALF_M[0])
         + off.abs() * (1.0 / SIGHT_HALF_M[1]);
-    let sight = has_sights & exists & p.z.simd_gt(0.0);
-    let of_sight = share_inside((1.0 - diamond) * (1.0 / SIGHT_SLOPE_PER_M), seen.footprint);
-    let of_sight = sight.select(of_sight, zero);
-    mix(wood, Vec3x::splat(simd, SIGHT_ALBEDO), of_sight)
+    let sight = has_sights & exists & diamond.simd_lt(1.0) & p.z.simd_gt(0.0);
+    Vec3x::select(sight, Vec3x::splat(simd, SIGHT_ALBEDO), wood)
 }
 
 #[inline(always)]
-fn bricks<S: Simd>(simd: S, rows: &Rows<'_, 16>, seen: &Seen<S>, light: Vec3x<S>) -> Vec3x<S> {
-    let p = seen.position;
+fn bricks<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -> Vec3x<S> {
     let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
     let [length, height] = BRICK_M;
     let course = (p.z / height).floor();
     let along = (p.x + p.y) / length + course * 0.5;
     let brick = along.floor();
-    let of_head_joint = share_of_joints(along - brick, JOINT_M / length, seen.footprint / length);
-    let of_bed_joint = share_of_joints(
-        p.z / height - course,
-        JOINT_M / height,
-        seen.footprint / height,
-    );
-    let of_mortar = of_head_joint + of_bed_joint - of_head_joint * of_bed_joint;
+    let joint =
+        ((along - brick) * length).simd_lt(JOINT_M) | (p.z - course * height).simd_lt(JOINT_M);
     let kiln = [
         wave(brick * 0.381_966 + course * 0.271),
         wave(course * 0.754_878 - brick * 0.137),
@@ -304,100 +238,58 @@ fn bricks<S: Simd>(simd: S, rows: &Rows<'_, 16>, seen: &Seen<S>, light: Vec3x<S>
     let fired = wave(kiln[0] * 5.3 + kiln[1] * 7.7) * 0.5 + 0.5;
     let speckle = wave(p.z * 31.0 + fired * 1.3) * wave((p.x + p.y) * 17.0 + fired);
     let shade = (fired + speckle * 0.12).max(zero).min(one);
-    let bricks = mix(light, rows.triple(simd, DARK), shade);
-    mix(bricks, rows.triple(simd, SIGHTS), of_mortar)
+    let bricks = (rows.triple(simd, DARK) - light).mul_add(shade, light);
+    Vec3x::select(joint, rows.triple(simd, SIGHTS), bricks)
 }
 
 /// The few lanes on a scoreboard look up its numbers one by one.
 #[inline(always)]
-fn scoreboard_ink<S: Simd>(
-    simd: S,
-    rows: &Rows<'_, 16>,
-    lanes: Mask<S>,
-    seen: &Seen<S>,
-) -> Float<S> {
-    let (p, place) = (seen.position, rows.triple(simd, SIGHTS));
+fn scoreboard_ink<S: Simd>(simd: S, rows: &Rows<'_, 16>, lanes: Mask<S>, p: Vec3x<S>) -> Mask<S> {
+    let place = rows.triple(simd, SIGHTS);
     let across = ((place.x - p.y) / place.z).to_array();
     let up = ((p.z - place.y) / place.z).to_array();
-    let footprint = (seen.footprint / place.z).to_array();
     let bits = lanes.to_bitmask();
-    let mut ink = [0.0; LANES];
+    let mut ink = 0;
     for lane in 0..LANES {
-        if bits >> lane & 1 == 1 {
-            ink[lane] = scoreboard_ink_share(across[lane], up[lane], footprint[lane]);
+        if bits >> lane & 1 == 1 && is_scoreboard_ink(across[lane], up[lane]) {
+            ink |= 1 << lane;
         }
     }
-    Float::load_array(simd, ink)
+    Mask::from_bitmask(simd, ink)
 }
 
 #[inline(always)]
-fn cue<S: Simd>(simd: S, rows: &Rows<'_, 16>, seen: &Seen<S>, shaft: Vec3x<S>) -> Vec3x<S> {
-    let from_tip_m = seen.position.dot(rows.triple(simd, AXIS)) - rows.number(simd, UP);
+fn cue<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, shaft: Vec3x<S>) -> Vec3x<S> {
+    let from_tip_m = p.dot(rows.triple(simd, AXIS)) - rows.number(simd, UP);
     let butt = rows.triple(simd, DARK);
+    let tip = Vec3x::splat(simd, CUE_TIP_ALBEDO);
     let ferrule = Vec3x::splat(simd, CUE_FERRULE_ALBEDO);
     let collar = Vec3x::splat(simd, CUE_COLLAR_ALBEDO);
     let wrap = Vec3x::splat(simd, CUE_WRAP_ALBEDO);
-    let followers = [ferrule, shaft, collar, butt, wrap, butt];
-    let mut albedo = Vec3x::splat(simd, CUE_TIP_ALBEDO);
-    for (end, follower) in CUE_ENDS_M.into_iter().zip(followers) {
-        albedo = mix(
-            albedo,
-            follower,
-            share_inside(from_tip_m - end, seen.footprint),
-        );
+    let parts = [tip, ferrule, shaft, collar, butt, wrap];
+    let mut albedo = butt;
+    for (end, part) in CUE_ENDS_M.into_iter().zip(parts).rev() {
+        albedo = Vec3x::select(from_tip_m.simd_lt(end), part, albedo);
     }
     albedo
 }
 
 #[inline(always)]
-fn cloth<S: Simd>(simd: S, rows: &Rows<'_, 16>, seen: &Seen<S>, light: Vec3x<S>) -> Vec3x<S> {
-    let p = seen.position;
+fn cloth<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -> Vec3x<S> {
     let (u, v) = (p.z.mul_add(0.3, p.x), p.z.mul_add(0.8, p.y));
     let (bend, sway) = (wave(u * 2.3 + v * 1.1), wave(u * 0.9 - v * 2.1));
     let nap = wave(v * 37.0 + bend * 3.0) * wave(u * 23.0 + sway * 2.0);
     let shade = bend * sway * 0.05 + nap * 0.015 + 1.0;
     let most = rows.number(simd, SCALE);
     let chalk = Vec3x::splat(simd, CHALK_ALBEDO) * most;
-    let mut colour = light * shade;
-    let of_weave = faded(WEAVE_PER_M, seen.footprint);
-    let near = seen.footprint.simd_gt(0.0) & of_weave.simd_gt(0.0);
-    if near.any_true() {
-        let woven = colour * (of_weave * WEAVE_SHARE * weave(u, v) + 1.0);
-        let woven = mix(woven, chalk, lint(u, v, seen.footprint) * LINT_SHARE);
-        colour = Vec3x::select(near, woven, colour);
-    }
+    let colour = light * shade;
     let marked = p.z.abs().simd_lt(MARK_REACH_M);
-    if marked.any_true() {
-        colour = Vec3x::select(marked, marks(simd, rows, seen, colour, chalk), colour);
-    }
+    let colour = if marked.any_true() {
+        Vec3x::select(marked, marks(simd, rows, p, colour, chalk), colour)
+    } else {
+        colour
+    };
     Vec3x::new(colour.x.min(most), colour.y.min(most), colour.z.min(most))
-}
-
-#[inline(always)]
-fn weave<S: Simd>(u: Float<S>, v: Float<S>) -> Float<S> {
-    let (warp, weft) = (wave(v * 61.0 + u * 13.0), wave(u * 53.0 - v * 17.0));
-    let over = wave(u * WEAVE_PER_M + warp * 0.3) * wave(v * WEAVE_PER_M + weft * 0.3);
-    over * (warp * weft * 0.25 + 0.75)
-}
-
-#[inline(always)]
-fn lint<S: Simd>(u: Float<S>, v: Float<S>, footprint: Float<S>) -> Float<S> {
-    let (i, j) = (
-        (u * (1.0 / LINT_SQUARE_M)).floor(),
-        (v * (1.0 / LINT_SQUARE_M)).floor(),
-    );
-    let (a, b) = (
-        wave(i * 0.381_966 + j * 0.271_828),
-        wave(j * 0.754_878 - i * 0.137_035),
-    );
-    let turns = a * 2.3 + b * 3.7;
-    let x = u - (i + 0.5 + a * 0.4) * LINT_SQUARE_M;
-    let y = v - (j + 0.5 + b * 0.4) * LINT_SQUARE_M;
-    let (sin, cos) = (wave(turns), wave(turns + 0.25));
-    let [half_length, half_width] = LINT_HALF_M;
-    let along = (x * cos + y * sin).abs();
-    let across = (x * sin - y * cos).abs();
-    share_inside(half_length - along, footprint) * share_of_line(across, half_width, footprint)
 }
 
 /// Wear, lines and spots over a table's cloth.
@@ -405,18 +297,17 @@ fn lint<S: Simd>(u: Float<S>, v: Float<S>, footprint: Float<S>) -> Float<S> {
 fn marks<S: Simd>(
     simd: S,
     rows: &Rows<'_, 16>,
-    seen: &Seen<S>,
+    p: Vec3x<S>,
     colour: Vec3x<S>,
     chalk: Vec3x<S>,
 ) -> Vec3x<S> {
-    let p = seen.position;
     let (sights, spots) = (rows.triple(simd, SIGHTS), rows.triple(simd, DARK));
     let (line_x, d_radius) = (sights.x, sights.y);
     let y2 = p.y * p.y;
     let along = p.x - spots.x;
     let from_foot = along.mul_add(along, y2) * (1.0 / WORN_M2);
     let worn = WORN_SHARE / (from_foot + 1.0);
-    let colour = mix(colour, chalk, worn);
+    let colour = (chalk - colour).mul_add(worn, colour);
     let from_line = p.x + line_x;
     let from_arc = from_line.mul_add(from_line, y2).sqrt() - d_radius;
     let has_line = line_x.simd_gt(0.0);
@@ -424,14 +315,14 @@ fn marks<S: Simd>(
     let far = Float::splat(simd, 1.0);
     let off = has_line.select(from_line.abs(), far);
     let off = off.min(in_d.select(from_arc.abs(), far));
-    let half = seen.footprint * 0.5 + LINE_HALF_M;
-    let share = (1.0 - off / half).max(0.0) * (LINE_SHARE * LINE_HALF_M) / half;
-    let colour = mix(colour, chalk, share);
+    let share = (1.0 - off * (1.0 / LINE_HALF_M)).max(0.0) * LINE_SHARE;
+    let colour = (chalk - colour).mul_add(share, colour);
     let (a, b, c) = (p.x - spots.x, p.x - spots.y, p.x - spots.z);
     let nearest = (a * a).min(b * b).min(c * c) + y2;
     let aside = p.y.abs() - d_radius;
     let on_line = from_line.mul_add(from_line, y2.min(aside * aside));
     let nearest = has_line.select(nearest.min(on_line), nearest);
-    let of_spot = share_inside(SPOT_RADIUS_M - nearest.sqrt(), seen.footprint);
-    colour * (1.0 - of_spot * (1.0 - SPOT_SHARE))
+    let spot = nearest.simd_lt(SPOT_RADIUS_M * SPOT_RADIUS_M);
+    let share = spot.select(Float::splat(simd, SPOT_SHARE), Float::splat(simd, 1.0));
+    colour * share
 }

@@ -56,20 +56,19 @@ fn from_tip_m(scene: &CompiledScene, hit: &Hit) -> Option<f64> {
 }
 
 impl Bsdf {
-    /// The scattering at a hit, seen `footprint_m` wide. An area light reflects nothing.
-    pub fn from_hit(scene: &CompiledScene, hit: &Hit, footprint_m: f64) -> Self {
+    /// The scattering at a hit. An area light reflects nothing.
+    pub fn from_hit(scene: &CompiledScene, hit: &Hit) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::black();
         };
-        let footprint_m = footprint_m as f32;
         let pattern = match material.pattern {
-            PATTERN_WOOD | PATTERN_PLANKS => Some(wood(material, hit.point, footprint_m)),
-            PATTERN_CLOTH => Some(cloth(material, hit.point, footprint_m)),
-            PATTERN_BRICKS => Some(bricks(material, hit.point, footprint_m)),
-            PATTERN_SCOREBOARD => Some(scoreboard(material, hit.point, footprint_m)),
+            PATTERN_WOOD | PATTERN_PLANKS => Some(wood(material, hit.point)),
+            PATTERN_CLOTH => Some(cloth(material, hit.point)),
+            PATTERN_BRICKS => Some(bricks(material, hit.point)),
+            PATTERN_SCOREBOARD => Some(scoreboard(material, hit.point)),
             PATTERN_CUE => Some(from_tip_m(scene, hit).map_or_else(
                 || vector(material.stripe_albedo),
-                |from_tip_m| cue(material, from_tip_m, footprint_m),
+                |from_tip_m| cue(material, from_tip_m),
             )),
             _ => None,
         };
@@ -88,8 +87,7 @@ impl Bsdf {
         let mut bsdf = Self::new(material, in_stripe);
         if material.pattern == PATTERN_NUMBER {
             let axis = vector(sphere.number_axis);
-            let footprint = footprint_m / sphere.radius;
-            bsdf.albedo = numbered(material.number, [hit.n, axis, up], bsdf.albedo, footprint);
+            bsdf.albedo = numbered(material.number, hit.n, axis, up, bsdf.albedo);
         }
         bsdf
     }
@@ -100,7 +98,6 @@ impl Bsdf {
         material: &MaterialData,
         hit: &Hit,
         wo: DVec3,
-        footprint_m: f64,
     ) -> Option<Self> {
         let disc = &scene.materials[material.number_disc()? as usize];
         let Primitive::Sphere(i) = hit.primitive else {
@@ -113,9 +110,8 @@ impl Bsdf {
             return None;
         }
         let base = Self::new(disc, false);
-        let footprint = footprint_m as f32 / sphere.radius;
         Some(Self {
-            albedo: numbered(disc.number, [hit.n, axis, up], base.albedo, footprint),
+            albedo: numbered(disc.number, hit.n, axis, up, base.albedo),
             ..base
         })
     }

@@ -253,8 +253,7 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
         albedo = scene_storage.materials[material].stripe_albedo;
         if (kind == CSG_FACE_APEX_CONE) {
             // The next face is the narrow end.
-            let from_tip_m = dot(position, normalize(b)) + scene_storage.csg_faces[index + 1u].b.x;
-            albedo = cue(material, from_tip_m, texture_footprint * t);
+            albedo = cue(material, dot(position, normalize(b)) + scene_storage.csg_faces[index + 1u].b.x);
         }
     }
     return Surface(position, normal, albedo, material, false);

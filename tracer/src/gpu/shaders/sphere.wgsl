@@ -83,7 +83,6 @@ fn sphere_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let is_outside = chord.middle_t > half && !is_within;
     let along = select(half, -half, is_outside);
     let outward = fma(vec3f(along), ray.direction, -chord.to_center) / sphere.radius;
-    let footprint = texture_footprint * t / sphere.radius;
     var albedo = scene_storage.materials[sphere.material].albedo;
     if (HAS_STRIPE) {
         let sine = abs(dot(outward, sphere.stripe_axis));
@@ -92,7 +91,7 @@ fn sphere_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     }
     if (HAS_NUMBER && scene_storage.materials[sphere.material].pattern == PATTERN_NUMBER) {
         let number = scene_storage.materials[sphere.material].number;
-        albedo = numbered(number, outward, sphere.number_axis, sphere.stripe_axis, albedo, footprint);
+        albedo = numbered(number, outward, sphere.number_axis, sphere.stripe_axis, albedo);
     }
     var material = sphere.material;
     let kind = scene_storage.materials[material].kind;
@@ -101,7 +100,7 @@ fn sphere_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
         if (disc > 0u && is_in_circle(outward, sphere.number_axis, sphere.stripe_axis)) {
             material = disc;
             let number = scene_storage.materials[disc].number;
-            albedo = numbered(number, outward, sphere.number_axis, sphere.stripe_axis, albedo, footprint);
+            albedo = numbered(number, outward, sphere.number_axis, sphere.stripe_axis, albedo);
         }
     }
     return Surface(

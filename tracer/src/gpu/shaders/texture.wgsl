@@ -14,46 +14,22 @@ fn stroke_distance(index: u32, p: vec2f) -> f32 {
     return sqrt(dot(d, d));
 }
 
-fn digit_distance(digit: u32, p: vec2f) -> f32 {
-    var nearest = T_MISS;
+fn is_digit(digit: u32, p: vec2f) -> bool {
     for (var stroke = 0u; stroke < STROKES; stroke++) {
-        nearest = min(nearest, stroke_distance(digit * STROKES + stroke, p));
+        if (stroke_distance(digit * STROKES + stroke, p) < STROKE_HALF) {
+            return true;
+        }
     }
-    return nearest;
+    return false;
 }
 
-fn ink_share(number: u32, p: vec2f, footprint: f32) -> f32 {
+fn is_ink(number: u32, p: vec2f) -> bool {
     if (number < 10u) {
-        let distance = digit_distance(number, p / DIGIT_SCALE.x);
-        return share_of_line(distance, STROKE_HALF, footprint / DIGIT_SCALE.x);
+        return is_digit(number, p / DIGIT_SCALE.x);
     }
     let q = p / DIGIT_SCALE.y;
     let shift = vec2f(DIGIT_SHIFT, 0.0);
-    let distance = min(digit_distance(number / 10u, q + shift), digit_distance(number % 10u, q - shift));
-    return share_of_line(distance, STROKE_HALF, footprint / DIGIT_SCALE.y);
-}
-
-fn share_of_line(distance: f32, half_width: f32, footprint: f32) -> f32 {
-    return share_within(distance + half_width, 2.0 * half_width, footprint);
-}
-
-fn share_within(x: f32, end: f32, footprint: f32) -> f32 {
-    let width = max(footprint, FOOTPRINT_MIN);
-    return max(min(x + 0.5 * width, end) - max(x - 0.5 * width, 0.0), 0.0) / width;
-}
-
-fn share_inside(inside: f32, footprint: f32) -> f32 {
-    return saturate(inside / max(footprint, FOOTPRINT_MIN) + 0.5);
-}
-
-fn share_of_joints(x: f32, joint: f32, footprint: f32) -> f32 {
-    return share_within(x, joint, footprint) + share_within(x - 1.0, joint, footprint);
-}
-
-fn faded(turns_per_m: f32, footprint_m: f32) -> f32 {
-    let turns = min(turns_per_m * footprint_m, 1.0);
-    let left = 1.0 - turns * turns;
-    return left * left;
+    return is_digit(number / 10u, q + shift) || is_digit(number % 10u, q - shift);
 }
 
 fn in_circle(n: vec3f, axis: vec3f, up: vec3f) -> vec2f {
@@ -66,15 +42,12 @@ fn is_in_circle(n: vec3f, axis: vec3f, up: vec3f) -> bool {
     return dot(p, p) < 1.0;
 }
 
-// The footprint's unit is the ball's radius.
-fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f, ball_footprint: f32) -> vec3f {
+fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f {
     let p = in_circle(n, axis, up);
-    let footprint = ball_footprint * (1.0 / CIRCLE_SINE);
-    let of_circle = share_inside(1.0 - length(p), footprint);
-    if (of_circle == 0.0) {
+    if (dot(p, p) >= 1.0) {
         return base;
     }
-    return mix(base, mix(CIRCLE_ALBEDO, INK_ALBEDO, ink_share(number, p, footprint)), of_circle);
+    return select(CIRCLE_ALBEDO, INK_ALBEDO, is_ink(number, p));
 }
 
 // The sine of an angle in turns, by a polynomial over the first quarter.
@@ -87,9 +60,8 @@ fn wave(turns: f32) -> f32 {
     return select(sine, -sine, x < 0.0);
 }
 
-fn wood(material: u32, place: vec3f, footprint_m: f32) -> vec3f {
+fn wood(material: u32, place: vec3f) -> vec3f {
     var p = place;
-    var of_sight = 0.0;
     let light = scene_storage.materials[material].albedo;
     let rings = scene_storage.materials[material].stripe_albedo;
     let sights = scene_storage.materials[material].sights;
@@ -102,13 +74,11 @@ fn wood(material: u32, place: vec3f, footprint_m: f32) -> vec3f {
         let nearest = floor(along / max(sights.x, 1e-6) + 0.5);
         let exists = sights.x > 0.0 && abs(nearest) < select(3.5, 1.5, is_end) && (is_end || nearest != 0.0);
         let diamond = abs(along - nearest * sights.x) / SIGHT_HALF_M.x + abs(off) / SIGHT_HALF_M.y;
-        if (exists && p.z > 0.0) {
-            of_sight = share_inside((1.0 - diamond) / SIGHT_SLOPE_PER_M, footprint_m);
+        if (exists && diamond < 1.0 && p.z > 0.0) {
+            return SIGHT_ALBEDO;
         }
     }
-    let scale = scene_storage.materials[material].scale;
-    let footprint = footprint_m * scale;
-    p *= scale;
+    p *= scene_storage.materials[material].scale;
     var a = select(p.x, p.y, axis == 1u);
     var b = select(p.y, p.x, axis == 1u);
     var height = p.z;
@@ -118,11 +88,12 @@ fn wood(material: u32, place: vec3f, footprint_m: f32) -> vec3f {
         height = 0.0;
     }
     var tone = 0.0;
-    var of_gap = 0.0;
     if (scene_storage.materials[material].pattern == PATTERN_PLANKS) {
         let across = b * (1.0 / PLANK_M);
         let plank = floor(across);
-        of_gap = share_of_joints(across - plank, PLANK_GAP, footprint * (1.0 / PLANK_M));
+        if (across - plank < PLANK_GAP) {
+            return 0.3 * rings;
+        }
         tone = 0.28 * wave(0.381966 * plank);
         a += 1.7 * plank;
     }
@@ -130,14 +101,11 @@ fn wood(material: u32, place: vec3f, footprint_m: f32) -> vec3f {
     let ring = wave(17.0 * b + 11.0 * height + bend);
     let fibre = wave(151.0 * b + 83.0 * height + 0.8 * wave(1.3 * a + 3.1 * b) + 2.0 * a);
     let pore = wave(463.0 * b + 211.0 * height + 1.1 * wave(4.1 * a));
-    let turns = WOOD_TURNS_PER_M;
-    let grain = 0.27 * faded(turns.x, footprint) * ring + 0.14 * faded(turns.y, footprint) * fibre
-        + 0.09 * faded(turns.z, footprint) * pore;
-    let wood = mix(light, rings, saturate(0.45 + grain + tone));
-    return mix(mix(wood, 0.3 * rings, of_gap), SIGHT_ALBEDO, of_sight);
+    let shade = clamp(0.45 + 0.27 * ring + 0.14 * fibre + 0.09 * pore + tone, 0.0, 1.0);
+    return mix(light, rings, shade);
 }
 
-fn cloth(material: u32, p: vec3f, footprint_m: f32) -> vec3f {
+fn cloth(material: u32, p: vec3f) -> vec3f {
     let most = scene_storage.materials[material].scale;
     let u = p.x + 0.3 * p.z;
     let v = p.y + 0.8 * p.z;
@@ -147,128 +115,104 @@ fn cloth(material: u32, p: vec3f, footprint_m: f32) -> vec3f {
     let shade = 1.0 + 0.05 * bend * sway + 0.015 * nap;
     let chalk = CHALK_ALBEDO * most;
     var colour = shade * scene_storage.materials[material].albedo;
-    let of_weave = faded(WEAVE_PER_M, footprint_m);
-    if (footprint_m > 0.0 && of_weave > 0.0) {
-        colour *= 1.0 + WEAVE_SHARE * of_weave * weave(u, v);
-        colour = mix(colour, chalk, LINT_SHARE * lint(u, v, footprint_m));
-    }
     if (abs(p.z) < MARK_REACH_M) {
-        colour = marked(material, p, colour, chalk, footprint_m);
+        let line_x = scene_storage.materials[material].sights.x;
+        let d_radius = scene_storage.materials[material].sights.y;
+        let spots = scene_storage.materials[material].stripe_albedo;
+        let along = p.x - spots.x;
+        let from_foot = (along * along + p.y * p.y) / WORN_M2;
+        colour = mix(colour, chalk, WORN_SHARE / (1.0 + from_foot));
+        let from_line = p.x + line_x;
+        let from_arc = sqrt(from_line * from_line + p.y * p.y) - d_radius;
+        var off = select(T_MISS, abs(from_line), line_x > 0.0);
+        if (d_radius > 0.0 && from_line < 0.0) {
+            off = min(off, abs(from_arc));
+        }
+        colour = mix(colour, chalk, LINE_SHARE * max(1.0 - off / LINE_HALF_M, 0.0));
+        let q = vec3f(p.x) - spots;
+        var nearest = smallest(q * q) + p.y * p.y;
+        if (line_x > 0.0) {
+            let aside = abs(p.y) - d_radius;
+            nearest = min(nearest, from_line * from_line + min(p.y * p.y, aside * aside));
+        }
+        if (nearest < SPOT_RADIUS_M * SPOT_RADIUS_M) {
+            colour *= SPOT_SHARE;
+        }
     }
     return min(colour, vec3f(most));
 }
 
-fn weave(u: f32, v: f32) -> f32 {
-    let warp = wave(61.0 * v + 13.0 * u);
-    let weft = wave(53.0 * u - 17.0 * v);
-    return wave(WEAVE_PER_M * u + 0.3 * warp) * wave(WEAVE_PER_M * v + 0.3 * weft) * (0.75 + 0.25 * warp * weft);
-}
-
-fn lint(u: f32, v: f32, footprint_m: f32) -> f32 {
-    let i = floor(u * (1.0 / LINT_SQUARE_M));
-    let j = floor(v * (1.0 / LINT_SQUARE_M));
-    let a = wave(0.381966 * i + 0.271828 * j);
-    let b = wave(0.754878 * j - 0.137035 * i);
-    let turns = 2.3 * a + 3.7 * b;
-    let direction = vec2f(wave(turns + 0.25), wave(turns));
-    let place = vec2f(u - (i + 0.5 + 0.4 * a) * LINT_SQUARE_M, v - (j + 0.5 + 0.4 * b) * LINT_SQUARE_M);
-    let along = abs(dot(place, direction));
-    let across = abs(place.x * direction.y - place.y * direction.x);
-    return share_inside(LINT_HALF_M.x - along, footprint_m) * share_of_line(across, LINT_HALF_M.y, footprint_m);
-}
-
-fn marked(material: u32, p: vec3f, cloth: vec3f, chalk: vec3f, footprint_m: f32) -> vec3f {
-    let line_x = scene_storage.materials[material].sights.x;
-    let d_radius = scene_storage.materials[material].sights.y;
-    let spots = scene_storage.materials[material].stripe_albedo;
-    let along = p.x - spots.x;
-    let from_foot = (along * along + p.y * p.y) / WORN_M2;
-    let worn = mix(cloth, chalk, WORN_SHARE / (1.0 + from_foot));
-    let from_line = p.x + line_x;
-    let from_arc = sqrt(from_line * from_line + p.y * p.y) - d_radius;
-    var off = select(T_MISS, abs(from_line), line_x > 0.0);
-    if (d_radius > 0.0 && from_line < 0.0) {
-        off = min(off, abs(from_arc));
-    }
-    let half = LINE_HALF_M + 0.5 * footprint_m;
-    let lined = mix(worn, chalk, LINE_SHARE * LINE_HALF_M / half * max(1.0 - off / half, 0.0));
-    let q = vec3f(p.x) - spots;
-    var nearest = smallest(q * q) + p.y * p.y;
-    if (line_x > 0.0) {
-        let aside = abs(p.y) - d_radius;
-        nearest = min(nearest, from_line * from_line + min(p.y * p.y, aside * aside));
-    }
-    return lined * (1.0 - share_inside(SPOT_RADIUS_M - sqrt(nearest), footprint_m) * (1.0 - SPOT_SHARE));
-}
-
-fn bricks(material: u32, p: vec3f, footprint_m: f32) -> vec3f {
+fn bricks(material: u32, p: vec3f) -> vec3f {
     let course = floor(p.z / BRICK_M.y);
     let along = (p.x + p.y) / BRICK_M.x + 0.5 * course;
     let brick = floor(along);
-    let joint = JOINT_M / BRICK_M;
-    let footprint = footprint_m / BRICK_M;
-    let of_head_joint = share_of_joints(along - brick, joint.x, footprint.x);
-    let of_bed_joint = share_of_joints(p.z / BRICK_M.y - course, joint.y, footprint.y);
-    let of_mortar = of_head_joint + of_bed_joint - of_head_joint * of_bed_joint;
+    if ((along - brick) * BRICK_M.x < JOINT_M || p.z - course * BRICK_M.y < JOINT_M) {
+        return scene_storage.materials[material].sights;
+    }
     let kiln = vec2f(wave(0.381966 * brick + 0.271 * course), wave(0.754878 * course - 0.137 * brick));
     let fired = 0.5 + 0.5 * wave(5.3 * kiln.x + 7.7 * kiln.y);
     let speckle = wave(31.0 * p.z + 1.3 * fired) * wave(17.0 * (p.x + p.y) + fired);
-    let dark = saturate(fired + 0.12 * speckle);
-    let light = scene_storage.materials[material].albedo;
-    let bricks = mix(light, scene_storage.materials[material].stripe_albedo, dark);
-    return mix(bricks, scene_storage.materials[material].sights, of_mortar);
+    let dark = clamp(fired + 0.12 * speckle, 0.0, 1.0);
+    return mix(scene_storage.materials[material].albedo, scene_storage.materials[material].stripe_albedo, dark);
 }
 
-fn scoreboard_ink_share(place: vec2f, footprint: f32) -> f32 {
+fn is_scoreboard_ink(place: vec2f) -> bool {
     let dial = clamp(floor(place.x / DIAL_SPACING + 0.5), -1.0, 1.0);
     let numbers = select(10u, 12u, dial == 0.0);
     let p = place - vec2f(DIAL_SPACING * dial, 0.0);
     let from_middle = length(p);
-    let of_board = share_inside(from_middle - 1.0, footprint);
+    if (from_middle > 1.0) {
+        return true;
+    }
     let turns = atan2(p.x, p.y) * 0.15915494 + 1.0;
     var number = u32(turns * f32(numbers) + 0.5) % numbers;
     let direction = circle(f32(number) / f32(numbers)).yx;
     if (from_middle > DIAL_MARKS_FROM) {
-        let from_mark = abs(p.x * direction.y - p.y * direction.x);
-        return max(of_board, share_of_line(from_mark, DIAL_MARK_HALF, footprint));
+        return abs(p.x * direction.y - p.y * direction.x) < DIAL_MARK_HALF;
     }
     if (number == 0u && numbers == 12u) {
         number = 12u;
     }
-    return ink_share(number, (p - DIAL_NUMBERS_AT * direction) / DIAL_DIGIT, footprint / DIAL_DIGIT);
+    return is_ink(number, (p - DIAL_NUMBERS_AT * direction) / DIAL_DIGIT);
 }
 
-fn scoreboard(material: u32, p: vec3f, footprint_m: f32) -> vec3f {
+fn scoreboard(material: u32, p: vec3f) -> vec3f {
     let place = scene_storage.materials[material].sights;
     let q = vec2f(place.x - p.y, p.z - place.y) / place.z;
-    let ink = scoreboard_ink_share(q, footprint_m / place.z);
-    return mix(scene_storage.materials[material].albedo, scene_storage.materials[material].stripe_albedo, ink);
-}
-
-fn cue(material: u32, from_tip_m: f32, footprint_m: f32) -> vec3f {
-    let shaft = scene_storage.materials[material].albedo;
-    let butt = scene_storage.materials[material].stripe_albedo;
-    let followers = array(CUE_FERRULE_ALBEDO, shaft, CUE_COLLAR_ALBEDO, butt, CUE_WRAP_ALBEDO, butt);
-    var albedo = CUE_TIP_ALBEDO;
-    for (var end = 0u; end < 6u; end++) {
-        albedo = mix(albedo, followers[end], share_inside(from_tip_m - CUE_ENDS_M[end], footprint_m));
+    if (is_scoreboard_ink(q)) {
+        return scene_storage.materials[material].stripe_albedo;
     }
-    return albedo;
+    return scene_storage.materials[material].albedo;
 }
 
-fn textured(surface: Surface, footprint_m: f32) -> vec3f {
+fn cue(material: u32, from_tip_m: f32) -> vec3f {
+    var part = 0u;
+    for (var end = 0u; end < 6u; end++) {
+        part += select(0u, 1u, from_tip_m >= CUE_ENDS_M[end]);
+    }
+    switch part {
+        case 0u: { return CUE_TIP_ALBEDO; }
+        case 1u: { return CUE_FERRULE_ALBEDO; }
+        case 2u: { return scene_storage.materials[material].albedo; }
+        case 3u: { return CUE_COLLAR_ALBEDO; }
+        case 5u: { return CUE_WRAP_ALBEDO; }
+        default: { return scene_storage.materials[material].stripe_albedo; }
+    }
+}
+
+fn textured(surface: Surface) -> vec3f {
     let pattern = scene_storage.materials[surface.material].pattern;
     if (pattern == PATTERN_WOOD || pattern == PATTERN_PLANKS) {
-        return wood(surface.material, surface.position, footprint_m);
+        return wood(surface.material, surface.position);
     }
     if (pattern == PATTERN_CLOTH) {
-        return cloth(surface.material, surface.position, footprint_m);
+        return cloth(surface.material, surface.position);
     }
     if (pattern == PATTERN_BRICKS) {
-        return bricks(surface.material, surface.position, footprint_m);
+        return bricks(surface.material, surface.position);
     }
     if (pattern == PATTERN_SCOREBOARD) {
-        return scoreboard(surface.material, surface.position, footprint_m);
+        return scoreboard(surface.material, surface.position);
     }
     return surface.albedo;
 }

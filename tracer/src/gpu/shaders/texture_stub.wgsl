@@ -1,6 +1,6 @@
 // A scene without procedural textures.
 
-fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f, ball_footprint: f32) -> vec3f {
+fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f {
     return base;
 }
 
@@ -8,10 +8,10 @@ fn is_in_circle(n: vec3f, axis: vec3f, up: vec3f) -> bool {
     return false;
 }
 
-fn textured(surface: Surface, footprint_m: f32) -> vec3f {
+fn textured(surface: Surface) -> vec3f {
     return surface.albedo;
 }
 
-fn cue(material: u32, from_tip_m: f32, footprint_m: f32) -> vec3f {
+fn cue(material: u32, from_tip_m: f32) -> vec3f {
     return vec3f(0.0);
 }
