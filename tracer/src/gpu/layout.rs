@@ -1,7 +1,5 @@
 //! The bytes that a kernel reads: what [`crate::compiled`] holds, one array behind another.
 
-use std::ops::Range;
-
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
 
@@ -16,8 +14,7 @@ use crate::compiled::{
 };
 use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features, SceneMemory};
-use crate::gpu::schedule::Chunk;
-use crate::{Error, ImageSize, RenderSettings, SceneError};
+use crate::{Error, ImageSize, SceneError};
 
 /// What stands before the scene's arrays.
 #[repr(C)]
@@ -45,25 +42,6 @@ pub(crate) struct DispatchData {
     pub(crate) max_depth: u32,
     /// Whether the tiles are single pixels, as many as [`LISTED_PIXELS`] says.
     pub(crate) is_list: u32,
-}
-
-impl DispatchData {
-    /// A run of samples of all pixels of a chunk.
-    pub(crate) fn new(chunk: &Chunk, settings: &RenderSettings, samples: Range<u32>) -> Self {
-        Self {
-            tile_count: chunk.entries.len() as u32,
-            block_count: chunk.blocks,
-            sample_begin: samples.start,
-            sample_end: samples.end,
-            samples: settings.samples,
-            first_half: 0,
-            pixels: chunk.pixels as u32,
-            first_sample: settings.first_sample,
-            seed: settings.seed,
-            max_depth: settings.max_depth,
-            is_list: 0,
-        }
-    }
 }
 
 /// Words of the counters before those of the tiles: rays, low and high, and the length of the list of edges.

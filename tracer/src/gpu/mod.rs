@@ -53,7 +53,7 @@ use denoise::FilterKernels;
 use device::Device;
 use features::{Features, KernelOutput};
 use frame::{BufferPool, FrameBuffers, Pass, ReadbackLayout, SUM_BYTES, groups};
-use layout::{DispatchData, TileEntry};
+use layout::TileEntry;
 use mesh_buffer::{MeshBuffers, SceneUpload};
 use pipeline::{Kernel, KernelCache};
 use schedule::{Chunk, ChunkLimits, Pacer};
@@ -245,7 +245,7 @@ impl GpuTracer {
                 return Ok(false);
             }
             let end = begin.saturating_add(step).min(settings.samples);
-            let data = DispatchData::new(chunk, settings, begin..end);
+            let data = chunk.dispatch(settings, begin..end);
             let samples = u64::from(end - begin) * chunk.pixels;
             pass.uniforms = bytes_of(&data).to_vec();
             let passes = std::slice::from_ref(&pass);

@@ -10,7 +10,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::gpu::layout::TileEntry;
+use crate::gpu::layout::{DispatchData, TileEntry};
 use crate::gpu::shader::BLOCK_EDGE;
 use crate::{RenderSettings, Tile};
 
@@ -146,6 +146,23 @@ impl Chunk {
         };
         tiles.iter().for_each(|tile| chunk.push(tile));
         chunk
+    }
+
+    /// A run of samples of all its pixels.
+    pub(crate) fn dispatch(&self, settings: &RenderSettings, samples: Range<u32>) -> DispatchData {
+        DispatchData {
+            tile_count: self.entries.len() as u32,
+            block_count: self.blocks,
+            sample_begin: samples.start,
+            sample_end: samples.end,
+            samples: settings.samples,
+            first_half: 0,
+            pixels: self.pixels as u32,
+            first_sample: settings.first_sample,
+            seed: settings.seed,
+            max_depth: settings.max_depth,
+            is_list: 0,
+        }
     }
 
     fn push(&mut self, tile: &Tile) {

@@ -351,7 +351,7 @@ impl RegionFrame<'_> {
             block_count,
             first_half,
             is_list: u32::from(is_list),
-            ..DispatchData::new(traced, &part.settings, samples)
+            ..traced.dispatch(&part.settings, samples)
         };
         let bindings = (self.tracer.device)
             .guarded(|wgpu| self.buffers.bind(wgpu, &part.kernel, slot, tiles, film))?;
