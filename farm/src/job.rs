@@ -13,7 +13,7 @@ pub struct Job<T, P> {
     thread: Option<JoinHandle<Result<T, Error>>>,
     canceller: Canceller,
     progress: Arc<Mutex<P>>,
-    /// What was there at the start, of a job before.
+    /// Samples of a still, or frames of a film, that an interrupted job had left.
     pub(crate) resumed: u32,
 }
 

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use carom_protocol::limits::POSES_MAX;
-use carom_protocol::{EncodedScene, PixelFormat, SceneHash};
+use carom_protocol::{EncodedScene, SceneHash};
 use carom_tracer::{CompiledScene, Scene, SceneError, SettingsError};
 
 use crate::error::Error;
@@ -75,13 +75,9 @@ impl SceneHandle {
             };
             return Err(carom_tracer::Error::InvalidUpdate(fault).into());
         }
-        if let PixelFormat::Srgb8 { exposure } = spec.format
-            && !(exposure > 0.0 && exposure.is_finite())
-        {
-            let sentence = format!("the exposure is {exposure}: it must be above 0");
-            let fault = SettingsError(sentence);
-            return Err(carom_tracer::Error::InvalidSettings(fault).into());
-        }
+        let checked = spec.format.validate();
+        let checked = checked.map_err(|why| SettingsError(why.to_string()));
+        checked.map_err(carom_tracer::Error::InvalidSettings)?;
         let mut compiled = lock(&self.compiled);
         compiled.apply(&spec.update)?;
         Ok(())

@@ -67,7 +67,8 @@ pub fn decode(file: &[u8]) -> Result<RadianceImage, String> {
 /// A sentence if it cannot be written.
 pub fn encode_exr(picture: &RadianceImage) -> Result<Vec<u8>, String> {
     let mut file = Cursor::new(Vec::new());
-    picture.encode_exr(&mut file).map_err(exr_fault)?;
+    let written = picture.encode_exr(&mut file);
+    written.map_err(|why| format!("its OpenEXR cannot be written: {why}"))?;
     Ok(file.into_inner())
 }
 

@@ -9,7 +9,7 @@ use crate::gpu::denoise::FilterBuffers;
 use crate::gpu::device::Device;
 use crate::gpu::features::KernelOutput;
 use crate::gpu::layout::{COUNTERS_BEFORE_TILES, DispatchData, SceneHeader, TileEntry};
-use crate::gpu::mesh_buffer::{FurtherBuffers, SceneUpload};
+use crate::gpu::mesh_buffer::{OptionalBuffers, SceneUpload};
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
 
@@ -33,7 +33,7 @@ pub(crate) struct FrameBuffers {
     scene: wgpu::Buffer,
     /// Of the present scene.
     scene_bytes: u64,
-    further: FurtherBuffers,
+    optional: OptionalBuffers,
     /// A slot for each pass of a submission.
     uniforms: wgpu::Buffer,
     pub(super) tiles: wgpu::Buffer,
@@ -118,7 +118,7 @@ impl FrameBuffers {
         Self {
             scene: buffer(wgpu, size_of::<SceneHeader>() as u64, SCENE_USAGE),
             scene_bytes: 0,
-            further: FurtherBuffers::default(),
+            optional: OptionalBuffers::default(),
             uniforms: buffer(
                 wgpu,
                 SLOT_BYTES * PASSES_MAX as u64,
@@ -151,9 +151,9 @@ impl FrameBuffers {
         let sums_bytes = SUM_BYTES * chunk.pixels;
         let SceneUpload {
             bytes: scene,
-            further,
+            optional,
         } = scene;
-        self.further.clone_from(further);
+        self.optional.clone_from(optional);
         self.scene_bytes = scene.len() as u64;
         device.guarded(|wgpu| {
             reserve(wgpu, &mut self.scene, scene.len() as u64, SCENE_USAGE);
@@ -191,10 +191,10 @@ impl FrameBuffers {
             whole(5, &self.film_sums),
             part(6, &self.scene, 0, self.scene_bytes),
         ];
-        let further = self.further.iter();
-        let further = further.filter(|(binding, _)| kernel.further_bindings.contains(binding));
+        let optional = self.optional.iter();
+        let optional = optional.filter(|(binding, _)| kernel.optional_bindings.contains(binding));
         entries.extend(
-            further.filter_map(|(binding, buffer)| Some(whole(*binding, buffer.as_ref()?))),
+            optional.filter_map(|(binding, buffer)| Some(whole(*binding, buffer.as_ref()?))),
         );
         wgpu.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("trace"),

@@ -16,12 +16,12 @@ use crate::{CompiledScene, Error, ImageSize};
 pub(crate) struct SceneUpload {
     /// See [`scene_bytes`].
     pub(crate) bytes: Vec<u8>,
-    pub(crate) further: FurtherBuffers,
+    pub(crate) optional: OptionalBuffers,
 }
 
 /// Triangles as [`mesh_bytes`] has them, image textures and an environment map, each behind its binding and none without
 /// any.
-pub(crate) type FurtherBuffers = [(u32, Option<Arc<wgpu::Buffer>>); 3];
+pub(crate) type OptionalBuffers = [(u32, Option<Arc<wgpu::Buffer>>); 3];
 
 /// Buffers of the scenes that were traced last.
 #[derive(Default)]
@@ -43,7 +43,7 @@ impl MeshBuffers {
     ) -> Result<SceneUpload, Error> {
         Ok(SceneUpload {
             bytes: scene_bytes(scene, size)?,
-            further: [
+            optional: [
                 (MESH_BINDING, self.of(device, scene)?),
                 (TEXTURE_BINDING, self.images.textures(device, scene)?),
                 (

@@ -15,7 +15,7 @@ pub(crate) struct Kernel {
     pub(crate) pipeline: wgpu::ComputePipeline,
     pub(crate) layout: wgpu::BindGroupLayout,
     /// Bindings of those buffers beside the scene's that it reads: triangles, image textures, the environment map.
-    pub(crate) further_bindings: Vec<u32>,
+    pub(crate) optional_bindings: Vec<u32>,
     /// Blocks of pixels that a workgroup traces.
     pub(crate) workgroup_blocks: u32,
 }
@@ -75,7 +75,7 @@ pub(crate) fn compile(
             entry(6, wgpu::BufferBindingType::Storage { read_only: true }),
         ];
         let has_mesh = features.count(ShapeKind::Triangle) > 0;
-        let further_bindings: Vec<u32> = [
+        let optional_bindings: Vec<u32> = [
             has_mesh.then_some(MESH_BINDING),
             (features.textures > 0).then_some(TEXTURE_BINDING),
             (features.has_environment_map()).then_some(ENVIRONMENT_BINDING),
@@ -83,9 +83,9 @@ pub(crate) fn compile(
         .into_iter()
         .flatten()
         .collect();
-        let further = further_bindings.iter();
+        let optional = optional_bindings.iter();
         let read = wgpu::BufferBindingType::Storage { read_only: true };
-        entries.extend(further.map(|&binding| entry(binding, read)));
+        entries.extend(optional.map(|&binding| entry(binding, read)));
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("trace"),
             entries: &entries,
@@ -110,7 +110,7 @@ pub(crate) fn compile(
         Kernel {
             pipeline,
             layout,
-            further_bindings,
+            optional_bindings,
             workgroup_blocks: features.workgroup_blocks,
         }
     })
