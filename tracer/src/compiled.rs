@@ -52,7 +52,7 @@ use crate::bvh::{Bounds, Bvh};
 use crate::scene::{Camera, ObjectPose};
 
 /// A validated scene, ready to trace. Primitives are sorted by shape; within a shape they keep
-/// the order of [`Scene::objects`].
+/// the order of [`objects`](crate::scene::Scene::objects).
 #[derive(Clone, Debug)]
 pub struct CompiledScene {
     /// The camera that the next picture is taken with.
