@@ -1,7 +1,9 @@
 //! Procedural textures: numbers on balls, the grain of wood, the marks of cloth, the parts of a cue.
 //!
-//! Everything is a formula of the point, so that it is sharp at every distance and the samples of a
-//! pixel smooth it. The waves are `wave(t) = sin 2πt`; the same formulas run in SIMD and WGSL.
+//! Everything is a formula of the point, so that edges are sharp at every distance and the samples of a
+//! pixel smooth them. Waves and lines that a pixel of the camera cannot show fade with its footprint: how wide the surface
+//! is that it sees there, in m, and 0 where paths have gone on. The waves are `wave(t) = sin 2πt`; the same formulas run in
+//! SIMD and WGSL.
 
 use std::f64::consts::TAU;
 #[cfg(feature = "gpu")]
@@ -21,6 +23,8 @@ pub const INK_ALBEDO: [f32; 3] = [0.012, 0.012, 0.012];
 pub const SIGHT_ALBEDO: [f32; 3] = [0.78, 0.76, 0.7];
 /// Half the length and width of a sight in m, a diamond.
 pub const SIGHT_HALF_M: [f32; 2] = [0.0135, 0.0065];
+/// Turns a metre of the rings, fibres and pores of wood, of scale 1.
+pub const WOOD_TURNS_PER_M: [f32; 3] = [17.0, 151.0, 463.0];
 /// Width of a floor's planks in m.
 pub const PLANK_M: f32 = 0.13;
 /// Share of a plank's width that the gap beside it takes.
@@ -58,6 +62,19 @@ pub const WORN_SHARE: f32 = 0.07;
 pub const WORN_M2: f32 = 0.0016;
 /// Marks lie no farther from the height 0 in m.
 pub const MARK_REACH_M: f32 = 0.001;
+
+/// Threads of a cloth's weave per m, in pairs, and how much they differ in light.
+pub const WEAVE_PER_M: f32 = 1100.0;
+/// See [`WEAVE_PER_M`].
+pub const WEAVE_SHARE: f32 = 0.2;
+/// Weave and lint fade as waves of so many turns a metre: before a few samples of a pixel show them as noise.
+pub const WEAVE_FADES_PER_M: f32 = 4000.0;
+/// Edge in m of the squares of cloth of which each has a fibre of lint.
+pub const LINT_SQUARE_M: f32 = 0.04;
+/// Half the length and width of a fibre of lint in m.
+pub const LINT_HALF_M: [f32; 2] = [0.0016, 0.000_1];
+/// Share of chalk's colour in a fibre of lint.
+pub const LINT_SHARE: f32 = 0.25;
 
 /// Where the tip, ferrule, shaft, collar, forearm and wrap of a cue end, in m from the end of its tip;
 /// the butt follows.
@@ -272,8 +289,21 @@ fn wave(turns: f64) -> f64 {
     (TAU * turns).sin()
 }
 
+/// What the mean over a footprint leaves of a wave of so many turns a metre: about `sin πx / πx`.
+fn faded(turns_per_m: f32, footprint_m: f64) -> f64 {
+    let turns = (f64::from(turns_per_m) * footprint_m).min(1.0);
+    (1.0 - turns * turns) * (1.0 - turns * turns)
+}
+
+/// Share of a line at a distance from its middle, to both sides of which it falls to 0: wider by the footprint, and paler
+/// by as much.
+fn line_share(distance_m: f64, half_m: f32, footprint_m: f64) -> f64 {
+    let half = f64::from(half_m) + 0.5 * footprint_m;
+    f64::from(half_m) / half * (1.0 - distance_m / half).max(0.0)
+}
+
 /// The albedo of wood at a point of the world.
-pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
+pub fn wood(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let [spacing, line_x, line_y] = material.sights.map(f64::from);
     let mut axis = material.grain_axis;
@@ -297,6 +327,8 @@ pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
         }
     }
     let p = p * f64::from(material.scale);
+    let faded = |turns| faded(turns, footprint_m * f64::from(material.scale));
+    let [of_ring, of_fibre, of_pore] = WOOD_TURNS_PER_M.map(faded);
     let (mut a, b) = match axis {
         0 => (p.x, p.y),
         1 => (p.y, p.x),
@@ -315,7 +347,8 @@ pub fn wood(material: &MaterialData, p: DVec3) -> DVec3 {
     let ring = wave(17.0 * b + 11.0 * height + bend);
     let fibre = wave(151.0 * b + 83.0 * height + 0.8 * wave(1.3 * a + 3.1 * b) + 2.0 * a);
     let pore = wave(463.0 * b + 211.0 * height + 1.1 * wave(4.1 * a));
-    let dark = (0.45 + 0.27 * ring + 0.14 * fibre + 0.09 * pore + tone).clamp(0.0, 1.0);
+    let grain = 0.27 * of_ring * ring + 0.14 * of_fibre * fibre + 0.09 * of_pore * pore;
+    let dark = (0.45 + grain + tone).clamp(0.0, 1.0);
     triple(material.albedo).lerp(triple(material.stripe_albedo), dark)
 }
 
@@ -369,9 +402,9 @@ pub fn cue(material: &MaterialData, from_tip_m: f64) -> DVec3 {
     DVec3::from(albedo.map(f64::from))
 }
 
-/// The albedo of cloth at a point of the world: patches of wear, its nap, and a table's marks.
-/// Finer than this no pixel of a game shows it, and noise would stay of it.
-pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
+/// The albedo of cloth at a point of the world: patches of wear, its nap, a table's marks, and, of what a camera sees from
+/// near, weave and lint.
+pub fn cloth(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let most = f64::from(material.scale);
     let (u, v) = (p.x + 0.3 * p.z, p.y + 0.8 * p.z);
@@ -380,12 +413,17 @@ pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
     let shade = 1.0 + 0.05 * bend * sway + 0.015 * nap;
     let chalk = triple(CHALK_ALBEDO) * most;
     let mut colour = shade * triple(material.albedo);
+    let of_weave = faded(WEAVE_FADES_PER_M, footprint_m);
+    if footprint_m > 0.0 && of_weave > 0.0 {
+        colour *= 1.0 + f64::from(WEAVE_SHARE) * of_weave * weave(u, v);
+        let of_lint = f64::from(LINT_SHARE) * of_weave * lint(u, v, footprint_m);
+        colour = colour.lerp(chalk, of_lint);
+    }
     if p.z.abs() < f64::from(MARK_REACH_M) {
         let [line_x, d_radius, _] = material.sights.map(f64::from);
         let spots = triple(material.stripe_albedo);
         let from_foot = ((p.x - spots.x) * (p.x - spots.x) + p.y * p.y) / f64::from(WORN_M2);
         colour = colour.lerp(chalk, f64::from(WORN_SHARE) / (1.0 + from_foot));
-        let half = f64::from(LINE_HALF_M);
         let from_line = p.x + line_x;
         let from_arc = (from_line * from_line + p.y * p.y).sqrt() - d_radius;
         let mut aside = f64::INFINITY;
@@ -395,7 +433,7 @@ pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
         if d_radius > 0.0 && from_line < 0.0 {
             aside = aside.min(from_arc.abs());
         }
-        let share = f64::from(LINE_SHARE) * (1.0 - aside / half).max(0.0);
+        let share = f64::from(LINE_SHARE) * line_share(aside, LINE_HALF_M, footprint_m);
         colour = colour.lerp(chalk, share);
         let from_spot = |x: f64, y: f64| (p.x - x) * (p.x - x) + (p.y.abs() - y) * (p.y.abs() - y);
         let on_axis = spots.map(|x| from_spot(x, 0.0)).min_element();
@@ -408,6 +446,29 @@ pub fn cloth(material: &MaterialData, p: DVec3) -> DVec3 {
     colour.min(DVec3::splat(most))
 }
 
+/// Threads that pass over and under each other, thicker here and thinner there, in [−1, 1].
+fn weave(u: f64, v: f64) -> f64 {
+    let threads = f64::from(WEAVE_PER_M);
+    let (warp, weft) = (wave(61.0 * v + 13.0 * u), wave(53.0 * u - 17.0 * v));
+    let over = wave(threads * u + 0.3 * warp) * wave(threads * v + 0.3 * weft);
+    over * (0.75 + 0.25 * warp * weft)
+}
+
+/// Share of lint: a fibre in each square of the cloth, somewhere and in some direction.
+fn lint(u: f64, v: f64, footprint_m: f64) -> f64 {
+    let square = f64::from(LINT_SQUARE_M);
+    let (i, j) = ((u / square).floor(), (v / square).floor());
+    let a = wave(0.381_966 * i + 0.271_828 * j);
+    let b = wave(0.754_878 * j - 0.137_035 * i);
+    let x = u - (i + 0.5 + 0.4 * a) * square;
+    let y = v - (j + 0.5 + 0.4 * b) * square;
+    let turns = 2.3 * a + 3.7 * b;
+    let (sin, cos) = (wave(turns), wave(turns + 0.25));
+    let (along, across) = ((x * cos + y * sin).abs(), (x * sin - y * cos).abs());
+    let [half_length, half_width] = LINT_HALF_M;
+    line_share(along, half_length, footprint_m) * line_share(across, half_width, footprint_m)
+}
+
 /// The constants above for the kernels.
 #[cfg(feature = "gpu")]
 pub(crate) fn wgsl() -> String {
@@ -418,6 +479,13 @@ pub(crate) fn wgsl() -> String {
          const INK_ALBEDO: vec3f = {};\n\
          const SIGHT_ALBEDO: vec3f = {};\n\
          const SIGHT_HALF_M: vec2f = vec2f({:?}, {:?});\n\
+         const WOOD_TURNS_PER_M: vec3f = {};\n\
+         const WEAVE_PER_M: f32 = {WEAVE_PER_M:?};\n\
+         const WEAVE_SHARE: f32 = {WEAVE_SHARE:?};\n\
+         const WEAVE_FADES_PER_M: f32 = {WEAVE_FADES_PER_M:?};\n\
+         const LINT_SQUARE_M: f32 = {LINT_SQUARE_M:?};\n\
+         const LINT_HALF_M: vec2f = vec2f({:?}, {:?});\n\
+         const LINT_SHARE: f32 = {LINT_SHARE:?};\n\
          const PLANK_M: f32 = {PLANK_M:?};\n\
          const PLANK_GAP: f32 = {PLANK_GAP:?};\n\
          const SINE_OF_TURNS: vec4f = vec4f({});\n\
@@ -450,6 +518,9 @@ pub(crate) fn wgsl() -> String {
         triple(SIGHT_ALBEDO),
         SIGHT_HALF_M[0],
         SIGHT_HALF_M[1],
+        triple(WOOD_TURNS_PER_M),
+        LINT_HALF_M[0],
+        LINT_HALF_M[1],
         SINE_OF_TURNS.map(|c| format!("{c:?}")).join(", "),
         BRICK_M.map(|c| format!("{c:?}")).join(", "),
         triple(CHALK_ALBEDO),

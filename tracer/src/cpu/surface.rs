@@ -359,7 +359,15 @@ impl Surfaces {
             albedo = albedo.scale(color);
         }
         if !self.texture.is_empty() {
-            albedo = textured(simd, &self.texture, id, position, normal, albedo);
+            let footprint = distance * footprint;
+            albedo = textured(
+                simd,
+                &self.texture,
+                id,
+                [position, normal],
+                footprint,
+                albedo,
+            );
         }
         let behind = normal.dot(direction).simd_gt(0.0);
         Hit {

@@ -11,8 +11,9 @@ use crate::compiled::{
 use crate::texture::{
     BRICK_M, CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, CUE_COLLAR_ALBEDO, CUE_ENDS_M,
     CUE_FERRULE_ALBEDO, CUE_TIP_ALBEDO, CUE_WRAP_ALBEDO, INK_ALBEDO, JOINT_M, LINE_HALF_M,
-    LINE_SHARE, MARK_REACH_M, PLANK_GAP, PLANK_M, SIGHT_ALBEDO, SIGHT_HALF_M, SINE_OF_TURNS,
-    SPOT_RADIUS_M, SPOT_SHARE, WORN_M2, WORN_SHARE, is_ink, is_scoreboard_ink,
+    LINE_SHARE, LINT_HALF_M, LINT_SHARE, LINT_SQUARE_M, MARK_REACH_M, PLANK_GAP, PLANK_M,
+    SIGHT_ALBEDO, SIGHT_HALF_M, SINE_OF_TURNS, SPOT_RADIUS_M, SPOT_SHARE, WEAVE_FADES_PER_M,
+    WEAVE_PER_M, WEAVE_SHARE, WOOD_TURNS_PER_M, WORN_M2, WORN_SHARE, is_ink, is_scoreboard_ink,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -51,14 +52,14 @@ pub(super) fn texture_row(
     row
 }
 
-/// `albedo` with the texture over it. `normal` points out of balls.
+/// `albedo` with the texture over it, seen `footprint_m` wide. `normal` points out of balls.
 #[inline(always)]
 pub(super) fn textured<S: Simd>(
     simd: S,
     table: &[TextureRow],
     id: Word<S>,
-    position: Vec3x<S>,
-    normal: Vec3x<S>,
+    [position, normal]: [Vec3x<S>; 2],
+    footprint_m: Float<S>,
     albedo: Vec3x<S>,
 ) -> Vec3x<S> {
     let rows = Rows::new(table, id);
@@ -74,7 +75,7 @@ pub(super) fn textured<S: Simd>(
     let planks = pattern.simd_eq(PATTERN_PLANKS as f32);
     let wooden = planks | pattern.simd_eq(PATTERN_WOOD as f32);
     if wooden.any_true() {
-        let wood = wood(simd, &rows, planks, position, albedo);
+        let wood = wood(simd, &rows, planks, [position, albedo], footprint_m);
         textured = Vec3x::select(wooden, wood, textured);
     }
     let cues = pattern.simd_eq(PATTERN_CUE as f32);
@@ -94,7 +95,7 @@ pub(super) fn textured<S: Simd>(
     }
     let woven = pattern.simd_eq(PATTERN_CLOTH as f32);
     if woven.any_true() {
-        let cloth = cloth(simd, &rows, position, albedo);
+        let cloth = cloth(simd, &rows, [position, albedo], footprint_m);
         textured = Vec3x::select(woven, cloth, textured);
     }
     textured
@@ -164,13 +165,27 @@ fn wave<S: Simd>(turns: Float<S>) -> Float<S> {
     x.simd_lt(0.0).select(-sine, sine)
 }
 
+/// See [`crate::texture`], as for all below.
+#[inline(always)]
+fn faded<S: Simd>(turns_per_m: f32, footprint_m: Float<S>) -> Float<S> {
+    let turns = (footprint_m * turns_per_m).min(1.0);
+    let left = 1.0 - turns * turns;
+    left * left
+}
+
+#[inline(always)]
+fn line_share<S: Simd>(distance_m: Float<S>, half_m: f32, footprint_m: Float<S>) -> Float<S> {
+    let half = footprint_m * 0.5 + half_m;
+    half_m / half * (1.0 - distance_m / half).max(0.0)
+}
+
 #[inline(always)]
 fn wood<S: Simd>(
     simd: S,
     rows: &Rows<'_, 16>,
     planks: Mask<S>,
-    p: Vec3x<S>,
-    light: Vec3x<S>,
+    [p, light]: [Vec3x<S>; 2],
+    footprint_m: Float<S>,
 ) -> Vec3x<S> {
     let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
     let sights = rows.triple(simd, SIGHTS);
@@ -183,7 +198,8 @@ fn wood<S: Simd>(
     let along_y = grain.simd_gt(0.5) & !upright;
 
     let place = p;
-    let p = p * rows.number(simd, SCALE);
+    let scale = rows.number(simd, SCALE);
+    let (p, footprint) = (p * scale, footprint_m * scale);
     let mut a = upright.select(p.z, along_y.select(p.y, p.x));
     let b = upright.select(p.x + p.y, along_y.select(p.x, p.y));
     let height = upright.select(zero, p.z);
@@ -202,8 +218,11 @@ fn wood<S: Simd>(
     let sway = wave(a.mul_add(1.3, b * 3.1)) * 0.8;
     let fibre = wave(b * 151.0 + height * 83.0 + sway + a * 2.0);
     let pore = wave(b * 463.0 + height * 211.0 + wave(a * 4.1) * 1.1);
-    let shade = ring * 0.27 + fibre * 0.14 + pore * 0.09 + tone + 0.45;
-    let shade = shade.max(zero).min(one);
+    let [rings, fibres, pores] = WOOD_TURNS_PER_M;
+    let grain = ring * faded(rings, footprint) * 0.27
+        + fibre * faded(fibres, footprint) * 0.14
+        + pore * faded(pores, footprint) * 0.09;
+    let shade = (grain + tone + 0.45).max(zero).min(one);
     let dark = rows.triple(simd, DARK);
     let wood = (dark - light).mul_add(shade, light);
     let wood = Vec3x::select(gap, dark * Float::splat(simd, 0.3), wood);
@@ -275,21 +294,55 @@ fn cue<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, shaft: Vec3x<S>) -> V
 }
 
 #[inline(always)]
-fn cloth<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -> Vec3x<S> {
+fn cloth<S: Simd>(
+    simd: S,
+    rows: &Rows<'_, 16>,
+    [p, light]: [Vec3x<S>; 2],
+    footprint_m: Float<S>,
+) -> Vec3x<S> {
     let (u, v) = (p.z.mul_add(0.3, p.x), p.z.mul_add(0.8, p.y));
     let (bend, sway) = (wave(u * 2.3 + v * 1.1), wave(u * 0.9 - v * 2.1));
     let nap = wave(v * 37.0 + bend * 3.0) * wave(u * 23.0 + sway * 2.0);
     let shade = bend * sway * 0.05 + nap * 0.015 + 1.0;
     let most = rows.number(simd, SCALE);
     let chalk = Vec3x::splat(simd, CHALK_ALBEDO) * most;
-    let colour = light * shade;
+    let mut colour = light * shade;
+    let of_weave = faded(WEAVE_FADES_PER_M, footprint_m);
+    let near = footprint_m.simd_gt(0.0) & of_weave.simd_gt(0.0);
+    if near.any_true() {
+        let woven = colour * (weave(u, v) * of_weave * WEAVE_SHARE + 1.0);
+        let of_lint = lint(u, v, footprint_m) * of_weave * LINT_SHARE;
+        let linted = (chalk - woven).mul_add(of_lint, woven);
+        colour = Vec3x::select(near, linted, colour);
+    }
     let marked = p.z.abs().simd_lt(MARK_REACH_M);
-    let colour = if marked.any_true() {
-        Vec3x::select(marked, marks(simd, rows, p, colour, chalk), colour)
-    } else {
-        colour
-    };
+    if marked.any_true() {
+        let marks = marks(simd, rows, p, footprint_m, [colour, chalk]);
+        colour = Vec3x::select(marked, marks, colour);
+    }
     Vec3x::new(colour.x.min(most), colour.y.min(most), colour.z.min(most))
+}
+
+#[inline(always)]
+fn weave<S: Simd>(u: Float<S>, v: Float<S>) -> Float<S> {
+    let (warp, weft) = (wave(v * 61.0 + u * 13.0), wave(u * 53.0 - v * 17.0));
+    let over = wave(u * WEAVE_PER_M + warp * 0.3) * wave(v * WEAVE_PER_M + weft * 0.3);
+    over * (warp * weft * 0.25 + 0.75)
+}
+
+#[inline(always)]
+fn lint<S: Simd>(u: Float<S>, v: Float<S>, footprint_m: Float<S>) -> Float<S> {
+    let i = (u * (1.0 / LINT_SQUARE_M)).floor();
+    let j = (v * (1.0 / LINT_SQUARE_M)).floor();
+    let a = wave(i * 0.381_966 + j * 0.271_828);
+    let b = wave(j * 0.754_878 - i * 0.137_035);
+    let x = u - (i + 0.5 + a * 0.4) * LINT_SQUARE_M;
+    let y = v - (j + 0.5 + b * 0.4) * LINT_SQUARE_M;
+    let turns = a * 2.3 + b * 3.7;
+    let (sin, cos) = (wave(turns), wave(turns + 0.25));
+    let (along, across) = ((x * cos + y * sin).abs(), (x * sin - y * cos).abs());
+    let [half_length, half_width] = LINT_HALF_M;
+    line_share(along, half_length, footprint_m) * line_share(across, half_width, footprint_m)
 }
 
 /// Wear, lines and spots over a table's cloth.
@@ -298,8 +351,8 @@ fn marks<S: Simd>(
     simd: S,
     rows: &Rows<'_, 16>,
     p: Vec3x<S>,
-    colour: Vec3x<S>,
-    chalk: Vec3x<S>,
+    footprint_m: Float<S>,
+    [colour, chalk]: [Vec3x<S>; 2],
 ) -> Vec3x<S> {
     let (sights, spots) = (rows.triple(simd, SIGHTS), rows.triple(simd, DARK));
     let (line_x, d_radius) = (sights.x, sights.y);
@@ -315,7 +368,7 @@ fn marks<S: Simd>(
     let far = Float::splat(simd, 1.0);
     let off = has_line.select(from_line.abs(), far);
     let off = off.min(in_d.select(from_arc.abs(), far));
-    let share = (1.0 - off * (1.0 / LINE_HALF_M)).max(0.0) * LINE_SHARE;
+    let share = line_share(off, LINE_HALF_M, footprint_m) * LINE_SHARE;
     let colour = (chalk - colour).mul_add(share, colour);
     let (a, b, c) = (p.x - spots.x, p.x - spots.y, p.x - spots.z);
     let nearest = (a * a).min(b * b).min(c * c) + y2;

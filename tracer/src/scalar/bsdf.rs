@@ -56,14 +56,14 @@ fn from_tip_m(scene: &CompiledScene, hit: &Hit) -> Option<f64> {
 }
 
 impl Bsdf {
-    /// The scattering at a hit. An area light reflects nothing.
-    pub fn from_hit(scene: &CompiledScene, hit: &Hit) -> Self {
+    /// The scattering at a hit, seen `footprint_m` wide. An area light reflects nothing.
+    pub fn from_hit(scene: &CompiledScene, hit: &Hit, footprint_m: f64) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::black();
         };
         let pattern = match material.pattern {
-            PATTERN_WOOD | PATTERN_PLANKS => Some(wood(material, hit.point)),
-            PATTERN_CLOTH => Some(cloth(material, hit.point)),
+            PATTERN_WOOD | PATTERN_PLANKS => Some(wood(material, hit.point, footprint_m)),
+            PATTERN_CLOTH => Some(cloth(material, hit.point, footprint_m)),
             PATTERN_BRICKS => Some(bricks(material, hit.point)),
             PATTERN_SCOREBOARD => Some(scoreboard(material, hit.point)),
             PATTERN_CUE => Some(from_tip_m(scene, hit).map_or_else(

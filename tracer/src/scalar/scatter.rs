@@ -29,7 +29,7 @@ impl Scatter {
     /// nothing. `footprint_m` is how wide the surface is that is seen, in metres; 0 for the finest level of textures.
     pub fn new(scene: &CompiledScene, hit: &Hit, wo: DVec3, footprint_m: f64) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
-            return Self::Layered(Bsdf::from_hit(scene, hit));
+            return Self::Layered(Bsdf::from_hit(scene, hit, footprint_m));
         };
         if let Some(bsdf) = Bsdf::of_number_disc(scene, material, hit, wo) {
             return Self::Layered(bsdf);
@@ -55,7 +55,7 @@ impl Scatter {
                 })
             }
             _ => {
-                let mut bsdf = Bsdf::from_hit(scene, hit);
+                let mut bsdf = Bsdf::from_hit(scene, hit, footprint_m);
                 if material.pattern == PATTERN_NONE {
                     bsdf.albedo *= vertex_color(scene, hit);
                 }

@@ -59,7 +59,6 @@ pub(super) fn with_wrappers(features: &Features, part: &str) -> String {
             "bsdf_sample",
             "shade",
             "extend",
-            "first_hit",
         ] {
             text = text.replace(&format!("fn {name}("), &format!("fn plain_{name}("));
         }

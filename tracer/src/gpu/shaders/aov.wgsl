@@ -49,6 +49,7 @@ fn first_hit(ray: Ray, block: u32) -> Aovs {
     }
     let axis = normalize(cross(scene.header.camera.dx, scene.header.camera.dy));
     met.inverse_depth = 1.0 / (hit.t * dot(ray.direction, axis));
+    set_texture_footprint(0u);
     let surface = surface_at(ray, hit, false);
     let wo = -ray.direction;
     let bsdf = bsdf_at(surface, wo);

@@ -142,12 +142,20 @@ fn is_emission(path: Path) -> bool {
     return OUTPUT == OUTPUT_REFLECTED && path.depth <= 1u && path.pdf <= 0.0 && !is_inside;
 }
 
+// How wide a pixel is at a distance of 1 m, for textures of what its camera rays meet; 0 for what paths meet later.
+var<private> texture_footprint: f32;
+
+fn set_texture_footprint(depth: u32) {
+    texture_footprint = select(0.0, length(scene.header.camera.dx), depth == 0u);
+}
+
 // At the surface that the path's ray has met.
 fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     let primitive = hit.primitive;
     let is_within = HAS_DIELECTRIC && (*path).start == (primitive | INSIDE);
-    let surface = surface_at((*path).ray, hit, is_within);
     let depth = (*path).depth;
+    set_texture_footprint(depth);
+    let surface = surface_at((*path).ray, hit, is_within);
     let wo = -(*path).ray.direction;
     let is_spread = (bitcast<u32>((*path).pdf) & SPREAD) != 0u;
     let is_regularised = is_spread && ((*path).sample & REGULARISED_KEY_MASK) == 0u;

@@ -13,8 +13,6 @@ struct MetallicRoughness {
 
 // That of the surface for which `bsdf_at` was called last.
 var<private> metallic_roughness: MetallicRoughness;
-// How wide the surface is that the ray sees at a distance of 1 m, in metres; 0 for the finest level of textures.
-var<private> texture_footprint: f32;
 
 fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
     let material = surface.material;
@@ -110,7 +108,7 @@ fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
 
 // Surfaces that emit do so once for each path that meets them.
 fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
-    texture_footprint = select(0.0, length(scene.header.camera.dx), (*path).depth == 0u);
+    set_texture_footprint((*path).depth);
     // Before the path's next density is noted.
     (*path).radiance += emission_of_hit(*path, hit);
     return plain_shade(path, hit);
@@ -122,7 +120,7 @@ fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 
     // What was scattered inside a body has not come to a surface.
     let is_last = state == DONE && (*path).depth == job.max_depth && met.primitive < AREA_LIGHT_FIRST;
     if (HAS_EMISSION && is_last) {
-        texture_footprint = select(0.0, length(scene.header.camera.dx), job.max_depth == 0u);
+        set_texture_footprint(job.max_depth);
         (*path).radiance += emission_of_hit(*path, met);
     }
     return state;
@@ -142,11 +140,6 @@ fn emission_of_hit(path: Path, met: Hit) -> vec3f {
     let emission = scene_storage.materials[material].k * textures_met().emission;
     let cosine = abs(dot(path.ray.direction, own_normal(surface)));
     return path.beta * emission * emission_weight(met.primitive, material, path.ray.origin, met.t, cosine);
-}
-
-fn first_hit(ray: Ray, block: u32) -> Aovs {
-    texture_footprint = length(scene.header.camera.dx);
-    return plain_first_hit(ray, block);
 }
 
 fn reflected_by(h: vec3f, wo: vec3f) -> vec3f {

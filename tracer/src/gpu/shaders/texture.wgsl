@@ -60,7 +60,18 @@ fn wave(turns: f32) -> f32 {
     return select(sine, -sine, x < 0.0);
 }
 
-fn wood(material: u32, place: vec3f) -> vec3f {
+fn faded(turns_per_m: f32, footprint_m: f32) -> f32 {
+    let turns = min(turns_per_m * footprint_m, 1.0);
+    let left = 1.0 - turns * turns;
+    return left * left;
+}
+
+fn line_share(distance_m: f32, half_m: f32, footprint_m: f32) -> f32 {
+    let half = half_m + 0.5 * footprint_m;
+    return half_m / half * max(1.0 - distance_m / half, 0.0);
+}
+
+fn wood(material: u32, place: vec3f, footprint_m: f32) -> vec3f {
     var p = place;
     let light = scene_storage.materials[material].albedo;
     let rings = scene_storage.materials[material].stripe_albedo;
@@ -78,7 +89,9 @@ fn wood(material: u32, place: vec3f) -> vec3f {
             return SIGHT_ALBEDO;
         }
     }
-    p *= scene_storage.materials[material].scale;
+    let scale = scene_storage.materials[material].scale;
+    let footprint = footprint_m * scale;
+    p *= scale;
     var a = select(p.x, p.y, axis == 1u);
     var b = select(p.y, p.x, axis == 1u);
     var height = p.z;
@@ -101,11 +114,32 @@ fn wood(material: u32, place: vec3f) -> vec3f {
     let ring = wave(17.0 * b + 11.0 * height + bend);
     let fibre = wave(151.0 * b + 83.0 * height + 0.8 * wave(1.3 * a + 3.1 * b) + 2.0 * a);
     let pore = wave(463.0 * b + 211.0 * height + 1.1 * wave(4.1 * a));
-    let shade = clamp(0.45 + 0.27 * ring + 0.14 * fibre + 0.09 * pore + tone, 0.0, 1.0);
-    return mix(light, rings, shade);
+    let turns = WOOD_TURNS_PER_M;
+    let grain = 0.27 * faded(turns.x, footprint) * ring + 0.14 * faded(turns.y, footprint) * fibre
+        + 0.09 * faded(turns.z, footprint) * pore;
+    return mix(light, rings, saturate(0.45 + grain + tone));
 }
 
-fn cloth(material: u32, p: vec3f) -> vec3f {
+fn weave(u: f32, v: f32) -> f32 {
+    let warp = wave(61.0 * v + 13.0 * u);
+    let weft = wave(53.0 * u - 17.0 * v);
+    return wave(WEAVE_PER_M * u + 0.3 * warp) * wave(WEAVE_PER_M * v + 0.3 * weft) * (0.75 + 0.25 * warp * weft);
+}
+
+fn lint(u: f32, v: f32, footprint_m: f32) -> f32 {
+    let i = floor(u * (1.0 / LINT_SQUARE_M));
+    let j = floor(v * (1.0 / LINT_SQUARE_M));
+    let a = wave(0.381966 * i + 0.271828 * j);
+    let b = wave(0.754878 * j - 0.137035 * i);
+    let place = vec2f(u - (i + 0.5 + 0.4 * a) * LINT_SQUARE_M, v - (j + 0.5 + 0.4 * b) * LINT_SQUARE_M);
+    let turns = 2.3 * a + 3.7 * b;
+    let direction = vec2f(wave(turns + 0.25), wave(turns));
+    let along = abs(dot(place, direction));
+    let across = abs(place.x * direction.y - place.y * direction.x);
+    return line_share(along, LINT_HALF_M.x, footprint_m) * line_share(across, LINT_HALF_M.y, footprint_m);
+}
+
+fn cloth(material: u32, p: vec3f, footprint_m: f32) -> vec3f {
     let most = scene_storage.materials[material].scale;
     let u = p.x + 0.3 * p.z;
     let v = p.y + 0.8 * p.z;
@@ -115,6 +149,11 @@ fn cloth(material: u32, p: vec3f) -> vec3f {
     let shade = 1.0 + 0.05 * bend * sway + 0.015 * nap;
     let chalk = CHALK_ALBEDO * most;
     var colour = shade * scene_storage.materials[material].albedo;
+    let of_weave = faded(WEAVE_FADES_PER_M, footprint_m);
+    if (footprint_m > 0.0 && of_weave > 0.0) {
+        colour *= 1.0 + WEAVE_SHARE * of_weave * weave(u, v);
+        colour = mix(colour, chalk, LINT_SHARE * of_weave * lint(u, v, footprint_m));
+    }
     if (abs(p.z) < MARK_REACH_M) {
         let line_x = scene_storage.materials[material].sights.x;
         let d_radius = scene_storage.materials[material].sights.y;
@@ -128,7 +167,7 @@ fn cloth(material: u32, p: vec3f) -> vec3f {
         if (d_radius > 0.0 && from_line < 0.0) {
             off = min(off, abs(from_arc));
         }
-        colour = mix(colour, chalk, LINE_SHARE * max(1.0 - off / LINE_HALF_M, 0.0));
+        colour = mix(colour, chalk, LINE_SHARE * line_share(off, LINE_HALF_M, footprint_m));
         let q = vec3f(p.x) - spots;
         var nearest = smallest(q * q) + p.y * p.y;
         if (line_x > 0.0) {
@@ -200,13 +239,13 @@ fn cue(material: u32, from_tip_m: f32) -> vec3f {
     }
 }
 
-fn textured(surface: Surface) -> vec3f {
+fn textured(surface: Surface, footprint_m: f32) -> vec3f {
     let pattern = scene_storage.materials[surface.material].pattern;
     if (pattern == PATTERN_WOOD || pattern == PATTERN_PLANKS) {
-        return wood(surface.material, surface.position);
+        return wood(surface.material, surface.position, footprint_m);
     }
     if (pattern == PATTERN_CLOTH) {
-        return cloth(surface.material, surface.position);
+        return cloth(surface.material, surface.position, footprint_m);
     }
     if (pattern == PATTERN_BRICKS) {
         return bricks(surface.material, surface.position);

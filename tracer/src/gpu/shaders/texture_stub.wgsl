@@ -8,7 +8,7 @@ fn is_in_circle(n: vec3f, axis: vec3f, up: vec3f) -> bool {
     return false;
 }
 
-fn textured(surface: Surface) -> vec3f {
+fn textured(surface: Surface, footprint_m: f32) -> vec3f {
     return surface.albedo;
 }
 
