@@ -260,7 +260,7 @@ fn make(
         });
     let begun = Instant::now();
     let folder = target.frames_folder();
-    let job = farm.film(footage.stage().scene(), film, &folder)?;
+    let job = farm.film(footage.scene(), film, &folder)?;
     let resumed = job.resumed_frames();
     if resumed > 0 {
         let sentence = going_on(resumed, job.progress().frames, &folder);
