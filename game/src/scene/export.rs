@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use carom_billiards::game_match::{Match, MatchConfig, Player};
-use carom_billiards::physics::Table;
 use carom_billiards::rules::RuleSet;
 use carom_tracer::{Camera, Scene, SceneUpdate, Shape};
 use clap::{Args, ValueEnum};
@@ -202,6 +201,8 @@ impl SceneArgs {
 
 #[cfg(test)]
 mod tests {
+    use carom_billiards::physics::Table;
+
     use super::*;
 
     #[test]
