@@ -9,7 +9,7 @@ use carom_billiards::rules::RuleSet;
 use carom_farm::{FarmConfig, FrameRange};
 use carom_tracer::{ImageSize, RenderSettings};
 use carom_window::args::{ArgsFault, WindowArgs};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::capture::video::{VideoTarget, VideoView};
 use crate::particles::ParticleDetail;
@@ -151,6 +151,12 @@ pub enum Command {
 }
 
 impl Args {
+    /// Those that the program was started with; ends it with a message if they are wrong.
+    pub fn of_command_line() -> Self {
+        let matches = with_negative_numbers(Self::command()).get_matches();
+        Self::from_arg_matches(&matches).unwrap_or_else(|why| why.exit())
+    }
+
     /// The table's look: `own`, where the options say nothing else.
     pub fn style(&self, own: TableStyle) -> TableStyle {
         TableStyle {
@@ -230,6 +236,17 @@ impl Args {
     }
 }
 
+/// Takes `-1` after an option for its value, so that the message tells its range.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let option = |option: clap::Arg| match option.get_action().takes_values() {
+        true => option.allow_negative_numbers(true),
+        false => option,
+    };
+    command
+        .mut_args(option)
+        .mut_subcommands(with_negative_numbers)
+}
+
 /// A list of players as it was given, if it is one.
 fn players(text: &str) -> Result<String, PlayersFault> {
     Player::list(text).map(|_| text.to_owned())
@@ -255,7 +272,19 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        <Args as clap::CommandFactory>::command().debug_assert();
+        with_negative_numbers(Args::command()).debug_assert();
+    }
+
+    #[test]
+    fn a_negative_number_is_told_the_range() {
+        for (line, range) in [
+            (&["carom", "--spp", "-1"][..], "1..=65536"),
+            (&["carom", "tournament", "--games", "-1"], "1..=10000"),
+        ] {
+            let refused = with_negative_numbers(Args::command()).try_get_matches_from(line);
+            let said = refused.unwrap_err().to_string();
+            assert!(said.contains(range), "{said}");
+        }
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub mod args;
 pub mod audio;
 pub mod camera;
 pub mod capture;
-mod error;
+pub mod error;
 pub mod frame;
 pub mod input;
 pub mod particles;

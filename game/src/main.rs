@@ -4,10 +4,10 @@ use std::process::ExitCode;
 
 use carom::args::{Args, Command};
 use carom::capture::headless;
+use carom::error::sentence;
 use carom::{app, audio};
 use carom_farm::FarmConfig;
 use carom_window::display::Present;
-use clap::Parser as _;
 use mimalloc::MiMalloc;
 
 /// With glibc's an answer of 64 KiB over a loopback takes a quarter more time.
@@ -15,7 +15,7 @@ use mimalloc::MiMalloc;
 static ALLOCATOR: MiMalloc = MiMalloc;
 
 fn main() -> ExitCode {
-    let args = Args::parse();
+    let args = Args::of_command_line();
     carom_farm::logging::init(LOG);
     match &args.command {
         Some(Command::Tournament(games)) => return finish(games.run(), 1),
@@ -39,11 +39,12 @@ fn configuration(args: &Args) -> anyhow::Result<(FarmConfig, Option<Present>)> {
 }
 
 fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Result<()> {
+    // What is wrong with the arguments is said first.
+    args.contest(args.table.options())?;
     if args.headless || args.video.is_some() {
         return headless::run(args, config);
     }
     if carom_window::connection::is_displayless() {
-        // What is wrong with the arguments is said first.
         let (_, recording) = args.table_and_recording()?;
         let shot = recording.map_or("a break shot", |_| "the recorded shot");
         eprintln!(
@@ -58,7 +59,7 @@ fn finish(result: anyhow::Result<()>, code: u8) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("carom: {error:#}");
+            eprintln!("carom: {}", sentence(&error));
             ExitCode::from(code)
         }
     }

@@ -30,6 +30,10 @@ menu-rematch = Rematch
 menu-drill-best = Your best: { $score }
 menu-try-again = Try again
 menu-back-to-table = Back to the table
+# Before a new game takes the place of a match that is not over.
+menu-give-up = The match is not over
+menu-keep-match = Keep playing it
+menu-begin-anyway = Give it up and begin
 
 ## New game
 
@@ -724,6 +728,7 @@ ball-carried = The cue ball follows the mouse: click to put it down
 match-waits = Practice from here; your match waits: go back to it from the menu
 match-resumed = Resumed your match of { $game }; start another from the menu
 match-not-resumed = Cannot resume the unfinished match: { $why }
+match-kept-aside = Its file is kept as { $path }
 window-title = Carom
 
 ## Nodes

@@ -398,7 +398,7 @@ pub enum PlacementFault {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RuleFault {
     /// The game is for another number of players.
-    #[error("{game} is played by {} players, not by {players}", player_range(*.min, *.max))]
+    #[error("{game} is played by {}, not by {players}", player_range(*.min, *.max))]
     PlayerCount {
         /// The game's name.
         game: &'static str,
@@ -482,10 +482,10 @@ pub enum PlayersFault {
 }
 
 fn player_range(min: usize, max: usize) -> String {
-    if min == max {
-        min.to_string()
-    } else {
-        format!("{min} to {max}")
+    match (min, max) {
+        (1, 1) => "1 player".to_owned(),
+        (min, max) if min == max => format!("{min} players"),
+        (min, max) => format!("{min} to {max} players"),
     }
 }
 

@@ -11,7 +11,7 @@ use carom_billiards::rules::RuleSet;
 use carom_text::text;
 use carom_window::notifications::FarmNotifier;
 use carom_window::toasts::Toasts;
-use egui::{Align2, Context, Key, Modifiers};
+use egui::{Align2, Context, Key, Modifiers, Popup};
 
 use crate::app::pointer_travel::PointerTravel;
 use crate::app::session::GameSession;
@@ -46,6 +46,8 @@ pub struct AppShell {
     has_result: bool,
     /// Whether the cue points as the computer suggested.
     is_suggested: bool,
+    /// Whether a list was open over a page when it was last drawn: keys are for it.
+    has_open_list: bool,
     /// Until when the sticks of a gamepad have had their effect.
     steered_secs: f64,
 }
@@ -71,6 +73,7 @@ impl AppShell {
             heard: None,
             has_result: false,
             is_suggested: false,
+            has_open_list: false,
             steered_secs: 0.0,
         }
     }
@@ -117,6 +120,9 @@ impl AppShell {
             true => BindingContext::Replay,
             false => BindingContext::Table,
         });
+        if self.has_open_list && matches!(event, Event::Key { pressed: true, .. }) {
+            return session.redraw();
+        }
         if self.menu.page().is_some() {
             self.handle_page(event, session, now_secs);
             return;
@@ -298,6 +304,7 @@ impl AppShell {
     /// Draws the game, and pages, keys and sentences over it.
     pub fn draw(&mut self, ctx: &Context, session: &mut GameSession, now_secs: f64, display: &str) {
         let mut layout = session.draw(ctx, self.input.bindings(), now_secs, display);
+        self.has_open_list = Popup::is_any_open(ctx);
         if let Some(preference) = session.take_requested_quality() {
             self.store.settings.quality = preference;
             self.save(now_secs);
@@ -322,12 +329,14 @@ impl AppShell {
         let view = session.match_hud().view;
         let input = MenuInput {
             view: &view,
+            is_match_unfinished: session.has_interrupted_match() || view.is_unfinished(),
             is_match_waiting: session.has_interrupted_match(),
             sound: &sound,
             display,
             farm: &farm,
         };
         let command = self.menu.draw(ctx, &mut self.store, input);
+        self.has_open_list = Popup::is_any_open(ctx);
         if self.menu.page().is_none() {
             self.save(now_secs);
         }

@@ -34,7 +34,7 @@ use crate::capture::ShotRecorder;
 use crate::input::Event;
 use crate::play;
 use crate::scene::table_scene::TableScene;
-use crate::settings::{Settings, SettingsStore};
+use crate::settings::{Settings, SettingsStore, set_aside_broken};
 
 /// Plays in a window until it is closed.
 ///
@@ -119,7 +119,13 @@ fn left(
             return Ok(contest);
         }
         Ok(_) => {}
-        Err(why) => notes.push(text!("match-not-resumed", why = why.to_string())),
+        Err(why) => {
+            notes.push(text!("match-not-resumed", why = why.to_string()));
+            let aside = path.map(set_aside_broken).and_then(Result::ok);
+            notes.extend(
+                aside.map(|aside| text!("match-kept-aside", path = aside.display().to_string())),
+            );
+        }
     }
     play::free_table(TableScene::table().with_options(options), seed)
 }
@@ -338,3 +344,23 @@ fn fullscreen(wanted: bool) -> Option<Fullscreen> {
 
 /// Beside the settings.
 const MATCH_FILE: &str = "match.carom";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_damaged_match_is_kept_aside() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(MATCH_FILE);
+        std::fs::write(&path, "torn").unwrap();
+        let mut notes = Vec::new();
+        let options = TableOptions::default();
+        let contest = left(Some(&path), &mut notes, options, 1).unwrap();
+        assert_eq!(contest.referee().rules(), RuleSet::Free);
+        let aside = path.with_extension("broken.carom");
+        assert_eq!(std::fs::read(&aside).unwrap(), b"torn");
+        assert!(!path.exists());
+        assert!(notes[1].contains(aside.to_str().unwrap()), "{notes:?}");
+    }
+}

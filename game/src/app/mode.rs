@@ -1,6 +1,6 @@
 //! The mode of the window (game, replay or practice) and the view that it gives.
 
-use carom_billiards::physics::{BallPose, Table};
+use carom_billiards::physics::BallPose;
 use carom_tracer::{Camera, SceneUpdate};
 
 use crate::camera::{APERTURE_RADIUS_M, Viewpoint};
@@ -52,15 +52,15 @@ pub struct ModeView {
 }
 
 impl ModeView {
-    /// The tracer's camera, in a room with this table.
-    pub fn camera(&self, table: &Table) -> Camera {
-        let camera = self.viewpoint.camera_in(table);
+    /// The tracer's camera.
+    pub fn camera(&self) -> Camera {
+        let camera = self.viewpoint.camera();
         camera.aperture_radius_m(self.aperture_radius_m)
     }
 
     /// The traced scene in a room.
     pub fn update(&self, room: &TableScene) -> SceneUpdate {
-        let camera = self.camera(room.table_inside());
+        let camera = self.camera();
         let clouds = (self.particles).clouds(room.particle_detail(), room.cloth_albedo());
         let update = room.update(camera, &self.poses, self.cue.as_ref());
         let hands = room.hand_poses(self.scores);

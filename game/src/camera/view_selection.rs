@@ -89,6 +89,8 @@ pub struct ViewContext<'a> {
     pub ball: Option<DVec3>,
     /// Direction of the cue, radians.
     pub bearing_rad: f64,
+    /// How far the cue is raised, radians.
+    pub elevation_rad: f64,
     /// Index of the pocket that is played to.
     pub pocket: Option<usize>,
     /// Whether the whole table is of interest: during a shot, or while the cue ball is carried.
@@ -154,7 +156,7 @@ impl ViewSelection {
             (CameraView::Overhead, ..) => Viewpoint::overhead(table, &sight.framing),
             (CameraView::Orbit, ..) => self.free,
             (CameraView::Shooter, Some(ball), _) if !sight.is_wide => {
-                Viewpoint::behind(ball, bearing_rad)
+                Viewpoint::over_cue(ball, bearing_rad, sight.elevation_rad)
             }
             (CameraView::Follow, Some(ball), _) => Viewpoint::beside(ball, bearing_rad),
             (CameraView::Pocket, _, Some(pocket)) => Viewpoint::from_pocket(pocket),
@@ -194,6 +196,7 @@ mod tests {
             table,
             ball: Some(DVec3::new(-0.6, 0.1, 0.028)),
             bearing_rad: 0.4,
+            elevation_rad: 0.0,
             pocket: Some(1),
             is_wide: false,
             framing: framing(),

@@ -4,12 +4,12 @@ use std::f64::consts::FRAC_PI_2;
 
 use carom_billiards::physics::{Pocket, Table};
 use carom_tracer::{Camera, Lens};
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::{Framing, wrap_rad};
-use crate::scene::scene_builder::{self, FOV_X_DEG};
+use crate::scene::scene_builder::FOV_X_DEG;
 
-/// The eye stays below the lamps, whose plane is 1 m above the cloth.
+/// The eye stays below the lamps, whose plane is 1 m above the cloth, but for views from above, whose lamp is raised.
 pub const EYE_Z_M_MAX: f64 = 0.95;
 /// The eye stays above the rails and the balls.
 pub const EYE_Z_M_MIN: f64 = 0.12;
@@ -46,6 +46,38 @@ impl Viewpoint {
         }
     }
 
+    /// [`Viewpoint::behind`] a cue that is raised by `elevation_rad`: as much higher as leaves the cue below the lines of
+    /// sight to the cue ball and past it, under the lamps over the ball in the end, and wide enough for the ball
+    /// and what is ahead of it.
+    pub fn over_cue(cue_ball: DVec3, bearing_rad: f64, elevation_rad: f64) -> Self {
+        let level = Self::behind(cue_ball, bearing_rad);
+        let eye = |pitch_rad: f64| AIM_DISTANCE_M * DVec2::new(pitch_rad.cos(), pitch_rad.sin());
+        // In the cue's plane, from the cue ball back and up; the focus is ahead of the ball.
+        let focus = DVec2::new(-AIM_AHEAD_M, -cue_ball.z);
+        let level_rad = (focus + eye(AIM_PITCH_RAD)).to_angle();
+        let rise_rad = elevation_rad + CUE_CLEARANCE_RAD;
+        if rise_rad <= level_rad {
+            return level;
+        }
+        let up = DVec2::from_angle(rise_rad);
+        let along_m = focus.dot(up);
+        let same_m =
+            along_m + (along_m.powi(2) - focus.length_squared() + AIM_DISTANCE_M.powi(2)).sqrt();
+        let eye = up * same_m.min((EYE_Z_M_MAX - cue_ball.z) / up.y);
+        let ahead_rad = (eye - focus).to_angle();
+        let spread_rad = (rise_rad - ahead_rad) - (level_rad - AIM_PITCH_RAD);
+        let pitch_rad = ahead_rad + 0.5 * spread_rad;
+        let eye_z_m = eye.y + cue_ball.z;
+        let ahead = DVec3::new(bearing_rad.cos(), bearing_rad.sin(), 0.0);
+        Self {
+            focus: cue_ball.with_z(0.0) + ahead * (eye_z_m / pitch_rad.tan() - eye.x),
+            pitch_rad,
+            distance_m: eye_z_m / pitch_rad.sin(),
+            fov_x_deg: AIM_FOV_X_DEG + WIDENED * spread_rad.to_degrees(),
+            ..level
+        }
+    }
+
     /// The whole table, seen along `bearing_rad`: from farther off where the table is wider.
     pub fn overview(table: &Table, bearing_rad: f64) -> Self {
         let distance_m = (3.4 + 0.8 * bearing_rad.sin().abs()) * scale(table);
@@ -58,8 +90,8 @@ impl Viewpoint {
         }
     }
 
-    /// The plan of the table, filling what panels leave of the window: from straight above, under the lamp,
-    /// and so with a wide field of view, in which the cloth and all places on it are to scale.
+    /// The plan of the table to scale, filling what panels leave of the window: from straight above, and so far off that
+    /// balls are round. [`crate::scene::table_scene::TableScene::scene_for`] has the lamp above the eye.
     pub fn overhead(table: &Table, framing: &Framing) -> Self {
         let (low, high) = table.outline();
         let reach = high - low + 2.0 * PLAN_RIM_M;
@@ -123,17 +155,19 @@ impl Viewpoint {
         }
     }
 
-    /// This view, orbited and zoomed by the player; the eye stays above the rails, and no higher than
-    /// the lamps unless it was.
+    /// This view, orbited and zoomed by the player; the eye stays in the room and above the rails, and no higher
+    /// than the lamps unless it was.
     #[must_use]
     pub fn adjusted(self, by: Orbit) -> Self {
-        let distance_m = (self.distance_m * by.zoom).clamp(0.5, self.distance_m.max(4.5));
+        let distance_m = (self.distance_m * by.zoom).clamp(0.5, self.distance_m.max(REACH_M));
         let top_m = EYE_Z_M_MAX.max(self.distance_m * self.pitch_rad.sin());
         let pitch = |z: f64| (z / distance_m).clamp(-1.0, 1.0).asin();
         let highest_rad = pitch(top_m).min(self.pitch_rad.max(PITCH_RAD_MAX));
+        let lowest_rad = pitch(EYE_Z_M_MIN).max((REACH_M / distance_m).min(1.0).acos());
         Self {
             bearing_rad: self.bearing_rad + by.yaw_rad,
-            pitch_rad: (self.pitch_rad + by.pitch_rad).clamp(pitch(EYE_Z_M_MIN), highest_rad),
+            pitch_rad: (self.pitch_rad + by.pitch_rad)
+                .clamp(lowest_rad.min(highest_rad), highest_rad),
             distance_m,
             ..self
         }
@@ -153,18 +187,6 @@ impl Viewpoint {
             distance_m: mix(self.distance_m, to.distance_m),
             fov_x_deg: mix(self.fov_x_deg, to.fov_x_deg),
         }
-    }
-
-    /// The tracer's camera of this view, its eye lowered out of the lampshades if it would be in one.
-    pub fn camera_in(self, table: &Table) -> Camera {
-        let mut camera = self.camera();
-        let (low, high) = scene_builder::lampshade(table);
-        let inside =
-            camera.eye.cmpgt(low - SHADE_MARGIN_M) & camera.eye.cmplt(high + SHADE_MARGIN_M);
-        if inside.all() {
-            camera.eye.z = low.z - SHADE_MARGIN_M;
-        }
-        camera
     }
 
     /// The tracer's camera of this view.
@@ -225,31 +247,38 @@ fn scale(table: &Table) -> f64 {
     (table.length_m() / 2.54).max(table.width_m() / 1.27)
 }
 
+/// From an eye to what is below its view's middle, at the most: less than to the walls.
+const REACH_M: f64 = 4.5;
 const AIM_AHEAD_M: f64 = 0.71;
 /// An eye 27 cm over the cloth and 92 cm behind the ball: a player's who is down on the shot, with the far end of the room
 /// above the rack.
 const AIM_PITCH_RAD: f64 = 0.1614;
 const AIM_DISTANCE_M: f64 = 1.651;
 const AIM_FOV_X_DEG: f64 = 40.0;
+/// From a cue up to the line from its ball to the eye: 10 cm at the eye.
+const CUE_CLEARANCE_RAD: f64 = 0.1;
+/// Of a view that shows more than the level one from top to bottom, of its width.
+const WIDENED: f64 = 1.3;
 const BESIDE_RAD: f64 = 0.6;
 /// A view that panels turn up still meets the cloth.
 const PITCH_RAD_MIN: f64 = 0.06;
 const PITCH_RAD_MAX: f64 = 1.4;
 /// Straight down but for a hair: the camera's upward direction is the z axis.
 const PLAN_PITCH_RAD: f64 = FRAC_PI_2 - 3e-4;
-const PLAN_EYE_Z_M: f64 = 0.93;
+const PLAN_EYE_Z_M: f64 = 10.0;
 /// Of the rails, so that pockets are seen whole.
 const PLAN_RIM_M: f64 = 0.1;
-const SHADE_MARGIN_M: f32 = 0.03;
 const TIME_SECS: f64 = 0.12;
 
 #[cfg(test)]
 pub(super) mod tests {
-    use glam::DVec2;
+    use carom_billiards::physics::Stroke;
     use proptest::prelude::*;
 
     use super::super::Projection;
     use super::*;
+    use crate::scene::cue_stick::cue_radius_m;
+    use crate::scene::scene_builder::LampHeight;
 
     pub(in super::super) fn view() -> Viewpoint {
         Viewpoint {
@@ -291,6 +320,52 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn a_raised_cue_is_below_the_lines_of_sight() {
+        let table = Table::nine_foot();
+        let radius_m = table.cue_ball().radius_m;
+        let ball = DVec3::new(-1.2, 0.1, radius_m);
+        let (bearing_rad, film) = (0.3, DVec2::new(1280.0, 720.0));
+        let mut eye_z_m = 0.0;
+        for elevation_rad in (0..)
+            .map(|step| 0.01 * f64::from(step))
+            .take_while(|e| *e <= Stroke::ELEVATION_MAX_RAD)
+        {
+            let view = Viewpoint::over_cue(ball, bearing_rad, elevation_rad);
+            let eye = view.camera().eye.as_dvec3();
+            assert!(
+                eye.z > eye_z_m - 1e-6 && eye.z < EYE_Z_M_MAX + 1e-6,
+                "{elevation_rad}: {eye}"
+            );
+            eye_z_m = eye.z;
+            let ahead = DVec2::from_angle(bearing_rad).extend(0.0);
+            let projection = Projection::new(&view.camera(), film.x, film.y);
+            for ahead_m in [0.0, 2.1 * radius_m, 0.7] {
+                let target = ball + ahead * ahead_m;
+                let seen = projection.film_from_world(target).unwrap();
+                assert!((0.0..film.y).contains(&seen.y), "{elevation_rad}: {seen}");
+                // Over the whole cue, which is drawn back beyond the eye.
+                for along_m in (1..17).map(|step| 0.1 * f64::from(step)) {
+                    let cue = ball - ahead * elevation_rad.cos() * along_m
+                        + DVec3::Z * elevation_rad.sin() * along_m;
+                    let share = (cue - target).dot(ahead) / (eye - target).dot(ahead);
+                    if (0.0..1.0).contains(&share) {
+                        let sight_z = target.lerp(eye, share).z;
+                        let top_z = cue.z + cue_radius_m(along_m) / elevation_rad.cos();
+                        assert!(
+                            top_z < sight_z,
+                            "{elevation_rad}: {along_m} m along the cue, {ahead_m} m ahead"
+                        );
+                    }
+                }
+            }
+        }
+        assert_eq!(
+            Viewpoint::over_cue(ball, bearing_rad, 0.05),
+            Viewpoint::behind(ball, bearing_rad)
+        );
+    }
+
+    #[test]
     fn turning_takes_the_shorter_way() {
         let from = Viewpoint {
             bearing_rad: 3.0,
@@ -317,7 +392,7 @@ pub(super) mod tests {
             max: DVec2::new(1090.0, 660.0),
         };
         for table in tables() {
-            let camera = Viewpoint::overhead(&table, &framing).camera_in(&table);
+            let camera = Viewpoint::overhead(&table, &framing).camera();
             let projection = Projection::new(&camera, framing.film.x, framing.film.y);
             let seen = |at: DVec2| projection.film_from_world(at.extend(0.0)).unwrap();
             let (low, high) = table.outline();
@@ -332,6 +407,20 @@ pub(super) mod tests {
             let middle = seen(0.5 * (low + high));
             let off = middle.distance(0.5 * (left + right));
             assert!(off < 0.5, "{name}: halves differ by {off} points");
+        }
+    }
+
+    #[test]
+    fn balls_are_round_in_the_plan_wherever_they_lie() {
+        for table in tables() {
+            let framing = Framing::whole(DVec2::new(1280.0, 720.0));
+            let camera = Viewpoint::overhead(&table, &framing).camera();
+            let eye = camera.eye.as_dvec3();
+            let radius_m = table.ball().radius_m;
+            let half = 0.5 * DVec2::new(table.length_m(), table.width_m()) - radius_m;
+            // A sphere off the middle is longer by the secant of its direction's angle.
+            let secant = eye.distance(half.extend(radius_m)) / (eye.z - radius_m);
+            assert!(secant < 1.03, "{}: {secant}", table.name());
         }
     }
 
@@ -354,7 +443,7 @@ pub(super) mod tests {
     fn the_pocket_view_sees_its_pocket_and_the_table_before_it() {
         for table in tables() {
             for pocket in table.pockets() {
-                let camera = Viewpoint::from_pocket(pocket).camera_in(&table);
+                let camera = Viewpoint::from_pocket(pocket).camera();
                 let projection = Projection::new(&camera, 1280.0, 720.0);
                 for ahead_m in [0.0, 0.3, 1.0] {
                     let place = (pocket.center + ahead_m * pocket.mouth).extend(0.0);
@@ -367,7 +456,7 @@ pub(super) mod tests {
 
     proptest! {
         #[test]
-        fn no_camera_is_in_a_lampshade_or_below_the_rails(
+        fn no_camera_is_above_its_lamp_outside_the_room_or_below_the_rails(
             bearing in -3.2..3.2f64, yaw_rad in -3.2..3.2f64, pitch_rad in -1.4..1.4f64,
             zoom in 0.3..2.5f64, share in 0.0..1.0f64,
         ) {
@@ -376,11 +465,18 @@ pub(super) mod tests {
                 let from = Viewpoint::overview(&table, bearing).adjusted(by);
                 let framing = Framing::whole(DVec2::new(16.0, 9.0));
                 let to = Viewpoint::overhead(&table, &framing).adjusted(by);
-                let eye = from.lerp(to, share).camera_in(&table).eye;
-                let (low, high) = scene_builder::lampshade(&table);
-                let inside = eye.cmpgt(low - 0.01) & eye.cmplt(high + 0.01);
-                prop_assert!(!inside.all(), "{eye} is in a lampshade");
+                let camera = from.lerp(to, share).camera();
+                let eye = camera.eye;
+                let lamp_z = match LampHeight::of(&camera) {
+                    LampHeight::Hung => 0.97,
+                    LampHeight::Raised => 12.0,
+                };
+                prop_assert!(eye.z < lamp_z, "{eye} is above the lamp");
                 prop_assert!(f64::from(eye.z) > EYE_Z_M_MIN - 1e-6, "{eye}");
+                let (_, outer) = table.outline();
+                let eye = to.camera().eye;
+                let away_m = eye.truncate().as_dvec2().abs() - outer;
+                prop_assert!(away_m.max_element() < 5.0, "{eye} is in a wall");
             }
         }
     }

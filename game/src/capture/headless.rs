@@ -138,7 +138,11 @@ fn done(settings: ReportSettings, target: &VideoTarget, has_animation: bool) -> 
     } = settings;
     let path = target.path().display();
     let s = if frames == 1 { "" } else { "s" };
-    let frames = format!("{frames} frame{s} of {width}x{height}");
+    let mut size = ImageSize::new(width, height);
+    if let VideoTarget::Encoded(_, container) = target {
+        size = container.size(size);
+    }
+    let frames = format!("{frames} frame{s} of {}x{}", size.width, size.height);
     match target {
         VideoTarget::Folder(_) if has_animation => {
             format!("{path} holds {frames}, break.png and stats.json")
@@ -260,7 +264,7 @@ fn make(
         });
     let begun = Instant::now();
     let folder = target.frames_folder();
-    let job = farm.film(footage.stage().scene(), film, &folder)?;
+    let job = farm.film(footage.scene(), film, &folder)?;
     let resumed = job.resumed_frames();
     if resumed > 0 {
         let sentence = going_on(resumed, job.progress().frames, &folder);

@@ -72,6 +72,7 @@ impl ActiveShot {
             table,
             ball: follows.then(|| self.chase.get_or_init(chase).at(moment_secs)),
             bearing_rad: self.bearing_rad,
+            elevation_rad: 0.0,
             pocket: self.pocket,
             is_wide: true,
             framing,

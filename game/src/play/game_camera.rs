@@ -36,7 +36,7 @@ impl Game {
 
     /// The camera at `moment_secs` of the shot that is on, else now.
     pub fn camera(&self, moment_secs: f64) -> Camera {
-        self.viewpoint(moment_secs).camera_in(self.table())
+        self.viewpoint(moment_secs).camera()
     }
 
     /// The view at `moment_secs` of the shot that is on, else now.
@@ -75,6 +75,7 @@ impl Game {
             table: self.table(),
             ball: self.cue_ball().filter(|_| !is_wide),
             bearing_rad: if is_wide { 0.0 } else { self.aim.bearing_rad },
+            elevation_rad: self.aim.elevation_rad,
             pocket: self.pocket_ahead(),
             is_wide,
             framing: self.framing,

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use carom_billiards::game_match::{Match, MatchConfig, Player};
-use carom_billiards::physics::Table;
 use carom_billiards::rules::RuleSet;
 use carom_tracer::{Camera, Scene, SceneUpdate, Shape};
 use clap::{Args, ValueEnum};
@@ -58,31 +57,31 @@ pub enum SceneView {
 }
 
 impl SceneView {
-    fn camera(self, table: &Table, scene: &TableScene, contest: &Match) -> Camera {
+    fn camera(self, scene: &TableScene, contest: &Match) -> Camera {
         let balls = contest.world().balls();
         let (cue_balls, object_balls): (Vec<_>, Vec<_>) =
             balls.into_iter().partition(|ball| ball.number == 0);
         match (self, cue_balls.first()) {
             (Self::Cue, Some(cue_ball)) => {
                 let bearing_rad = (-cue_ball.position.truncate()).to_angle();
-                Viewpoint::behind(cue_ball.position, bearing_rad).camera_in(table)
+                Viewpoint::behind(cue_ball.position, bearing_rad).camera()
             }
             (Self::Macro, Some(cue_ball)) => {
-                let camera = close_up(cue_ball.position).camera_in(table);
+                let camera = close_up(cue_ball.position).camera();
                 camera.aperture_radius_m(MACRO_APERTURE_RADIUS_M)
             }
             (Self::Rack | Self::Title, _) if !object_balls.is_empty() => {
                 let sum: DVec3 = object_balls.iter().map(|ball| ball.position).sum();
                 let middle = sum / object_balls.len() as f64;
                 if self == Self::Title {
-                    let camera = title(middle).camera_in(table);
+                    let camera = title(middle).camera();
                     return camera.aperture_radius_m(TITLE_APERTURE_RADIUS_M);
                 }
                 let near = Viewpoint {
                     distance_m: RACK_DISTANCE_M,
                     ..Viewpoint::beside(middle, RACK_BEARING_RAD)
                 };
-                near.camera_in(table)
+                near.camera()
             }
             _ => scene.scene().camera,
         }
@@ -160,7 +159,7 @@ pub fn opening_scene(
 /// What `room` shows of a match before its first stroke.
 pub fn opening_update(room: &TableScene, contest: &Match, view: SceneView) -> SceneUpdate {
     let table = contest.world().table();
-    let camera = view.camera(table, room, contest);
+    let camera = view.camera(room, contest);
     let balls = contest.world().balls();
     let poses: Vec<_> = balls.iter().map(|ball| ball.pose()).collect();
     let cue_ball = poses.iter().find(|pose| pose.number == 0);
@@ -202,6 +201,8 @@ impl SceneArgs {
 
 #[cfg(test)]
 mod tests {
+    use carom_billiards::physics::Table;
+
     use super::*;
 
     #[test]

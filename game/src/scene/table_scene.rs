@@ -9,7 +9,7 @@ use glam::{Quat, Vec3};
 use crate::particles::ParticleDetail;
 use crate::scene::cue_stick::{CUE_NAME, CuePose};
 use crate::scene::potted_balls::potted_balls;
-use crate::scene::scene_builder::{room, scoreboard};
+use crate::scene::scene_builder::{LampHeight, room, scoreboard};
 use crate::scene::scoreboard::{HAND_NAME, ScoreReading, Scoreboard};
 use crate::scene::table_style::TableStyle;
 
@@ -18,6 +18,8 @@ use crate::scene::table_style::TableStyle;
 pub struct TableScene {
     table: Table,
     scene: Scene,
+    /// The same with its lamp raised.
+    scene_from_above: Scene,
     balls: Vec<(u8, u32)>,
     scoreboard: Scoreboard,
     /// The objects of its hands.
@@ -52,7 +54,7 @@ impl TableScene {
 
     /// Objects called `ball0`, `ball1` … are the balls of those numbers.
     fn new(table: &Table, rules: RuleSet, style: TableStyle) -> Self {
-        let scene = room(table, rules, style);
+        let scene = room(table, rules, style, LampHeight::Hung);
         let numbered = |(index, object): (usize, &carom_tracer::Object)| {
             let number = object.name.strip_prefix("ball")?.parse().ok()?;
             Some((number, index as u32))
@@ -75,6 +77,7 @@ impl TableScene {
             cloth_albedo: style.cloth.albedo(rules),
             cue: cue.map(|index| index as u32),
             scene,
+            scene_from_above: room(table, rules, style, LampHeight::Raised),
             balls,
         }
     }
@@ -94,9 +97,22 @@ impl TableScene {
         self.cloth_albedo
     }
 
-    /// What a farm is given once.
+    /// What a farm is given for all views from below the lamp.
     pub fn scene(&self) -> &Scene {
         &self.scene
+    }
+
+    /// What a farm is given for the view of `update`.
+    pub fn scene_for(&self, update: &SceneUpdate) -> &Scene {
+        self.scene_under(LampHeight::of(&update.camera.unwrap_or(self.scene.camera)))
+    }
+
+    /// What a farm is given for views that need the lamp at this height.
+    pub fn scene_under(&self, lamp: LampHeight) -> &Scene {
+        match lamp {
+            LampHeight::Hung => &self.scene,
+            LampHeight::Raised => &self.scene_from_above,
+        }
     }
 
     /// A frame's difference to the scene. Potted balls lie in their pockets; those that are off the table or

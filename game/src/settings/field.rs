@@ -145,8 +145,8 @@ const VIEW_PARTS: [(&str, [f64; 2]); 6] = [
     ("y", [-4.0, 4.0]),
     ("bearing-deg", [-180.0, 180.0]),
     ("pitch-deg", [1.0, 90.0]),
-    ("distance-m", [0.5, 7.0]),
-    ("fov-deg", [20.0, 160.0]),
+    ("distance-m", [0.5, 10.0]),
+    ("fov-deg", [5.0, 160.0]),
 ];
 /// More than any drill gives.
 const POINTS_MAX: u32 = 10_000;

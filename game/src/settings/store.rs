@@ -230,7 +230,7 @@ impl SettingsStore {
             fs::create_dir_all(folder)?;
         }
         if self.is_broken {
-            fs::rename(path, free_name(path))?;
+            set_aside_broken(path)?;
             self.is_broken = false;
         }
         Ok(())
@@ -265,16 +265,21 @@ fn enter(document: &mut DocumentMut, table: &str, key: &str, mut value: Value) {
     rows.insert(key, Item::Value(value));
 }
 
-/// `settings.broken.toml`, or the first such name with a number that is free.
-fn free_name(path: &Path) -> PathBuf {
+/// Renames a file that cannot be read, so that another takes its place: to `settings.broken.toml`, or the first such
+/// name with a number that is free. The new name.
+///
+/// # Errors
+/// The system's.
+pub(crate) fn set_aside_broken(path: &Path) -> std::io::Result<PathBuf> {
+    let ending = path.extension().unwrap_or_default().display();
     let name = |number: u32| match number {
-        0 => path.with_extension("broken.toml"),
-        number => path.with_extension(format!("broken.{number}.toml")),
+        0 => path.with_extension(format!("broken.{ending}")),
+        number => path.with_extension(format!("broken.{number}.{ending}")),
     };
-    let mut names = (0..1000).map(name);
-    names
-        .find(|name| !name.exists())
-        .unwrap_or_else(|| name(1000))
+    let free = (0..1000).map(name).find(|name| !name.exists());
+    let free = free.unwrap_or_else(|| name(1000));
+    fs::rename(path, &free)?;
+    Ok(free)
 }
 
 /// Far more than all settings with comments.

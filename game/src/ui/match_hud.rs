@@ -64,7 +64,7 @@ pub fn draw(
         let asked = panel(ctx, layout, "options", place, |ui| options(ui, hud));
         wanted = wanted.or(asked);
     }
-    if log {
+    if log && !hud.view.log.is_empty() {
         panel(ctx, layout, "log", place, |ui| {
             said(ui, &hud.view);
             None
@@ -165,7 +165,9 @@ fn side(ui: &mut Ui, player: &PlayerView, points_max: Option<u32>, is_turn: bool
     ui.label(RichText::new(score).heading());
     let mut state = player.state.clone();
     if !player.left.is_empty() {
-        let left: Vec<String> = player.left.iter().map(u8::to_string).collect();
+        let mut left = player.left.clone();
+        left.sort_unstable();
+        let left: Vec<String> = left.iter().map(u8::to_string).collect();
         state = text!("match-left", state = state, balls = left.join(" "));
     }
     if !state.is_empty() {

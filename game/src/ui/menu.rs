@@ -27,6 +27,8 @@ pub struct Menu {
     is_fresh: bool,
     /// The line under the pointer.
     pointed: Option<Id>,
+    /// What had the keyboard when an arrow was pressed last, and where Tab would go in its place.
+    arrow: Option<(Id, FocusDirection)>,
 }
 
 /// What a page asks for; changed settings are in the store.
@@ -113,16 +115,20 @@ impl Menu {
                         .inner
                 }
                 Page::NewGame => {
+                    self.unstick(ui);
                     let page = |ui: &mut Ui| {
                         let begins = new_game::page(ui, &mut self.game, is_fresh);
                         self.footer(ui, false, None);
                         begins
                     };
-                    scrolled.show(ui, page).inner.then(|| {
-                        self.close();
-                        MenuCommand::Begin(self.game.clone())
-                    })
+                    scrolled.show(ui, page).inner.then_some(())?;
+                    if input.is_match_unfinished {
+                        self.open(Page::GiveUp);
+                        return None;
+                    }
+                    self.begin()
                 }
+                Page::GiveUp => scrolled.show(ui, |ui| self.give_up(ui, is_fresh)).inner,
                 Page::Settings => {
                     let action = preferences::page(ui, store, input);
                     self.footer(ui, is_fresh, action)
@@ -171,6 +177,49 @@ impl Menu {
         }
         if entries.add(text!("menu-quit")) {
             command = Some(MenuCommand::Quit);
+        }
+        self.pointed = entries.finish();
+        command
+    }
+
+    /// Goes on as Tab does where an arrow has found nothing in its direction, as at the end of a row.
+    fn unstick(&mut self, ui: &Ui) {
+        let pressed =
+            |keys: [Key; 2]| ui.input(|input| keys.iter().any(|key| input.key_pressed(*key)));
+        let way = match () {
+            () if pressed([Key::ArrowRight, Key::ArrowDown]) => Some(FocusDirection::Next),
+            () if pressed([Key::ArrowLeft, Key::ArrowUp]) => Some(FocusDirection::Previous),
+            () => None,
+        };
+        ui.memory_mut(|memory| {
+            let focused = memory.focused();
+            if let Some((id, way)) = self.arrow.take()
+                && focused == Some(id)
+            {
+                memory.move_focus(way);
+            }
+            self.arrow = focused.zip(way);
+        });
+        if self.arrow.is_some() {
+            ui.ctx().request_repaint();
+        }
+    }
+
+    fn begin(&mut self) -> Option<MenuCommand> {
+        self.close();
+        Some(MenuCommand::Begin(self.game.clone()))
+    }
+
+    /// Asks before an unfinished match is given up.
+    fn give_up(&mut self, ui: &mut Ui, is_fresh: bool) -> Option<MenuCommand> {
+        title(ui, text!("menu-give-up"));
+        let mut entries = Entries::new(ui, is_fresh, self.pointed);
+        let mut command = None;
+        if entries.add(text!("menu-keep-match")) {
+            self.back();
+        }
+        if entries.add(text!("menu-begin-anyway")) {
+            command = self.begin();
         }
         self.pointed = entries.finish();
         command

@@ -9,6 +9,8 @@ pub enum Page {
     Top,
     /// What to play.
     NewGame,
+    /// Whether the unfinished match is to be given up for a new game.
+    GiveUp,
     /// The settings.
     Settings,
     /// Which key does what, and how that is changed.
@@ -24,6 +26,8 @@ pub enum Page {
 pub struct MenuInput<'a> {
     /// The match.
     pub view: &'a MatchView,
+    /// Whether there is an unfinished match, which a new game would end.
+    pub is_match_unfinished: bool,
     /// Whether a match waits while its player practises.
     pub is_match_waiting: bool,
     /// How sound is played, or why it is not.

@@ -58,7 +58,7 @@ fn assert_apart(harness: &Harness<'_, Seat>, size: Vec2, case: &str) {
 fn assert_balls_clear(harness: &Harness<'_, Seat>, size: Vec2, case: &str) {
     let seat = harness.state();
     let game = seat.session.game();
-    let camera = seat.viewpoint().camera_in(game.table());
+    let camera = seat.viewpoint().camera();
     let projection = Projection::new(&camera, size.x.into(), size.y.into());
     let panels = panels(harness);
     for ball in game.poses(0.0).iter().filter(|ball| ball.on_table) {

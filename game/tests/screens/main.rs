@@ -4,6 +4,7 @@
 mod layout;
 #[path = "../../../farm/window/tests/looks/mod.rs"]
 mod looks;
+mod menu;
 mod newcomer;
 mod pictures;
 mod player;

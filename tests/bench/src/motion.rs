@@ -118,7 +118,7 @@ fn measure(args: &MotionArgs) -> anyhow::Result<Vec<MotionError>> {
 fn turned(table_scene: &TableScene, secs: f64) -> SceneUpdate {
     let table = table_scene.table_inside();
     let viewpoint = Viewpoint::overview(table, PI / 3.0 * secs);
-    table_scene.update(viewpoint.camera_in(table), &[], None)
+    table_scene.update(viewpoint.camera(), &[], None)
 }
 
 fn break_shot(stage: TableScene, frames: u32) -> anyhow::Result<ShotSequence> {

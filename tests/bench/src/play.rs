@@ -278,8 +278,7 @@ impl PlayLoop {
     fn update(&self, now_secs: f64) -> SceneUpdate {
         let table = self.table_scene.table_inside();
         let viewpoint = Viewpoint::overview(table, TAU * now_secs / TURN_SECS);
-        self.table_scene
-            .update(viewpoint.camera_in(table), &[], None)
+        self.table_scene.update(viewpoint.camera(), &[], None)
     }
 }
 

@@ -47,6 +47,13 @@ pub struct MatchView {
     pub undo: usize,
 }
 
+impl MatchView {
+    /// Whether shots of a match were played, and it is not over.
+    pub fn is_unfinished(&self) -> bool {
+        self.rules != RuleSet::Free && self.winner.is_none() && self.undo > 0
+    }
+}
+
 /// A player's side of the board.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlayerView {

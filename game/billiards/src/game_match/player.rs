@@ -81,6 +81,9 @@ impl FromStr for Player {
         if text == "ai" {
             return Ok(Self::Computer(Level::default()));
         }
+        if text == "me" {
+            return Ok(Self::you());
+        }
         if let Some(level) = text.strip_prefix("ai:") {
             let level = Level::ALL.into_iter().find(|known| known.key() == level);
             return level

@@ -101,7 +101,7 @@ impl GameSession {
         if !self.is_game() {
             return;
         }
-        let camera = self.viewpoint(now_secs).camera_in(self.game.table());
+        let camera = self.viewpoint(now_secs).camera();
         let film = self.game.framing().film;
         let projection = Projection::new(&camera, film.x, film.y);
         let table = self.game.table();

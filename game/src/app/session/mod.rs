@@ -31,6 +31,7 @@ use crate::frame::opening_still::OpeningStill;
 use crate::frame::pipeline::FramePipeline;
 use crate::input::{AimIntent, MatchIntent, ReplayIntent, StrokeIntent};
 use crate::play::{BallMarks, CueView, Game, ShotClock};
+use crate::scene::scene_builder::LampHeight;
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::TableStyle;
 use crate::settings::Settings;
@@ -41,6 +42,8 @@ pub struct GameSession {
     game: Game,
     modes: ModeController,
     table_scene: TableScene,
+    /// Of the scene that the farm has.
+    lamp: LampHeight,
     style: TableStyle,
     pipeline: FramePipeline,
     screenshot: CaptureSlot,
@@ -96,6 +99,7 @@ impl GameSession {
             requested_quality: None,
             pipeline: FramePipeline::new(config, table_scene.scene(), style.balls.max_depth())?,
             table_scene,
+            lamp: LampHeight::Hung,
             pixels: ImageSize::new(0, 0),
             last_advance_secs: 0.0,
             was_practising: false,
@@ -238,9 +242,10 @@ impl GameSession {
         if self.pixels.pixels() == 0 {
             return;
         }
-        let spec = screenshot::frame_spec(update, self.pixels, self.style.balls.max_depth());
+        let scene = self.table_scene.scene_for(&update);
+        let spec =
+            screenshot::frame_spec(update.clone(), self.pixels, self.style.balls.max_depth());
         let folder = self.modes.folder().map(|folder| folder.join("pictures"));
-        let scene = self.table_scene.scene();
         let slot = &mut self.screenshot;
         let begun = folder.and_then(|folder| screenshot::begin(slot, farm, scene, spec, folder));
         if let Err(why) = begun {
@@ -265,8 +270,10 @@ impl GameSession {
             let view = replay.view(&self.game, ViewTime::Moment(moment_secs));
             view.update(&self.table_scene)
         });
+        let updates: Vec<_> = updates.collect();
+        let first = updates.first().cloned().unwrap_or_default();
         let film = ReplayFilm {
-            updates: updates.collect(),
+            updates,
             shot: shot.clone(),
             size: ReplayFilm::SIZE,
             max_depth: self.style.balls.max_depth(),
@@ -274,7 +281,7 @@ impl GameSession {
         let Some(farm) = self.pipeline.farm_mut() else {
             return self.modes.notify(text!("screenshot-no-farm").to_owned());
         };
-        let scene = self.table_scene.scene();
+        let scene = self.table_scene.scene_for(&first);
         let slot = &mut self.film;
         let begun = self
             .modes
@@ -333,8 +340,10 @@ impl GameSession {
     }
 
     fn set_table_scene(&mut self, table_scene: TableScene) -> anyhow::Result<()> {
-        self.pipeline
-            .set_scene(table_scene.scene(), self.style.balls.max_depth())?;
+        self.pipeline.set_scene(
+            table_scene.scene_under(self.lamp),
+            self.style.balls.max_depth(),
+        )?;
         self.table_scene = table_scene;
         self.is_dirty = true;
         Ok(())

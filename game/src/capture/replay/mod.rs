@@ -209,6 +209,7 @@ impl ReplayPlayer {
             framing: game.framing(),
             ball: follows.then(chase),
             bearing_rad: bearing_rad(self.shot()),
+            elevation_rad: 0.0,
             pocket: self
                 .shot()
                 .potted()

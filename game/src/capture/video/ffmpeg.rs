@@ -8,6 +8,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context as _, bail};
 use carom_farm::{FilmFrames, WholeFile};
+use carom_tracer::ImageSize;
 
 use crate::audio::{Sound, installed_program};
 
@@ -33,6 +34,17 @@ impl VideoContainer {
             "webm" => Some(Self::Webm),
             "gif" => Some(Self::Gif),
             _ => None,
+        }
+    }
+
+    /// The size of a video whose frames have this size: H.264 has even ones only.
+    pub fn size(self, frame: ImageSize) -> ImageSize {
+        match self {
+            Self::Mp4 | Self::Mkv => ImageSize::new(
+                frame.width.next_multiple_of(2),
+                frame.height.next_multiple_of(2),
+            ),
+            Self::Webm | Self::Gif => frame,
         }
     }
 

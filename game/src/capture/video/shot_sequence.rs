@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use carom_billiards::physics::{EventKind, Shot, Table};
-use carom_tracer::{Camera, ImageSize, SceneUpdate};
+use carom_tracer::{Camera, ImageSize, Scene, SceneUpdate};
 use clap::ValueEnum;
 use glam::DVec2;
 
@@ -131,9 +131,9 @@ impl ShotSequence {
         track
     }
 
-    /// The room.
-    pub fn stage(&self) -> &TableScene {
-        &self.stage
+    /// The room as it is traced: a view is below the lamp in all frames, or above it in all.
+    pub fn scene(&self) -> &Scene {
+        self.stage.scene_for(&self.update(0))
     }
 
     /// How many frames there are.
@@ -181,7 +181,12 @@ impl ShotSequence {
         let (table, shot) = (self.stage.table_inside(), &self.shots[index]);
         let viewpoint = match self.view {
             VideoView::Table => return self.stage.scene().camera,
-            VideoView::Player => behind(table, shot, moment_secs),
+            VideoView::Player => {
+                let elevation_rad = self.cues[index]
+                    .as_ref()
+                    .map_or(0.0, |cue| cue.elevation_rad);
+                behind(table, shot, elevation_rad, moment_secs)
+            }
             VideoView::Plan => {
                 let film = DVec2::new(self.aspect, 1.0) * PLAN_POINTS;
                 return Viewpoint::overhead(table, &Framing::whole(film)).camera();
@@ -202,7 +207,7 @@ impl ShotSequence {
                 Viewpoint::overview(table, ORBIT_RAD_PER_SEC * secs)
             }
         };
-        viewpoint.camera_in(table)
+        viewpoint.camera()
     }
 }
 
@@ -215,7 +220,7 @@ fn bearing_rad(shot: &Shot) -> Option<f64> {
 }
 
 /// From behind the cue ball up to the whole table.
-fn behind(table: &Table, shot: &Shot, moment_secs: f64) -> Viewpoint {
+fn behind(table: &Table, shot: &Shot, elevation_rad: f64, moment_secs: f64) -> Viewpoint {
     let states = shot.states_at(0.0);
     let cue_ball = states.iter().find(|ball| ball.number == 0);
     let (Some(cue_ball), Some(bearing_rad)) = (cue_ball, bearing_rad(shot)) else {
@@ -223,7 +228,7 @@ fn behind(table: &Table, shot: &Shot, moment_secs: f64) -> Viewpoint {
     };
     let risen = smoothstep((moment_secs - RISE_SECS.start) / (RISE_SECS.end - RISE_SECS.start));
     let overview = Viewpoint::overview(table, bearing_rad);
-    Viewpoint::behind(cue_ball.position, bearing_rad).lerp(overview, risen)
+    Viewpoint::over_cue(cue_ball.position, bearing_rad, elevation_rad).lerp(overview, risen)
 }
 
 fn first_contact_secs(shot: &Shot) -> f64 {

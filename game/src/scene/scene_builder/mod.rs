@@ -20,7 +20,8 @@ use carom_tracer::{Camera, CsgSolid, Environment, Lens, Object, Scene, Shape, Su
 use glam::{DVec2, Quat, Vec2, Vec3};
 
 use self::materials::materials;
-use self::room::{lamp, window};
+pub use self::room::LampHeight;
+use self::room::window;
 use crate::scene::scoreboard::Scoreboard;
 use crate::scene::table_style::TableStyle;
 
@@ -31,9 +32,10 @@ pub const EXPOSURE: f32 = 1.0;
 pub const FOV_X_DEG: f64 = 44.0;
 
 /// The room round `table`, whose balls are those of a game and of `style`, as the game's scene.
-pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
+pub fn room(table: &Table, rules: RuleSet, style: TableStyle, lamp: LampHeight) -> Scene {
     let mut room = SceneBuilder {
         frame: TableMeasures::of(table),
+        lamp,
         objects: Vec::new(),
     };
     room.balls(table, rules);
@@ -48,7 +50,7 @@ pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
     room.walls();
     room.far_end();
     let light = style.brightness.factor();
-    let mut area_lights = vec![lamp(room.frame.scale), window(room.frame.outer)];
+    let mut area_lights = vec![room.lamp(), window(room.frame.outer)];
     for lamp in &mut area_lights {
         lamp.radiance *= light;
     }
@@ -68,16 +70,6 @@ pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
         objects: room.objects,
         ..Scene::new()
     }
-}
-
-/// The corners of a box round the lampshade, m: no camera goes there.
-pub fn lampshade(table: &Table) -> (Vec3, Vec3) {
-    let scale = TableMeasures::of(table).scale;
-    let reach = LAMP_HALF_M * Vec2::new(scale, 1.0) + SHADE_RIM_M;
-    (
-        (-reach).extend(LAMP_Z_M - LAMP_CLEARANCE_M),
-        reach.extend(LAMP_Z_M + SHADE_HEIGHT_M),
-    )
 }
 
 /// The main measures of a table.
@@ -122,6 +114,7 @@ impl TableMeasures {
 
 struct SceneBuilder {
     frame: TableMeasures,
+    lamp: LampHeight,
     objects: Vec<Object>,
 }
 
@@ -197,11 +190,9 @@ pub(super) const POCKET_DEPTH_M: f32 = 0.165;
 const APRON_M: f32 = 0.17;
 /// The lamp, and where the first picture is taken from, are laid out for this length.
 const NINE_FOOT_M: f64 = 2.54;
-const LAMP_Z_M: f32 = 1.0;
+/// Half the extent of a lamp, at a height of 1 m.
 const LAMP_HALF_M: Vec2 = Vec2::new(1.02, 0.18);
 const SHADE_RIM_M: f32 = 0.03;
-/// No eye comes nearer to a lamp from below.
-const LAMP_CLEARANCE_M: f32 = 0.02;
 /// A lamp's diffuser lies so far below the underside of its shade. A rim below it would be a bright
 /// surface that light sampling does not aim at: at 2 cm it makes two thirds of the room's squared
 /// error at 16 samples (relMSE 2.0e-3 against 5.9e-4, `carom-tracer`'s example `noise`).

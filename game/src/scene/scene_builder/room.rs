@@ -1,15 +1,42 @@
 //! The room round the table: stand, lampshade, walls, and what stands there.
 
 use carom_billiards::physics::Table;
-use carom_tracer::{AreaLight, Shape};
+use carom_tracer::{AreaLight, Camera, Shape};
 use glam::{DVec3, Vec2, Vec3};
 
+use crate::camera::EYE_Z_M_MAX;
 use crate::scene::cue_stick::{CUE_NAME, CuePose};
 
 use super::{
-    APRON_M, LAMP_GAP_M, LAMP_HALF_M, LAMP_Z_M, POCKET_DEPTH_M, SHADE_HEIGHT_M, SHADE_RIM_M,
-    SceneBuilder, around, beyond, corners,
+    APRON_M, LAMP_GAP_M, LAMP_HALF_M, POCKET_DEPTH_M, SHADE_HEIGHT_M, SHADE_RIM_M, SceneBuilder,
+    around, beyond, corners,
 };
+
+/// How high the lamp hangs. A higher one is as much larger, so that it lights the middle of the table alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LampHeight {
+    /// 1 m over the cloth.
+    Hung,
+    /// Above every eye, so that it hides nothing of a table that is seen from above.
+    Raised,
+}
+
+impl LampHeight {
+    /// What a camera needs.
+    pub fn of(camera: &Camera) -> Self {
+        match f64::from(camera.eye.z) > EYE_Z_M_MAX + ROUNDING_M {
+            true => Self::Raised,
+            false => Self::Hung,
+        }
+    }
+
+    fn z_m(self) -> f32 {
+        match self {
+            Self::Hung => 1.0,
+            Self::Raised => 12.5,
+        }
+    }
+}
 
 impl SceneBuilder {
     /// The pockets' floor, and legs.
@@ -40,11 +67,11 @@ impl SceneBuilder {
 
     /// An enamelled shade over the lamp, hung from the ceiling.
     pub(super) fn lampshade(&mut self) {
-        let scale = self.frame.scale;
-        let half = LAMP_HALF_M * Vec2::new(scale, 1.0) + SHADE_RIM_M;
-        let (low, high) = (LAMP_Z_M + LAMP_GAP_M, LAMP_Z_M + SHADE_HEIGHT_M);
+        let z = self.lamp.z_m();
+        let half = self.lamp_half() + SHADE_RIM_M;
+        let (low, high) = (z + LAMP_GAP_M, z + SHADE_HEIGHT_M);
         let slope = |side: Vec3| {
-            let foot = Vec3::Z * (LAMP_Z_M + 0.01) + side * half.dot(side.truncate().abs());
+            let foot = Vec3::Z * (z + 0.01) + side * half.dot(side.truncate().abs());
             beyond(foot, side + Vec3::Z * SHADE_SLOPE)
         };
         let shade = Shape::CsgBox {
@@ -57,9 +84,25 @@ impl SceneBuilder {
         self.add("lampshade", "enamel", shade);
         let rod = Shape::Box {
             min: Vec3::new(-0.008, -0.008, high),
-            max: Vec3::new(0.008, 0.008, ROOM_HEIGHT_M),
+            max: Vec3::new(0.008, 0.008, high + ROD_M),
         };
         self.add("lamp rod", "brass", rod);
+    }
+
+    /// The lamp over the table.
+    pub(super) fn lamp(&self) -> AreaLight {
+        let half = self.lamp_half();
+        AreaLight {
+            name: "lamp".to_owned(),
+            center: Vec3::Z * self.lamp.z_m(),
+            half_u: Vec3::X * half.x,
+            half_v: Vec3::NEG_Y * half.y,
+            radiance: Vec3::new(17.0, 15.9, 14.0),
+        }
+    }
+
+    fn lamp_half(&self) -> Vec2 {
+        self.lamp.z_m() * LAMP_HALF_M * Vec2::new(self.frame.scale, 1.0)
     }
 
     /// Floor, carpet, panelled walls with pictures, and no ceiling: the environment comes in there.
@@ -144,17 +187,6 @@ impl SceneBuilder {
     }
 }
 
-/// The lamp over the table.
-pub(super) fn lamp(scale: f32) -> AreaLight {
-    AreaLight {
-        name: "lamp".to_owned(),
-        center: Vec3::Z * LAMP_Z_M,
-        half_u: Vec3::X * scale * LAMP_HALF_M.x,
-        half_v: Vec3::NEG_Y * LAMP_HALF_M.y,
-        radiance: Vec3::new(17.0, 15.9, 14.0),
-    }
-}
-
 /// An evening sky in the far wall.
 pub(super) fn window(outer: Vec2) -> AreaLight {
     let (center, half) = WINDOW_M;
@@ -167,6 +199,8 @@ pub(super) fn window(outer: Vec2) -> AreaLight {
     }
 }
 
+/// Of an eye at the greatest height below the lamp.
+const ROUNDING_M: f64 = 1e-3;
 const LEG_INSET_M: f32 = 0.2;
 const LEG_HALF_M: f32 = 0.08;
 /// How much a leg narrows, over its height.
@@ -176,6 +210,8 @@ const SHADE_SLOPE: f32 = 0.9;
 /// From the table to the walls: more than the player's farthest eye.
 pub(super) const ROOM_MARGIN_M: f32 = 5.2;
 const ROOM_HEIGHT_M: f32 = 2.4;
+/// From a shade up to where it hangs, which is the walls' height.
+const ROD_M: f32 = ROOM_HEIGHT_M - 1.15;
 const PANEL_HEIGHT_M: f32 = 1.04;
 /// Middle and half the extent of the window in the far wall, as y and z.
 pub(super) const WINDOW_M: (Vec2, Vec2) = (Vec2::new(-2.1, 0.98), Vec2::new(0.85, 0.62));

@@ -13,7 +13,12 @@ use crate::scene::table_style::{Brightness, CueStyle};
 
 fn nine_foot() -> (Table, CompiledScene) {
     let table = Table::nine_foot();
-    let mut scene = room(&table, RuleSet::Free, BallSet::Classic.into());
+    let mut scene = room(
+        &table,
+        RuleSet::Free,
+        BallSet::Classic.into(),
+        LampHeight::Hung,
+    );
     scene
         .objects
         .retain(|object| !object.name.starts_with("ball") && object.name != CUE_NAME);
@@ -30,7 +35,12 @@ fn met(scene: &CompiledScene, origin: DVec3, direction: DVec3) -> DVec3 {
 #[test]
 fn every_set_of_balls_makes_a_scene_with_sixteen() {
     for set in BallSet::ALL {
-        let scene = room(&Table::nine_foot(), RuleSet::Free, set.into());
+        let scene = room(
+            &Table::nine_foot(),
+            RuleSet::Free,
+            set.into(),
+            LampHeight::Hung,
+        );
         scene.validate().unwrap();
         let balls = scene.objects.iter().filter(|o| o.name.starts_with("ball"));
         assert_eq!(balls.count(), 16, "{set:?}");
@@ -68,7 +78,12 @@ fn jaws_are_round_where_balls_meet_them() {
         Table::nine_foot(),
         Table::parse(include_str!("../../../../assets/tables/snooker.json")).unwrap(),
     ] {
-        let scene = room(&table, RuleSet::Free, BallSet::Classic.into());
+        let scene = room(
+            &table,
+            RuleSet::Free,
+            BallSet::Classic.into(),
+            LampHeight::Hung,
+        );
         let scene = CompiledScene::new(&scene).unwrap();
         let height = table.nose_height_m();
         let mut met_jaws = 0;
@@ -136,7 +151,7 @@ fn brightness_scales_the_picture_and_nothing_else() {
             brightness,
             ..TableStyle::default()
         };
-        let scene = room(&Table::nine_foot(), RuleSet::Free, style);
+        let scene = room(&Table::nine_foot(), RuleSet::Free, style, LampHeight::Hung);
         let scene = CompiledScene::new(&scene).unwrap();
         let settings = RenderSettings {
             samples: 4,
@@ -162,7 +177,7 @@ fn each_cue_has_woods_of_its_own() {
             cue,
             ..TableStyle::default()
         };
-        room(&Table::nine_foot(), RuleSet::Free, style).materials["cue"]
+        room(&Table::nine_foot(), RuleSet::Free, style, LampHeight::Hung).materials["cue"]
     };
     let cues: Vec<_> = CueStyle::value_variants()
         .iter()
@@ -184,7 +199,12 @@ fn more_samples_never_leave_more_error() {
         pixels.map(|light| srgb8(*light, EXPOSURE)).collect()
     };
     for set in [BallSet::Classic, BallSet::Glass, BallSet::Metal] {
-        let scene = room(&Table::nine_foot(), RuleSet::Free, set.into());
+        let scene = room(
+            &Table::nine_foot(),
+            RuleSet::Free,
+            set.into(),
+            LampHeight::Hung,
+        );
         let scene = CompiledScene::new(&scene).unwrap();
         let picture = |samples, denoise, seed| {
             let settings = RenderSettings {

@@ -37,7 +37,7 @@ pub(super) fn run(args: &PictureArgs) -> Result<(), BenchError> {
         .map_err(anyhow::Error::from)?;
     let puff = ChalkPuff::new(&shot);
     let cue_ball = shot.poses_at(0.0)[0].position;
-    let camera = Viewpoint::behind(cue_ball, 0.0).camera_in(table);
+    let camera = Viewpoint::behind(cue_ball, 0.0).camera();
     let mut scene = CompiledScene::new(room.scene())?;
     println!(
         "{:<8} {:<6} {:>6} {:>10} {:>9} {:>9} {:>9}",

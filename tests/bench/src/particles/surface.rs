@@ -38,7 +38,7 @@ pub(super) fn run(args: &PictureArgs) -> Result<(), BenchError> {
         let shot = world.strike(stroke).context("the shot")?;
         let track = shot.particles().context("the particles of the shot")?;
         let cue_ball = shot.poses_at(0.0)[0].position;
-        let camera = Viewpoint::behind(cue_ball, 0.0).camera_in(&table);
+        let camera = Viewpoint::behind(cue_ball, 0.0).camera();
         for secs in [0.0, 0.3, 1.0] {
             let bodies = BedMoment::Moving(track.clone(), secs).clouds(room.cloth_albedo());
             let particles: usize = bodies.iter().map(|cloud| cloud.places.len()).sum();
