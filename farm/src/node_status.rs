@@ -79,7 +79,7 @@ pub(crate) const LOCAL_ADDRESS: &str = "local";
 /// Where a node stands, in the words that players, `carom-farm status` and the node itself use.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum NodeState {
-    /// Its device is being opened, or it is being called.
+    /// Its device is being opened, or it is being called for the first time.
     #[default]
     Starting,
     /// It waits for a player: only a node says that, of itself.
@@ -103,7 +103,7 @@ pub enum NodeState {
     Lost {
         /// A sentence.
         why: String,
-        /// When it is tried again, in whole seconds from now, rounded up; absent if nobody knows.
+        /// When it is tried again, in whole seconds from now, rounded up; absent while it is, and if nobody knows.
         retry_secs: Option<u64>,
     },
 }

@@ -189,11 +189,15 @@ fn invalid_configuration_fields_are_refused() {
         ("nodes = [", "farm.toml"),
     ] {
         std::fs::write(dir.path().join("farm.toml"), text).unwrap();
-        let said = refused(
-            dir.path(),
-            &["render", "--config", "farm.toml", "--out", "a.png"],
-        );
-        assert!(said.contains(place), "{text}: {said}");
+        let render = ["render", "--out", "a.png"];
+        // It is found where the program runs, too.
+        for args in [
+            &render[..],
+            &[&render[..], &["--config", "farm.toml"]].concat(),
+        ] {
+            let said = refused(dir.path(), args);
+            assert!(said.contains(place), "{text}: {said}");
+        }
     }
 }
 
@@ -829,8 +833,31 @@ fn status_distinguishes_nodes_that_answer() {
     assert!(sentence.contains("firewalls"), "{sentence}");
     let one = ["status", "--node", &oak.address];
     assert!(done(dir, &one).contains("paired"));
-    let missing = refused(dir, &["status", "--farm", "nowhere.toml"]);
-    assert!(missing.contains("nowhere.toml"), "{missing}");
+    for command in ["status", "top"] {
+        let missing = refused(dir, &[command, "--farm", "nowhere.toml"]);
+        assert!(
+            missing.contains("nowhere.toml") && missing.contains("--node HOST:PORT"),
+            "{missing}"
+        );
+    }
+}
+
+#[test]
+fn figures_of_a_farm_that_does_not_answer_are_a_failure() {
+    let dir = tempfile::tempdir().unwrap();
+    // A port at which nothing listens.
+    let closed = std::net::TcpListener::bind("127.0.0.1:0").and_then(|port| port.local_addr());
+    let closed = closed.unwrap().to_string();
+    let output = carom_farm(dir.path(), &["top", "--once", "--health", &closed]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let said = String::from_utf8(output.stdout).unwrap();
+    let whole = format!("{closed} does not answer: Connection refused (os error 111)");
+    assert!(
+        !cfg!(target_os = "linux") || said.contains(&whole),
+        "{said}"
+    );
+    let failure = String::from_utf8(output.stderr).unwrap();
+    assert!(failure.contains("1 of 1 nodes do not answer"), "{failure}");
 }
 
 #[test]

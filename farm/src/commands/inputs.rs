@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
-use carom_farm::FileFormat;
 use carom_farm::directory::NodeSource;
+use carom_farm::{FarmConfig, FileFormat};
 use carom_tracer::Scene;
 
 use crate::commands::Failure;
@@ -42,6 +42,24 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, Failure> {
 pub(crate) fn node(text: &str) -> Result<String, carom_farm::Error> {
     text.parse::<NodeSource>()?;
     Ok(text.to_owned())
+}
+
+/// Reads the configuration of a command that needs nodes.
+pub(crate) fn farm_file(path: &Path) -> Result<FarmConfig, Failure> {
+    let lacks = |fault: &str| {
+        Failure::Input(format!(
+            "{} {fault}: name a node with --node HOST:PORT, or write `nodes = [\"HOST:PORT\"]` in that file",
+            path.display()
+        ))
+    };
+    if !path.exists() {
+        return Err(lacks("does not exist"));
+    }
+    let config = FarmConfig::load(path)?;
+    match config.nodes.is_empty() {
+        true => Err(lacks("lists no nodes")),
+        false => Ok(config),
+    }
 }
 
 /// The first address of a host and port to listen at.

@@ -55,7 +55,7 @@ pub(crate) struct RenderArgs {
     /// in --config]
     #[arg(long)]
     credentials: Option<PathBuf>,
-    /// Read the farm's configuration from this file, usually named farm.toml
+    /// Read the farm's configuration from this file [default: farm.toml in this folder, if it exists]
     #[arg(long)]
     config: Option<PathBuf>,
     /// Choose this machine's devices: auto (all GPUs that pass the self-test, plus the CPU), cpu,
@@ -194,7 +194,7 @@ fn trace(
             args.spp
         );
     }
-    let traced = wait(farm, job, args.spp, interrupted);
+    let traced = wait(farm, job, args.spp, &totals, interrupted);
     let summary = totals.summary(begun.elapsed(), &farm.nodes());
     if traced.is_err() && checkpoint.exists() {
         let path = checkpoint.display();
@@ -212,6 +212,7 @@ fn wait(
     farm: &Farm,
     job: StillJob,
     samples: u32,
+    totals: &FrameTotals,
     interrupted: &AtomicBool,
 ) -> Result<Picture, carom_farm::Error> {
     let bar = progress_bar(samples);
@@ -219,7 +220,9 @@ fn wait(
     bar.reset_eta();
     while !job.is_finished() {
         bar.set_position(job.progress().samples_done.into());
-        bar.set_message(sending(&farm.nodes()));
+        let nodes = farm.nodes();
+        totals.observe(&nodes);
+        bar.set_message(sending(&nodes));
         if interrupted.load(Ordering::Relaxed) {
             job.cancel();
         }
@@ -278,7 +281,7 @@ impl RenderArgs {
 fn config(args: &RenderArgs) -> Result<FarmConfig, Failure> {
     let mut config = match &args.config {
         Some(path) => FarmConfig::load(path)?,
-        None => FarmConfig::default(),
+        None => FarmConfig::discover()?,
     };
     if !args.node.is_empty() {
         config.nodes.clone_from(&args.node);
@@ -292,7 +295,8 @@ fn config(args: &RenderArgs) -> Result<FarmConfig, Failure> {
     config.timeout_secs = args.timeout_secs.or(config.timeout_secs);
     if config.local == LocalNode::None && config.nodes.is_empty() {
         return Err(Failure::Input(
-            "no renderer configured: --backend none disables this machine and no --node is given"
+            "no renderer configured: --backend none (or `local` in the configuration) disables this \
+             machine, and no node is given. Add --node HOST:PORT, or use --backend auto"
                 .into(),
         ));
     }

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use carom_farm::{FrameStats, NodeStatus, StillProgress};
+use carom_farm::{FrameStats, NodeInfo, NodeStatus, StillProgress};
 use serde::Serialize;
 
 /// What the frames of a render have cost, counted while they come.
@@ -18,8 +18,10 @@ struct Totals {
     nodes: Vec<NodeTotals>,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct NodeTotals {
+    /// What it last said of itself: a node that is lost says nothing any more.
+    info: Option<NodeInfo>,
     tiles: u64,
     /// Frames that it took part in, and the sum of its response times.
     frames: u32,
@@ -58,14 +60,24 @@ impl FrameTotals {
         }
     }
 
+    /// Remembers what the farm's nodes say of themselves.
+    pub(crate) fn observe(&self, nodes: &[NodeStatus]) {
+        let mut totals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        totals.resize(nodes.len());
+        for (node, status) in totals.nodes.iter_mut().zip(nodes) {
+            node.info = status.info.clone().or(node.info.take());
+        }
+    }
+
     /// The summary of a render that took `time`; `nodes` are those of its farm.
     pub(crate) fn summary(&self, time: Duration, nodes: &[NodeStatus]) -> RenderSummary {
+        self.observe(nodes);
         let totals = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let tiles: u64 = totals.nodes.iter().map(|node| node.tiles).sum();
         let took_part = nodes.iter().zip(&totals.nodes);
         let took_part = took_part.filter(|(_, node)| node.tiles > 0);
         let share = |(status, node): (&NodeStatus, &NodeTotals)| {
-            let info = status.info.clone();
+            let info = node.info.clone();
             let (name, device) = info.map_or_else(Default::default, |it| (it.name, it.device.name));
             NodeShare {
                 address: status.address.clone(),
@@ -91,14 +103,19 @@ impl Totals {
         self.payload_bytes += frame.payload_bytes;
         self.reissued_tiles += u64::from(frame.reissued_tiles);
         self.lost_tiles += u64::from(frame.lost_tiles);
-        let count = frame.tiles_by_node.len().max(self.nodes.len());
-        self.nodes.resize(count, NodeTotals::default());
+        self.resize(frame.tiles_by_node.len());
         let frame = frame.tiles_by_node.iter().zip(&frame.response_secs_by_node);
         for (node, (tiles, response_secs)) in self.nodes.iter_mut().zip(frame) {
             node.tiles += u64::from(*tiles);
             node.frames += u32::from(*tiles > 0);
             node.response_secs += response_secs;
         }
+    }
+
+    /// Makes room for so many nodes.
+    fn resize(&mut self, nodes: usize) {
+        let count = nodes.max(self.nodes.len());
+        self.nodes.resize_with(count, NodeTotals::default);
     }
 }
 
@@ -121,13 +138,13 @@ impl RenderSummary {
                 response_ms,
                 ..
             } = node;
-            let name = if name.is_empty() {
-                "this machine"
-            } else {
-                name
+            let node = match (address.as_str(), name.as_str()) {
+                ("local", "") => "this machine".to_owned(),
+                (address, "") => address.to_owned(),
+                (address, name) => format!("{name} ({address})"),
             };
             let share = 100.0 * share;
-            format!("  {share:5.1} % {name} ({address}), {device}, {response_ms:.0} ms a frame")
+            format!("  {share:5.1} % {node}, {device}, {response_ms:.0} ms a frame")
         }));
         lines.join("\n")
     }
@@ -135,10 +152,25 @@ impl RenderSummary {
 
 #[cfg(test)]
 mod tests {
-    use carom_farm::Balancing;
-    use carom_farm::coordinator::Coordinator;
+    use carom_tracer::{DeviceInfo, DeviceKind};
 
     use super::*;
+
+    fn nodes(addresses: [&str; 3]) -> Vec<NodeStatus> {
+        addresses.map(NodeStatus::new).into()
+    }
+
+    fn count(totals: &FrameTotals, tiles: Vec<u32>, responses: Vec<f64>) {
+        let mut progress = StillProgress::default();
+        progress.frame = Some(FrameStats {
+            payload_bytes: 1000,
+            reissued_tiles: 1,
+            tiles_by_node: tiles,
+            response_secs_by_node: responses,
+            ..FrameStats::default()
+        });
+        totals.count(&progress);
+    }
 
     #[test]
     fn shares_are_of_all_tiles_of_all_frames() {
@@ -147,23 +179,11 @@ mod tests {
             (vec![30], vec![0.2]),
             (vec![30, 0, 20], vec![0.4, 0.0, 0.1]),
         ] {
-            let frame = FrameStats {
-                payload_bytes: 1000,
-                reissued_tiles: 1,
-                tiles_by_node: tiles,
-                response_secs_by_node: response,
-                ..FrameStats::default()
-            };
             totals.count(&StillProgress::default());
-            let mut progress = StillProgress::default();
-            progress.frame = Some(frame);
-            totals.count(&progress);
+            count(&totals, tiles, response);
         }
-        let mut farm = Coordinator::new(Balancing::default());
-        for address in ["oak:1", "elm:1", "ash:1"] {
-            farm.add_node(address.into());
-        }
-        let summary = totals.summary(Duration::from_secs(2), &farm.nodes(Duration::ZERO));
+        let farm = nodes(["oak:1", "elm:1", "ash:1"]);
+        let summary = totals.summary(Duration::from_secs(2), &farm);
         assert_eq!((summary.payload_bytes, summary.reissued_tiles), (2000, 2));
         let shares: Vec<_> = summary
             .nodes
@@ -178,5 +198,32 @@ mod tests {
             "{}",
             summary.lines()
         );
+    }
+
+    #[test]
+    fn lost_nodes_keep_their_names_and_devices() {
+        let totals = FrameTotals::default();
+        let mut farm = nodes(["local", "oak:1", "elm:1"]);
+        farm[1].info = Some(NodeInfo {
+            name: "oak".into(),
+            instance: 0,
+            device: DeviceInfo {
+                kind: DeviceKind::Cpu,
+                name: "a processor".into(),
+                width: 8,
+                threads: 2,
+            },
+        });
+        totals.observe(&farm);
+        count(&totals, vec![20, 10, 10], vec![0.1; 3]);
+        farm[1].info = None;
+        let lines = totals.summary(Duration::from_secs(1), &farm).lines();
+        for line in [
+            "50.0 % this machine,",
+            "25.0 % oak (oak:1), a processor,",
+            "25.0 % elm:1,",
+        ] {
+            assert!(lines.contains(line), "{lines}");
+        }
     }
 }

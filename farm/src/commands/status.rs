@@ -61,12 +61,6 @@ pub(crate) fn run(args: &StatusArgs) -> Result<(), Failure> {
         local: LocalNode::None,
         ..config(args)?
     };
-    if config.nodes.is_empty() {
-        return Err(Failure::Input(format!(
-            "{} lists no nodes: add `nodes = [\"host:port\"]`, or name one with --node",
-            args.farm.display()
-        )));
-    }
     let farm = Farm::new(config)?;
     let timeout = Duration::from_secs(args.timeout_secs);
     let nodes = wait(&farm, timeout);
@@ -122,7 +116,7 @@ fn watch(args: &StatusArgs, farm: &Farm, timeout: Duration) -> Result<(), Failur
 
 fn config(args: &StatusArgs) -> Result<FarmConfig, Failure> {
     if args.node.is_empty() {
-        return Ok(FarmConfig::load(&args.farm)?);
+        return inputs::farm_file(&args.farm);
     }
     Ok(FarmConfig {
         nodes: args.node.clone(),

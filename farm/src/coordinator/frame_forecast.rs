@@ -21,6 +21,8 @@ pub(super) struct FrameForecast {
     /// Whether the node that holds a tile can be told in time not to begin with it.
     pub(super) recallable: Vec<bool>,
     pub(super) missing: Vec<u32>,
+    /// Nodes that hold any of them.
+    pub(super) holders: Vec<NodeIndex>,
     /// Nodes that can be asked for more, and what each can do after all that it has been asked for.
     pub(super) helpers: Vec<NodeIndex>,
     pub(super) help: Vec<CostModel>,
@@ -51,10 +53,12 @@ impl FrameForecast {
             .any(|(_, node)| can_help(node) && node.is_trusted());
         let mut arrivals = vec![f64::INFINITY; frame.passes.all().count as usize];
         let mut recallable = vec![true; arrivals.len()];
-        let (mut models, mut helpers, mut help) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut models, mut holders) = (Vec::new(), Vec::new());
+        let (mut helpers, mut help) = (Vec::new(), Vec::new());
         for (index, node) in nodes.iter() {
             let workload = &node.workload;
             let forecasts = workload.forecast(now, newcomer);
+            let held_before = models.len();
             for forecast in &forecasts {
                 let request = &workload.requests[&forecast.id];
                 if forecast.frame != frame.id || request.is_probe || request.is_lost {
@@ -71,6 +75,9 @@ impl FrameForecast {
                 }
                 let model = CostModel::new(forecast.begin, forecast.pace);
                 models.push(model.with_work_max(forecast.outstanding));
+            }
+            if models.len() > held_before {
+                holders.push(index);
             }
             let Some(cost) = workload.estimate().or(newcomer) else {
                 continue;
@@ -96,9 +103,15 @@ impl FrameForecast {
             recallable,
             level: water_fill(frame.work.of_all(&missing), &models).finish_secs,
             missing: missing.iter().flat_map(|range| range.indices()).collect(),
+            holders,
             helpers,
             help,
         })
+    }
+
+    /// Whether anybody can be asked for what another holds.
+    pub(super) fn can_move(&self) -> bool {
+        self.holders.iter().any(|holder| self.helpers != [*holder])
     }
 
     /// When the last of the tiles that somebody holds should come.
@@ -172,6 +185,7 @@ mod tests {
             arrivals: vec![1.0, 2.0, 3.0, 4.0],
             recallable: vec![false, false, true, true],
             missing: vec![0, 1, 2, 3],
+            holders: vec![NodeIndex(0)],
             helpers: vec![NodeIndex(0)],
             help: vec![CostModel::new(0.0, 1.0)],
             level: 0.5,

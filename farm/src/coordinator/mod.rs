@@ -203,7 +203,10 @@ impl Coordinator {
     pub fn handle(&mut self, now: Duration, node: NodeIndex, event: LinkEvent) {
         let now = now.as_secs_f64();
         match event {
-            LinkEvent::Connecting => self.disconnect(node, ConnectionState::Connecting),
+            LinkEvent::Connecting => {
+                let connection = self.dispatcher.nodes[node].connecting();
+                self.disconnect(node, connection);
+            }
             LinkEvent::Lost { why, retry } => {
                 let retry_at = retry.map(|pause| now + pause.as_secs_f64());
                 if self.dispatcher.nodes[node].is_open() {

@@ -48,9 +48,15 @@ pub(super) struct NodeEntry {
 
 #[derive(Debug)]
 pub(super) enum ConnectionState {
-    Connecting,
+    /// It is being called: again if a connection, or an earlier call, has ended for that reason.
+    Connecting {
+        lost: Option<String>,
+    },
     Open(NodeInfo),
-    Lost { why: String, retry_at: Option<f64> },
+    Lost {
+        why: String,
+        retry_at: Option<f64>,
+    },
 }
 
 /// Time without requests after a refusal.
@@ -75,7 +81,7 @@ impl NodeEntry {
         Self {
             address,
             is_local: false,
-            connection: ConnectionState::Connecting,
+            connection: ConnectionState::Connecting { lost: None },
             scenes: BTreeSet::new(),
             scene_progress: None,
             scenes_refused: BTreeMap::new(),
@@ -273,6 +279,16 @@ impl NodeEntry {
         self.doubt.replace(doubt.clone()) != Some(doubt)
     }
 
+    /// What it is once it is being called.
+    pub(super) fn connecting(&self) -> ConnectionState {
+        let lost = match &self.connection {
+            ConnectionState::Connecting { lost } => lost.clone(),
+            ConnectionState::Lost { why, .. } => Some(why.clone()),
+            ConnectionState::Open(_) => None,
+        };
+        ConnectionState::Connecting { lost }
+    }
+
     /// Whether it is not called any more.
     pub(super) fn is_gone(&self) -> bool {
         matches!(
@@ -357,7 +373,10 @@ impl NodeEntry {
         };
         let scene_refusal = scene.and_then(|scene| self.scene_refusal(scene));
         match (&self.connection, scene_refusal, &self.pause) {
-            (ConnectionState::Connecting, ..) => return NodeState::Starting,
+            (ConnectionState::Connecting { lost: None }, ..) => return NodeState::Starting,
+            (ConnectionState::Connecting { lost: Some(why) }, ..) => {
+                return lost(why.clone(), None);
+            }
             (ConnectionState::Lost { why, retry_at }, ..) => {
                 return lost(why.clone(), *retry_at);
             }

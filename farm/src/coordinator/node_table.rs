@@ -227,7 +227,7 @@ mod tests {
         table[oak].ping(0.0);
         table.arm(oak);
         for _ in 0..3 {
-            table[oak].reset(ConnectionState::Connecting);
+            table[oak].reset(ConnectionState::Connecting { lost: None });
             table.release(oak);
             assert_eq!(table.add("ash".into()), oak);
             assert!(table.usable(SCENE).contains(&elm) && !table.usable(SCENE).contains(&oak));
@@ -241,7 +241,7 @@ mod tests {
         let mut table = NodeTable::new(true);
         let [sound, paused, lost] = [0; 3].map(|_| open(&mut table));
         table[paused].back_off(0.0, Some("its device failed".into()));
-        table[lost].reset(ConnectionState::Connecting);
+        table[lost].reset(ConnectionState::Connecting { lost: None });
         assert_eq!(table.usable(SCENE), [sound]);
         assert!(table.usable(SceneHash([2; 32])).is_empty());
         assert!(table[paused].resume(1.0) && !table[paused].is_trusted());

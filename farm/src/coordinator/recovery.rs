@@ -203,6 +203,9 @@ impl Recovery {
         let left = forecast.missing.len() as f64 / forecast.helpers.len() as f64;
         let price = 1.0 + (self.price() - 1.0) * left.min(1.0);
         frame.target = forecast.level;
+        if !forecast.can_move() {
+            return;
+        }
         let (margin, dear) = (frame.margin_secs(1.0), frame.margin_secs(price));
         let mut grave_secs = GRAVE_SHARE * frame.planned_secs;
         if frame.is_guessed && forecast.finish() > frame.submitted + VERY_LONG_SECS {

@@ -330,7 +330,26 @@ fn equal_nodes_begin_with_few_tiles_asked_for_again() {
 #[test]
 fn the_only_node_is_waited_for_however_slow_it_gets() {
     let node = NodePlan::new(1e-3, 1.0).with(0.7, NodeChange::Slow(200.0));
-    checked(&plan(vec![node], WaterFilling, 12));
+    let report = checked(&plan(vec![node], WaterFilling, 12));
+    let reissued = report.frames.iter().map(|frame| frame.stats.reissued_tiles);
+    assert_eq!(reissued.sum::<u32>(), 0, "nobody else has them");
+}
+
+/// As the machine itself where it is used for something else besides.
+#[test]
+fn the_only_node_is_asked_for_no_tile_again() {
+    let node = (0..40).fold(NodePlan::new(1e-4, 1.0), |node, step| {
+        let slower = if step % 2 == 0 { 4.0 } else { 0.25 };
+        node.with(0.7 + 0.05 * f64::from(step), NodeChange::Slow(slower))
+    });
+    for frames_in_flight in [1, 4] {
+        let report = checked(&FarmPlan {
+            frames_in_flight,
+            ..plan(vec![node.clone()], WaterFilling, 60)
+        });
+        let reissued = report.frames.iter().map(|frame| frame.stats.reissued_tiles);
+        assert_eq!(reissued.sum::<u32>(), 0, "{frames_in_flight} in flight");
+    }
 }
 
 #[test]

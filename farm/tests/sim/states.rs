@@ -66,3 +66,28 @@ fn a_node_is_syncing_until_it_holds_the_scene_and_tells_how_much_it_has() {
     let again = coming(other, 3_000);
     assert_eq!(state_after(again, None), syncing(1, 3_000, 300_000));
 }
+
+/// Or people would be told that it starts, in the midst of their work.
+#[test]
+fn a_node_that_was_lost_is_lost_while_it_is_called_again() {
+    let mut coordinator = Coordinator::new(Balancing::default());
+    let node = coordinator.add_node("oak:4433".into());
+    let mut state_after = |event| {
+        coordinator.handle(Duration::ZERO, node, event);
+        coordinator.nodes(Duration::ZERO).remove(0).state
+    };
+    assert_eq!(state_after(LinkEvent::Connecting), Starting);
+    for retry in [Some(Duration::from_secs(5)), None] {
+        let why = "it does not answer".to_owned();
+        let state = state_after(LinkEvent::Lost {
+            why: why.clone(),
+            retry,
+        });
+        let retry_secs = retry.map(|retry| retry.as_secs());
+        assert_eq!(state, NodeState::Lost { why, retry_secs });
+        let why = "it does not answer".to_owned();
+        let retry_secs = None;
+        let state = state_after(LinkEvent::Connecting);
+        assert_eq!(state, NodeState::Lost { why, retry_secs });
+    }
+}

@@ -52,6 +52,16 @@ struct Scrape {
     metrics: BTreeMap<String, f64>,
 }
 
+impl NodeRates {
+    /// Why it does not answer, if it does not.
+    pub(super) fn silence(&self) -> Option<&str> {
+        match &self.state {
+            NodeHealth::Silent(why) => Some(why),
+            NodeHealth::Ready | NodeHealth::Draining => None,
+        }
+    }
+}
+
 impl FarmFigures {
     pub(super) const fn new(sources: FigureSources) -> Self {
         Self {

@@ -13,8 +13,7 @@ mod view;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
-use carom_farm::FarmConfig;
+use anyhow::{Context as _, anyhow};
 use carom_farm::directory::{Directory, NodeSource};
 use carom_farm::net::NodeAddress;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers};
@@ -42,7 +41,7 @@ pub(crate) struct TopArgs {
     /// Ask every this many seconds
     #[arg(long, default_value_t = 1, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..=3600))]
     interval_secs: u64,
-    /// Print the figures of one interval as text, and end
+    /// Print the figures of one interval as text, and end: with exit code 0 if all nodes answer, 1 otherwise
     #[arg(long)]
     once: bool,
 }
@@ -54,8 +53,18 @@ pub(crate) fn run(args: &TopArgs) -> Result<(), Failure> {
     if args.once {
         std::thread::sleep(interval);
         farm.look()?;
-        print!("{}", view::text(&farm.rows()));
-        return Ok(());
+        let rows = farm.rows();
+        print!("{}", view::text(&rows));
+        return match rows.iter().filter(|row| row.silence().is_some()).count() {
+            0 if rows.is_empty() => Err(anyhow!("no directory lists a node").into()),
+            0 => Ok(()),
+            silent => Err(anyhow!(
+                "{silent} of {} nodes do not answer: check that they run with --health, at the port of \
+                 --health-port, and that firewalls let it through",
+                rows.len()
+            )
+            .into()),
+        };
     }
     let mut terminal = ratatui::try_init().context("the terminal")?;
     let shown = show(&mut terminal, &mut farm, interval);
@@ -107,7 +116,7 @@ struct FigureSources {
 impl TopArgs {
     fn sources(&self) -> Result<FigureSources, Failure> {
         let configured = match (&self.node[..], &self.health[..]) {
-            ([], []) => FarmConfig::load(&self.farm)?.nodes,
+            ([], []) => inputs::farm_file(&self.farm)?.nodes,
             (nodes, _) => nodes.to_vec(),
         };
         let open = |text: &String| text.parse::<NodeSource>()?.open();

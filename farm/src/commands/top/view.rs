@@ -24,34 +24,39 @@ const COLUMNS: [(&str, Constraint); 10] = [
 
 /// Draws the rows from `first_row` on, and below them the sums.
 pub(super) fn draw(frame: &mut Frame<'_>, rows: &[NodeRates], first_row: usize) {
-    render(frame.area(), frame.buffer_mut(), rows, first_row);
+    let sums = sums(rows) + "  (q ends)";
+    render(frame.area(), frame.buffer_mut(), rows, first_row, sums);
 }
 
-/// The table as text.
+/// The table as text, and below it why nodes do not answer.
 pub(super) fn text(rows: &[NodeRates]) -> String {
     let height = (rows.len() + 2).min(usize::from(u16::MAX / TEXT_WIDTH)) as u16;
     let area = Rect::new(0, 0, TEXT_WIDTH, height);
     let mut buffer = Buffer::empty(area);
-    render(area, &mut buffer, rows, 0);
+    render(area, &mut buffer, rows, 0, sums(rows));
     let line = |y| {
         let cells = (0..area.width).filter_map(|x| buffer.cell((x, y)));
         let line: String = cells.map(ratatui::buffer::Cell::symbol).collect();
         line.trim_end().to_owned() + "\n"
     };
-    (0..area.height).map(line).collect()
+    let silent = rows.iter().filter_map(|row| {
+        let why = row.silence()?;
+        Some(format!("{} does not answer: {why}\n", row.address))
+    });
+    (0..area.height).map(line).chain(silent).collect()
 }
 
 /// Columns of the text: `--once` is for files and mails.
 const TEXT_WIDTH: u16 = 120;
 
-fn render(area: Rect, buffer: &mut Buffer, rows: &[NodeRates], first_row: usize) {
+fn render(area: Rect, buffer: &mut Buffer, rows: &[NodeRates], first_row: usize, sums: String) {
     let [table_area, sums_area] =
         Layout::vertical([Constraint::Fill(1), Constraint::Length(1)]).areas(area);
     let header = Row::new(COLUMNS.map(|(title, _)| title)).style(Style::new().bold());
     let shown = rows.iter().skip(first_row).map(row);
     let table = Table::new(shown, COLUMNS.map(|(_, width)| width)).header(header);
     Widget::render(table, table_area, buffer);
-    Line::from(sums(rows)).bold().render(sums_area, buffer);
+    Line::from(sums).bold().render(sums_area, buffer);
 }
 
 fn row(node: &NodeRates) -> Row<'static> {
@@ -86,11 +91,10 @@ fn row(node: &NodeRates) -> Row<'static> {
 }
 
 fn sums(rows: &[NodeRates]) -> String {
-    let silent = |row: &&NodeRates| matches!(row.state, NodeHealth::Silent(_));
-    let answering = rows.len() - rows.iter().filter(silent).count();
+    let answering = rows.iter().filter(|row| row.silence().is_none()).count();
     let sum = |value: fn(&NodeRates) -> f64| rows.iter().map(value).sum::<f64>();
     format!(
-        "{answering} of {} nodes answer: {:.2} Msample/s, {:.1} tiles/s, {:.2} Mbit/s  (q ends)",
+        "{answering} of {} nodes answer: {:.2} Msample/s, {:.1} tiles/s, {:.2} Mbit/s",
         rows.len(),
         sum(|row| row.msamples_per_sec),
         sum(|row| row.tiles_per_sec),
@@ -159,12 +163,14 @@ mod tests {
     }
 
     #[test]
-    fn the_text_has_a_line_a_node() {
+    fn the_text_has_a_line_a_node_and_why_one_is_silent() {
         let text = text(&nodes());
-        assert_eq!(text.lines().count(), 6, "{text}");
+        assert_eq!(text.lines().count(), 7, "{text}");
         assert!(
             text.lines().nth(1).unwrap().starts_with("oak0: L4"),
             "{text}"
         );
+        let last = text.lines().last().unwrap();
+        assert_eq!(last, "10.0.0.3:8433 does not answer: connection refused");
     }
 }
