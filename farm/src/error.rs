@@ -117,12 +117,12 @@ pub enum Error {
     )]
     FarmExists(PathBuf),
     /// The name of a new node or player, or its folder, is in use.
-    #[error("{evidence}: use --renew to renew `{name}`, or choose another name or folder")]
+    #[error("{evidence}: {advice}")]
     MemberExists {
-        /// The name.
-        name: String,
         /// Its key or certificate.
         evidence: String,
+        /// What the command that was refused can do instead.
+        advice: &'static str,
     },
     /// Nobody holds a valid certificate of this name.
     #[error(

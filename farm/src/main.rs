@@ -9,7 +9,7 @@ mod core_dumps;
 use std::process::ExitCode;
 
 use carom_farm::logging::LogFormat;
-use clap::Parser;
+use clap::{Command, CommandFactory as _, FromArgMatches as _, Parser};
 use mimalloc::MiMalloc;
 
 /// With glibc's allocator an answer of 64 KiB over a loopback takes a quarter more time.
@@ -28,7 +28,8 @@ struct FarmCli {
 }
 
 fn main() -> ExitCode {
-    let cli = FarmCli::parse();
+    let matches = with_negative_numbers(FarmCli::command()).get_matches();
+    let cli = FarmCli::from_arg_matches(&matches).unwrap_or_else(|fault| fault.exit());
     carom_farm::logging::init_with_format("warn", cli.log);
     core_dumps::forbid();
     match cli.command.run(cli.log) {
@@ -38,4 +39,13 @@ fn main() -> ExitCode {
             failure.exit_code()
         }
     }
+}
+
+/// Lets the rule of each number refuse negative ones, which else are taken for unknown flags.
+fn with_negative_numbers(command: Command) -> Command {
+    let command = command.mut_args(|arg| {
+        let takes_values = arg.get_action().takes_values();
+        arg.allow_negative_numbers(takes_values)
+    });
+    command.mut_subcommands(with_negative_numbers)
 }

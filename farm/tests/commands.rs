@@ -111,6 +111,8 @@ fn invalid_render_arguments_are_refused() {
         ("--size 12 --out a.png", "WIDTHxHEIGHT"),
         ("--size=-1x5 --out a.png", "size"),
         ("--spp 0 --out a.png", "spp"),
+        ("--spp -1 --out a.png", "-1 is not in 1..=65536"),
+        ("--seed -1 --out a.png", "-1 is not in 0.."),
         ("--spp 99999999 --out a.png", "spp"),
         ("--max-depth 65 --out a.png", "depth"),
         ("--out a.gif", ".png, .exr or .jpg"),

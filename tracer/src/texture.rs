@@ -469,23 +469,41 @@ fn lint(u: f64, v: f64, footprint_m: f64) -> f64 {
     line_share(along, half_length, footprint_m) * line_share(across, half_width, footprint_m)
 }
 
+/// The constants of cloth for the kernels.
+#[cfg(feature = "gpu")]
+fn cloth_wgsl() -> String {
+    let ([x, y, z], [length, width]) = (CHALK_ALBEDO, LINT_HALF_M);
+    format!(
+        "const CHALK_ALBEDO: vec3f = vec3f({x:?}, {y:?}, {z:?});\n\
+         const LINT_HALF_M: vec2f = vec2f({length:?}, {width:?});\n\
+         const WEAVE_PER_M: f32 = {WEAVE_PER_M:?};\n\
+         const WEAVE_SHARE: f32 = {WEAVE_SHARE:?};\n\
+         const WEAVE_FADES_PER_M: f32 = {WEAVE_FADES_PER_M:?};\n\
+         const LINT_SQUARE_M: f32 = {LINT_SQUARE_M:?};\n\
+         const LINT_SHARE: f32 = {LINT_SHARE:?};\n\
+         const LINE_HALF_M: f32 = {LINE_HALF_M:?};\n\
+         const LINE_SHARE: f32 = {LINE_SHARE:?};\n\
+         const SPOT_RADIUS_M: f32 = {SPOT_RADIUS_M:?};\n\
+         const SPOT_SHARE: f32 = {SPOT_SHARE:?};\n\
+         const MARK_REACH_M: f32 = {MARK_REACH_M:?};\n\
+         const WORN_SHARE: f32 = {WORN_SHARE:?};\n\
+         const WORN_M2: f32 = {WORN_M2:?};\n"
+    )
+}
+
 /// The constants above for the kernels.
 #[cfg(feature = "gpu")]
 pub(crate) fn wgsl() -> String {
     let triple = |v: [f32; 3]| format!("vec3f({:?}, {:?}, {:?})", v[0], v[1], v[2]);
-    let mut text = format!(
+    let mut text = cloth_wgsl();
+    _ = write!(
+        text,
         "const CIRCLE_SINE: f32 = {CIRCLE_SINE:?};\n\
          const CIRCLE_ALBEDO: vec3f = {};\n\
          const INK_ALBEDO: vec3f = {};\n\
          const SIGHT_ALBEDO: vec3f = {};\n\
          const SIGHT_HALF_M: vec2f = vec2f({:?}, {:?});\n\
          const WOOD_TURNS_PER_M: vec3f = {};\n\
-         const WEAVE_PER_M: f32 = {WEAVE_PER_M:?};\n\
-         const WEAVE_SHARE: f32 = {WEAVE_SHARE:?};\n\
-         const WEAVE_FADES_PER_M: f32 = {WEAVE_FADES_PER_M:?};\n\
-         const LINT_SQUARE_M: f32 = {LINT_SQUARE_M:?};\n\
-         const LINT_HALF_M: vec2f = vec2f({:?}, {:?});\n\
-         const LINT_SHARE: f32 = {LINT_SHARE:?};\n\
          const PLANK_M: f32 = {PLANK_M:?};\n\
          const PLANK_GAP: f32 = {PLANK_GAP:?};\n\
          const SINE_OF_TURNS: vec4f = vec4f({});\n\
@@ -496,14 +514,6 @@ pub(crate) fn wgsl() -> String {
          const DIAL_MARKS_FROM: f32 = {DIAL_MARKS_FROM:?};\n\
          const DIAL_MARK_HALF: f32 = {DIAL_MARK_HALF:?};\n\
          const DIAL_SPACING: f32 = {DIAL_SPACING:?};\n\
-         const CHALK_ALBEDO: vec3f = {};\n\
-         const LINE_HALF_M: f32 = {LINE_HALF_M:?};\n\
-         const LINE_SHARE: f32 = {LINE_SHARE:?};\n\
-         const SPOT_RADIUS_M: f32 = {SPOT_RADIUS_M:?};\n\
-         const SPOT_SHARE: f32 = {SPOT_SHARE:?};\n\
-         const MARK_REACH_M: f32 = {MARK_REACH_M:?};\n\
-         const WORN_SHARE: f32 = {WORN_SHARE:?};\n\
-         const WORN_M2: f32 = {WORN_M2:?};\n\
          const CUE_ENDS_M = array<f32, {}>({});\n\
          const CUE_TIP_ALBEDO: vec3f = {};\n\
          const CUE_FERRULE_ALBEDO: vec3f = {};\n\
@@ -519,11 +529,8 @@ pub(crate) fn wgsl() -> String {
         SIGHT_HALF_M[0],
         SIGHT_HALF_M[1],
         triple(WOOD_TURNS_PER_M),
-        LINT_HALF_M[0],
-        LINT_HALF_M[1],
         SINE_OF_TURNS.map(|c| format!("{c:?}")).join(", "),
         BRICK_M.map(|c| format!("{c:?}")).join(", "),
-        triple(CHALK_ALBEDO),
         CUE_ENDS_M.len(),
         CUE_ENDS_M.map(|end| format!("{end:?}")).join(", "),
         triple(CUE_TIP_ALBEDO),

@@ -26,7 +26,9 @@ impl OutputFile {
             ErrorKind::AlreadyExists => {
                 Failure::Input(format!("{path}: another render is writing this file"))
             }
-            _ => Failure::Input(format!("{path}: {why}")),
+            _ => Failure::Input(format!(
+                "{path} cannot be written: {why}; choose another file or folder with --out"
+            )),
         })?;
         Ok(Self {
             file,

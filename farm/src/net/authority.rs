@@ -265,7 +265,7 @@ pub(crate) fn read_authority(path: &Path) -> Result<String, Error> {
         std::io::ErrorKind::NotFound => Error::CredentialsMissing {
             path: path.to_path_buf(),
             advice: "create the farm's authority with `carom-farm init`, or name its folder with \
-                     --ca-dir",
+                     --dir",
         },
         _ => file_error(path)(source),
     })

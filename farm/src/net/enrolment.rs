@@ -51,8 +51,9 @@ pub fn join(url: &JoinUrl, name: &str, folder: &Path) -> Result<Credentials, Err
     let certificate_path = folder.join(role.certificate_file());
     if certificate_path.exists() {
         return Err(Error::MemberExists {
-            name: name.to_owned(),
-            evidence: certificate_path.display().to_string(),
+            evidence: format!("{} is a node's already", certificate_path.display()),
+            advice: "a node that has joined renews its certificate while it runs; to join anew, choose \
+                     another folder with --credentials",
         });
     }
     let no_secret = Error::JoinUrl("its token must be 64 hexadecimal digits");

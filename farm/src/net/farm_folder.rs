@@ -162,12 +162,12 @@ impl AuthorityFolder {
             None => self.dir.join(format!("{role}s")).join(name),
         };
         if !renew {
-            self.check_new(role, name)?;
+            self.check_new(role, name, ADD_ADVICE)?;
             let path = out.join(role.key_file());
             if path.exists() {
                 return Err(Error::MemberExists {
-                    name: name.to_owned(),
-                    evidence: path.display().to_string(),
+                    evidence: format!("{} exists", path.display()),
+                    advice: ADD_ADVICE,
                 });
             }
         }
@@ -196,7 +196,7 @@ impl AuthorityFolder {
         let role = Role::Node;
         let _lock = self.log.lock()?;
         check_name(name)?;
-        self.check_new(role, name)?;
+        self.check_new(role, name, JOIN_ADVICE)?;
         let issued = self
             .authority
             .sign_request(role, name, lasting(role.life()), request_pem)?;
@@ -248,15 +248,15 @@ impl AuthorityFolder {
     }
 
     /// Two holders of one name could not be told apart, nor revoked alone.
-    fn check_new(&self, role: Role, name: &str) -> Result<(), Error> {
+    fn check_new(&self, role: Role, name: &str, advice: &'static str) -> Result<(), Error> {
         let current = self.log.current(name)?;
         match current.iter().rfind(|record| record.role == role) {
             Some(record) => Err(Error::MemberExists {
-                name: name.to_owned(),
                 evidence: format!(
                     "{role} {name} has a certificate until {}",
                     record.last_day()
                 ),
+                advice,
             }),
             None => Ok(()),
         }
@@ -302,6 +302,10 @@ fn save(
     write_whole(&dir.join(AUTHORITY_FILE), authority_pem)?;
     write_whole(&dir.join(role.certificate_file()), &issued.certificate_pem)
 }
+
+const ADD_ADVICE: &str = "renew it with --renew, or choose another name or folder";
+const JOIN_ADVICE: &str = "choose another name with --name, or revoke that one where the authority is with \
+                           `carom-farm revoke`";
 
 #[cfg(test)]
 mod tests {

@@ -12,12 +12,12 @@ use super::{
     around, beyond, corners,
 };
 
-/// How high the lamp hangs. A higher one is as much larger, so that it lights the middle of the table alike.
+/// How high the lamp hangs. A higher one is larger, so that it lights the middle of the table alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LampHeight {
     /// 1 m over the cloth.
     Hung,
-    /// Above every eye, so that it hides nothing of a table that is seen from above.
+    /// Above every eye, so that it hides nothing of a table that is seen from above, and aside, so that no rail mirrors it.
     Raised,
 }
 
@@ -30,10 +30,18 @@ impl LampHeight {
         }
     }
 
-    fn z_m(self) -> f32 {
+    fn center_m(self) -> Vec3 {
         match self {
-            Self::Hung => 1.0,
-            Self::Raised => 12.5,
+            Self::Hung => Vec3::Z,
+            Self::Raised => Vec3::new(0.0, 5.6, 12.5),
+        }
+    }
+
+    /// Over those of a lamp 1 m over the cloth; what hangs aside lights less and is as much wider.
+    fn measures(self) -> Vec2 {
+        match self {
+            Self::Hung => Vec2::ONE,
+            Self::Raised => Vec2::new(12.5, 17.7),
         }
     }
 }
@@ -67,24 +75,24 @@ impl SceneBuilder {
 
     /// An enamelled shade over the lamp, hung from the ceiling.
     pub(super) fn lampshade(&mut self) {
-        let z = self.lamp.z_m();
+        let center = self.lamp.center_m();
         let half = self.lamp_half() + SHADE_RIM_M;
-        let (low, high) = (z + LAMP_GAP_M, z + SHADE_HEIGHT_M);
+        let (low, high) = (center.z + LAMP_GAP_M, center.z + SHADE_HEIGHT_M);
         let slope = |side: Vec3| {
-            let foot = Vec3::Z * (z + 0.01) + side * half.dot(side.truncate().abs());
+            let foot = center + Vec3::Z * 0.01 + side * half.dot(side.truncate().abs());
             beyond(foot, side + Vec3::Z * SHADE_SLOPE)
         };
         let shade = Shape::CsgBox {
-            min: (-half).extend(low),
-            max: half.extend(high),
+            min: (center.truncate() - half).extend(low),
+            max: (center.truncate() + half).extend(high),
             subtractions: [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y]
                 .map(slope)
                 .into(),
         };
         self.add("lampshade", "enamel", shade);
         let rod = Shape::Box {
-            min: Vec3::new(-0.008, -0.008, high),
-            max: Vec3::new(0.008, 0.008, high + ROD_M),
+            min: (center.truncate() - 0.008).extend(high),
+            max: (center.truncate() + 0.008).extend(high + ROD_M),
         };
         self.add("lamp rod", "brass", rod);
     }
@@ -94,7 +102,7 @@ impl SceneBuilder {
         let half = self.lamp_half();
         AreaLight {
             name: "lamp".to_owned(),
-            center: Vec3::Z * self.lamp.z_m(),
+            center: self.lamp.center_m(),
             half_u: Vec3::X * half.x,
             half_v: Vec3::NEG_Y * half.y,
             radiance: Vec3::new(17.0, 15.9, 14.0),
@@ -102,7 +110,7 @@ impl SceneBuilder {
     }
 
     fn lamp_half(&self) -> Vec2 {
-        self.lamp.z_m() * LAMP_HALF_M * Vec2::new(self.frame.scale, 1.0)
+        self.lamp.measures() * LAMP_HALF_M * Vec2::new(self.frame.scale, 1.0)
     }
 
     /// Floor, carpet, panelled walls with pictures, and no ceiling: the environment comes in there.

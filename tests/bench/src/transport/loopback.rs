@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use carom_farm::net::PacketHandler;
 use carom_protocol::limits::TILES_PER_MESSAGE_MAX;
-use carom_protocol::session::{NodeEvent, NodeSession, Packet};
+use carom_protocol::session::{NodeEvent, NodeSession, Packet, SceneProgress};
 use carom_protocol::tile_codec::{Encoder, TileInput};
 use carom_protocol::{
     Error, NodeInfo, NodeTimes, PixelPrecision, RequestReport, TilesDone, TraceRequest,
@@ -77,6 +77,10 @@ impl PacketHandler for ReadySession {
             Some(NodeEvent::Trace { request, .. }) => self.answer(&request),
             _ => Ok(()),
         }
+    }
+
+    fn handle_scene(&mut self, progress: Result<SceneProgress, Error>) -> Result<(), Error> {
+        self.session.handle_scene(progress).map(drop)
     }
 
     fn poll_transmit(&mut self) -> Option<Packet> {
