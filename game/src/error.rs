@@ -10,19 +10,6 @@ use crate::input::UnknownTrigger;
 /// The game's result.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// An error with its causes, each told once: a message may tell its cause already.
-pub fn sentence(error: &anyhow::Error) -> String {
-    let mut told = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if told.is_empty() {
-            told = cause;
-        } else if !told.ends_with(&cause) {
-            told = format!("{told}: {cause}");
-        }
-    }
-    told
-}
-
 /// A wish of the player's that cannot be carried out.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -161,25 +148,4 @@ pub enum KeysFault {
     /// No key is called so.
     #[error(transparent)]
     Unknown(#[from] UnknownTrigger),
-}
-
-#[cfg(test)]
-mod tests {
-    use carom_billiards::physics::{Stroke, Table, World};
-
-    use super::*;
-
-    #[test]
-    fn a_cause_is_told_once() {
-        let table = Table::nine_foot();
-        let world = World::new(table.clone(), table.rack_eight(1)).unwrap();
-        let error = world.strike(Stroke::straight(0.0, f64::NAN)).unwrap_err();
-        let words = error.to_string();
-        let error = anyhow::Error::from(error);
-        assert_eq!(sentence(&error), words);
-        assert_eq!(
-            sentence(&error.context("A break")),
-            format!("A break: {words}")
-        );
-    }
 }

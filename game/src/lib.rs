@@ -14,7 +14,7 @@ pub mod args;
 pub mod audio;
 pub mod camera;
 pub mod capture;
-pub mod error;
+mod error;
 pub mod frame;
 pub mod input;
 pub mod particles;

@@ -4,9 +4,9 @@ use std::process::ExitCode;
 
 use carom::args::{Args, Command};
 use carom::capture::headless;
-use carom::error::sentence;
 use carom::{app, audio};
 use carom_farm::FarmConfig;
+use carom_tracer::text::with_causes;
 use carom_window::display::Present;
 use mimalloc::MiMalloc;
 
@@ -59,7 +59,7 @@ fn finish(result: anyhow::Result<()>, code: u8) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("carom: {}", sentence(&error));
+            eprintln!("carom: {}", with_causes(error.as_ref()));
             ExitCode::from(code)
         }
     }

@@ -1,4 +1,6 @@
-//! Text of strangers, filtered before it reaches a terminal, a log or an interface.
+//! Text for people: of strangers, filtered before it reaches a terminal, a log or an interface; of errors, with their causes.
+
+use std::error::Error;
 
 /// `text` without what controls a terminal, cut to `bytes_max` bytes.
 ///
@@ -27,6 +29,20 @@ pub fn printable(text: &str, bytes_max: usize) -> String {
     printable
 }
 
+/// An error and its causes in one line, none told twice: many a message ends with that of its cause.
+pub fn with_causes(error: &(dyn Error + 'static)) -> String {
+    let mut told = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        let why = cause.to_string();
+        if !told.ends_with(&why) {
+            told = format!("{told}: {why}");
+        }
+        source = cause.source();
+    }
+    told
+}
+
 /// The characters with the property `Bidi_Control` (Unicode Standard Annex 9, 2).
 const fn is_bidirectional_format(letter: char) -> bool {
     matches!(letter,
@@ -39,6 +55,20 @@ pub const SENTENCE_BYTES_MAX: usize = 1024;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_cause_is_told_once() {
+        #[derive(Debug, thiserror::Error)]
+        #[error("back end cpu")]
+        struct Outer(#[source] crate::Error);
+        let full = || std::io::Error::from(std::io::ErrorKind::StorageFull);
+        let refused = Outer(crate::Error::Io {
+            path: "a.exr".into(),
+            source: full(),
+        });
+        let line = format!("back end cpu: a.exr: {}", full());
+        assert_eq!(with_causes(&refused), line);
+    }
 
     #[test]
     fn printable_text_controls_no_terminal() {

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::process::ExitCode;
 
+use carom_tracer::text::with_causes;
+
 /// A failure; the party at fault decides the exit code.
 #[derive(Debug)]
 pub(crate) enum Failure {
@@ -28,23 +30,10 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(why) => f.write_str(why),
-            Self::Run(why) => f.write_str(&sentence(why)),
+            Self::Run(why) => f.write_str(&with_causes(why.as_ref())),
             Self::Interrupted => f.write_str("interrupted"),
         }
     }
-}
-
-/// The sentences of an error and its causes, none twice: many end with that of their cause.
-fn sentence(error: &anyhow::Error) -> String {
-    let mut sentence = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if sentence.is_empty() {
-            sentence = cause;
-        } else if !sentence.ends_with(&cause) {
-            sentence = format!("{sentence}: {cause}");
-        }
-    }
-    sentence
 }
 
 impl From<carom_tracer::Error> for Failure {
@@ -69,25 +58,5 @@ impl From<carom_farm::Error> for Failure {
 impl From<anyhow::Error> for Failure {
     fn from(error: anyhow::Error) -> Self {
         Self::Run(error)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::io;
-
-    use anyhow::Context as _;
-
-    use super::*;
-
-    #[test]
-    fn no_cause_is_told_twice() {
-        let full = || io::Error::from(io::ErrorKind::StorageFull);
-        let refused: Result<(), _> = Err(carom_tracer::Error::Io {
-            path: "a.exr".into(),
-            source: full(),
-        });
-        let why = Failure::Run(refused.context("back end cpu").unwrap_err());
-        assert_eq!(why.to_string(), format!("back end cpu: a.exr: {}", full()));
     }
 }

@@ -7,6 +7,7 @@ use clap::ValueEnum as _;
 use glam::DVec3;
 
 use super::*;
+use crate::camera::{Framing, Viewpoint};
 use crate::scene::ball_materials::BallSet;
 use crate::scene::cue_stick::CUE_NAME;
 use crate::scene::table_style::{Brightness, CueStyle};
@@ -232,6 +233,30 @@ fn more_samples_never_leave_more_error() {
             };
             let is_right = errors.windows(2).all(falls);
             assert!(is_right, "{set:?}, denoised {denoise}: {errors:?}");
+        }
+    }
+}
+
+#[test]
+fn no_rail_mirrors_the_lamp_in_the_plan() {
+    for table in [
+        Table::nine_foot(),
+        Table::parse(include_str!("../../../../assets/tables/snooker.json")).unwrap(),
+    ] {
+        let scene = room(
+            &table,
+            RuleSet::Free,
+            BallSet::Classic.into(),
+            LampHeight::Raised,
+        );
+        let lamp = &scene.area_lights[0];
+        let framing = Framing::whole(DVec2::new(1280.0, 720.0));
+        let eye = Viewpoint::overhead(&table, &framing).camera().eye;
+        let (low, high) = table.outline();
+        let half_y = (lamp.half_u + lamp.half_v).y.abs();
+        for y in [low.y, high.y] {
+            let mirrored_y = y as f32 + (y as f32 - eye.y) * (lamp.center.z / eye.z);
+            assert!(mirrored_y < lamp.center.y - half_y, "{}: {y}", table.name());
         }
     }
 }
