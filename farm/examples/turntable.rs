@@ -25,6 +25,7 @@ fn main() -> carom_farm::Result<()> {
             };
             let material = Material::Coated {
                 ior: 1.5,
+                alpha: 0.0,
                 texture: ProceduralTexture::Ball {
                     albedo: Vec3::splat(0.8),
                     stripe: Some(stripe),

@@ -57,9 +57,9 @@ pub fn radiance(
                 break;
             };
             let weight = bsdf_pdf.map_or(1.0, |pdf| power_heuristic(pdf, light_pdf));
-            return radiance + beta * weight * vector(light.radiance);
+            return radiance + beta * weight * light.radiance_at(hit.point);
         }
-        let vertex = SurfaceVertex::new(scene, &ray, hit);
+        let vertex = SurfaceVertex::new(scene, &ray, hit, random);
         // Triangles that emit are found by chance alone.
         radiance += beta * vertex.bsdf.emission();
         if depth == max_depth {
@@ -106,7 +106,8 @@ fn direct_light(
         Some(light_pdf) if is_visible && !ray_origin.is_inside && !vertex.is_below(direction) => {
             let (f, bsdf_pdf) = vertex.bsdf.eval(vertex.wo, direction, vertex.n);
             let weight = power_heuristic(light_pdf, bsdf_pdf);
-            f * vector(light.radiance) * (vertex.cosine(direction) * weight / light_pdf)
+            let radiance = light.radiance_at(vertex.hit.point + to_light);
+            f * radiance * (vertex.cosine(direction) * weight / light_pdf)
         }
         _ => DVec3::ZERO,
     }
@@ -196,20 +197,20 @@ struct SurfaceVertex {
 }
 
 impl SurfaceVertex {
-    fn new(scene: &CompiledScene, ray: &Ray, hit: Hit) -> Self {
+    fn new(scene: &CompiledScene, ray: &Ray, hit: Hit, random: &mut dyn FnMut() -> f64) -> Self {
         let is_inside = ray.direction.dot(hit.n) > 0.0;
         let side = if is_inside { -1.0 } else { 1.0 };
         let (wo, n) = (-ray.direction, side * hit.n);
-        let is_flat = hit.shading_n == hit.n;
+        let n = match hit.shading_n == hit.n {
+            true => n,
+            false => visible_shading_normal(side * hit.shading_n, n, wo),
+        };
+        let bsdf = Scatter::new(scene, &hit, wo, 0.0);
         Self {
             wo,
-            n: if is_flat {
-                n
-            } else {
-                visible_shading_normal(side * hit.shading_n, n, wo)
-            },
+            n,
             is_inside,
-            bsdf: Scatter::new(scene, &hit, wo, 0.0),
+            bsdf: bsdf.with_facet(wo, n, || [random(), random()]),
             hit,
         }
     }

@@ -187,6 +187,15 @@ pub const fn block_choice(depth: u32) -> u32 {
     3 + 3 * depth
 }
 
+/// Block of a rough coat at that depth: the microfacet that the path meets.
+#[inline]
+pub const fn block_coat(depth: u32) -> u32 {
+    COAT_BLOCKS + depth
+}
+
+/// The first [`block_coat`], beyond the other blocks of the longest path.
+pub const COAT_BLOCKS: u32 = 1 << 31;
+
 #[cfg(test)]
 mod tests {
     use super::*;

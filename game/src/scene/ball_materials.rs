@@ -81,6 +81,7 @@ fn classic(number: u8, colour: Vec3, is_striped: bool) -> Material {
     });
     Material::Coated {
         ior: 1.5,
+        alpha: 0.0,
         texture: ProceduralTexture::Ball {
             albedo: if is_striped { CREAM } else { colour },
             stripe,

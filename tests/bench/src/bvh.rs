@@ -373,6 +373,7 @@ fn cloud(many: SweptShape, count: u32) -> Scene {
             half_u: Vec3::X,
             half_v: Vec3::NEG_Y,
             radiance: Vec3::splat(6.0),
+            ..AreaLight::new(1.0, 1.0)
         }],
         ..Scene::new()
     }

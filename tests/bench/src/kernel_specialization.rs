@@ -189,7 +189,15 @@ const PARTS: [FeatureChange; 14] = [
                 sights: None,
                 scale: 1.0,
             };
-            add_material(scene, "wood", Material::Coated { ior: 1.5, texture });
+            add_material(
+                scene,
+                "wood",
+                Material::Coated {
+                    ior: 1.5,
+                    alpha: 0.0,
+                    texture,
+                },
+            );
         },
     },
     FeatureChange {
@@ -375,7 +383,11 @@ fn ball(stripe: Option<Stripe>, number: u8) -> Material {
         stripe,
         number,
     };
-    Material::Coated { ior: 1.5, texture }
+    Material::Coated {
+        ior: 1.5,
+        alpha: 0.0,
+        texture,
+    }
 }
 
 fn add_material(scene: &mut Scene, name: &str, material: Material) {

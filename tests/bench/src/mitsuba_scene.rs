@@ -213,6 +213,7 @@ impl LightJson {
             half_u: Vec3::new(half_x, 0.0, 0.0),
             half_v: Vec3::new(0.0, half_y * normal.z, 0.0),
             radiance,
+            ..AreaLight::new(1.0, 1.0)
         })
     }
 }

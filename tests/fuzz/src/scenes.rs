@@ -158,6 +158,7 @@ impl Numbers<'_> {
                     half_u: Vec3::X * self.share(),
                     half_v: Vec3::Y * self.share(),
                     radiance: 10.0 * self.shares(),
+                    ..AreaLight::new(1.0, 1.0)
                 }),
             }
         }

@@ -4,9 +4,9 @@ use bytemuck::Zeroable as _;
 use glam::Vec3;
 
 use super::{
-    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS, MaterialData, OPACITY_BLEND,
-    OPACITY_MASK, OPACITY_OPAQUE, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE,
-    PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_SCOREBOARD, PATTERN_WOOD,
+    KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
+    OPACITY_BLEND, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE,
+    PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_SCOREBOARD, PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::validate::{ALPHA_SMOOTH_MAX, SHEEN_ROUGHNESS};
@@ -24,6 +24,7 @@ pub(super) fn with_number_discs(scene: &Scene) -> Vec<MaterialData> {
             all[index].number = all.len() as u32;
             all.push(material_data(&Material::Coated {
                 ior: DISC_IOR,
+                alpha: 0.0,
                 texture: ProceduralTexture::Ball {
                     albedo: Vec3::from(CIRCLE_ALBEDO),
                     stripe: None,
@@ -64,14 +65,22 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
                 ..MaterialData::zeroed()
             }
         }
-        Material::Coated { ior, texture } => {
+        Material::Coated {
+            ior,
+            alpha,
+            texture,
+        } => {
             let coat = Material::SmoothPlastic {
                 albedo: Vec3::ZERO,
                 ior,
                 internal_reflectance: None,
                 stripe: None,
             };
-            textured(material_data(&coat), &texture)
+            let coat = MaterialData {
+                alpha: rough_alpha(alpha),
+                ..material_data(&coat)
+            };
+            textured(coat, &texture)
         }
         Material::Cloth {
             albedo,
@@ -142,6 +151,11 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
 }
 
 impl MaterialData {
+    /// Whether it has a coat of GGX microfacets over a diffuse base.
+    pub(crate) fn has_rough_coat(&self) -> bool {
+        self.kind == KIND_LAYERED && self.ior > 0.0 && self.alpha > 0.0
+    }
+
     /// The index of the material of the discs with a ball's number, if it is a metal or dielectric that has some.
     pub(crate) fn number_disc(&self) -> Option<u32> {
         let is_body = matches!(self.kind, KIND_CONDUCTOR | KIND_DIELECTRIC);

@@ -198,6 +198,7 @@ fn lights_and_rectangles_face_along_u_cross_v() {
         half_u,
         half_v,
         radiance: Vec3::ONE,
+        ..AreaLight::new(1.0, 1.0)
     });
     scene.objects[0].shape = Shape::Rectangle {
         center: Vec3::ZERO,

@@ -105,7 +105,7 @@ impl Prepared {
     ) -> AovLanes<S> {
         let direction = rays.direction;
         let ended = nearest.id.simd_ge(self.geometry.area_lights_first);
-        let emitted = self.emission(simd, direction, nearest, ended);
+        let emitted = self.emission(simd, rays.origin, direction, nearest, ended);
         if ended.all_true() {
             let zero = Vec3x::splat(simd, [0.0; 3]);
             return columns(zero, zero, zero.x, emitted);
@@ -149,7 +149,7 @@ impl Prepared {
         if mirror.any_true() {
             let nearest = self.geometry.nearest(simd, &rays, None);
             let lit = mirror & nearest.id.simd_ge(self.geometry.area_lights_first);
-            let emission = self.emission(simd, mirrored, &nearest, lit);
+            let emission = self.emission(simd, hit.position, mirrored, &nearest, lit);
             emitted = emission.scale_add(reflectance, emitted);
         }
         let zero = Vec3x::splat(simd, [0.0; 3]);
@@ -166,6 +166,7 @@ impl Prepared {
     pub(super) fn emission<S: Simd>(
         &self,
         simd: S,
+        origin: Vec3x<S>,
         direction: Vec3x<S>,
         nearest: &Nearest<S>,
         mask: Mask<S>,
@@ -182,7 +183,8 @@ impl Prepared {
         }
         let light = nearest.id - self.geometry.area_lights_first;
         let light = lit.select(light, Word::splat(simd, 0));
-        let emission = self.area_lights.emission(simd, light);
+        let point = direction.mul_add(nearest.distance, origin);
+        let emission = self.area_lights.emission(simd, light, point);
         let front = direction.dot(emission.normal).simd_lt(0.0);
         let emitted = Vec3x::select(lit & front, emission.radiance, black);
         Vec3x::select(escaped, environment, emitted)

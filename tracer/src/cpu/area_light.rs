@@ -13,9 +13,11 @@ use crate::sampling::BELOW_1;
 /// The area lights of a scene.
 pub(super) struct AreaLights {
     rows: Vec<AreaLightRow>,
+    /// The radiance of some depends on the place.
+    is_graded: bool,
 }
 
-type AreaLightRow = [f32; 20];
+type AreaLightRow = [f32; 24];
 
 const CENTER: usize = 0;
 /// Unit vectors along the edges.
@@ -27,6 +29,8 @@ const BRIGHTNESS: usize = 15;
 /// Half the edges.
 const LENGTH_U: usize = 16;
 const LENGTH_V: usize = 17;
+const GRADIENT: usize = 18;
+const FALLOFF: usize = 21;
 
 /// What a ray needs that meets an area light.
 pub(super) struct Emission<S: Simd> {
@@ -54,6 +58,7 @@ impl AreaLights {
     pub(super) fn new(area_lights: &[AreaLightData]) -> Self {
         Self {
             rows: area_lights.iter().map(row).collect(),
+            is_graded: area_lights.iter().any(AreaLightData::is_graded),
         }
     }
 
@@ -62,11 +67,26 @@ impl AreaLights {
     }
 
     #[inline(always)]
-    pub(super) fn emission<S: Simd>(&self, simd: S, index: Word<S>) -> Emission<S> {
+    pub(super) fn normal<S: Simd>(&self, simd: S, index: Word<S>) -> Vec3x<S> {
+        Rows::new(&self.rows, index).triple(simd, NORMAL)
+    }
+
+    /// What a point on area light `index` emits.
+    #[inline(always)]
+    pub(super) fn emission<S: Simd>(
+        &self,
+        simd: S,
+        index: Word<S>,
+        point: Vec3x<S>,
+    ) -> Emission<S> {
         let rows = Rows::new(&self.rows, index);
+        let mut radiance = rows.triple(simd, RADIANCE);
+        if self.is_graded {
+            radiance = graded(simd, &rows, point, radiance);
+        }
         Emission {
             normal: rows.triple(simd, NORMAL),
-            radiance: rows.triple(simd, RADIANCE),
+            radiance,
             brightness: rows.number(simd, BRIGHTNESS),
         }
     }
@@ -103,13 +123,18 @@ impl AreaLights {
         let at = chosen.seen.sample(simd, chosen.omega, chosen.by_area, u);
         let inverse_probability = sum / chosen.weight;
         let visible = chosen.weight.simd_gt(0.0);
+        let mut radiance = chosen.radiance;
+        if self.is_graded {
+            let rows = Rows::new(&self.rows, chosen.index);
+            radiance = graded(simd, &rows, at.wi.mul_add(at.distance, point), radiance);
+        }
         LightSample {
             index: chosen.index,
             wi: at.wi,
             distance: visible.select(at.distance, zero),
             inverse_pdf: at.inverse_pdf * inverse_probability,
             inverse_density: chosen.omega * inverse_probability,
-            radiance: chosen.radiance,
+            radiance,
             light_weight_sum: sum,
         }
     }
@@ -166,7 +191,7 @@ fn triple<S: Simd>(simd: S, row: &AreaLightRow, column: usize) -> Vec3x<S> {
 }
 
 fn row(light: &AreaLightData) -> AreaLightRow {
-    let mut row = [0.0; 20];
+    let mut row = [0.0; 24];
     row[CENTER..][..3].copy_from_slice(&light.center);
     row[AXIS_U..][..3].copy_from_slice(&light.axis_u);
     row[AXIS_V..][..3].copy_from_slice(&light.axis_v);
@@ -175,7 +200,22 @@ fn row(light: &AreaLightData) -> AreaLightRow {
     row[BRIGHTNESS] = light.brightness;
     row[LENGTH_U] = light.length_u;
     row[LENGTH_V] = light.length_v;
+    row[GRADIENT..][..3].copy_from_slice(&light.gradient);
+    row[FALLOFF] = light.falloff;
     row
+}
+
+/// Radiance at points on area lights: [`AreaLightData::radiance_at`].
+#[inline(always)]
+fn graded<S: Simd>(simd: S, rows: &Rows<'_, 24>, point: Vec3x<S>, radiance: Vec3x<S>) -> Vec3x<S> {
+    let from_center = point - rows.triple(simd, CENTER);
+    let one = Float::splat(simd, 1.0);
+    let u = from_center.dot(rows.triple(simd, AXIS_U)) / rows.number(simd, LENGTH_U);
+    let v = from_center.dot(rows.triple(simd, AXIS_V)) / rows.number(simd, LENGTH_V);
+    let (u, v) = (u.max(-1.0).min(one), v.max(-1.0).min(one));
+    let falloff = rows.number(simd, FALLOFF);
+    let left = (one - falloff * u * u) * (one - falloff * v * v);
+    rows.triple(simd, GRADIENT).mul_add(u, radiance) * left
 }
 
 /// An area light in the frame of the point that sees it: [`crate::scalar::area_light::SphericalRectangle`].
@@ -418,6 +458,7 @@ mod tests {
             half_u,
             half_v,
             radiance: Vec3::splat(radiance),
+            ..AreaLight::new(1.0, 1.0)
         };
         let scene = Scene {
             camera: Camera {

@@ -1,4 +1,4 @@
-//! Diffuse surfaces and smooth plastic, a lane each; other materials by [`super::microfacet`].
+//! Diffuse surfaces, bare or under a coat, a lane each; other materials by [`super::microfacet`].
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -7,7 +7,7 @@ use fearless_simd::prelude::*;
 use super::fresnel::fresnel;
 use super::lanes::{Float, Mask, Vec3x};
 use super::metallic_roughness::MetallicRoughness;
-use super::microfacet::MicrofacetBsdf;
+use super::microfacet::{MicrofacetBsdf, sample_visible, visibility};
 use super::sampling::{BsdfSample, cosine_hemisphere};
 use super::sheen::Sheen;
 use super::surface::Hit;
@@ -22,6 +22,10 @@ pub(super) struct Bsdf<S: Simd> {
     ior: Float<S>,
     cos_o: Float<S>,
     fresnel: Float<S>,
+    /// Where the coat's mirror shows.
+    mirrored: Vec3x<S>,
+    /// The lanes whose coat is rough, if the scene has such.
+    rough: Option<Mask<S>>,
     /// Probability that a sampled direction is the mirror's.
     specular_share: Float<S>,
     /// The base's albedo times all that does not depend on the other direction.
@@ -46,6 +50,8 @@ impl<S: Simd> Bsdf<S> {
             ior: hit.ior,
             cos_o,
             fresnel: Float::splat(simd, 0.0),
+            mirrored: hit.normal.mul_add(cos_o * 2.0, -wo),
+            rough: None,
             specular_share: Float::splat(simd, 0.0),
             base: hit.albedo,
             coated,
@@ -56,14 +62,50 @@ impl<S: Simd> Bsdf<S> {
         };
         if bsdf.any_coated {
             let zero = Float::splat(simd, 0.0);
-            let fresnel = coated.select(fresnel(simd, cos_o, hit.ior), zero);
-            let mean = (hit.albedo.x + hit.albedo.y + hit.albedo.z) * (1.0 / 3.0);
-            let share = fresnel / (1.0 - fresnel).mul_add(mean, fresnel);
-            bsdf.fresnel = fresnel;
-            bsdf.specular_share = fresnel.simd_gt(0.0).select(share, zero);
-            bsdf.base = hit.albedo * ((1.0 - fresnel) * hit.diffuse_scale);
+            bsdf.set_coat(
+                simd,
+                hit,
+                coated.select(fresnel(simd, cos_o, hit.ior), zero),
+            );
+            if let Some(alpha) = hit.coat_alpha {
+                bsdf.rough = Some(coated & alpha.simd_gt(0.0));
+            }
         }
         bsdf
+    }
+
+    /// What the coat reflects, and what it lets pass to the base.
+    #[inline(always)]
+    fn set_coat(&mut self, simd: S, hit: &Hit<S>, reflected: Float<S>) {
+        let zero = Float::splat(simd, 0.0);
+        let mean = (hit.albedo.x + hit.albedo.y + hit.albedo.z) * (1.0 / 3.0);
+        let share = reflected / (1.0 - reflected).mul_add(mean, reflected);
+        self.fresnel = reflected;
+        self.specular_share = reflected.simd_gt(0.0).select(share, zero);
+        self.base = hit.albedo * ((1.0 - reflected) * hit.diffuse_scale);
+    }
+
+    /// The lanes whose coat is rough, if the packet met any.
+    #[inline(always)]
+    pub(super) fn rough_coats(&self) -> Option<Mask<S>> {
+        self.rough.filter(|rough| rough.any_true())
+    }
+
+    /// Gives rough coats the mirror of one of the microfacets that are seen: [`crate::scalar::bsdf::Bsdf::with_facet`].
+    #[inline(always)]
+    pub(super) fn draw_facets(&mut self, simd: S, hit: &Hit<S>, u: [Float<S>; 2]) {
+        let (Some(rough), Some(alpha)) = (self.rough_coats(), hit.coat_alpha) else {
+            return;
+        };
+        let h = sample_visible(simd, alpha, self.normal, self.wo, u[0], u[1]);
+        let h = Vec3x::select(rough, h, self.normal);
+        let cos_h = self.wo.dot(h);
+        let mirrored = h.mul_add(cos_h * 2.0, -self.wo);
+        let cos_i = self.normal.dot(mirrored).max(0.0);
+        let shadowing = visibility(alpha, cos_i) * cos_i;
+        let reflected = fresnel(simd, cos_h, self.ior) * shadowing;
+        self.mirrored = Vec3x::select(rough, mirrored, self.mirrored);
+        self.set_coat(simd, hit, rough.select(reflected, self.fresnel));
     }
 
     /// Where light that comes straight from a light towards `wi`, at `cos_i`, may be scattered to `wo`.
@@ -198,7 +240,7 @@ impl<S: Simd> Bsdf<S> {
     /// in the others.
     #[inline(always)]
     pub(super) fn regularised_coat(&self, simd: S, regularised: Mask<S>, wi: Vec3x<S>) -> Float<S> {
-        let in_cone = regularised & self.mirrored().dot(wi).simd_gt(CONE_COSINE);
+        let in_cone = regularised & self.mirrored.dot(wi).simd_gt(CONE_COSINE);
         in_cone.select(self.coat(simd) * CONE_DENSITY, Float::splat(simd, 0.0))
     }
 
@@ -219,10 +261,9 @@ impl<S: Simd> Bsdf<S> {
     #[inline(always)]
     fn choose_mirror(&self, simd: S, u: Float<S>, scattered: &mut BsdfSample<S>) {
         let specular = u.simd_lt(self.specular_share);
-        let wi = self.mirrored();
         let weight = self.fresnel / self.specular_share;
         let weight = Vec3x::new(weight, weight, weight);
-        scattered.wi = Vec3x::select(specular, wi, scattered.wi);
+        scattered.wi = Vec3x::select(specular, self.mirrored, scattered.wi);
         scattered.weight = Vec3x::select(specular, weight, scattered.weight);
         scattered.pdf = specular.select(Float::splat(simd, 0.0), scattered.pdf);
     }
@@ -241,10 +282,14 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// Reflectance of the mirror that the surface is or has, or what it lets pass if it is a smooth thin wall.
+    /// Reflectance of the mirror that the surface is or has, or what it lets pass if it is a smooth thin wall; 0 of rough
+    /// coats.
     #[inline(always)]
     pub(super) fn mirror(&self, simd: S) -> Vec3x<S> {
         let mut coat = Vec3x::new(self.fresnel, self.fresnel, self.fresnel);
+        if let Some(rough) = self.rough_coats() {
+            coat = Vec3x::select(rough, Vec3x::splat(simd, [0.0; 3]), coat);
+        }
         if let Some(surface) = &self.metallic_roughness
             && let Some((smooth, passed)) = surface.straight_passed(self.normal, self.wo)
         {
@@ -263,18 +308,17 @@ impl<S: Simd> Bsdf<S> {
     /// What the mirror shows, or what lies straight behind a thin wall.
     #[inline(always)]
     pub(super) fn shown(&self) -> Vec3x<S> {
-        let mirrored = self.mirrored();
         let walls = (self.metallic_roughness.as_ref()).and_then(MetallicRoughness::lets_pass);
         match walls {
-            Some(walls) => Vec3x::select(walls, -self.wo, mirrored),
-            None => mirrored,
+            Some(walls) => Vec3x::select(walls, -self.wo, self.mirrored),
+            None => self.mirrored,
         }
     }
 
-    /// Where the mirror shows.
+    /// Where the coat's mirror shows.
     #[inline(always)]
     pub(super) fn mirrored(&self) -> Vec3x<S> {
-        self.normal.mul_add(self.cos_o * 2.0, -self.wo)
+        self.mirrored
     }
 
     /// The share of light that passes the coat towards or from a direction at `cos`.

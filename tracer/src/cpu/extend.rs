@@ -76,7 +76,8 @@ impl Prepared {
             let unscattered = met.simd_ge(self.geometry.area_lights_first) & alive;
             if unscattered.any_true() {
                 let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
-                let mut light = self.emission_with_mis(simd, stream, at, light_id);
+                let distance = nearest.distance;
+                let mut light = self.emission_with_mis(simd, stream, at, light_id, distance);
                 if self.settings.denoise && depth <= 1 {
                     light = self.without_emission(simd, stream, at, light);
                 }
@@ -93,7 +94,7 @@ impl Prepared {
                 stream.finish(packet, scattering, radiance);
             } else if self.records_aovs_at(depth) {
                 // In the order of slots, in which first hits are noted.
-                let emission = self.emission(simd, direction, &nearest, unscattered);
+                let emission = self.emission(simd, origin, direction, &nearest, unscattered);
                 let length = load(simd, &stream.distance, at);
                 stream.store_emission(at, length / nearest.distance, emission);
                 store(&mut stream.distance, at, nearest.distance);
@@ -151,6 +152,7 @@ impl Prepared {
         stream: &Stream,
         at: usize,
         id: Word<S>,
+        distance: Float<S>,
     ) -> Vec3x<S> {
         let beta = stream.beta.load(simd, at);
         let escaped = id.simd_eq(NONE);
@@ -165,7 +167,8 @@ impl Prepared {
         let first = self.geometry.area_lights_first;
         let lit = id.simd_ge(first) & !escaped;
         let light = lit.select(id - first, Word::splat(simd, 0));
-        let emission = self.area_lights.emission(simd, light);
+        let point = direction.mul_add(distance, stream.origin.load(simd, at));
+        let emission = self.area_lights.emission(simd, light, point);
         let cos_light = -direction.dot(emission.normal);
         let pdf = load(simd, &stream.pdf, at);
         // An area light that does not shine has no brightness: 0 / 0.

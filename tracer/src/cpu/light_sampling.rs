@@ -57,9 +57,15 @@ impl Prepared {
     }
 
     /// Whether area lights that a coat reflects are looked up: of denoised pictures the first hits' mirrors
-    /// are traced apart.
+    /// are traced apart, but for those of rough coats.
     pub(super) fn samples_coat_reflection(&self, depth: u32) -> bool {
-        self.has_coat && !self.area_lights.is_empty() && (depth > 0 || !self.settings.denoise)
+        self.has_coat
+            && !self.area_lights.is_empty()
+            && (!self.traces_mirrors_apart(depth) || self.surfaces.has_rough_coat)
+    }
+
+    fn traces_mirrors_apart(&self, depth: u32) -> bool {
+        depth == 0 && self.settings.denoise
     }
 
     /// Next-event estimation at a packet's hits, towards all kinds of lights. Returns the number of rays inside balls and
@@ -290,7 +296,7 @@ impl Prepared {
         else {
             return 0;
         };
-        let normal = self.area_lights.emission(simd, light.index).normal;
+        let normal = self.area_lights.normal(simd, light.index);
         let refracted = boundaries.refracted_paths(simd, hit.position, light, normal);
         if !refracted.lanes.any_true() {
             return 0;
@@ -367,7 +373,12 @@ impl Prepared {
         let zero = Float::splat(simd, 0.0);
         let shadow = &mut stream.shadows[MIRROR];
         let reflectance = bsdf.coat(simd);
-        let exact = packet.alive & !packet.regularised;
+        let mut exact = packet.alive & !packet.regularised;
+        if self.traces_mirrors_apart(packet.depth) {
+            exact &= bsdf
+                .rough_coats()
+                .unwrap_or_else(|| Mask::splat(simd, false));
+        }
         let coated = exact & reflectance.simd_gt(0.0);
         if !coated.any_true() {
             store(&mut shadow.distance, at, zero);
@@ -385,7 +396,8 @@ impl Prepared {
             nearest.id - self.geometry.area_lights_first,
             Word::splat(simd, 0),
         );
-        let emission = self.area_lights.emission(simd, index);
+        let point = wi.mul_add(nearest.distance, packet.hit.position);
+        let emission = self.area_lights.emission(simd, index, point);
         let lit = met & wi.dot(emission.normal).simd_lt(0.0);
         shadow.direction.store(at, wi);
         shadow

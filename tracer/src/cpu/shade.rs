@@ -12,7 +12,7 @@ use super::regularisation::{regularised, with_spread};
 use super::sampling::pair;
 use super::stream::{Stream, load, load_words, packets, store, store_words};
 use super::surface::Hit;
-use crate::sampling::{block_choice, block_light, block_scatter};
+use crate::sampling::{block_choice, block_coat, block_light, block_scatter};
 
 /// Scatters each path where it hit: a shadow ray towards an area light and the path's next direction.
 /// Returns the number of rays that this took.
@@ -60,11 +60,18 @@ impl Prepared {
             let (hit, regularised) = self.regularised_hit::<S, GENERAL>(
                 simd, stream, at, direction, distance, tag, footprint,
             );
-            let bsdf = Bsdf::new(simd, &hit, -direction);
+            let mut bsdf = Bsdf::new(simd, &hit, -direction);
             if self.records_aovs_at(depth) {
                 let (inverse_depth, emitted) = stream.load_emission(simd, at);
                 let aovs = self.surface_aovs(simd, alive, tag, &hit, &bsdf, inverse_depth, emitted);
                 stream.store_aovs(at, aovs);
+            }
+            let pixel = load_words(simd, &stream.pixel, at);
+            let sample = load_words(simd, &stream.sample, at);
+            let seed = self.settings.seed;
+            if bsdf.rough_coats().is_some() {
+                let u = pair(pixel, sample, block_coat(depth), seed);
+                bsdf.draw_facets(simd, &hit, u);
             }
             let beta = stream.beta.load(simd, at);
             if let Some(emission) =
@@ -73,9 +80,6 @@ impl Prepared {
                 let radiance = stream.radiance.load(simd, at);
                 stream.radiance.store(at, radiance + emission);
             }
-            let pixel = load_words(simd, &stream.pixel, at);
-            let sample = load_words(simd, &stream.sample, at);
-            let seed = self.settings.seed;
             let mut light_weight_sum = Float::splat(simd, 0.0);
             if self.samples_light() {
                 let u = pair(pixel, sample, block_light(depth), seed);
@@ -110,6 +114,11 @@ impl Prepared {
             let pdf = weighed(scattered.pdf, light_weight_sum);
             let diffuse = bsdf.layered(simd) & pdf.simd_gt(0.0);
             let mut pdf = with_spread(pdf, regularised | diffuse);
+            if let Some(rough) = bsdf.rough_coats() {
+                // Not 0, that of mirrors whose light first hits find, but as good as 0 beside area lights.
+                let least = Float::splat(simd, f32::MIN_POSITIVE);
+                pdf = (rough & pdf.simd_eq(0.0)).select(least, pdf);
+            }
             if self.has_refracted_nee() {
                 let before = load(simd, &stream.pdf, at);
                 let known =

@@ -32,6 +32,8 @@ pub(super) struct Surfaces {
     microfacet: Vec<MicrofacetRow>,
     /// Empty without procedural textures.
     texture: Vec<TextureRow>,
+    /// Some coat is rough.
+    pub(super) has_rough_coat: bool,
     /// Some cloth has a sheen.
     sheen: Vec<SheenRow>,
     /// Empty without glTF's material.
@@ -56,6 +58,7 @@ const DIFFUSE_SCALE: usize = 11;
 const STRIPE_ALBEDO: usize = 12;
 const STRIPE_HALF_WIDTH: usize = 15;
 const STRIPE_AXIS: usize = 16;
+const COAT_ALPHA: usize = 19;
 
 const KIND_SPHERE: f32 = 0.0;
 const KIND_BOX: f32 = 1.0;
@@ -86,6 +89,8 @@ pub(super) struct Hit<S: Simd> {
     /// 0 for a diffuse surface.
     pub(super) ior: Float<S>,
     pub(super) diffuse_scale: Float<S>,
+    /// GGX width of the coat, 0 for a smooth one; if the scene has a rough one.
+    pub(super) coat_alpha: Option<Float<S>>,
     /// Metals and dielectrics, if any lane met one.
     pub(super) microfacet: Option<MicrofacetBsdf<S>>,
     /// Cloth, if any lane met one.
@@ -174,6 +179,7 @@ impl Surfaces {
             triangles: TriangleSurfaces::new(scene, triangles_first, triangles_first),
             microfacet: microfacet_rows(scene),
             texture: texture_rows(scene),
+            has_rough_coat: scene.materials.iter().any(MaterialData::has_rough_coat),
             sheen: sheen_rows(scene),
             metallic_roughness: MetallicRoughnessTable::new(scene, || shapes_and_materials(scene)),
             has_dielectric: (scene.materials.iter()).any(|m| m.kind == KIND_DIELECTRIC),
@@ -378,6 +384,11 @@ impl Surfaces {
             albedo,
             ior,
             diffuse_scale: rows.number(simd, DIFFUSE_SCALE),
+            coat_alpha: if self.has_rough_coat {
+                Some(rows.number(simd, COAT_ALPHA))
+            } else {
+                None
+            },
             microfacet,
             sheen: self.sheen_at(simd, id),
             metallic_roughness: if GENERAL {
@@ -505,7 +516,10 @@ fn row(
     row[FIRST..][..3].copy_from_slice(&first);
     row[SECOND..][..3].copy_from_slice(&second);
     row[KIND] = kind;
-    row[IOR] = if m.kind == KIND_LAYERED { m.ior } else { 0.0 };
+    if m.kind == KIND_LAYERED {
+        row[IOR] = m.ior;
+        row[COAT_ALPHA] = m.alpha;
+    }
     row[ALBEDO..][..3].copy_from_slice(&m.albedo);
     row[DIFFUSE_SCALE] = m.diffuse_scale;
     row[STRIPE_ALBEDO..][..3].copy_from_slice(&m.stripe_albedo);

@@ -3,8 +3,8 @@
 use crate::bvh::Bvh;
 use crate::compiled::clusters::Clusters;
 use crate::compiled::{
-    BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z, CompiledScene,
-    CsgBoxData, CsgFaceData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
+    AreaLightData, BoxData, CSG_FACE_APEX_CONE, CSG_FACE_CONE_X, CSG_FACE_CONE_Y, CSG_FACE_CONE_Z,
+    CompiledScene, CsgBoxData, CsgFaceData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
     KIND_METALLIC_ROUGHNESS, LayerTextureData, MaterialData, PATTERN_NONE, PATTERN_NUMBER,
     ShapeKind, SphereData,
 };
@@ -142,6 +142,8 @@ pub(crate) struct Features {
     pub(crate) has_csg_cone: bool,
     /// Some material has a dielectric coat.
     pub(crate) has_coat: bool,
+    /// Some coat is rough.
+    pub(crate) has_rough_coat: bool,
     /// Some material has a stripe.
     pub(crate) has_stripe: bool,
     /// Some ball has a number.
@@ -176,6 +178,8 @@ pub(crate) struct Features {
     pub(crate) area_lights_coplanar: bool,
     /// Some area light may be before the face of another, or before another light.
     pub(crate) area_lights_occlude: bool,
+    /// The radiance of some area light depends on the place.
+    pub(crate) area_lights_graded: bool,
     /// Solid angles in metres would leave the range of f32.
     pub(crate) area_lights_scaled: bool,
     pub(crate) memory: SceneMemory,
@@ -235,6 +239,7 @@ impl Features {
                 )
             }),
             has_coat: any(|material| material.kind == KIND_LAYERED && material.ior > 0.0),
+            has_rough_coat: any(MaterialData::has_rough_coat),
             has_stripe: any(|material| material.stripe_half_width > 0.0),
             has_number: any(|material| material.pattern == PATTERN_NUMBER),
             has_number_disc: any(|material| material.number_disc().is_some()),
@@ -250,6 +255,7 @@ impl Features {
             output: KernelOutput::Radiance,
             is_compensated: needs_compensation(scene),
             discs_coplanar: coplanar::discs_coplanar(scene),
+            area_lights_graded: (scene.area_lights.iter()).any(AreaLightData::is_graded),
             area_lights_coplanar: coplanar::area_lights_coplanar(scene),
             area_lights_occlude: coplanar::area_lights_occlude(scene)
                 || (shares_light_sampling && !scene.area_lights.is_empty()),

@@ -214,6 +214,7 @@ fn dressed_materials() -> [(&'static str, Material); 6] {
             "ball",
             Material::Coated {
                 ior: 1.5,
+                alpha: 0.0,
                 texture: ball,
             },
         ),
@@ -221,6 +222,7 @@ fn dressed_materials() -> [(&'static str, Material); 6] {
             "wood",
             Material::Coated {
                 ior: 1.5,
+                alpha: 0.0,
                 texture: wood,
             },
         ),
@@ -241,6 +243,7 @@ fn dressed_materials() -> [(&'static str, Material); 6] {
             "cue",
             Material::Coated {
                 ior: 1.5,
+                alpha: 0.0,
                 texture: ProceduralTexture::Cue {
                     shaft: tone,
                     butt: 0.1 * tone,
@@ -301,6 +304,7 @@ fn light(x: f32, radiance: f32) -> AreaLight {
         half_u: Vec3::new(0.0, 0.3, 0.0),
         half_v: Vec3::new(0.3, 0.0, 0.0),
         radiance: Vec3::new(radiance, radiance, 0.9 * radiance),
+        ..AreaLight::new(1.0, 1.0)
     }
 }
 

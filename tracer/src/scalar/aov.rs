@@ -79,7 +79,7 @@ impl PathTracer<'_> {
         match met.map(|hit| (hit, hit.primitive)) {
             None => environment_radiance(self.scene, ray.direction),
             Some((hit, Primitive::AreaLight(light))) if ray.direction.dot(hit.n) < 0.0 => {
-                vector(self.scene.area_lights[light as usize].radiance)
+                self.scene.area_lights[light as usize].radiance_at(hit.point)
             }
             Some(_) => DVec3::ZERO,
         }

@@ -1,4 +1,4 @@
-//! Diffuse surfaces and smooth plastic: evaluate, sample, density.
+//! Diffuse surfaces, bare or under a coat: evaluate, sample, density.
 //!
 //! `wo` and `wi` both leave the surface, to the eye and to the light; cosines are to the normal on
 //! the side of `wo`.
@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::intersect::{Hit, vector};
+use super::microfacet::{sample_visible, visibility};
 use crate::CompiledScene;
 use crate::compiled::{
     MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS,
@@ -25,12 +26,25 @@ pub struct Bsdf {
     pub albedo: DVec3,
     /// Index of refraction of the coat; 0 for none.
     pub ior: f64,
+    /// GGX width of the coat; 0 if it is smooth.
+    pub coat_alpha: f64,
+    /// The mirror of a rough coat's microfacet, once one is drawn: [`Bsdf::with_facet`].
+    pub facet: Option<CoatFacet>,
     /// `1 / (η²(1 − F_dr,int))`; 1 without a coat.
     pub diffuse_scale: f64,
     /// Strength of a cloth's sheen, over 2π; 0 for none.
     pub sheen: DVec3,
     /// Its width.
     pub sheen_roughness: f64,
+}
+
+/// What one microfacet of a rough coat reflects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoatFacet {
+    /// Unit direction to what is seen in it.
+    pub wi: DVec3,
+    /// `F(wo·h) G1(wi)`, the mean of which over the facets seen from `wo` is the coat's albedo.
+    pub reflectance: f64,
 }
 
 /// A direction that light may have come from.
@@ -126,6 +140,8 @@ impl Bsdf {
         Self {
             albedo: vector(albedo),
             ior: f64::from(material.ior),
+            coat_alpha: f64::from(material.alpha),
+            facet: None,
             diffuse_scale: f64::from(material.diffuse_scale),
             sheen: vector(material.sheen),
             sheen_roughness: f64::from(material.sheen_roughness),
@@ -136,14 +152,52 @@ impl Bsdf {
         Self {
             albedo: DVec3::ZERO,
             ior: 0.0,
+            coat_alpha: 0.0,
+            facet: None,
             diffuse_scale: 1.0,
             sheen: DVec3::ZERO,
             sheen_roughness: 1.0,
         }
     }
 
-    /// Reflectance of the coat at a cosine.
-    pub fn fresnel(&self, cos: f64) -> f64 {
+    /// Whether its coat is rough: without [`Bsdf::with_facet`] it reflects as a smooth one.
+    pub fn is_rough(&self) -> bool {
+        self.ior > 0.0 && self.coat_alpha > 0.0
+    }
+
+    /// The surface whose coat is the mirror of one microfacet, drawn among those that are seen from `wo`
+    /// ([`sample_visible`]). The mean of its light over `u` is the rough coat's: each facet sends what it does not reflect
+    /// on to the base. A direction below the surface is in the shadow of other facets.
+    #[must_use]
+    pub fn with_facet(self, wo: DVec3, n: DVec3, [u1, u2]: [f64; 2]) -> Self {
+        let h = sample_visible(self.coat_alpha, wo, n, u1, u2);
+        let cos_h = wo.dot(h);
+        let wi = 2.0 * cos_h * h - wo;
+        let cos_i = wi.dot(n).max(0.0);
+        let shadowing = visibility(self.coat_alpha, cos_i) * cos_i;
+        Self {
+            facet: Some(CoatFacet {
+                wi,
+                reflectance: self.fresnel(cos_h) * shadowing,
+            }),
+            ..self
+        }
+    }
+
+    /// Where the coat's mirror shows.
+    pub fn mirrored(&self, wo: DVec3, n: DVec3) -> DVec3 {
+        self.facet
+            .map_or_else(|| 2.0 * wo.dot(n) * n - wo, |facet| facet.wi)
+    }
+
+    /// The share of light that the coat's mirror reflects.
+    pub fn reflected(&self, cos_o: f64) -> f64 {
+        self.facet
+            .map_or_else(|| self.fresnel(cos_o), |facet| facet.reflectance)
+    }
+
+    /// Reflectance of the coat at a cosine to its normal.
+    fn fresnel(&self, cos: f64) -> f64 {
         if self.ior == 0.0 {
             return 0.0;
         }
@@ -152,7 +206,7 @@ impl Bsdf {
 
     /// The probability with which [`Bsdf::sample`] chooses the mirror.
     pub fn probability_mirror(&self, cos_o: f64) -> f64 {
-        let mirror = self.fresnel(cos_o);
+        let mirror = self.reflected(cos_o);
         if mirror == 0.0 {
             return 0.0;
         }
@@ -164,7 +218,7 @@ impl Bsdf {
         if cos_o <= 0.0 || cos_i <= 0.0 {
             return DVec3::ZERO;
         }
-        let coat = (1.0 - self.fresnel(cos_o)) * (1.0 - self.fresnel(cos_i));
+        let coat = (1.0 - self.reflected(cos_o)) * (1.0 - self.fresnel(cos_i));
         self.albedo * (coat * self.diffuse_scale / PI)
     }
 
@@ -191,8 +245,8 @@ impl Bsdf {
         let probability_mirror = self.probability_mirror(cos_o);
         if u[1] < probability_mirror {
             return BsdfSample {
-                wi: 2.0 * cos_o * n - wo,
-                weight: DVec3::splat(self.fresnel(cos_o) / probability_mirror),
+                wi: self.mirrored(wo, n),
+                weight: DVec3::splat(self.reflected(cos_o) / probability_mirror),
                 pdf: Some(0.0),
             };
         }

@@ -14,8 +14,8 @@ use super::vertex::Vertex;
 use crate::compiled::{AreaLightData, CameraFrame, Primitive, SphereData};
 use crate::regularisation::KEY_MASK;
 use crate::sampling::{
-    BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_light,
-    block_scatter, pair, pixel_key, sample_key,
+    BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SURVIVAL_PER_THROUGHPUT, block_choice, block_coat,
+    block_light, block_scatter, pair, pixel_key, sample_key,
 };
 use crate::tracer::{TraceJob, TraceStats};
 use crate::{CompiledScene, RenderSettings, Tile};
@@ -179,8 +179,12 @@ impl<'a> PathTracer<'a> {
             if is_last {
                 return radiance;
             }
-            let vertex = vertex.regularised(prev.is_spread && key & KEY_MASK == 0);
-            if !vertex.is_regularised && (!self.settings.denoise || depth > 0) {
+            let vertex = vertex
+                .regularised(prev.is_spread && key & KEY_MASK == 0)
+                .with_facet(|| random(block_coat(depth)));
+            let is_traced_apart =
+                self.settings.denoise && depth == 0 && !vertex.scatter.has_rough_coat();
+            if !vertex.is_regularised && !is_traced_apart {
                 radiance += beta * self.coat_reflected_light(&vertex, rays);
             }
             radiance += beta * self.direct_light(&vertex, random(block_light(depth)), rays);
@@ -214,7 +218,7 @@ impl<'a> PathTracer<'a> {
     /// apart.
     fn is_emission(&self, prev: PrevVertex, start: Option<RayOrigin>) -> bool {
         let is_outside = start.is_none_or(|start| !start.is_inside);
-        self.settings.denoise && prev.is_mirror() && is_outside
+        self.settings.denoise && prev.is_mirror && is_outside
     }
 
     /// What a ray flies through, and what that fills.
@@ -265,7 +269,7 @@ impl<'a> PathTracer<'a> {
         }
         let density = f64::from(light.brightness) / prev.light_weight_sum;
         let weight = prev.pdf.map_or(1.0, |pdf| power_heuristic(pdf, density));
-        weight * vector(light.radiance)
+        weight * light.radiance_at(hit.point)
     }
 
     /// Weighted radiance that a surface emits which a ray finds.
@@ -314,6 +318,8 @@ struct PrevVertex {
     is_scattered: bool,
     /// It comes from a diffuse surface, or by way of coats and metals from one.
     is_spread: bool,
+    /// By the camera or by a smooth mirror, in which first hits show what light it finds.
+    is_mirror: bool,
 }
 
 impl PrevVertex {
@@ -324,6 +330,7 @@ impl PrevVertex {
         sampled_pdf: None,
         is_scattered: false,
         is_spread: false,
+        is_mirror: true,
     };
     /// In a medium.
     const SCATTERED: Self = Self {
@@ -340,12 +347,9 @@ impl PrevVertex {
             sampled_pdf: pdf.filter(|&pdf| pdf > 0.0),
             is_scattered: false,
             is_spread: pdf.is_some_and(|pdf| self.is_spread || (pdf > 0.0 && is_diffuse)),
+            is_mirror: (is_known || pdf.is_none_or(|pdf| pdf == 0.0))
+                && !vertex.scatter.has_rough_coat(),
         }
-    }
-
-    /// Or by the camera.
-    fn is_mirror(self) -> bool {
-        self.pdf.is_none_or(|pdf| pdf == 0.0)
     }
 }
 

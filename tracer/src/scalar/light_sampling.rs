@@ -28,7 +28,7 @@ impl PathTracer<'_> {
         }
         let ray = Ray {
             origin: vertex.point,
-            direction: 2.0 * cos_o * vertex.n - vertex.wo,
+            direction: vertex.scatter.mirrored(vertex.wo, vertex.n),
         };
         let Some((index, distance)) = nearest_area_light(self.scene, &ray) else {
             return DVec3::ZERO;
@@ -39,7 +39,7 @@ impl PathTracer<'_> {
         {
             return DVec3::ZERO;
         }
-        reflectance * vector(light.radiance)
+        reflectance * light.radiance_at(ray.origin + distance * ray.direction)
     }
 
     /// Next-event estimation: light that comes straight from a surface that emits, from a light without extent, from the
@@ -139,7 +139,8 @@ impl PathTracer<'_> {
         let cos_i = vertex.cosine(wi);
         let reflected = f * (cos_i * weight) + coat;
         let probability = self.scene.area_light_probability() * chosen.probability;
-        reflected * vector(light.radiance) * (inverse_pdf / probability)
+        let radiance = light.radiance_at(vertex.point + distance * wi);
+        reflected * radiance * (inverse_pdf / probability)
     }
 
     /// Whether something is in between a vertex and a point of area light `index`.
@@ -210,6 +211,6 @@ impl PathTracer<'_> {
         let cosines = refracted.outer.dot(normal) / straight.wi.dot(normal);
         let inverse_pdf = straight.inverse_pdf / chosen.probability;
         let inverse_pdf = inverse_pdf * straight.distance.powi(2) * cosines / refracted.spread;
-        passed * vector(light.radiance) * (inverse_pdf.max(0.0) / (4.0 * PI))
+        passed * light.radiance_at(target) * (inverse_pdf.max(0.0) / (4.0 * PI))
     }
 }

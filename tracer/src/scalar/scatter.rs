@@ -95,7 +95,7 @@ impl Scatter {
     /// The part of light that a mirror on top reflects, one that is drawn by chance; 0 without.
     pub fn coat(&self, cos_o: f64) -> f64 {
         match self {
-            Self::Layered(bsdf) => bsdf.fresnel(cos_o),
+            Self::Layered(bsdf) => bsdf.reflected(cos_o),
             Self::Conductor(_) | Self::Dielectric(_) | Self::MetallicRoughness(_) => 0.0,
         }
     }
@@ -124,7 +124,8 @@ impl Scatter {
     pub(super) fn mirror(&self, wo: DVec3, n: DVec3) -> DVec3 {
         let cos_o = wo.dot(n);
         match *self {
-            Self::Layered(bsdf) => DVec3::splat(bsdf.fresnel(cos_o)),
+            Self::Layered(bsdf) if bsdf.is_rough() => DVec3::ZERO,
+            Self::Layered(bsdf) => DVec3::splat(bsdf.reflected(cos_o)),
             Self::Conductor(metal) if metal.alpha == 0.0 => {
                 fresnel_conductor(cos_o, metal.eta, metal.k)
             }
@@ -140,7 +141,22 @@ impl Scatter {
     pub(super) fn mirrored(&self, wo: DVec3, n: DVec3) -> DVec3 {
         match self {
             Self::MetallicRoughness(surface) if surface.wall.is_some() => -wo,
+            Self::Layered(bsdf) => bsdf.mirrored(wo, n),
             _ => 2.0 * wo.dot(n) * n - wo,
+        }
+    }
+
+    /// Whether the mirror on top is a rough coat's, of which a microfacet is drawn.
+    pub fn has_rough_coat(&self) -> bool {
+        matches!(self, Self::Layered(bsdf) if bsdf.is_rough())
+    }
+
+    /// A rough coat with one of its microfacets: [`Bsdf::with_facet`]. All else stays.
+    #[must_use]
+    pub fn with_facet(self, wo: DVec3, n: DVec3, u: impl FnOnce() -> [f64; 2]) -> Self {
+        match self {
+            Self::Layered(bsdf) if bsdf.is_rough() => Self::Layered(bsdf.with_facet(wo, n, u())),
+            _ => self,
         }
     }
 

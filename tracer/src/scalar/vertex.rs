@@ -78,6 +78,14 @@ impl Vertex {
         sample
     }
 
+    /// With one microfacet of its coat, if that is rough.
+    pub(super) fn with_facet(self, u: impl FnOnce() -> [f64; 2]) -> Self {
+        Self {
+            scatter: self.scatter.with_facet(self.wo, self.n, u),
+            ..self
+        }
+    }
+
     /// Its mirror mollified, if it is to be.
     pub(super) fn regularised(mut self, is_regularised: bool) -> Self {
         self.is_regularised = is_regularised;
@@ -104,7 +112,7 @@ impl Vertex {
     /// The share of light from `wi` that a coat's mirror reflects where it is regularised, sr⁻¹.
     pub(super) fn regularised_coat(&self, wi: DVec3) -> f64 {
         let cos_o = self.wo.dot(self.n);
-        let mirrored = 2.0 * cos_o * self.n - self.wo;
+        let mirrored = self.scatter.mirrored(self.wo, self.n);
         let is_in_cone = wi.dot(mirrored) > f64::from(CONE_COSINE) && wi.dot(self.n) > 0.0;
         if !self.is_regularised || !is_in_cone {
             return 0.0;

@@ -418,6 +418,8 @@ impl AreaLight {
             half_u: 0.5 * width_m * Vec3::X,
             half_v: -0.5 * depth_m * Vec3::Y,
             radiance: Vec3::ONE,
+            gradient: Vec3::ZERO,
+            falloff: 0.0,
         }
     }
 

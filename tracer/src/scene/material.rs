@@ -32,12 +32,15 @@ pub enum Material {
         #[serde(default)]
         stripe: Option<Stripe>,
     },
-    /// A painted or wooden base under a smooth clear coat, as [`Material::SmoothPlastic`] with the
-    /// exact internal reflectance.
+    /// A painted or wooden base under a clear coat, as [`Material::SmoothPlastic`] with the exact internal
+    /// reflectance. A rough coat reflects from GGX microfacets, and what they do not reflect passes to the base.
     Coated {
         /// Index of refraction of the coat against air, in [1, 1000]; varnish and phenolic resin
         /// 1.5.
         ior: f32,
+        /// GGX width α of the coat, in [0, 1]; below [`super::validate::ALPHA_SMOOTH_MAX`] a perfect mirror.
+        #[serde(default)]
+        alpha: f32,
         /// What the base looks like.
         #[serde(alias = "paint")]
         texture: ProceduralTexture,
@@ -373,6 +376,7 @@ impl Material {
     pub const fn wood(grain: Axis) -> Self {
         Self::Coated {
             ior: 1.5,
+            alpha: 0.0,
             texture: ProceduralTexture::Wood {
                 light: Vec3::new(0.42, 0.24, 0.11),
                 dark: Vec3::new(0.17, 0.08, 0.03),

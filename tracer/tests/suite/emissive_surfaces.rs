@@ -196,6 +196,7 @@ pub(crate) fn glowing_still_life(has_others: bool) -> Scene {
         half_u,
         half_v,
         radiance: Vec3::ONE,
+        ..AreaLight::new(1.0, 1.0)
     };
     let screen = at(Vec3::new(-0.6, 0.5, 0.5), 0.3 * Vec3::X, 0.2 * Vec3::Z);
     scene = with(scene, shown, sheet(&screen, 2).into());

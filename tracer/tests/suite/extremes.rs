@@ -118,6 +118,7 @@ fn light(center: Vec3, half_u: Vec3, half_v: Vec3, radiance: f32) -> AreaLight {
         half_u,
         half_v,
         radiance: Vec3::splat(radiance),
+        ..AreaLight::new(1.0, 1.0)
     }
 }
 

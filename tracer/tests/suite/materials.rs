@@ -625,7 +625,11 @@ fn assert_refused(material: Material, sentence: &str) {
 
 #[test]
 fn textures_that_cannot_be_drawn_are_refused_with_their_reason() {
-    let coated = |texture| Material::Coated { ior: 1.5, texture };
+    let coated = |texture| Material::Coated {
+        ior: 1.5,
+        alpha: 0.0,
+        texture,
+    };
     let scoreboard = |center, radius| {
         coated(ProceduralTexture::Scoreboard {
             face: Vec3::ONE,

@@ -80,6 +80,7 @@ pub(crate) fn light(z: f32, facing_down: bool, radiance: f32) -> AreaLight {
         half_u: Vec3::new(1.0, 0.0, 0.0),
         half_v: Vec3::new(0.0, if facing_down { -0.5 } else { 0.5 }, 0.0),
         radiance: Vec3::splat(radiance),
+        ..AreaLight::new(1.0, 1.0)
     }
 }
 
@@ -285,7 +286,11 @@ pub(crate) fn csg_block(bore_material: Option<&str>) -> Shape {
 /// A CSG block, numbered balls, wood, planks, bricks, a scoreboard and cloth under an area light.
 #[expect(clippy::too_many_lines, reason = "a scene as data")]
 pub(crate) fn textured_still_life() -> Scene {
-    let coated = |texture| Material::Coated { ior: 1.5, texture };
+    let coated = |texture| Material::Coated {
+        ior: 1.5,
+        alpha: 0.0,
+        texture,
+    };
     let (light, dark) = (Vec3::new(0.5, 0.3, 0.15), Vec3::new(0.2, 0.08, 0.03));
     let wood = |grain, sights| {
         coated(ProceduralTexture::Wood {
@@ -426,9 +431,31 @@ pub(crate) fn textured_still_life() -> Scene {
         half_u: Vec3::new(0.5, 0.0, 0.0),
         half_v: Vec3::new(0.0, -0.3, 0.0),
         radiance: Vec3::splat(10.0),
+        ..AreaLight::new(1.0, 1.0)
     }];
     scene.camera.eye = Vec3::new(0.4, -2.0, 1.4);
     scene.camera.fov_x_deg = 45.0;
+    scene
+}
+
+/// The same under satin and matt varnish, and a lamp that is brighter at one end and in its middle.
+pub(crate) fn varnished_still_life() -> Scene {
+    let mut scene = textured_still_life();
+    let varnished = [
+        ("wood", 0.15),
+        ("rails", 0.3),
+        ("planks", 0.1),
+        ("bricks", 0.6),
+        ("cue", 0.2),
+        ("nine", 0.4),
+    ];
+    for (name, width) in varnished {
+        if let Some(Material::Coated { alpha, .. }) = scene.materials.get_mut(name) {
+            *alpha = width;
+        }
+    }
+    scene.area_lights[0].gradient = Vec3::new(9.0, 3.0, -5.0);
+    scene.area_lights[0].falloff = 0.8;
     scene
 }
 
@@ -515,6 +542,7 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
     hidden.objects.remove(1);
     scenes.push(("still life without a ball", hidden));
     scenes.push(("still life of numbered balls", numbered_still_life()));
+    scenes.push(("varnished still life", varnished_still_life()));
     scenes.push(("still life of meshes", mesh_still_life()));
     scenes.push(("still life of image textures", image_textured_still_life()));
     scenes.push(("still life of masks and layers", layered_still_life()));

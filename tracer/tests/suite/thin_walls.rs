@@ -26,6 +26,7 @@ fn lamp_behind(radiance: f32) -> AreaLight {
         half_u: Vec3::new(0.5, 0.0, 0.0),
         half_v: Vec3::new(0.0, 0.0, 0.4),
         radiance: Vec3::splat(radiance),
+        ..AreaLight::new(1.0, 1.0)
     }
 }
 

@@ -22,6 +22,7 @@ pub(super) fn materials(
     let [shaft, butt] = style.cue.albedos();
     let cue = Material::Coated {
         ior: 1.5,
+        alpha: 0.0,
         texture: ProceduralTexture::Cue { shaft, butt },
     };
     let fabric = furniture().into_iter().chain([
@@ -30,6 +31,7 @@ pub(super) fn materials(
             "scoreboard",
             Material::Coated {
                 ior: 1.05,
+                alpha: 0.0,
                 texture: frame.scoreboard().texture(),
             },
         ),
@@ -85,6 +87,7 @@ fn furniture() -> Vec<(&'static str, Material)> {
             "floor",
             Material::Coated {
                 ior: 1.2,
+                alpha: 0.0,
                 texture: planks,
             },
         ),
@@ -96,6 +99,7 @@ fn furniture() -> Vec<(&'static str, Material)> {
             "wall",
             Material::Coated {
                 ior: 1.05,
+                alpha: 0.0,
                 texture: bricks,
             },
         ),
@@ -167,6 +171,7 @@ impl Wood {
     fn wood(&self, grain: Axis, sights: Option<Sights>) -> Material {
         Material::Coated {
             ior: 1.25,
+            alpha: 0.0,
             texture: ProceduralTexture::Wood {
                 light: self.light,
                 dark: self.dark,

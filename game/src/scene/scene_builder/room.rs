@@ -106,6 +106,7 @@ impl SceneBuilder {
             half_u: Vec3::X * half.x,
             half_v: Vec3::NEG_Y * half.y,
             radiance: Vec3::new(17.0, 15.9, 14.0),
+            ..AreaLight::new(1.0, 1.0)
         }
     }
 
@@ -204,6 +205,7 @@ pub(super) fn window(outer: Vec2) -> AreaLight {
         half_u: Vec3::Z * half.y,
         half_v: Vec3::Y * half.x,
         radiance: Vec3::new(0.55, 0.8, 1.15),
+        ..AreaLight::new(1.0, 1.0)
     }
 }
 

@@ -14,7 +14,8 @@ use crate::gpu::layout::{BVH_LEAF, COUNTERS_BEFORE_TILES, LISTED_PIXELS, SPHERE_
 use crate::gpu::shader::BLOCK_EDGE;
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY, KEY_MASK};
 use crate::sampling::{
-    BELOW_1, BLOCK_CAMERA, BLOCK_LENS, ROULETTE_DEPTH, SCRAMBLE, SURVIVAL_PER_THROUGHPUT,
+    BELOW_1, BLOCK_CAMERA, BLOCK_LENS, COAT_BLOCKS, ROULETTE_DEPTH, SCRAMBLE,
+    SURVIVAL_PER_THROUGHPUT,
 };
 use crate::scalar::metallic_roughness::{ALPHA_LEAST, CLEARCOAT_F0};
 use crate::scene::validate::CSG_MARGIN_M;
@@ -27,6 +28,7 @@ pub(super) fn constants(features: &Features) -> String {
         ("COMPENSATED", features.is_compensated),
         ("DISCS_COPLANAR", features.discs_coplanar),
         ("AREA_LIGHTS_COPLANAR", features.area_lights_coplanar),
+        ("AREA_LIGHTS_GRADED", features.area_lights_graded),
         ("AREA_LIGHTS_SCALED", features.area_lights_scaled),
         ("HAS_COAT", features.has_coat),
         ("HAS_STRIPE", features.has_stripe),
@@ -147,6 +149,7 @@ fn sampling_constants() -> String {
          const BELOW_1: f32 = {BELOW_1};\n\
          const BLOCK_CAMERA: u32 = {BLOCK_CAMERA}u;\n\
          const BLOCK_LENS: u32 = {BLOCK_LENS}u;\n\
+         const COAT_BLOCKS: u32 = {COAT_BLOCKS}u;\n\
          const ROULETTE_DEPTH: u32 = {ROULETTE_DEPTH}u;\n\
          const SURVIVAL_PER_THROUGHPUT: f32 = {SURVIVAL_PER_THROUGHPUT:?};\n"
     )

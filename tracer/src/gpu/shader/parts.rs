@@ -41,7 +41,11 @@ pub(super) fn parts(features: &Features) -> Vec<&'static str> {
         true => include_str!("../shaders/microfacet.wgsl"),
         false => include_str!("../shaders/bsdf_layered.wgsl"),
     });
-    if features.has_microfacet || features.has_metallic_roughness {
+    parts.push(match features.has_rough_coat {
+        true => include_str!("../shaders/rough_coat.wgsl"),
+        false => include_str!("../shaders/rough_coat_stub.wgsl"),
+    });
+    if features.has_microfacet || features.has_metallic_roughness || features.has_rough_coat {
         parts.push(include_str!("../shaders/ggx.wgsl"));
     }
     parts.extend(metallic_roughness_parts(features));

@@ -52,11 +52,16 @@ fn first_hit(ray: Ray, block: u32) -> Aovs {
     set_texture_footprint(0u);
     let surface = surface_at(ray, hit, false);
     let wo = -ray.direction;
+    // Rough coats reflect in the paths themselves: of theirs no mirror is asked.
+    draw_coat_facet(surface, wo, 0u, 0u, 0u);
     let bsdf = bsdf_at(surface, wo);
     met.albedo = bsdf_albedo(bsdf, surface);
     met.normal = surface.normal;
     let cos_o = dot(surface.normal, wo);
-    let mirror = bsdf_mirror(bsdf, cos_o);
+    var mirror = bsdf_mirror(bsdf, cos_o);
+    if (has_rough_coat(surface.material)) {
+        mirror = vec3f(0.0);
+    }
     let mirrored = Ray(surface.position, 2.0 * cos_o * surface.normal - wo);
     // What is in the way matters only where there is light behind it.
     if (any(mirror != vec3f(0.0)) && (environment_is_lit() || meets_area_light(mirrored))) {

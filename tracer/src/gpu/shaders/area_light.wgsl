@@ -52,6 +52,20 @@ fn meets_area_light(ray: Ray) -> bool {
     return hit.primitive != NO_PRIMITIVE;
 }
 
+// Radiance of a point on an area light.
+fn area_light_radiance(index: u32, point: vec3f) -> vec3f {
+    let radiance = scene.area_lights[index].radiance;
+    if (!AREA_LIGHTS_GRADED) {
+        return radiance;
+    }
+    let q = point - scene.area_lights[index].center;
+    let along = vec2f(dot(q, scene.area_lights[index].axis_u), dot(q, scene.area_lights[index].axis_v));
+    let half = vec2f(scene.area_lights[index].length_u, scene.area_lights[index].length_v);
+    let at = clamp(along / half, vec2f(-1.0), vec2f(1.0));
+    let left = 1.0 - scene.area_lights[index].falloff * at * at;
+    return (radiance + at.x * scene.area_lights[index].gradient) * (left.x * left.y);
+}
+
 // What a ray that meets an area light brings back: `pdf` is that of `Path`.
 fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     let index = hit.primitive - AREA_LIGHT_FIRST;
@@ -59,14 +73,11 @@ fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     if (dot(ray.direction, scene.area_lights[index].normal) >= 0.0 || brightness == 0.0 || pdf == 0.0) {
         return vec3f(0.0);
     }
+    let radiance = area_light_radiance(index, fma(vec3f(hit.t), ray.direction, ray.origin));
     if (pdf < 0.0) {
-        return scene.area_lights[index].radiance;
+        return radiance;
     }
-    return scene.area_lights[index].radiance * power_heuristic(brightness / pdf);
-}
-
-fn mirrored(n: vec3f, wo: vec3f) -> vec3f {
-    return 2.0 * dot(n, wo) * n - wo;
+    return radiance * power_heuristic(brightness / pdf);
 }
 
 // The ray to the area light that a coat reflects.
@@ -86,7 +97,8 @@ fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f) -> ShadowRay {
     if (dot(wi, scene.area_lights[index].normal) >= 0.0) {
         return NO_SHADOW_RAY;
     }
-    return ShadowRay(wi, hit.t, reflectance * scene.area_lights[index].radiance, index);
+    let radiance = area_light_radiance(index, fma(vec3f(hit.t), wi, surface.position));
+    return ShadowRay(wi, hit.t, reflectance * radiance, index);
 }
 
 // Next-event estimation from `surface`, times the BSDF and the cosine, MIS-weighted; and what a
@@ -124,6 +136,7 @@ fn direct_light(
     let weight = power_heuristic(scattered.pdf * chosen.omega * inverse_probability);
     let inverse_pdf = direction.inverse_pdf * inverse_probability;
     let reflected = f * (abs(cos_i) * weight) + coat;
-    let light = reflected * scene.area_lights[chosen.index].radiance * inverse_pdf;
+    let point = fma(vec3f(direction.distance), direction.wi, surface.position);
+    let light = reflected * area_light_radiance(chosen.index, point) * inverse_pdf;
     return ShadowRay(direction.wi, direction.distance, light, chosen.index);
 }

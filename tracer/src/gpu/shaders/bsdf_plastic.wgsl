@@ -1,4 +1,4 @@
-// Lambert, bare or under a smooth dielectric coat (see `Material::SmoothPlastic`). A bare surface
+// Lambert, bare or under a dielectric coat (see `Material::SmoothPlastic`). A bare surface
 // has an index of refraction of 0 and reflects nothing like a mirror.
 
 struct Layered {
@@ -13,7 +13,7 @@ struct Layered {
 
 fn layered_at(surface: Surface, wo: vec3f) -> Layered {
     let ior = scene_storage.materials[surface.material].ior;
-    let mirror = fresnel_dielectric(dot(surface.normal, wo), ior);
+    let mirror = coat_reflectance(surface.material, surface.normal, wo, ior);
     let mean_albedo = (surface.albedo.x + surface.albedo.y + surface.albedo.z) * (1.0 / 3.0);
     let base = (1.0 - mirror) * mean_albedo;
     let share = select(0.0, mirror / (mirror + base), mirror > 0.0);
@@ -40,8 +40,7 @@ fn layered_pdf(layered: Layered, cos_i: f32) -> f32 {
 // `u.y` chooses the lobe and is then stretched to [0, 1) again.
 fn layered_sample(layered: Layered, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
     if (u.y < layered.mirror_share) {
-        let wi = 2.0 * dot(n, wo) * n - wo;
-        return BsdfSample(wi, vec3f(layered.mirror / layered.mirror_share), 0.0);
+        return BsdfSample(mirrored(n, wo), vec3f(layered.mirror / layered.mirror_share), 0.0);
     }
     let stretched = max(0.0, (u.y - layered.mirror_share) / (1.0 - layered.mirror_share));
     let wi = cosine_hemisphere(n, stretched, u.z);

@@ -159,6 +159,8 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     let wo = -(*path).ray.direction;
     let is_spread = (bitcast<u32>((*path).pdf) & SPREAD) != 0u;
     let is_regularised = is_spread && ((*path).sample & REGULARISED_KEY_MASK) == 0u;
+    draw_coat_facet(surface, wo, (*path).pixel, (*path).sample, depth);
+    let is_rough = has_rough_coat(surface.material);
     var bsdf = bsdf_at(surface, wo);
     if (is_regularised) {
         bsdf = bsdf_regularised(bsdf);
@@ -172,7 +174,7 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
         }
         (*path).direct = direct_light(surface, bsdf, wo, u, cone_density, &light_weight_sum);
         (*path).direct.light *= (*path).beta;
-        if (HAS_COAT && !is_regularised && (OUTPUT != OUTPUT_REFLECTED || depth > 0u)) {
+        if (HAS_COAT && !is_regularised && (OUTPUT != OUTPUT_REFLECTED || depth > 0u || is_rough)) {
             (*path).coat = coat_reflected_light(surface, bsdf, wo);
             (*path).coat.light *= (*path).beta;
         }
@@ -189,8 +191,8 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     (*path).beta *= next.weight;
     (*path).pdf = next.pdf;
     let is_diffuse = next.pdf > 0.0 && bsdf_is_layered(bsdf);
-    if (next.pdf > 0.0 || (next.pdf == 0.0 && is_regularised)) {
-        // Not 0 where there is no light: that is a coat's. Of so little no light counts either.
+    if (next.pdf > 0.0 || (next.pdf == 0.0 && (is_regularised || is_rough))) {
+        // Not 0 where there is no light: that is a smooth coat's. Of so little no light counts either.
         let density = bitcast<u32>(max(next.pdf * light_weight_sum, 1e-37));
         (*path).pdf = bitcast<f32>(insertBits(density, u32(is_diffuse || is_regularised), 0u, 1u));
     }

@@ -138,7 +138,8 @@ fn sample_light_through_boundary(body: u32, from_point: vec3f, u: vec2f, rays: p
     let length = straight.distance / radius;
     let inverse_pdf = straight.inverse_pdf * (chosen.light_weight_sum / chosen.weight)
         * length * length * cosines / refracted_spread(ray, ior, outside);
-    return scene.area_lights[chosen.index].radiance * left * (passed * max(inverse_pdf, 0.0) / (4.0 * PI));
+    let light = fma(vec3f(straight.distance), straight.wi, from_point);
+    return area_light_radiance(chosen.index, light) * left * (passed * max(inverse_pdf, 0.0) / (4.0 * PI));
 }
 
 // Whether a ray that was scattered inside leaves, after `length` and at `cos_i`, by a path on which area lights

@@ -28,8 +28,13 @@ pub(super) fn check_material(material: &Material) -> Check {
             in_range("its internal_reflectance", internal, range)?;
             stripe.map_or(Ok(()), |stripe| check_stripe(&stripe))
         }
-        Material::Coated { ior, texture } => {
+        Material::Coated {
+            ior,
+            alpha,
+            texture,
+        } => {
             check_ior(ior)?;
+            check_alpha(alpha)?;
             check_texture(&texture)
         }
         Material::Cloth {

@@ -83,7 +83,15 @@ pub(super) fn check_solid(solid: &CsgSolid) -> Check {
 
 pub(super) fn check_area_light(light: &AreaLight) -> Check {
     rectangle(light.center, light.half_u, light.half_v)?;
-    radiance("area light", light.radiance)
+    radiance("area light", light.radiance)?;
+    require(light.gradient.abs().cmple(light.radiance).all(), || {
+        let range = format!(
+            "each channel must be at most that of its radiance, {}, either way",
+            light.radiance
+        );
+        SceneError::value("its gradient", light.gradient, range)
+    })?;
+    in_range("its falloff", light.falloff, 0.0..=1.0)
 }
 
 pub(super) fn check_punctual_light(light: &PunctualLight) -> Check {

@@ -24,6 +24,7 @@ fn light() -> AreaLight {
         half_u: Vec3::X,
         half_v: Vec3::Y,
         radiance: Vec3::ONE,
+        ..AreaLight::new(1.0, 1.0)
     }
 }
 
