@@ -309,19 +309,22 @@ fn unit(v: DVec3) -> Vec3 {
 }
 
 fn area_lights(area_lights: &[AreaLight]) -> Vec<AreaLightData> {
-    let mut all: Vec<_> = area_lights.iter().map(area_light_data).collect();
-    let mean = |light: &AreaLightData| light.mean_radiance().element_sum();
-    let brightest = all.iter().map(mean).fold(f64::MIN_POSITIVE, f64::max);
-    for light in &mut all {
-        light.brightness = (mean(light) / brightest) as f32;
-    }
-    all
+    let mean = |light: &AreaLight| light.radiance.as_dvec3().element_sum() / 3.0;
+    let brightest = area_lights
+        .iter()
+        .map(mean)
+        .fold(f64::MIN_POSITIVE, f64::max);
+    area_lights
+        .iter()
+        .map(|light| area_light_data(light, (mean(light) / brightest) as f32))
+        .collect()
 }
 
-fn area_light_data(light: &AreaLight) -> AreaLightData {
+fn area_light_data(light: &AreaLight, brightness: f32) -> AreaLightData {
     let [half_u, half_v] = [light.half_u, light.half_v].map(Vec3::as_dvec3);
     AreaLightData {
         center: light.center.to_array(),
+        brightness,
         axis_u: unit(half_u).to_array(),
         length_u: half_u.length() as f32,
         axis_v: unit(half_v).to_array(),
@@ -329,7 +332,7 @@ fn area_light_data(light: &AreaLight) -> AreaLightData {
         normal: unit(half_u.cross(half_v)).to_array(),
         radiance: light.radiance.to_array(),
         gradient: light.gradient.to_array(),
-        falloff: light.falloff,
+        slope: (half_u / half_u.length_squared()).as_vec3().to_array(),
         ..AreaLightData::zeroed()
     }
 }

@@ -254,42 +254,35 @@ pub struct AreaLightData {
     pub length_v: f32,
     /// Unit normal, the side that emits.
     pub normal: [f32; 3],
-    /// The share of radiance that is missing in the middle of each edge.
-    pub falloff: f32,
-    /// Radiance of the centre, W·sr⁻¹·m⁻².
-    pub radiance: [f32; 3],
     /// 0.
     pub padding: u32,
-    /// How much higher it is at the end of `axis_u`.
-    pub gradient: [f32; 3],
+    /// Mean radiance, W·sr⁻¹·m⁻².
+    pub radiance: [f32; 3],
     /// 0.
     pub more_padding: u32,
+    /// How much higher it is where `slope`, times what lies between the centre and a point, is 1.
+    pub gradient: [f32; 3],
+    /// 0.
+    pub padding_of_gradient: u32,
+    /// `axis_u / length_u`.
+    pub slope: [f32; 3],
+    /// 0.
+    pub padding_of_slope: u32,
 }
 
 impl AreaLightData {
     /// Whether its radiance depends on the place.
     pub fn is_graded(&self) -> bool {
-        self.gradient != [0.0; 3] || self.falloff > 0.0
+        self.gradient != [0.0; 3]
     }
 
     /// Radiance of a point on it.
     pub fn radiance_at(&self, point: DVec3) -> DVec3 {
-        let vector = |[x, y, z]: [f32; 3]| Vec3::new(x, y, z).as_dvec3();
-        let from_center = point - vector(self.center);
-        let along =
-            |axis, length| (from_center.dot(vector(axis)) / f64::from(length)).clamp(-1.0, 1.0);
-        let (u, v) = (
-            along(self.axis_u, self.length_u),
-            along(self.axis_v, self.length_v),
-        );
-        let left = |at: f64| 1.0 - f64::from(self.falloff) * at * at;
-        (vector(self.radiance) + u * vector(self.gradient)) * (left(u) * left(v))
-    }
-
-    /// Mean radiance over the area, W·sr⁻¹·m⁻².
-    pub fn mean_radiance(&self) -> DVec3 {
-        let [r, g, b] = self.radiance.map(f64::from);
-        DVec3::new(r, g, b) * (1.0 - f64::from(self.falloff) / 3.0).powi(2)
+        let [center, radiance, gradient, slope] =
+            [self.center, self.radiance, self.gradient, self.slope]
+                .map(|three| Vec3::from(three).as_dvec3());
+        let u = (point - center).dot(slope).clamp(-1.0, 1.0);
+        radiance + u * gradient
     }
 
     /// One that subtends less, in sr, is sampled by area: there the solid angle is a difference of

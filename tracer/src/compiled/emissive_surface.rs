@@ -176,7 +176,7 @@ impl CompiledScene {
         }
         let others = self.area_lights.iter().map(|light| {
             let area = 4.0 * f64::from(light.length_u) * f64::from(light.length_v);
-            area * light.mean_radiance().element_sum() / 3.0
+            area * mean(light.radiance)
         });
         let share = flux / (flux + others.sum::<f64>());
         match self.area_lights.is_empty() {

@@ -30,7 +30,7 @@ const BRIGHTNESS: usize = 15;
 const LENGTH_U: usize = 16;
 const LENGTH_V: usize = 17;
 const GRADIENT: usize = 18;
-const FALLOFF: usize = 21;
+const SLOPE: usize = 21;
 
 /// What a ray needs that meets an area light.
 pub(super) struct Emission<S: Simd> {
@@ -201,7 +201,7 @@ fn row(light: &AreaLightData) -> AreaLightRow {
     row[LENGTH_U] = light.length_u;
     row[LENGTH_V] = light.length_v;
     row[GRADIENT..][..3].copy_from_slice(&light.gradient);
-    row[FALLOFF] = light.falloff;
+    row[SLOPE..][..3].copy_from_slice(&light.slope);
     row
 }
 
@@ -210,12 +210,8 @@ fn row(light: &AreaLightData) -> AreaLightRow {
 fn graded<S: Simd>(simd: S, rows: &Rows<'_, 24>, point: Vec3x<S>, radiance: Vec3x<S>) -> Vec3x<S> {
     let from_center = point - rows.triple(simd, CENTER);
     let one = Float::splat(simd, 1.0);
-    let u = from_center.dot(rows.triple(simd, AXIS_U)) / rows.number(simd, LENGTH_U);
-    let v = from_center.dot(rows.triple(simd, AXIS_V)) / rows.number(simd, LENGTH_V);
-    let (u, v) = (u.max(-1.0).min(one), v.max(-1.0).min(one));
-    let falloff = rows.number(simd, FALLOFF);
-    let left = (one - falloff * u * u) * (one - falloff * v * v);
-    rows.triple(simd, GRADIENT).mul_add(u, radiance) * left
+    let u = from_center.dot(rows.triple(simd, SLOPE)).max(-1.0).min(one);
+    rows.triple(simd, GRADIENT).mul_add(u, radiance)
 }
 
 /// An area light in the frame of the point that sees it: [`crate::scalar::area_light::SphericalRectangle`].

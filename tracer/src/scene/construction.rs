@@ -419,7 +419,6 @@ impl AreaLight {
             half_v: -0.5 * depth_m * Vec3::Y,
             radiance: Vec3::ONE,
             gradient: Vec3::ZERO,
-            falloff: 0.0,
         }
     }
 

@@ -276,16 +276,12 @@ pub struct AreaLight {
     /// From the centre to the middle of the next edge; at right angles to `half_u`.
     /// Light leaves on the side of `half_u × half_v`.
     pub half_v: Vec3,
-    /// Radiance in W·sr⁻¹·m⁻², per channel, at least 0: that of the centre.
+    /// Radiance in W·sr⁻¹·m⁻², per channel, at least 0: the mean.
     pub radiance: Vec3,
     /// By how much the radiance is higher at the edge that `half_u` leads to, and lower at the opposite one; per channel at
     /// most `radiance` either way.
     #[serde(default)]
     pub gradient: Vec3,
-    /// The share of radiance that is missing in the middle of each edge, as the square of the distance from the centre, in
-    /// [0, 1]: a diffuser with a bulb behind its middle.
-    #[serde(default)]
-    pub falloff: f32,
 }
 
 fn upright() -> Axis {

@@ -438,7 +438,7 @@ pub(crate) fn textured_still_life() -> Scene {
     scene
 }
 
-/// The same under satin and matt varnish, and a lamp that is brighter at one end and in its middle.
+/// The same under satin and matt varnish, and a lamp that is brighter at one end.
 pub(crate) fn varnished_still_life() -> Scene {
     let mut scene = textured_still_life();
     let varnished = [
@@ -455,7 +455,6 @@ pub(crate) fn varnished_still_life() -> Scene {
         }
     }
     scene.area_lights[0].gradient = Vec3::new(9.0, 3.0, -5.0);
-    scene.area_lights[0].falloff = 0.8;
     scene
 }
 

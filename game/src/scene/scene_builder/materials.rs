@@ -86,8 +86,8 @@ fn furniture() -> Vec<(&'static str, Material)> {
         (
             "floor",
             Material::Coated {
-                ior: 1.2,
-                alpha: 0.0,
+                ior: VARNISH_IOR,
+                alpha: SATIN_ALPHA,
                 texture: planks,
             },
         ),
@@ -159,8 +159,7 @@ fn sights(frame: &TableMeasures, table: &Table, rules: RuleSet) -> Sights {
     }
 }
 
-/// A kind of wood under satin varnish, whose index is low for that: its mirror is even, and a satin one is
-/// dimmer.
+/// A kind of wood under satin varnish.
 struct Wood {
     light: Vec3,
     dark: Vec3,
@@ -170,8 +169,8 @@ struct Wood {
 impl Wood {
     fn wood(&self, grain: Axis, sights: Option<Sights>) -> Material {
         Material::Coated {
-            ior: 1.25,
-            alpha: 0.0,
+            ior: VARNISH_IOR,
+            alpha: SATIN_ALPHA,
             texture: ProceduralTexture::Wood {
                 light: self.light,
                 dark: self.dark,
@@ -182,6 +181,10 @@ impl Wood {
         }
     }
 }
+
+const VARNISH_IOR: f32 = 1.5;
+/// GGX width of a satin varnish.
+const SATIN_ALPHA: f32 = 0.16;
 
 const MAHOGANY: Wood = Wood {
     light: Vec3::new(0.17, 0.06, 0.026),

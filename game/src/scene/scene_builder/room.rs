@@ -204,7 +204,8 @@ pub(super) fn window(outer: Vec2) -> AreaLight {
         center: Vec3::new(outer.x + ROOM_MARGIN_M - 0.03, center.x, center.y),
         half_u: Vec3::Z * half.y,
         half_v: Vec3::Y * half.x,
-        radiance: Vec3::new(0.55, 0.8, 1.15),
+        radiance: Vec3::new(0.33, 0.3, 0.36),
+        gradient: Vec3::new(-0.22, -0.14, -0.02),
         ..AreaLight::new(1.0, 1.0)
     }
 }

@@ -58,12 +58,8 @@ fn area_light_radiance(index: u32, point: vec3f) -> vec3f {
     if (!AREA_LIGHTS_GRADED) {
         return radiance;
     }
-    let q = point - scene.area_lights[index].center;
-    let along = vec2f(dot(q, scene.area_lights[index].axis_u), dot(q, scene.area_lights[index].axis_v));
-    let half = vec2f(scene.area_lights[index].length_u, scene.area_lights[index].length_v);
-    let at = clamp(along / half, vec2f(-1.0), vec2f(1.0));
-    let left = 1.0 - scene.area_lights[index].falloff * at * at;
-    return (radiance + at.x * scene.area_lights[index].gradient) * (left.x * left.y);
+    let u = dot(point - scene.area_lights[index].center, scene.area_lights[index].slope);
+    return radiance + clamp(u, -1.0, 1.0) * scene.area_lights[index].gradient;
 }
 
 // What a ray that meets an area light brings back: `pdf` is that of `Path`.

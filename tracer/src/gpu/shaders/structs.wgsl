@@ -55,9 +55,9 @@ struct AreaLightData {
     axis_v: vec3f,
     length_v: f32,
     normal: vec3f,
-    falloff: f32,
     radiance: vec3f,
     gradient: vec3f,
+    slope: vec3f,
 }
 
 struct MaterialData {

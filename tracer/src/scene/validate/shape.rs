@@ -90,8 +90,7 @@ pub(super) fn check_area_light(light: &AreaLight) -> Check {
             light.radiance
         );
         SceneError::value("its gradient", light.gradient, range)
-    })?;
-    in_range("its falloff", light.falloff, 0.0..=1.0)
+    })
 }
 
 pub(super) fn check_punctual_light(light: &PunctualLight) -> Check {
