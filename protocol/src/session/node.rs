@@ -448,6 +448,7 @@ impl NodeSession {
             ));
         }
         self.decode_particles(&mut request)?;
+        // Before anything can be refused: the client codes its next particles against these in any case.
         self.particles.remember(id, &request.update.particles);
         // First the scene is used, then the request may be refused: the client does the same.
         let refusal = match self.scenes.touch(request.scene) {
