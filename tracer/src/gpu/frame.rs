@@ -190,6 +190,7 @@ impl FrameBuffers {
             whole(3, film),
             whole(4, &self.counters),
             whole(5, &self.film_sums),
+            // Again, always as storage: for reads whose place differs from thread to thread.
             part(6, &self.scene, 0, self.scene_bytes),
         ];
         let optional = self.optional.iter();
