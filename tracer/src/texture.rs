@@ -341,7 +341,7 @@ pub fn wood(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
         if b / f64::from(PLANK_M) - plank < f64::from(PLANK_GAP) {
             return 0.3 * triple(material.stripe_albedo);
         }
-        // Steps of the golden section: neighbours, and neighbours but one, are never of the same tone.
+        // Steps of the golden section: tones spread without a period, in whatever run of planks is seen.
         tone = 0.28 * wave(0.381_966 * plank);
         // Each plank is cut from another place of the tree.
         a += 1.7 * plank;
