@@ -158,6 +158,8 @@ impl AccumulatedRender {
 
     /// Takes back what is in flight, which frees the nodes.
     pub(crate) fn cancel(&mut self, submitter: &mut Submitter) {
+        // Frames come in the order in which they were submitted: what is in flight are the last samples
+        // that were asked for, and none behind them has come.
         for (id, samples) in self.in_flight.drain(..) {
             submitter.cancel(id);
             self.next_sample -= samples;

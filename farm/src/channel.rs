@@ -65,6 +65,8 @@ impl<T> Receiver<T> {
         if state.closed {
             return Poll::Ready(None);
         }
+        // Under the same lock as the look before: no message can come in between without finding the
+        // waker.
         state.waker = Some(cx.waker().clone());
         Poll::Pending
     }

@@ -477,6 +477,7 @@ impl LiveRun {
                 self.show(&film);
             }
             // What changes next is seen in a draft: until then, larger frames are less transport.
+            // Frames of before the last doubling are still on their way: each size is doubled once.
             let is_quick = frame.samples == frame_samples && frame.stats.busy_secs < QUICK_SECS;
             if has_draft && is_quick {
                 render.set_frames_max(usize::MAX);
@@ -531,6 +532,8 @@ impl LiveRun {
     fn rest(&self, version: u64, cancelled: &Canceller) {
         let mut state = self.shared.lock();
         while state.version == version && !cancelled.is_cancelled() {
+            // A change is made under the lock and wakes this at once. Cancelling is not: its call may
+            // come between the look above and the wait, which then ends by itself.
             let waited = self.shared.changed.wait_timeout(state, REST_INTERVAL);
             (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         }

@@ -88,6 +88,8 @@ fn carry(
         }
         if idle {
             session.flush();
+            // A wake since the last look has left its token: then this returns at once, and nothing is
+            // missed.
             std::thread::park();
         }
     }

@@ -40,6 +40,8 @@ impl LeadTime {
     /// many periods as the fastest of the last pictures took. Slower ones waited for others, and
     /// more in flight would make all wait.
     pub fn pictures_in_flight(&self, period_secs: f64, max: usize) -> usize {
+        // By the fastest: the mean grows with the pictures in flight, and following it would be a loop
+        // that never ends.
         let fastest_secs = self.quantile(0.0).unwrap_or(FIRST_LEAD_SECS);
         let periods = (fastest_secs / period_secs).ceil() as usize;
         (periods + 1).clamp(2, max.max(2))
@@ -88,6 +90,8 @@ impl FrameSchedule {
             return None;
         }
         let late_secs = (clock_secs + lead_secs - after_last).max(0.0);
+        // Small lateness is made up by spreading the next moments a little, which is not seen; a large
+        // one by leaving moments out.
         let step_secs = match late_secs < period_secs {
             true => late_secs.min(CATCH_UP * period_secs),
             false => late_secs,

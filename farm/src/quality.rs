@@ -223,6 +223,7 @@ impl Quality {
             return;
         }
         let secs = self.secs(SMOOTH_LEVEL, window).unwrap_or(0.0);
+        // Between the two bounds the period stays, so that it does not change with every picture.
         if secs > SMOOTH_PERIOD_SECS * LATE {
             self.period_secs = STEADY_PERIOD_SECS;
         } else if secs <= SMOOTH_PERIOD_SECS * ROOMY {

@@ -41,6 +41,7 @@ impl TokenBucket {
     /// Whether nothing that was taken is missing any more.
     pub(crate) fn is_full(&mut self, now: Instant) -> bool {
         self.fill(now);
+        // Exactly, as `fill` ends at `burst` itself.
         self.tokens == self.burst
     }
 

@@ -47,6 +47,7 @@ impl Deframer {
     /// Takes the next bytes of the stream. Follow with [`Deframer::next_packet`] until there is
     /// none: what is kept then is less than one packet, and no more than has come in.
     pub fn push(&mut self, bytes: &[u8]) {
+        // What is left is moved once for all the packets that were handed out since.
         self.bytes.drain(..self.start);
         self.start = 0;
         self.bytes.extend_from_slice(bytes);

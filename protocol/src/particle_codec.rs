@@ -48,6 +48,7 @@ impl ParticleEncoder {
         let before = last.as_ref().map_or(&[][..], |(_, clouds)| clouds);
         let coded = clouds.iter().enumerate().map(|(index, cloud)| {
             let fits = |before: &&ParticleCloud| {
+                // Places are fractions of the box: in another box equal numbers are other places.
                 let is_same_box = before.min == cloud.min && before.max == cloud.max;
                 is_same_box && before.places.len() == cloud.places.len()
             };
@@ -203,6 +204,7 @@ fn stored<'a>(
         return Ok(Cow::Borrowed(planes));
     }
     let size = check_frame(planes, sizes)?;
+    // Asked before memory is taken for it.
     if !may_expand(planes.len(), size) {
         return Err(expanded(size));
     }

@@ -61,6 +61,7 @@ impl From<&DiscData> for Bounds {
     fn from(disc: &DiscData) -> Self {
         // Sines of the angles between the normal and the axes.
         let [x, y, z] = disc.normal;
+        // √(1 − x²) would cancel where the normal is along an axis, just where the bounds are thin.
         let sines = Vec3::new(y.hypot(z), z.hypot(x), x.hypot(y));
         Self::around(disc.center, disc.radius * sines)
     }
@@ -210,9 +211,13 @@ impl BuildTask<'_> {
             count: items.len() as u32,
             node,
         };
+        // The slice has one node fewer than the subtree has leaves, so that it is empty for a leaf and
+        // nothing else.
         let Some((halves, nodes)) = nodes.split_first_mut() else {
             return subtree;
         };
+        // Both halves own their slices of primitives and of nodes. So threads share nothing, and where a
+        // node is put depends on counts alone: the BVH is the same however many threads build it.
         let is_large = items.len() >= PARALLEL_MIN;
         let left = divide(items, depth);
         let (left_items, right_items) = items.split_at_mut(left);
@@ -250,8 +255,10 @@ fn divide(items: &mut [BuildItem], depth: u32) -> usize {
     let leaves = leaves(items.len());
     // Halves by number, from here on, would reach the last level: each has no more than half the
     // leaves, rounded up.
+    // This bounds the stacks of all traversals, those in shaders included.
     let is_deep = depth + leaves.next_power_of_two().ilog2() >= DEPTH_MAX;
     let bins_per_metre = BINS as f32 / extent[axis];
+    // All centres in one place give a division by zero; then any division is as good.
     let left = if is_deep || !bins_per_metre.is_finite() {
         leaves / 2
     } else {
@@ -259,6 +266,9 @@ fn divide(items: &mut [BuildItem], depth: u32) -> usize {
         let left = cheapest_split(items, |item| bin(item).min(BINS - 1));
         (left + LEAF / 2) / LEAF
     };
+    // The split is moved to a multiple of a leaf and no longer lies between two bins. So primitives are
+    // divided by rank, not by bin; total_cmp orders those with the same coordinate, −0 and NaN included,
+    // without a panic.
     let left = left.clamp(1, leaves - 1) * LEAF;
     let by_place = |a: &BuildItem, b: &BuildItem| a.center()[axis].total_cmp(&b.center()[axis]);
     items.select_nth_unstable_by(left, by_place);
@@ -271,6 +281,8 @@ fn cheapest_split(items: &[BuildItem], bin: impl Fn(&BuildItem) -> usize) -> usi
     for item in items {
         bins[bin(item)].add(item);
     }
+    // One sweep from above for the costs of upper parts, one from below that adds those of lower parts:
+    // each split costs O(1) instead of O(bins).
     let mut above = [0.0; BINS];
     let mut whole = SahBin::EMPTY;
     for (cost, bin) in above.iter_mut().zip(&bins).rev() {
@@ -319,6 +331,8 @@ impl SahBin {
         if self.count == 0 {
             return 0.0;
         }
+        // No constants of traversal and of leaves: every subtree is divided down to leaves of one size,
+        // and what all splits pay alike changes no comparison.
         half_area(self.min, self.max) * self.count as f32
     }
 }

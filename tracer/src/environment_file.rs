@@ -159,6 +159,8 @@ fn from_rgbe([r, g, b, exponent]: [u8; 4]) -> [f32; 3] {
     if exponent == 0 {
         return [0.0; 3];
     }
+    // 136 is the exponent's bias of 128, and 8 bits more as the mantissas are fractions of 256. No half
+    // step is added to them, so 0 stays 0.
     let scale = 2f64.powi(i32::from(exponent) - 136);
     [r, g, b].map(|mantissa| (f64::from(mantissa) * scale) as f32)
 }

@@ -33,6 +33,7 @@ pub fn fresnel_conductor(cos_theta: f64, eta: DVec3, k: DVec3) -> DVec3 {
     let a = (0.5 * (sum + difference)).max(DVec3::ZERO).map(f64::sqrt);
     let (even, odd) = (sum + cos2, 2.0 * cos2.sqrt() * a);
     let perpendicular = (even - odd) / (even + odd);
+    // The parallel part is the perpendicular one times a quotient of the same form.
     let (even, odd) = (cos2 * sum + sin2 * sin2, odd * sin2);
     0.5 * perpendicular * (1.0 + (even - odd) / (even + odd))
 }

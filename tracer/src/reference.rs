@@ -100,6 +100,7 @@ fn direct_light(
     let (origin, direction) = (vertex.hit.point, to_light.normalize());
     let shadow_ray = Ray { origin, direction };
     let ray_origin = vertex.ray_origin(direction);
+    // The whole scene is searched, no occlusion test: what a shadow ray sees is what a camera ray would.
     let nearest = intersect_from(scene, &shadow_ray, Some(ray_origin));
     let is_visible = nearest.is_some_and(|hit| hit.primitive == Primitive::AreaLight(index as u32));
     match light_pdf(scene, light, &shadow_ray, to_light.length()) {
@@ -176,6 +177,7 @@ fn sample_distance(
     random: &mut dyn FnMut() -> f64,
 ) -> (Option<f64>, DVec3) {
     let extinction = vector(medium.extinction);
+    // Compiled over the rate by which the other tracers draw distances, which is undone here.
     let scattering = f64::from(medium.majorant) * vector(medium.scattering);
     let channel = (3.0 * random()) as usize;
     let distance = -(1.0 - random()).ln() / extinction[channel];

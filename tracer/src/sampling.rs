@@ -38,6 +38,7 @@ pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
         *w = w.wrapping_add(y.wrapping_mul(*z));
     };
     mix(&mut x, &mut y, &mut z, &mut w);
+    // Products carry upwards only. This brings the good upper bits down before they are mixed again.
     [x, y, z, w] = [x, y, z, w].map(|word| word ^ (word >> 16));
     mix(&mut x, &mut y, &mut z, &mut w);
     [x, y, z, w]
@@ -55,6 +56,7 @@ pub const BELOW_1: f64 = 1.0 - 1.0 / 16_777_216.0;
 /// The upper 24 bits as a number in [0, 1).
 #[inline]
 pub fn unit_float(word: u32) -> f32 {
+    // 24 bits are what f32 holds: with more the conversion could round up to 1, which no warp expects.
     (word >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 

@@ -19,6 +19,7 @@ pub fn sheen(roughness: f64, cos_o: f64, cos_i: f64, cos_h: f64) -> f64 {
 
 /// The most of the light from any direction that a sheen of strength 1 reflects, with 1 % to spare.
 pub fn sheen_reflectance_max(roughness: f64) -> f64 {
+    // Squares lie close together near 0, at grazing angles, where most is reflected.
     let most = (0..STEPS).map(|i| reflectance(roughness, midpoint(i).powi(2)));
     1.01 * most.fold(0.0, f64::max)
 }

@@ -292,6 +292,7 @@ fn wave(turns: f64) -> f64 {
 /// What the mean over a footprint leaves of a wave of so many turns a metre: about `sin πx / πx`.
 fn faded(turns_per_m: f32, footprint_m: f64) -> f64 {
     let turns = (f64::from(turns_per_m) * footprint_m).min(1.0);
+    // Exact at 0 and 1, the first zero of the sinc; its small waves beyond are cut off.
     (1.0 - turns * turns) * (1.0 - turns * turns)
 }
 
@@ -340,7 +341,9 @@ pub fn wood(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
         if b / f64::from(PLANK_M) - plank < f64::from(PLANK_GAP) {
             return 0.3 * triple(material.stripe_albedo);
         }
+        // Steps of the golden section: tones spread without a period, in whatever run of planks is seen.
         tone = 0.28 * wave(0.381_966 * plank);
+        // Each plank is cut from another place of the tree.
         a += 1.7 * plank;
     }
     let bend = 0.45 * wave(0.61 * a + 0.2) + 0.2 * wave(1.7 * a + 2.3 * b);
@@ -364,6 +367,8 @@ pub fn bricks(material: &MaterialData, p: DVec3) -> DVec3 {
         return triple(material.sights);
     }
     // A sum would repeat in rows that are seen from afar as stripes.
+    // The golden section and its like in two dimensions (1 over the plastic number): both spread without
+    // a period.
     let kiln = [
         wave(0.381_966 * brick + 0.271 * course),
         wave(0.754_878 * course - 0.137 * brick),

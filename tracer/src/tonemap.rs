@@ -19,6 +19,7 @@
 pub fn srgb8(radiance: [f32; 3], exposure: f32) -> [u8; 3] {
     let [r, g, b] = radiance.map(|channel| exposure * channel);
     let peak = r.max(g).max(b);
+    // ∞ over ∞ below would be NaN, which is black; the plain step makes of it 255.
     if peak > SHOULDER && peak.is_finite() {
         return shoulder([r, g, b], peak).map(step);
     }

@@ -84,6 +84,7 @@ impl Estimator {
         let pace = work_secs / seen.work;
         self.usual_work = seen.work.max(USUAL_KEPT * self.usual_work);
         let weight = seen.work / self.usual_work;
+        // A request that waited behind another shows only the answer's way, which is less than A.
         if seen.queue_secs <= 0.0 || self.fixed.is_none() {
             self.observe_fixed(fixed);
         }
@@ -111,6 +112,9 @@ impl Estimator {
     fn split(seen: &Observation) -> (f64, f64) {
         let response = seen.response_secs.max(0.0);
         let busy = seen.busy_secs.clamp(0.0, response);
+        // What the client has timed and neither the queue nor the node's report explains. Up to the round
+        // trip it is the way; beyond that it counts as work, so that a node that reports too little gains
+        // nothing.
         let unexplained = (response - seen.queue_secs.max(0.0) - busy).max(0.0);
         let fixed = unexplained.min(Self::allowance(seen));
         (fixed, busy + unexplained - fixed)
@@ -138,6 +142,7 @@ impl Estimator {
         let spent = secs - queue_secs - self.fixed.unwrap_or(0.0);
         let factor = if missed { MISSED_FACTOR } else { 1.0 };
         let pace = factor * spent / work;
+        // A bound from below: it can only tell that the node is slower than believed.
         if pace > self.pace.secs_per_work.unwrap_or(SECS_PER_WORK_MIN) {
             self.pace.observe(pace, 1.0, 0.0);
         }
@@ -182,6 +187,8 @@ impl Estimator {
         };
         let error = fixed - known;
         let surprising = error.abs() > SURPRISE * known + JITTER_SECS;
+        // Two surprises of one sign in a row: a filter alone would take many requests to follow a real
+        // change, and one outlier alone must not move it.
         let changed = surprising && error * self.fixed_surprise > 0.0;
         let gain = match (changed, error > 0.0) {
             (true, _) => 1.0,
@@ -206,6 +213,8 @@ impl Pace {
         let surprising = error.abs() > SURPRISE && weight > SURPRISE;
         let changed = surprising && error * self.surprise > 0.0;
         let gain = if changed { 1.0 } else { GAIN * weight };
+        // Filtered as a logarithm: halving and doubling are errors of one size, and the pace stays above
+        // 0.
         self.secs_per_work = Some(known * (gain * error).exp());
         self.scatter = Some(mean_square(self.scatter, error, weight));
         self.surprise = if surprising { error } else { 0.0 };

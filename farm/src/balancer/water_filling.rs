@@ -46,6 +46,8 @@ impl CostModel {
 
     /// The most work that is through at `finish_secs`.
     pub fn room(&self, finish_secs: f64) -> f64 {
+        // Work that is over before anything is heard of it gets a margin instead of a hedge: nobody could
+        // help in time.
         let room = ((finish_secs - self.fixed_secs) / self.secs_per_work).min(self.work_max);
         if room > self.unmonitored_work {
             return room;
@@ -80,8 +82,10 @@ impl WaterFilling {
             .sum::<f64>()
             / count;
         let mean_fixed = known.iter().map(|model| model.fixed_secs).sum::<f64>() / count;
+        // The bound of a node that has delivered nothing: a quarter of an equal share.
         let probe = division.work / (GROWTH_MAX * candidates.len() as f64);
         let busy = (division.work / (division.period_secs * mean_speed * count)).min(1.0);
+        // The idle share shrinks as frames need all that the nodes can do.
         let busy_secs_max = division.period_secs * (1.0 - IDLE_SHARE * (1.0 - busy));
         let model = |candidate: &Candidate| {
             let (fixed_secs, secs_per_work) = match candidate.estimate {
@@ -125,6 +129,7 @@ pub fn water_fill(work: f64, models: &[CostModel]) -> Allocation {
         let share = |model: &CostModel| {
             ((level - model.fixed_secs) / model.secs_per_work).clamp(0.0, model.work_max)
         };
+        // Sums to `work` but for rounding, which the scaling takes away.
         in_proportion(work, &models.iter().map(share).collect::<Vec<_>>())
     };
     let used = models
@@ -143,6 +148,8 @@ fn level(work: f64, models: &[CostModel]) -> f64 {
     let mut corners = Vec::with_capacity(2 * models.len());
     for model in models {
         let speed = 1.0 / model.secs_per_work;
+        // Each node adds its speed to the level's slope where its fixed cost is passed, and takes it away
+        // again where its bound is reached: between corners held work rises linearly with T.
         corners.push((model.fixed_secs, speed));
         if model.work_max.is_finite() {
             corners.push((

@@ -53,6 +53,7 @@ impl ArrivalModel {
         if is_first {
             self.first_deviation.observe(late_secs);
         }
+        // Fades with messages, not with time: a node that is silent proves nothing.
         self.timeout_backoff *= BACKOFF_KEPT;
     }
 
@@ -89,6 +90,8 @@ impl ArrivalModel {
     /// Work that should come with a request's next message.
     pub(super) fn next_message_work(&self, request: &OpenRequest) -> f64 {
         let known = self.burst_work > 0.0;
+        // The larger of both: a GPU delivers a share of its request at a time, a processor a fixed
+        // amount.
         let next = (self.burst_share * request.work).max(self.burst_work);
         let outstanding = request.outstanding();
         if known {
@@ -113,6 +116,7 @@ impl ArrivalModel {
             LOST_SECS_MIN
         };
         let timeout_secs = (factor * secs).max(secs_min);
+        // Without a message there is no deviation to multiply, and any bound would be a guess.
         (messages > 0).then_some(timeout_secs * (1.0 + self.timeout_backoff))
     }
 }

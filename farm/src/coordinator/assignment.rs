@@ -59,6 +59,7 @@ impl LastPartition {
     ) -> &[NodeShare] {
         let finish = |(model, (_, tiles)): (&CostModel, &NodeShare)| match work.of_all(tiles) {
             0.0 => 0.0,
+            // A bound that has fallen since is not exceeded for the sake of an old partition.
             work if work > HYSTERESIS * model.work_max => f64::INFINITY,
             work => model.fixed_secs + model.secs_per_work * work,
         };
@@ -151,6 +152,8 @@ impl Assigner {
                 recovery.reassign_lost(now, frame, &unassigned, &eligible, dispatcher);
                 continue;
             }
+            // Before shares are asked for: what nobody takes below is lost work of this frame and comes
+            // back by `reassign_lost`.
             frame.is_assigned = true;
             let is_unknown = |node: &NodeIndex| nodes[*node].workload.delivered().is_none();
             frame.is_guessed = eligible.iter().any(is_unknown);
@@ -352,6 +355,7 @@ impl Assigner {
             return;
         };
         let request = &workload.requests[&id];
+        // A check's tile has been counted where it was first traced.
         if request.is_check {
             return;
         }
@@ -371,6 +375,8 @@ impl Assigner {
             let secs = Estimator::work_secs(&observation);
             let in_parts = request.pieces.iter().all(|(.., busy)| *busy > 0.0);
             for (tiles, work, busy) in &request.pieces {
+                // The node's own times divide what the client has timed among the pieces; they cannot
+                // change its sum, so that a node gains nothing by false ones.
                 let ratio = if in_parts {
                     secs * busy / (request.busy_secs * cost.secs_per_work * work)
                 } else {
@@ -416,9 +422,11 @@ fn probe(now: f64, frame: &FrameInFlight, shares: &[NodeShare], dispatcher: &mut
         if recent || requests.any(|request| request.is_probe) {
             continue;
         }
+        // Set when asked, not when answered: a node that does not answer is not asked in every frame.
         node.last_probe = Some(frame.id);
         probes -= 1;
         // Another tile each time, and another one for each node.
+        // Tiles differ in cost, and a probe of the same one each time would measure that tile.
         let first = (frame.id.0.wrapping_add(index.0 as u64) % u64::from(units)) as u32;
         let tile = TileRange { first, count: 1 };
         dispatcher.request(now, *index, frame, &[tile], true);

@@ -129,6 +129,8 @@ impl Dispatcher {
                 let work = frame.work.of(tiles);
                 let mut request = OpenRequest::new(now, frame.id, passes, tiles, work);
                 request.is_probe = is_probe;
+                // Requests of one call queue behind each other at the node: each is expected after those
+                // before it.
                 wait_secs += self.request_range(node, of, request, wait_secs);
             }
         }
@@ -174,6 +176,8 @@ impl Dispatcher {
         if !node.has_room() {
             return 0.0; // assigned again when a request of this node ends
         }
+        // By what was delivered, not by what work is divided by: lateness must not lengthen how long it
+        // is waited for.
         let workload = &mut node.workload;
         let cost = workload.delivered();
         let busy_secs = cost.map_or(0.0, |cost| cost.secs_per_work * request.work);

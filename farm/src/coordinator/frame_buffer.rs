@@ -52,6 +52,7 @@ impl FrameBuffer {
         let mut filled = 0;
         for index in run.indices() {
             let tile = self.passes.grid.tile(self.passes.tile(index));
+            // What comes first stays: sums over passes must not take in a unit twice.
             if !self.filled[index as usize] {
                 self.put(index, tile, pixels, start);
                 self.filled[index as usize] = true;

@@ -68,12 +68,17 @@ impl FrameForecast {
                 let mut at = forecast.begin;
                 let missing = buffer.missing(request.tiles, |_| true);
                 for tile in missing.iter().flat_map(|range| range.indices()) {
+                    // Tiles of a request come in their order, each after the work of those before it.
                     at += forecast.pace * frame.work.of(one(tile));
                     let arrival = &mut arrivals[tile as usize];
+                    // A tile that several nodes trace comes with the first of them …
                     *arrival = arrival.min(at);
+                    // … and costs nothing to move only if none of them has begun.
                     recallable[tile as usize] &= is_recallable;
                 }
                 let model = CostModel::new(forecast.begin, forecast.pace);
+                // What is under way counts as a node that can do that much and no more: the level is that
+                // of the whole frame.
                 models.push(model.with_work_max(forecast.outstanding));
             }
             if models.len() > held_before {
@@ -146,6 +151,8 @@ impl FrameForecast {
             if !is_recallable(*tile) {
                 sum += work(*tile);
             }
+            // From the latest on: when the budget is short it goes to the tiles that the frame waits for
+            // most.
             sum <= budget.work(arrival(*tile) > bounds.grave)
         });
         late.sort_unstable();

@@ -153,6 +153,7 @@ impl FrameInFlight {
         stats.payload_bytes += arrival.payload_bytes as u64;
         stats.duplicate_tiles += tiles.count - fresh;
         if fresh == tiles.count {
+            // Of a message of which some tiles had come before, nobody knows whose samples these are.
             stats.dropped_samples += u64::from(arrival.dropped_samples);
         }
         stats.tiles_by_node.resize(nodes, 0);

@@ -48,6 +48,7 @@ impl FrameQueue {
     }
 
     fn pop_oldest(&mut self, is_background: bool) -> Option<Frame> {
+        // One that is finished before an older one waits for it: clients rely on the order.
         let place = self.oldest(is_background)?;
         let finished = self.frames[place].finished.take()?;
         self.frames.remove(place);

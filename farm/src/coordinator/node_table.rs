@@ -156,6 +156,7 @@ impl NodeTable {
             return None;
         }
         let count = known.len() as f64;
+        // The mean of speeds: that of seconds per work would be ruled by the slowest node.
         let speed: f64 = known.iter().map(|cost| 1.0 / cost.secs_per_work).sum();
         Some(Estimate {
             fixed_secs: known.iter().map(|cost| cost.fixed_secs).sum::<f64>() / count,

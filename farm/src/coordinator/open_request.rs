@@ -162,6 +162,8 @@ impl OpenRequest {
         let micros = |micros: u32| 1e-6 * f64::from(micros);
         LatencySplit {
             request_secs: (self.issued - submitted).max(0.0),
+            // From the end backwards: what is claimed in excess of the whole time is cut from the
+            // earliest stages.
             decode_secs: part(self.decode_secs),
             encode_secs: part(micros(times.encode_micros)),
             trace_secs: part(micros(times.trace_micros)),

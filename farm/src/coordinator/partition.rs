@@ -102,6 +102,7 @@ impl WorkMap {
                     count: 1,
                 });
                 // A tile goes to whoever gets the larger part of it, and rounding to the last.
+                // Against the running sum of shares, so that roundings do not add up over many nodes.
                 if !all && dealt + 0.5 * work > target {
                     break;
                 }
@@ -160,6 +161,7 @@ impl TileQueue {
                 let end = self.end(start, room);
                 (room - (self.before[end] - self.before[start]), place, end)
             };
+            // Best fit within a small window; over all nodes it would be quadratic.
             let fits = (0..waiting.len()).map(left_over);
             let Some((_, place, end)) = fits.min_by(|a, b| a.0.total_cmp(&b.0)) else {
                 return false;
@@ -186,6 +188,8 @@ impl TileQueue {
 
     /// The end of the tiles from `start` on that `room` holds.
     fn end(&self, start: usize, room: f64) -> usize {
+        // A room computed from a finish that was itself computed from sums must not miss its last tile by
+        // a rounding.
         let until = self.before[start] + room * (1.0 + ROUNDING);
         let mut step = 1;
         while self
@@ -193,6 +197,8 @@ impl TileQueue {
             .get(start + step)
             .is_some_and(|work| *work <= until)
         {
+            // Galloping: cost grows with the logarithm of the tiles taken, not of those in the queue, and
+            // over all nodes stays below linear.
             step *= 2;
         }
         let (low, high) = (start + step / 2, self.before.len().min(start + step));
@@ -209,6 +215,8 @@ impl TileQueue {
             .fold(f64::MAX, f64::min);
         let mut step = least_b * self.work() / self.tiles.len().max(1) as f64;
         let (mut low, mut high) = (lowest, lowest);
+        // First upwards by doubling steps of about a tile, as the optimum in real numbers is mostly near;
+        // then by bisection.
         while !takes_all(high) {
             if step > STEP_SECS_MAX {
                 return None;

@@ -103,6 +103,8 @@ impl Recovery {
             return;
         }
         let newcomer = nodes.newcomer();
+        // The fuller the budget, the earlier a frame is looked at: hedges that could not be paid are not
+        // looked for.
         let margin = frame.margin_secs(self.price());
         let soonest = frame.last_evaluation + evaluation_pause_secs(now, frame);
         let mut due = None::<f64>;
@@ -118,6 +120,8 @@ impl Recovery {
             let at = if late < margin {
                 next + margin
             } else {
+                // Late already: the next look is when it is late by a quarter more, so that looks become
+                // rarer as waiting goes on and their number grows with the logarithm of the delay.
                 now + late * LATE_PAUSE
             };
             due = Some(due.map_or(at, |due| due.min(at)));
@@ -201,8 +205,10 @@ impl Recovery {
         // The last tiles cost little, and the frame waits for them: with 1000 far nodes the 99th percentile
         // of frames at 60 a second is 1.45 times the optimum instead of 1.50.
         let left = forecast.missing.len() as f64 / forecast.helpers.len() as f64;
+        // Fewer tiles left than helpers: some nodes idle anyway, and doing work twice costs no one.
         let price = 1.0 + (self.price() - 1.0) * left.min(1.0);
         frame.target = forecast.level;
+        // The only holder is the only helper.
         if !forecast.can_move() {
             return;
         }
@@ -234,6 +240,8 @@ impl Recovery {
                 }
                 return;
             }
+            // Both bounds rise together: tiles that nobody has begun keep their advantage over those
+            // traced twice.
             bounds.duplicate += partition.finish_secs - bounds.recallable;
             bounds.recallable = partition.finish_secs;
         }

@@ -56,6 +56,8 @@ impl SamplePasses {
     /// Which of a frame's samples a unit has.
     pub(super) fn samples(self, unit: u32) -> Range<u32> {
         let pass = u64::from(unit / self.grid.len());
+        // Cut at rounded multiples, passes adjoin, have all samples between them, and differ by one at
+        // most.
         let before = |pass: u64| (u64::from(self.samples) * pass / u64::from(self.count)) as u32;
         before(pass)..before(pass + 1)
     }

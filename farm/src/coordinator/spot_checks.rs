@@ -106,6 +106,8 @@ impl SpotChecks {
             return;
         }
         let unit = TileRange {
+            // The count runs over tiles, not messages: which tile is checked does not depend on how they
+            // are grouped.
             first: arrival.tiles.first + self.left - 1,
             count: 1,
         };
@@ -224,6 +226,7 @@ impl SpotChecks {
 
     fn draw(&mut self) -> u64 {
         self.drawn += 1;
+        // A keyed hash of a counter: whoever sees which tiles were checked cannot tell the next ones.
         let hash = blake3::keyed_hash(&self.key, &self.drawn.to_le_bytes());
         let [a, b, c, d, e, f, g, h, ..] = *hash.as_bytes();
         u64::from_le_bytes([a, b, c, d, e, f, g, h])

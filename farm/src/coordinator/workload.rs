@@ -105,6 +105,8 @@ impl Workload {
         let Some(frame) = self.requests.get(&id).map(|request| request.frame) else {
             return false;
         };
+        // Before what comes is noted: that moves when the next message is expected, and `current` to this
+        // frame.
         self.observe_delay(now, id);
         let is_first = self.is_new(frame);
         let was_silent = self.hear(now, id, frame);
@@ -332,6 +334,7 @@ impl Workload {
     fn timeouts_by_frame(&self) -> Option<BTreeMap<FrameId, f64>> {
         let timeout_secs = self.timeout_secs()?;
         let mut ends = BTreeMap::new();
+        // At time 0 nothing counts as late: these ends do not move while they are waited for.
         for forecast in self.forecast(0.0, None) {
             let request = &self.requests[&forecast.id];
             let work = self.arrivals.next_message_work(request);

@@ -74,6 +74,8 @@ async fn listen(listener: TcpListener, probe: NodeProbe) {
     let places = Arc::new(Semaphore::new(PROBES_MAX));
     loop {
         let (Ok(place), accepted) = (
+            // The place first: while all are taken, calls wait in the system's queue and take no memory
+            // here.
             Arc::clone(&places).acquire_owned().await,
             listener.accept().await,
         ) else {

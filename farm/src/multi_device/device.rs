@@ -104,6 +104,8 @@ impl Device {
             ..*work.job
         };
         // A device that hands a tile over twice, or has failed after it did: the first counts.
+        // Relaxed: the swap alone tells who is first, and what else reads these flags does so after the
+        // device's threads have been joined.
         let is_first = |index: usize| !work.done[index].swap(true, Ordering::Relaxed);
         catching(&*self.tracer, || match work.sink {
             JobSink::Radiance(sink) => self.tracer.trace(work.scene, &job, &|tile| {

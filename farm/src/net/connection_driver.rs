@@ -336,6 +336,8 @@ impl ControlReader {
     /// others wait before they read on.
     async fn assemble(&mut self, packet: Vec<u8>) -> Result<Arrival, ConnectionEnd> {
         // Never closed: an account's permits last as long as it does.
+        // Before the turn below is taken: who waited here while he had the turn would keep the connection
+        // that holds the transfer from handling its chunks, for ever.
         if codec::is_manifest(&packet) && self.transfer.is_none() {
             let transfers = Arc::clone(&self.account.transfers);
             self.transfer = transfers.acquire_owned().await.ok();

@@ -61,6 +61,7 @@ impl Seating {
         if ahead == 0 && self.served.len() >= PLAYERS_MAX {
             self.vacate(now);
         }
+        // As many from the front of the line may enter as there are places, in whatever order they call.
         if ahead >= PLAYERS_MAX.saturating_sub(self.served.len()) {
             self.line[ahead].1 = now;
             let players = self.served.len();

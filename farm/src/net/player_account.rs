@@ -75,6 +75,7 @@ impl PlayerAccount {
     pub(crate) fn spend_path_probes(&self, now: Instant, probes: u64) -> bool {
         let mut bucket = lock(&self.path_probes);
         let pause = bucket.take(now, probes as f64);
+        // What would take longer than the longest pause to be paid back is given back at once.
         let excess = pause.saturating_sub(PATH_PROBES_PAUSE_MAX);
         bucket.take(now, -excess.as_secs_f64() * PATH_PROBES_PER_SEC);
         pause.is_zero()

@@ -423,6 +423,7 @@ impl UnfinishedTiles {
 
     fn push(&mut self, bytes: &[u8]) -> Result<(), String> {
         self.counted += bytes.len();
+        // Relaxed, as the sum is compared with a bound and stands for no other memory.
         let total = self.total.fetch_add(bytes.len(), Ordering::Relaxed) + bytes.len();
         if self.counted > STREAM_BYTES_MAX {
             return Err(format!(

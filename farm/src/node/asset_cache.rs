@@ -94,8 +94,11 @@ impl AssetCache {
                 files.push((used, entry.path(), found.len()));
             }
         }
+        // By time first; `None`, for times in the future, comes before all others.
         files.sort();
         let all: u64 = files.iter().map(|(_, _, bytes)| bytes).sum();
+        // The quarter that is left is what eight nodes write, a thirty-second each, before they look
+        // again.
         let most = self.bytes_max / 4 * 3;
         let mut excess = (all + bytes).saturating_sub(most);
         for (_, path, bytes) in files {

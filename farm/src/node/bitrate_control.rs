@@ -95,8 +95,11 @@ impl BitrateController {
         if let Some(before) = self.probe_start
             && wait > STANDING_WAIT_SECS
         {
+            // At once, not at the interval's end: the probe itself has made the queue.
             self.fail_probe(now, before);
         }
+        // The minimum over an interval tells a standing queue from bursts, as CoDel does (Nichols and
+        // Jacobson 2012).
         let min_wait = self.min_wait.map_or(f64::INFINITY, |(wait, _)| wait);
         self.min_wait = Some((wait.min(min_wait), link.bytes_per_sec));
         let elapsed = now.saturating_sub(self.interval_start);
@@ -120,6 +123,7 @@ impl BitrateController {
 
     fn decide(&mut self, now: Duration, elapsed: Duration, link: &LinkState) {
         self.offered_bytes_per_sec +=
+            // Smoothed only for the way up: the way down must not wait for a mean.
             OFFERED_GAIN * (link.offered_bytes_per_sec - self.offered_bytes_per_sec);
         let wait_before = std::mem::replace(&mut self.last_wait_secs, link.standing_wait_secs);
         let unchanged = now.saturating_sub(self.last_change);
@@ -133,6 +137,7 @@ impl BitrateController {
             self.set_level(now, level);
             return;
         }
+        // What is seen now was encoded before the last change.
         if unchanged < SETTLING {
             return;
         }

@@ -60,6 +60,8 @@ impl<J> FairQueue<J> {
         });
         let share = &mut self.shares[index];
         if share.jobs.is_empty() {
+            // Time that nobody asked for is not saved up: who comes back starts level with the player
+            // served last.
             share.used_secs = share.used_secs.max(served_secs);
         }
         &mut share.jobs
@@ -87,6 +89,8 @@ impl<J> FairQueue<J> {
                 jobs: VecDeque::new(),
             }),
         }
+        // Only shares behind the clock are forgotten. One that is ahead still owes its time, and would
+        // shed it by leaving and coming back.
         let is_owed = |share: &Share<J>| share.used_secs <= served_secs;
         self.shares
             .retain(|share| !(share.jobs.is_empty() && is_owed(share)));

@@ -330,6 +330,7 @@ impl QueueState {
             return Some(TurnWork::Probe);
         };
         let (secs_per_sample, probes) = (cost.secs_per_sample, cost.probes);
+        // A price holds only about as far as it was measured.
         let samples_max = GROWTH * cost.samples_max;
         if job.begun.get().is_none()
             && let Some(why) = too_costly(job, secs_per_sample)
@@ -337,6 +338,8 @@ impl QueueState {
             if probes < PROBES_BEFORE_REFUSAL {
                 return Some(TurnWork::Probe);
             }
+            // The price is forgotten with the refusal: the next request of the scene is probed again, as
+            // a price may have been measured while the device was disturbed.
             self.costs.retain(|cost| !cost.is_of(job));
             self.jobs.next_mut()?.pop_front();
             return Some(TurnWork::Refuse(why));
@@ -355,6 +358,8 @@ impl QueueState {
         }
         let fitting = job.tiles_within(next, fitting);
         // Whole messages, unless one takes too long.
+        // Groups are sent when complete, and an incomplete one is traced again: slices end at their
+        // borders.
         let whole = fitting - fitting % TILES_PER_MESSAGE_MAX;
         let count = if whole > 0 { whole } else { fitting.max(1) };
         self.take(count.min(next.count))

@@ -49,6 +49,8 @@ impl RateModel {
         let (index, delta) = (message.precision as usize, message.delta);
         if delta.referenced > 0 {
             let share = delta.changed as f64 / delta.referenced as f64;
+            // In terms of exact pixels, so that precisions with coarser steps can be compared by one
+            // number.
             let changing = (share * CHANGE_MASKING[index]).min(1.0);
             let before = self.changing.unwrap_or(changing);
             self.changing = Some(before + (changing - before) / CHANGING_MESSAGES);
@@ -65,6 +67,8 @@ impl RateModel {
         let inter = message.pixels.saturating_sub(delta.intra) as f64;
         let inter = inter * prior(index, self.changing.unwrap_or(1.0));
         let intra = INTRA_RATE[index] * delta.intra as f64;
+        // Expected by the prior alone, not by the corrected model: the ratio of both is the correction,
+        // and must not be fed back into itself.
         history.expected_bytes += EXACT_BYTES_PER_PIXEL * (inter + intra);
     }
 

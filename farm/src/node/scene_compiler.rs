@@ -117,6 +117,7 @@ impl SceneCompiler {
             if let Some(scene) = state.take_kept(hash) {
                 return Ok(scene);
             }
+            // The room stays free while the lock is not held: one thread alone compiles.
             state.make_room(predicted, player)?;
         }
         // Without the lock, as compiling a large scene takes long.

@@ -306,6 +306,7 @@ impl<'a> ActiveSlice<'a> {
         // The tracer stays on this thread; only encoding goes to rayon's.
         rayon::in_place_scope(|encoders| {
             let take = |index: usize, pixels: TracedPixels, dropped_samples: u32| {
+                // Called from the tracer's threads in any order; the one that completes a group sends it.
                 if let Some((first, group)) = self.collect(index, pixels, dropped_samples) {
                     let traced = Instant::now();
                     // Backpressure: blocks the tracer, so that traced pixels cannot pile up.
@@ -337,6 +338,7 @@ impl<'a> ActiveSlice<'a> {
             };
             traced?;
             let is_wanted = !self.job.cancelled.load(Ordering::Relaxed);
+            // Time that the network made the tracer wait is no price of the scene.
             if is_wanted && !self.stalled.load(Ordering::Relaxed) {
                 let samples = self.samples_done();
                 self.queue
@@ -351,6 +353,7 @@ impl<'a> ActiveSlice<'a> {
         let Some(part) = self.part else {
             return Some(traced);
         };
+        // Relaxed is enough: only one call sees false, and the pixels are handed over by a lock.
         if self.part_is_done.swap(true, Ordering::Relaxed) {
             return None;
         }

@@ -40,6 +40,7 @@ impl CounterRng {
 
     /// Normally distributed with mean 0 and deviation 1 (Box and Muller, 1958).
     pub fn normal(&mut self) -> f64 {
+        // In (0, 1], so that the logarithm is finite.
         let radius = (-2.0 * log(1.0 - self.unit())).sqrt();
         radius * cos(TAU * self.unit())
     }

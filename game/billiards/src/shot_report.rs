@@ -91,6 +91,8 @@ fn is_driven(
         .iter()
         .map(|e| e.time_secs)
         .collect();
+    // At its contacts a ball that leaves a cushion and comes back is at one; it is away only between
+    // them.
     let between = times.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
     let at = |t: f64| shot.states_at(t)[place].position;
     times.iter().copied().chain(between).any(|t| is_away(at(t)))

@@ -64,8 +64,10 @@ impl Contact {
         let approach = relative.dot(normal) - self.parting_m_s;
         let push = (self.push - approach / (inverse_masses + lever)).max(0.0);
         let slip = relative - normal * relative.dot(normal);
+        // The longest lever that there can be: the step is never too large.
         let inverse_inertia = self.arm.length_squared() / ball.moment_of_inertia();
         let drag = self.drag - slip / (inverse_masses + inverse_inertia);
+        // By the push of all rounds: Coulomb's bound holds for the substep, not for a round.
         let drag = drag.clamp_length_max(self.friction * push);
         let impulse = normal * (push - self.push) + (drag - self.drag);
         self.push = push;

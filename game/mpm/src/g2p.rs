@@ -16,6 +16,7 @@ pub(crate) fn g2p<S: Simd>(simd: S, block: &mut ParticleBlock, nodes: &[NodeBloc
             continue;
         }
         let values = &nodes[*node as usize].values;
+        // Seen from the node block, this block lies on the opposite side.
         for_each_row(26 - side, |row, start, len| {
             let nodes = &mut block.tile[start..start + len];
             nodes.copy_from_slice(&values[row..row + len]);
@@ -27,6 +28,7 @@ pub(crate) fn g2p<S: Simd>(simd: S, block: &mut ParticleBlock, nodes: &[NodeBloc
         for lane in 0..packet.len {
             let velocity = gather(simd, packet, lane, &block.tile);
             largest = largest.max(velocity.abs());
+            // A maximum may drop NaN. 0 times NaN or ∞ is NaN, and stays in the sum.
             poison += velocity * 0.0;
         }
     }

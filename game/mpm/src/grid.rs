@@ -35,6 +35,7 @@ pub(crate) struct GridStep<'a> {
 /// touch balls become contacts, too.
 #[inline(always)]
 pub(crate) fn update(node: &mut NodeBlock, step: GridStep) {
+    // The middle of nodes 0 to 3 is at 1.5, which is 3/8 of the edge.
     let center = (node.coordinate.as_dvec3() + 0.375) * f64::from(BLOCK_EDGE) * step.cell_size_m;
     let reach = REACH_CELLS * step.cell_size_m;
     let is_near = |obstacle: &&Obstacle| obstacle.distance(center).0 < reach;
@@ -70,6 +71,7 @@ pub(crate) fn update(node: &mut NodeBlock, step: GridStep) {
                 }
             }
         }
+        // The fourth number, the mass so far, goes into particles' velocities, whose fourth has to be 0.
         node.values[index] = velocity.extend(0.0).into();
     }
 }

@@ -107,6 +107,7 @@ pub(crate) fn exp<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     // ln 2 in two parts: the first has few digits, so that its product is exact.
     let rest = exponent.mul_add(splat(-0.693_359_4), x);
     let rest = exponent.mul_add(splat(2.121_944_4e-4), rest);
+    // Taylor's series up to the seventh power: what is left is at most ½ ln 2.
     let mut series = splat(1.0 / 5040.0);
     for divisor in [720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
         series = series.mul_add(rest, splat(1.0 / divisor));
@@ -126,6 +127,7 @@ pub(crate) fn ln<S: Simd>(x: Lanes<S>) -> Lanes<S> {
     let shifted = bits - 0x3f35_04f3;
     let exponent = shifted >> 23;
     let mantissa = (bits - (exponent << 23)).bitcast::<f32x16<S>>();
+    // ln m = 2 artanh s, whose series has odd powers alone.
     let s = (mantissa - splat(1.0)) / (mantissa + splat(1.0));
     let square = s * s;
     let mut series = splat(2.0 / 9.0);

@@ -82,12 +82,15 @@ impl Surface {
         let force = (stiffness * depth_m - dashpot * approach).max(0.0);
         let slip = relative - approach * normal;
         let shear = stiffness * SHEAR_STIFFNESS;
+        // Along the surface solid spheres resist with 2/7 of their mass, as they turn: 1/m + r²/I is 7/2
+        // of 1/m.
         let shear_dashpot = 2.0 * damping * (shear * mass_kg * SHEAR_STIFFNESS).sqrt();
         // The spring turns with the contact.
         let turned = *stretch - stretch.dot(normal) * normal + slip * dt;
         let drag = -shear * turned - shear_dashpot * slip;
         let bound = marble.friction * force;
         let bounded = drag.clamp_length_max(bound);
+        // A spring that slips keeps the stretch of Coulomb's bound, not what it would have without.
         *stretch = match drag.length() > bound {
             true => -bounded / shear,
             false => turned,

@@ -192,6 +192,7 @@ impl Marbles {
         let mut travelled_m = 0.0;
         for _ in 0..count as u32 {
             let fastest = self.substep(dt, bodies);
+            // Twice: two may move towards each other.
             travelled_m += 2.0 * fastest * dt;
             if !fastest.is_finite() || !self.spheres.iter().all(MarbleState::is_finite) {
                 return Err(Error::MarblesDiverged { substep_secs: dt });
@@ -227,6 +228,7 @@ impl Marbles {
     fn find_contacts(&mut self, bodies: &Bodies) {
         let radius_m = self.marble.radius_m;
         let skin_m = SKIN_RADII * radius_m;
+        // Cells are as wide as contacts reach, so that the 27 around a marble have all that it may touch.
         let edge_m = 2.0 * radius_m + skin_m;
         let cell = |at: DVec3| (at / edge_m).floor().as_ivec3();
         let mut cells: HashMap<IVec3, Vec<u32>> = HashMap::new();
@@ -263,6 +265,7 @@ impl Marbles {
             }
         }
         found.sort_unstable_by_key(|contact| (contact.marble, contact.partner));
+        // Both lists are in one order, and one pass over them finds what touched before.
         let mut old = self.contacts.iter().peekable();
         for contact in &mut found {
             let key = (contact.marble, contact.partner);
@@ -324,6 +327,8 @@ impl Marbles {
         for (sphere, (impulse, turn)) in spheres.iter_mut().zip(kicks) {
             sphere.velocity += impulse / mass_kg;
             sphere.spin += turn / inertia;
+            // By the velocity after the kicks (semi-implicit Euler), with which springs gain no energy in
+            // the long run.
             sphere.position += sphere.velocity * dt;
             fastest = fastest.max(sphere.velocity.length());
         }

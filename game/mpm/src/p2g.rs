@@ -112,6 +112,7 @@ fn stress_impulses<S: Simd>(
     }
     let mut out = [[[0.0; 4]; LANES]; 3];
     let zero = f32x4::splat(simd, 0.0);
+    // Columns of a symmetric tensor of which xx, yy, zz, xy, xz and yz are stored.
     for (column, entries) in out.iter_mut().zip([[0, 3, 4], [3, 1, 5], [4, 5, 2]]) {
         for (four, vectors) in column.as_chunks_mut::<4>().0.iter_mut().enumerate() {
             let [x, y, z] = each(
@@ -151,6 +152,7 @@ impl<S: Simd> Kernel<S> {
         let base = position.floor();
         // From the first node to the particle, 0.5 to 1.5 cells.
         let x = position - base + 0.5;
+        // The quadratic B-spline: 3/4 − d² within half a cell, ½ (3/2 − |d|)² beyond.
         let (a, b, c) = (-x + 1.5, x - 1.0, x - 0.5);
         let [w0, w1, w2] = [a * a * 0.5, -(b * b) + 0.75, c * c * 0.5];
         let [bx, by, bz, _] = <[i32; 4]>::from(base.to_int::<i32x4<S>>());
@@ -181,6 +183,7 @@ fn scatter<S: Simd>(
     let kernel = Kernel::new(simd, &packet.position[lane]);
     let mass = packet.mass[lane];
     let load = |v: &[f32; 4]| f32x4::load_array_ref(simd, v);
+    // The fourth number of a node is its mass: with a velocity of 1 there, one sum takes in both.
     let momentum = (load(&packet.velocity[lane]) + load(&[0.0, 0.0, 0.0, 1.0])) * mass;
     let columns = each(
         #[inline(always)]
@@ -190,6 +193,7 @@ fn scatter<S: Simd>(
         },
     );
     let wz = kernel.weights_z;
+    // Sixteen lanes are the four nodes of a row along z with four numbers each.
     let along_z = columns[2].mul_add(kernel.distance_z, Lanes::block_splat(momentum)) * wz;
     let (along_x, along_y) = (columns[0] * wz, columns[1] * wz);
     for i in 0..3 {

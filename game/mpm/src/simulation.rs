@@ -171,6 +171,7 @@ impl Simulation {
             )?;
             let dt = left_secs / count;
             self.substep(dt, bodies, &mut report)?;
+            // Exactly 0 at the end: what rounding left would become a substep of its own.
             left_secs = if count > 1.0 { left_secs - dt } else { 0.0 };
         }
         Ok(report)
@@ -217,6 +218,8 @@ impl Simulation {
         nodes
             .par_iter_mut()
             .for_each(|node| dispatch!(level, _simd => update(node, grid_step)));
+        // As nodes have just been: contacts see both after free fall, and what carries a ball takes its
+        // weight at once.
         for ball in &mut bodies.balls {
             ball.velocity += ball.acceleration * dt;
         }

@@ -273,6 +273,7 @@ impl Storage {
                         rest.push(packet, lane);
                     }
                 }
+                // Masses are summed over whole packets, unused lanes among them.
                 rest.mass[rest.len..].fill(0.0);
                 block.packets.push(rest);
             }
@@ -282,6 +283,8 @@ impl Storage {
     /// Puts particles in order by block, material and cell, and finds the nodes around them.
     pub(crate) fn put_in_order(&mut self, materials: &[Material]) -> Result<()> {
         let (coordinates, mut slots) = self.slots()?;
+        // No two are equal, as each has a source of its own: the order does not depend on the number of
+        // threads.
         slots.par_sort_unstable();
         let mut starts = vec![0; coordinates.len() + 1];
         for slot in &slots {
@@ -320,6 +323,7 @@ impl Storage {
                     let local = Vec3::from_slice(&packet.position[lane]);
                     let shift = (local / BLOCK_EDGE as f32).floor();
                     let coordinate = block.coordinate + shift.as_ivec3();
+                    // Particles are nearly in order, so that most ask for the block of the one before.
                     if coordinate != last.0 {
                         if coordinate.as_dvec3().abs().max_element() > BLOCK_COORDINATE_MAX {
                             let place = self.position_m(block.coordinate, packet.position[lane]);
@@ -333,6 +337,8 @@ impl Storage {
                         last = (coordinate, index);
                     }
                     let cell = (local - shift * BLOCK_EDGE as f32).as_ivec3();
+                    // May round up to the block's end, beyond its last cell. Only the order follows from
+                    // it.
                     let cell = (cell.x * 4 + cell.y) * 4 + cell.z;
                     slots.push(Slot {
                         key: u64::from(last.1) << 32

@@ -100,6 +100,8 @@ fn jacobi<S: Simd>(simd: S, b: &mut Mat3x<S>, p: usize, q: usize) -> bool {
     let twice = xy * 2.0;
     let difference = yy - xx;
     let root = difference.mul_add(difference, twice * twice).sqrt();
+    // The smaller of both roots, a turn by 45° at most, with which the method converges. Columns of 0
+    // give 0, not NaN.
     let tangent = twice / (difference.abs() + root + f32::MIN_POSITIVE);
     let tangent = difference.simd_lt(0.0).select(-tangent, tangent);
     let one = Lanes::splat(simd, 1.0);

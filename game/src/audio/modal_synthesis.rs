@@ -102,6 +102,7 @@ impl Voice {
     fn radiated(self, mut rung: Vec<f64>) -> Vec<f64> {
         if self == Self::Ball {
             rung.resize(rung.len() + BALLS_APART, 0.0);
+            // Backwards, so that what is subtracted has not been changed yet.
             for i in (BALLS_APART..rung.len()).rev() {
                 rung[i] -= rung[i - BALLS_APART];
             }
@@ -120,9 +121,13 @@ fn ring(body: &StruckBody, speed_m_s: f64, begin: f64) -> Vec<f64> {
     for &(hz, decay_secs, strength) in body.modes {
         let radius = (-1.0 / (decay_secs * rate)).exp();
         let angle = std::f64::consts::TAU * hz / rate;
+        // A resonator with poles r·e^(±iθ): its impulse response is rⁿ sin((n + 1)θ) / sin θ, which
+        // `strength · sin θ` below brings to the mode's strength whatever its frequency.
         let (a, b) = (2.0 * radius * angle.cos(), radius * radius);
         let (mut last, mut before) = (0.0, 0.0);
         for (i, out) in sum.iter_mut().enumerate() {
+            // Over the contact's time, so that its area, the momentum, is in proportion to the speed
+            // alone.
             let force = force((i as f64 - begin) / contact) * speed_m_s / contact;
             let now = a * last - b * before + strength * angle.sin() * force;
             (before, last) = (last, now);
@@ -131,6 +136,8 @@ fn ring(body: &StruckBody, speed_m_s: f64, begin: f64) -> Vec<f64> {
     }
     let first = sum[0];
     std::iter::once(first)
+        // The first difference stands for the derivative: pressure far away follows the surface's
+        // acceleration.
         .chain(sum.windows(2).map(|pair| pair[1] - pair[0]))
         .collect()
 }

@@ -191,6 +191,7 @@ impl Playback {
 
 impl Drop for Playback {
     fn drop(&mut self) {
+        // Closing the channel is what ends the thread; joined without it, this would wait for ever.
         self.requests = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -209,6 +210,7 @@ fn work(mut output: SoundOutput, requests: &Receiver<PlaybackRequest>, state: &M
             }
             Err(RecvTimeoutError::Disconnected) => return,
         };
+        // Dropped first, which ends the old sound before the new one is made.
         playing = None;
         let PlaybackRequest::Play { sound, at, volume } = request else {
             continue;

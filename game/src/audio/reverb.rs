@@ -22,6 +22,7 @@ fn echoes(ear: Ear) -> Vec<(usize, f32)> {
     let ear = ear.place().to_array();
     let ear_m: [f64; 3] = std::array::from_fn(|axis| TABLE_M[axis] + ear[axis]);
     let image = |cell: i32, size: f64, from: f64, to: f64| {
+        // Images in odd cells are mirrored, those in even ones only shifted.
         let mirrored = if cell.rem_euclid(2) == 0 {
             from
         } else {

@@ -47,6 +47,8 @@ impl BallPaths {
                 }
                 let corner_hz = CORNER_HZ + CORNER_HZ_PER_M_S * speed_m_s;
                 for out in &mut samples[step * per_step..][..per_step] {
+                    // Smoothed sample by sample: speeds are known every 5 ms, and steps of the level
+                    // would click.
                     level += (wanted - level) * LEVEL_SHARE;
                     *out += level * noise.next(corner_hz);
                 }
@@ -92,6 +94,8 @@ impl Noise {
         let share = (std::f64::consts::TAU * corner_hz / f64::from(RATE_HZ)).min(1.0) as f32;
         self.low[0] += share * (white - self.low[0]);
         self.low[1] += share * (self.low[0] - self.low[1]);
+        // White noise through a low-pass has a power in proportion to its corner; the root takes that
+        // out.
         self.low[1] / share.sqrt()
     }
 }

@@ -29,6 +29,8 @@ impl Voice {
     /// sound's samples by linear interpolation.
     pub(super) fn sample(&mut self, heard_at: Instant, rate_hz: f64) -> [f32; 2] {
         let rate = f64::from(RATE_HZ);
+        // Only once: later buffers follow by counting samples, as clocks of device and system drift
+        // apart.
         let next = self.next.unwrap_or_else(|| {
             let late = heard_at.saturating_duration_since(self.at).as_secs_f64();
             let early = self.at.saturating_duration_since(heard_at).as_secs_f64();

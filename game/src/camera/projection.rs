@@ -39,6 +39,7 @@ impl Projection {
     pub fn film_segment(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
         let depth = |p: DVec3| (p - self.basis.eye).dot(self.basis.forward);
         let (depth_a, depth_b) = (depth(a), depth(b));
+        // Twice what hides points, so that no rounding hides the end that is cut here.
         let near = 2.0 * NEAR_M;
         if depth_a <= near && depth_b <= near {
             return None;

@@ -61,10 +61,14 @@ impl Viewpoint {
         }
         let up = DVec2::from_angle(rise_rad);
         let along_m = focus.dot(up);
+        // On the line that the cue must stay below, as far from the focus as the level view's eye: the
+        // greater root of |s·up − focus|² = d².
         let same_m =
             along_m + (along_m.powi(2) - focus.length_squared() + AIM_DISTANCE_M.powi(2)).sqrt();
         let eye = up * same_m.min((EYE_Z_M_MAX - cue_ball.z) / up.y);
         let ahead_rad = (eye - focus).to_angle();
+        // By how much the angle between the ball and the focus, seen from the eye, exceeds that of the
+        // level view: half of it goes to either side of the picture's middle.
         let spread_rad = (rise_rad - ahead_rad) - (level_rad - AIM_PITCH_RAD);
         let pitch_rad = ahead_rad + 0.5 * spread_rad;
         let eye_z_m = eye.y + cue_ball.z;
@@ -120,6 +124,7 @@ impl Viewpoint {
         let turned_rad = (2.0 * half_width * framing.offset().y / framing.film.x).atan();
         let pitch_rad = (self.pitch_rad - turned_rad).max(PITCH_RAD_MIN);
         let eye_z_m = self.distance_m * self.pitch_rad.sin();
+        // The eye stays where it is: the focus goes to where the turned axis meets the cloth.
         let ahead_m = eye_z_m / pitch_rad.tan() - self.distance_m * self.pitch_rad.cos();
         let ahead = DVec3::new(self.bearing_rad.cos(), self.bearing_rad.sin(), 0.0);
         Self {
@@ -163,6 +168,8 @@ impl Viewpoint {
         let top_m = EYE_Z_M_MAX.max(self.distance_m * self.pitch_rad.sin());
         let pitch = |z: f64| (z / distance_m).clamp(-1.0, 1.0).asin();
         let highest_rad = pitch(top_m).min(self.pitch_rad.max(PITCH_RAD_MAX));
+        // From farther off than the room reaches the view is steeper: the eye is d·cos of the pitch away,
+        // seen from above.
         let lowest_rad = pitch(EYE_Z_M_MIN).max((REACH_M / distance_m).min(1.0).acos());
         Self {
             bearing_rad: self.bearing_rad + by.yaw_rad,
@@ -176,6 +183,7 @@ impl Viewpoint {
     /// The view a share `s` in [0, 1] of the way to `to`, turning the shorter way round.
     #[must_use]
     pub fn lerp(self, to: Self, s: f64) -> Self {
+        // Exactly, without rounding: whether the camera still moves is told by equality.
         if s >= 1.0 {
             return to;
         }

@@ -53,6 +53,7 @@ impl CrossFade {
             self.fade = None;
             return;
         }
+        // Eight bits: 255 · 256 just fits 16, and the loop is compiled to vectors of them.
         let weight = (share * 256.0) as u16;
         let pixels = blended.rgba.iter_mut().zip(&fade.before).zip(&after.rgba);
         for ((to, from), after) in pixels {

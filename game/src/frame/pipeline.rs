@@ -135,8 +135,11 @@ impl FramePipeline {
             && (self.is_drawn_moving || replaced.size != frame.size)
         {
             let before = self.reprojector.reprojected(replaced);
+            // From what was on the screen, moved as it was, not from the picture as traced: else the fade
+            // would begin with a jump.
             self.cross_fade.begin(now_secs, before, frame);
         }
+        // Noted before it is moved: a moved picture has a serial number of its own.
         self.drawn = frame.serial;
         self.is_drawn_moving = is_moving;
         let frame = self.reprojector.reproject_to(frame, now);

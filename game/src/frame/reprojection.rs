@@ -81,6 +81,7 @@ impl Reprojector {
                 _ = sender.send(view(&scene, size, earlier));
             }
         });
+        // The oldest is of a picture that was given up, or will be looked at anew when it comes.
         self.expected.truncate(EXPECTED_MAX - 1);
         self.expected.push_front(ExpectedView {
             update,
@@ -94,6 +95,8 @@ impl Reprojector {
         let update = bodies(&picture.update);
         let is_of = |view: &ExpectedView| (view.size, &view.update) == (picture.size, &update);
         let place = self.expected.iter().position(is_of)?;
+        // May wait, but for work that began when the picture was asked for, and that has to be done now
+        // in any case.
         self.expected.remove(place)?.view.recv().ok()
     }
 
@@ -118,6 +121,8 @@ impl Reprojector {
             return false;
         };
         let accumulation = &mut self.accumulation;
+        // The history belongs to the picture accumulated last; to reproject it from another view would
+        // smear it.
         let is_accumulated = earlier.as_ref().map(|(of, _)| *of) == self.accumulated;
         self.threads.install(|| match &earlier {
             Some((_, earlier)) if is_accumulated => {
@@ -263,6 +268,8 @@ fn bodies(update: &SceneUpdate) -> SceneUpdate {
 
 /// The size in which a picture is moved: its own where the threads can take that in time. What moves fast needs no more.
 fn moved_size(size: ImageSize, threads: usize) -> ImageSize {
+    // A budget of time becomes one of pixels: a large window moves coarser pictures rather than late
+    // ones.
     let left_nanos = threads as f64 * MOVE_NANOS - size.pixels() as f64 * NEW_PIXEL_NANOS;
     let pixels = (left_nanos / MOVED_PIXEL_NANOS).max(PIXELS_MIN as f64);
     let share = (pixels / size.pixels().max(1) as f64).sqrt().min(1.0);

@@ -104,6 +104,7 @@ impl Sticks {
                 deflection,
             });
             let was_pressed = self.pressed.contains(&control);
+            // Two thresholds: a stick held at one of them would press and release with its own noise.
             if !was_pressed && deflection > PRESSED_FROM {
                 self.pressed.push(control);
             } else if was_pressed && deflection < RELEASED_BELOW {

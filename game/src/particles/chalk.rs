@@ -115,6 +115,8 @@ impl ChalkPuff {
             states.push_back(PuffState::new(blow));
         }
         let last = states.back().map_or(0, |last| last.step);
+        // Every step once and in order, whatever moments are looked at: no picture depends on those
+        // before it.
         for next in last + 1..=step {
             if let Some(mut state) = states.back().cloned() {
                 state.advance(next, &self.bodies(f64::from(next) * STEP_SECS));

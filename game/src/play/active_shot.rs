@@ -79,6 +79,7 @@ impl ActiveShot {
         });
         let Range { start, end } = self.glide_secs;
         let s = (moment_secs - start) / (end - start);
+        // A cut goes all of the way as soon as the glide would have begun.
         let s = if self.instant_camera { s.ceil() } else { s };
         self.from.lerp(wanted, smoothstep(s))
     }

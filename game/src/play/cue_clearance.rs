@@ -47,6 +47,7 @@ impl<'a> CueClearance<'a> {
         let Some(mut high) = above.find(|e| clear(*e)) else {
             return Stroke::ELEVATION_MAX_RAD;
         };
+        // `low` is not clear and `high` is, from here to the end.
         let mut low = high - STEP_RAD;
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
@@ -124,6 +125,8 @@ impl CueShaft {
                 return true;
             }
             let axis_m = self.tip.z + along_m * self.back.z;
+            // Along a plumb line the underside is the radius over the cosine of the elevation below the
+            // axis.
             axis_m - cue_radius_m(along_m) / level >= height + MARGIN_M
         })
     }

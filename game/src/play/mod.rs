@@ -283,7 +283,7 @@ impl Game {
     pub fn shot_preview(&mut self, now_secs: f64) -> Option<&ShotPreview> {
         let power = match &self.phase {
             TurnPhase::Aiming => self.aim.power,
-            // A rising power would change the prediction all the time.
+            // Of a swing nothing is known before the blow.
             TurnPhase::Stroking(input) => input.power(now_secs).unwrap_or(self.aim.power),
             _ => return None,
         };

@@ -242,6 +242,8 @@ impl ClientSession {
         let particles = std::mem::take(&mut request.update.particles);
         request.particles = self.particles.encode(&particles);
         self.send(&ToNode::Trace(Box::new(request)))?;
+        // Not before it is sent: both ends remember the particles of the requests that travel, and of no
+        // others.
         self.particles.remember(id, particles);
         self.scenes.touch(hash);
         self.last_request = Some(id);
@@ -527,6 +529,7 @@ impl ClientSession {
             return Ok(Vec::new());
         }
         if request.missing > 0 {
+            // It was cancelled too late: tiles of it may still be on their way, on other streams.
             self.refused.insert(report.request);
         }
         self.requests.remove(&report.request);

@@ -448,11 +448,13 @@ impl NodeSession {
             ));
         }
         self.decode_particles(&mut request)?;
+        // Before anything can be refused: the client codes its next particles against these in any case.
         self.particles.remember(id, &request.update.particles);
         // First the scene is used, then the request may be refused: the client does the same.
         let refusal = match self.scenes.touch(request.scene) {
             // To be asked for again: some of its tiles may have been sent.
             _ if copy.as_ref().is_some_and(|copy| copy.stopped) => RefusalReason::Busy,
+            // Its copy came first and has begun it.
             _ if copy.is_some() => return Ok(None),
             None => RefusalReason::UnknownScene,
             Some(_) if self.requests.len() >= REQUESTS_QUEUED_MAX => RefusalReason::Busy,

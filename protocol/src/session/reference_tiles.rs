@@ -74,6 +74,7 @@ impl ReferenceList {
             self.requests.push_back(request);
         }
         for (tile, reference) in tiles.indices().zip(references) {
+            // Requests overtake each other: an older tile does not take a newer one's place.
             match self.tiles.get(&tile) {
                 Some((newer, _)) if *newer > request => {}
                 _ => drop(self.tiles.insert(tile, (request, reference))),
@@ -134,6 +135,8 @@ impl SentReferences {
                 self.bytes -= before.bytes();
             }
         }
+        // Tiles that are dropped elsewhere stay in the order until they come to its front: its length is
+        // bounded too.
         while self.bytes > SENT_REFERENCES_BYTES_MAX || self.order.len() > 2 * self.tiles.len() + 64
         {
             let Some(oldest) = self.order.pop_front() else {

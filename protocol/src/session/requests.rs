@@ -98,6 +98,7 @@ impl RefusedRequests {
 
     /// Whether the request was refused, or is so old that it may have been.
     pub(super) fn may_hold(&self, request: RequestId) -> bool {
+        // `None` is less than all requests: as long as nothing is forgotten, the list alone tells.
         Some(request) <= self.forgotten || self.kept.contains(&request)
     }
 }

@@ -193,6 +193,7 @@ impl Decoder {
         let precision = header.precision;
         let mut coder = RangeDecoder::new(header.body);
         self.delta_coder.begin();
+        // `count` follows from what was asked for, not from the payload.
         decoded.pixels = Vec::with_capacity(count);
         for (tile, reference) in tiles {
             let reference = reference.ok_or(MISSING_REFERENCE)?;
@@ -215,6 +216,8 @@ impl Decoder {
             decoded.pixels.extend_from_slice(&tile.pixels);
             decoded.references.push(tile);
         }
+        // A range decoder reads any bytes without complaint; that it ends exactly where its encoder would
+        // is the only check of the stream's length there is.
         if coder.is_at_end() {
             return Ok(());
         }

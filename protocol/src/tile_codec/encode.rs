@@ -122,6 +122,8 @@ impl Encoder {
         // Range coding takes a decoder ten times as long a changed pixel as planes do. While the
         // camera turns all pixels change: there it is used as long as decoders keep their rate.
         let (payload, nanos) = match all {
+            // All or none of a message: one header names one storage, and the range coder needs a
+            // reference for each tile.
             Some(all) if self.spare_nanos >= 0.0 => {
                 self.encode_range_coded(precision, step, inputs, shown, &all)
             }
@@ -129,8 +131,12 @@ impl Encoder {
         };
         let pixels: usize = shown.iter().map(Vec::len).sum();
         let spare_nanos = self.spare_nanos + PIXEL_NANOS * pixels as f32 - nanos;
+        // Bounded above, or a still minute would be spent on seconds of slow frames. It may fall below 0
+        // by one message.
         self.spare_nanos = spare_nanos.min(SPARE_NANOS_MAX);
         let kept = inputs.iter().zip(shown).map(|(input, pixels)| {
+            // What the decoder has, not what was traced: errors of quantisation would otherwise add up
+            // from frame to frame.
             let pixels = rounded(step, input.tile.width as usize, pixels);
             Arc::new(ReferenceTile { pixels, precision })
         });

@@ -24,6 +24,7 @@ pub(crate) fn encode(precision: PixelPrecision, tiles: &[(Tile, &[[u8; 3]])]) ->
         for row in tile_pixels.chunks_exact(tile.width as usize) {
             pixels.extend_from_slice(row);
             let last = row[row.len() - 1];
+            // Filled with the last pixel, which leaves no edge for the transform to code.
             pixels.resize(pixels.len() + width - row.len(), last);
         }
     }
@@ -41,6 +42,8 @@ pub(crate) fn decode(
     scan: &[u8],
 ) -> Result<Vec<[u8; 3]>, Reason> {
     let (width, height) = stacked(tiles.iter().copied());
+    // The size comes from the request and not from the scan, so that the decoder allocates no more than
+    // was asked for.
     let file = [&header(precision, width, height), scan, &END].concat();
     let options = DecoderOptions::new_fast()
         .set_max_width(width)

@@ -36,6 +36,8 @@ impl Clusters {
         // The best division of the first boxes: its cost, and where its last part begins.
         let mut best = vec![(0.0, 0)];
         for end in 1..=boxes.len() {
+            // Costs are tests per group of rays: 1 of a single box; of a cluster 1 of its bound, and
+            // those of its boxes in the share of groups that meet it.
             let single = (best[end - 1].0 + 1.0, end - 1);
             let cluster = |first: usize| {
                 let bound = union(&boxes[first..end]);
@@ -102,6 +104,7 @@ fn share_of_groups(bound: Bounds, origin: Vec3) -> f32 {
     let area = 2.0 * extent.dot(Vec3::new(extent.y, extent.z, extent.x));
     // A convex body shows a quarter of its surface on average (Cauchy).
     let share = 0.25 * area / (4.0 * std::f32::consts::PI * distance * distance);
+    // A group enters a cluster for any one of its rays.
     1.0 - (1.0 - share.min(1.0)).powi(RAYS_APART)
 }
 

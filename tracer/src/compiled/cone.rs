@@ -34,6 +34,8 @@ impl Cone {
         let from = pose.position.as_dvec3();
         let to = from + axis * f64::from(self.length);
         let apex = from - axis * (narrow / slope);
+        // A disc of radius r across the unit axis a reaches r·√(1 − aᵢ²) along axis i. Rounding may leave
+        // 1 − aᵢ² below 0.
         let across = (1.0 - axis * axis).max(DVec3::ZERO).map(f64::sqrt);
         let margin = 4.0 * f64::from(CSG_MARGIN_M)
             + 4.0 * f64::from(f32::EPSILON) * from.abs().max(to.abs()).max_element();

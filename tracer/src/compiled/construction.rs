@@ -291,6 +291,8 @@ fn subtraction_face(solid: &CsgSolid, material: u32) -> CsgFaceData {
             };
             (
                 kind,
+                // The radius where the coordinate along the axis is 0, so that it is linear in that
+                // coordinate.
                 center.truncate().extend(taper.mul_add(-center.z, radius)),
                 Vec3::new(taper, beyond.x, beyond.y),
             )

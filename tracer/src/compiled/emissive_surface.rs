@@ -118,6 +118,8 @@ impl CompiledScene {
         for (shape, index, own) in powers {
             let before = (sum / power) as f32;
             sum += own;
+            // The difference of rounded sums, where the next one begins too: intervals adjoin, and what
+            // rounding leaves empty, which no number would draw, is left out.
             let probability = ((sum / power).min(1.0) as f32) - before;
             if probability > 0.0 {
                 surfaces.push(EmissiveSurfaceData {
@@ -275,6 +277,7 @@ fn mean_emission(material: &MaterialData, index: usize, textures: &CompiledTextu
     if map == MaterialTextureData::NONE {
         return mean(material.k);
     }
+    // The coarsest level is a single texel, the mean of all.
     let [r, g, b, _] = textures.sample(map, [0.5; 2], f32::MAX);
     mean((Vec3::from(material.k) * Vec3::new(r, g, b)).to_array())
 }

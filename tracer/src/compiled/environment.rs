@@ -139,6 +139,7 @@ impl CompiledEnvironment {
 /// The interval of rising sums from 0 to 1 that a number lies in, its length, and where in it.
 fn draw(sums: &[f32], u: f32) -> (usize, f32, f32) {
     // The last interval that does not begin above `u`.
+    // An interval of length 0 is passed over, as the next one begins at or below `u` as well.
     let first = sums[1..sums.len() - 1].partition_point(|sum| *sum <= u);
     let share = sums[first + 1] - sums[first];
     let within = if share > 0.0 {
@@ -208,6 +209,8 @@ fn shown(picture: &RadianceImage, x: u32, y: u32, of: &impl Fn([f32; 3]) -> f64)
     let columns = [(x + width - 1) % width, x, (x + 1) % width];
     let rows = [y.saturating_sub(1), y, (y + 1).min(height - 1)];
     let mut mean = 0.0;
+    // Integrals over the pixel of the tents that interpolate it and its neighbours: of 1 − |x| from −½ to
+    // ½, and of the neighbours' over half a pixel each.
     for (row, share_y) in rows.into_iter().zip([0.125, 0.75, 0.125]) {
         for (column, share_x) in columns.into_iter().zip([0.125, 0.75, 0.125]) {
             let pixel = picture.pixels[(row * width + column) as usize];
@@ -231,6 +234,8 @@ fn sums(weights: &[f64]) -> Vec<f32> {
         sum as f32
     }));
     if let Some(last) = sums.last_mut() {
+        // Rounding leaves the sum a little off 1, and what it leaves out could not be drawn. Densities
+        // are taken from the same rounded sums, so that they are those of what is drawn.
         *last = 1.0;
     }
     sums

@@ -122,6 +122,7 @@ impl CompiledMeshes {
         let mut has_moved = false;
         for (place, pose) in wanted {
             let mesh = &mut self.placed[place];
+            // Also because `Arc::make_mut` would copy triangles that other scenes share.
             if pose == mesh.pose {
                 continue;
             }
@@ -135,6 +136,7 @@ impl CompiledMeshes {
         }
         if has_moved {
             self.reach = reach(&self.triangles);
+            // A new one, not the old one emptied: copies of the scene that have not moved share that.
             self.layout = LayoutCache::default();
         }
         has_moved
@@ -203,6 +205,7 @@ impl CompiledMeshes {
 
     fn place_of(&self, object: u32) -> Option<usize> {
         self.placed
+            // Meshes are added in the order of the scene's objects.
             .binary_search_by_key(&object, |mesh| mesh.base.object)
             .ok()
     }
@@ -237,6 +240,7 @@ impl PlacedMesh {
         let (base_triangles, base_normals) = self
             .unmoved
             .get_or_insert_with(|| (triangles.to_vec(), normals.to_vec()));
+        // From the base pose each time: the rounding of one movement does not go into the next.
         triangles.copy_from_slice(base_triangles);
         normals.copy_from_slice(base_normals);
         let movement = Movement::new(&self.base, &pose);

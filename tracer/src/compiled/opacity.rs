@@ -99,6 +99,8 @@ impl AlphaTest<'_> {
             && maps.base_color != MaterialTextureData::NONE
         {
             let uv = uvs.at(weights);
+            // Always the finest level: whether a ray is the camera's is not known here, and all tests of
+            // it must agree.
             let [.., of_texture] = self.textures.sample(maps.base_color, uv, 0.0);
             alpha *= of_texture;
         }
@@ -132,6 +134,7 @@ fn ray_number(origin: Vec3, direction: Vec3, triangle: u32) -> f32 {
     let [ox, oy, oz] = origin.to_array().map(f32::to_bits);
     let [dx, dy, dz] = direction.to_array().map(f32::to_bits);
     let [x, y, z, w] = pcg4d([ox, oy, oz, triangle]);
+    // The hash takes four words: the direction comes in once origin and triangle are mixed.
     let [number, ..] = pcg4d([x ^ dx, y ^ dy, z ^ dz, w]);
     unit_float(number)
 }

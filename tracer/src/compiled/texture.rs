@@ -263,6 +263,7 @@ impl Taps {
         let at = turn * count as f32 - 0.5;
         let before = at.floor();
         // −1 and `count` lie beyond the edges.
+        // A mirrored picture goes on with the texel at its edge, as one that is clamped does.
         let wrapped = |place: f32| match (place < 0.0, place as u32 >= count) {
             (false, false) => place as u32,
             (true, _) if wrap == WRAP_REPEAT => count - 1,
@@ -355,6 +356,8 @@ mod mip {
 
     impl Cover {
         fn new(place: u32, finer: u32, coarser: u32) -> Self {
+            // An odd edge is halved downwards: its scale lies above 2, at most at 3 (of 3 texels to 1),
+            // so that a texel covers parts of up to three.
             let scale = finer as f32 / coarser as f32;
             let (begin, end) = (place as f32 * scale, (place + 1) as f32 * scale);
             let first = begin as usize;

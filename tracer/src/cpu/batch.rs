@@ -67,6 +67,8 @@ impl Scratch {
         for first in (0..area.pixels()).step_by(BATCH) {
             let pixels = BATCH.min(area.pixels() - first);
             self.begin(area, first, pixels);
+            // A small area takes several samples into a batch, so that packets stay full where few paths
+            // are left.
             let samples_at_once = (BATCH / pixels) as u32;
             for done in (0..settings.samples).step_by(samples_at_once as usize) {
                 let samples = samples_at_once.min(settings.samples - done);
@@ -75,6 +77,8 @@ impl Scratch {
                 if cancelled.load(Ordering::Relaxed) {
                     return None;
                 }
+                // None once the half lies in an earlier batch. One at the end of a batch is sample 0 of
+                // the next.
                 let half = (settings.samples / 2).checked_sub(done);
                 let half = half.filter(|_| settings.denoise && settings.samples > 1);
                 traced.dropped_samples += self.accumulate(samples as usize, half);
@@ -127,6 +131,8 @@ impl Scratch {
         for (sample, ((films, keys), numbers)) in (0..samples).zip(films.zip(keys).zip(numbers)) {
             films.copy_from_slice(&self.films);
             keys.copy_from_slice(&self.keys);
+            // Samples in the outer loop: neighbouring lanes are neighbouring pixels, whose rays are
+            // alike.
             numbers.fill(sample_key(first_sample.wrapping_add(sample)));
         }
         for (slot, place) in stream.slot[..stream.len].iter_mut().zip(0..) {
@@ -150,6 +156,8 @@ impl Scratch {
             dropped += blacken_non_finite(channels);
             for (sums, column) in self.sums.iter_mut().zip(&self.stream.finished.0) {
                 for ((sum, lost), &value) in sums.iter_mut().zip(&column[slots.clone()]) {
+                    // At 65,536 samples a plain f32 sum has lost a relative 2⁻⁸ in the worst case; this
+                    // keeps it exact to rounding.
                     let corrected = value - *lost;
                     let next = *sum + corrected;
                     *lost = (next - *sum) - corrected;
@@ -224,6 +232,8 @@ impl Scratch {
 fn blacken_non_finite([r, g, b]: [&mut [f32]; 3]) -> u32 {
     let mut dropped = 0;
     for ((r, g), b) in r.iter_mut().zip(g).zip(b) {
+        // `&` keeps the loop free of branches, so that it is compiled to vectors. All channels go black
+        // together: a sample without its red would tint the pixel.
         let finite = r.is_finite() & g.is_finite() & b.is_finite();
         dropped += u32::from(!finite);
         if !finite {

@@ -46,10 +46,12 @@ impl Beam {
     ) -> Option<Self> {
         let (o, d) = (rays.origin, rays.direction);
         // Not a number where one of them is not finite.
+        // One comparison instead of six: ∞ · 0 and NaN · 0 are NaN, which is not equal to itself.
         let zero = (o.x + o.y + o.z + d.x + d.y + d.z) * 0.0;
         if (lanes & !zero.simd_eq(zero)).any_true() {
             return None;
         }
+        // The largest, by the one reduction there is.
         let distance = -least(simd, -distance, lanes);
         Some(Self {
             faces: [
@@ -96,6 +98,9 @@ impl Beam {
         let mut end = Float::splat(simd, self.distance);
         let bounds = [[min.x, max.x], [min.y, max.y], [min.z, max.z]];
         for ([low, high], [min, max]) in self.faces.into_iter().zip(bounds) {
+            // The lower face is at o + v·t. It has to be below the bounds' maximum: t ≤ (max − o)/v if it
+            // moves up, and t ≥ that if it moves down. With the upper face and the minimum both
+            // comparisons turn round.
             let t = (max - low.origin) * low.inverse;
             if low.inverse > 0.0 {
                 end = end.min(t);
@@ -123,6 +128,7 @@ impl Beam {
 impl Face {
     #[inline(always)]
     fn new(origin: f32, velocity: f32) -> Self {
+        // A face that stands still then meets bounds always or, at a t of about ±1e30 metres, never.
         let inverse = 1.0 / velocity.abs().max(DIRECTION_MIN).copysign(velocity);
         Self { origin, inverse }
     }
@@ -144,6 +150,8 @@ impl BoundsGroups {
             let Some(group) = groups.last_mut() else {
                 continue; // the first has begun one
             };
+            // Beams are tested in f32 too. Without slack a ray that grazes a face could meet what its
+            // beam has left out, and the picture would depend on which rays share a packet.
             let (min, max) = (bounds.min - reach * SLACK, bounds.max + reach * SLACK);
             for axis in 0..3 {
                 group[axis][lane] = min[axis];
@@ -165,6 +173,7 @@ impl BoundsGroups {
         let first = group * LANES;
         let bits = match beam {
             Some(beam) => beam.meets(simd, &self.groups[group]),
+            // Never a shift by 32: a group begins only when a primitive is put into it.
             None => u32::MAX >> (32 - LANES.min(self.count - first)),
         };
         Indices { first, bits }
@@ -196,6 +205,7 @@ impl Iterator for Indices {
 fn faces<S: Simd>(simd: S, origin: Float<S>, velocity: Float<S>, lanes: Mask<S>) -> [Face; 2] {
     let low = Face::new(least(simd, origin, lanes), least(simd, velocity, lanes));
     let high = [least(simd, -origin, lanes), least(simd, -velocity, lanes)];
+    // The smallest origin with the smallest velocity need not be one ray's. The box only grows by that.
     [low, Face::new(-high[0], -high[1])]
 }
 

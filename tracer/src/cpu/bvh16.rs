@@ -163,6 +163,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 if part & LEAF_TAG == 0 {
                     let node = &self.nodes[part as usize];
                     let (entries, hits) = node.enter(simd, &ray, slack, distance[lane]);
+                    // The nearest child is followed at once and never touches the stack, where its
+                    // distance would be compared again.
                     if hits != 0 {
                         let nearest;
                         (nearest, waiting) =
@@ -194,6 +196,9 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         (distance, id): (&mut f32, &mut u32),
         is_met: impl Fn(u32) -> bool,
     ) {
+        // Shapes report hits strictly before the limit. One step beyond the distance so far lets hits as
+        // far away through, which the smaller id then decides; a linear search over ids gives the same
+        // answer.
         let Some((hit, t)) = self.meet(simd, leaf, ray, frame, distance.next_up()) else {
             return;
         };
@@ -202,6 +207,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             let at = hits.trailing_zeros() as usize % LANES;
             hits &= hits - 1;
             let met = (t[at], leaf.id[at]);
+            // The filter comes last: looking an opacity up in a texture costs far more than both
+            // comparisons.
             if met < (*distance, *id) && is_met(met.1) {
                 (*distance, *id) = met;
             }
@@ -238,6 +245,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         let columns = RayLanes::new(rays);
         let mut stack = [Entry(0); STACK_PARTS];
         for (lane, limit) in distance.to_array().into_iter().enumerate() {
+            // A distance of 0 marks a lane without a shadow ray; lanes that are dark already need no
+            // other occluder.
             if limit <= 0.0 || dark >> lane & 1 == 1 || !columns.is_finite(lane) {
                 continue;
             }
@@ -312,12 +321,18 @@ impl Bvh16Node {
     ) -> ([f32; LANES], u64) {
         let center = Vec3x::load_arrays(simd, &self.center);
         let half = Vec3x::load_arrays(simd, &self.half);
+        // The node's slack covers what rounds at the coordinates of the scene, this one what rounds at
+        // the ray's.
         let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
+        // Slabs by centre and half extent: |1/d| orders near and far by itself, where corners would ask
+        // for a minimum and a maximum more on each axis.
         let middle = (center - ray.origin).scale(ray.inverse);
         let near = (-half).scale_add(ray.inverse_abs, middle);
         let far = half.scale_add(ray.inverse_abs, middle);
+        // Never below 0, so that the bits of distances can be compared as integers.
         let entry = near.x.max(near.y).max(near.z.max(0.0));
         let exit = far.x.min(far.y).min(far.z.min(limit));
+        // Lanes without a part have a box of no size at 0, which rays from there would enter.
         let hits = entry.simd_le(exit).to_bitmask() & self.lanes;
         (entry.to_array(), hits)
     }
@@ -336,6 +351,8 @@ fn queue(
     let (mut nearest, mut top) = (next(entries, parts, &mut hits), waiting);
     while hits != 0 {
         let entry = next(entries, parts, &mut hits);
+        // One running minimum and an insertion sort of the others, which costs least where a ray enters
+        // few boxes.
         let farther = nearest.max(entry);
         nearest = nearest.min(entry);
         let mut at = top;
@@ -351,6 +368,7 @@ fn queue(
 
 #[inline(always)]
 fn next(entries: &[f32; LANES], parts: &[u32; LANES], hits: &mut u64) -> Entry {
+    // The remainder changes nothing but proves the index to be in bounds, and no check is compiled.
     let lane = hits.trailing_zeros() as usize % LANES;
     *hits &= *hits - 1;
     Entry::new(entries[lane], parts[lane])
@@ -421,6 +439,8 @@ fn pop(stack: &Stack, mut waiting: usize, limit: f32) -> (Option<Entry>, usize) 
     while waiting > 0 {
         waiting -= 1;
         let entry = stack[waiting];
+        // Only parts of one node are in order among themselves: one that lies too far away says nothing
+        // of those below it, so each is looked at.
         if entry.distance() <= limit {
             return (Some(entry), waiting);
         }
@@ -443,6 +463,7 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
             bvh16.leaves.push(self.leaf(subtree));
             return LEAF_TAG | (bvh16.leaves.len() - 1) as u32;
         }
+        // Depth first: a node and its first child are neighbours in memory.
         let number = bvh16.nodes.len();
         bvh16.nodes.push(Bvh16Node {
             center: [[0.0; LANES]; 3],
@@ -452,6 +473,8 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
         });
         for (lane, part) in self.parts(subtree).iter().enumerate() {
             let center = 0.5 * (part.min + part.max);
+            // Both differences: the centre is rounded, and the half extent has to reach the farther
+            // corner from there.
             let half = (part.max - center).max(center - part.min) + self.slack;
             let child = self.build(bvh16, part);
             let node = &mut bvh16.nodes[number];
@@ -470,6 +493,8 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
         let mut parts = vec![*subtree];
         while parts.len() < LANES {
             let divisible = parts.iter().enumerate();
+            // What fits a leaf stays whole. Opened, it would spread over several leaves that are tested
+            // in as many steps.
             let divisible = divisible.filter(|(_, part)| part.count as usize > LANES);
             let largest =
                 divisible.max_by(|(_, a), (_, b)| a.half_area().total_cmp(&b.half_area()));

@@ -44,6 +44,8 @@ impl CsgBox {
         let last = self.first + self.subtractions.len() as u32;
         let left = rays.start.simd_ge(self.first) & rays.start.simd_le(last);
         let zero = Float::splat(simd, 0.0);
+        // Rays that leave the body begin within the margin of the face they leave, which would contain
+        // them again.
         let start = left.select(Float::splat(simd, CSG_MARGIN_M), zero);
         let mut t = enter.max(start);
         let mut open = t.simd_lt(end);
@@ -51,6 +53,8 @@ impl CsgBox {
             return None;
         }
         let first = Word::splat(simd, self.first);
+        // The box's own face, until a subtraction takes its place: where none is left behind, the ray met
+        // the box itself.
         let mut face = first;
         loop {
             let mut moved = Mask::splat(simd, false);
@@ -61,6 +65,7 @@ impl CsgBox {
                     continue;
                 }
                 let exit = exit(simd, subtraction, rays, t);
+                // Only exits that lie ahead count. So `t` grows in every turn, and the loop ends.
                 let further = within & exit.simd_gt(t);
                 t = further.select(exit, t);
                 face = further.select(Word::splat(simd, id), face);
@@ -74,6 +79,7 @@ impl CsgBox {
                 break;
             }
         }
+        // Then the walk has begun inside the body and has never been in a subtraction.
         let within = face.simd_eq(first) & (left | enter.simd_le(0.0));
         let hit = open & !within & t.simd_gt(0.0);
         hit.any_true().then_some((hit, t, face))

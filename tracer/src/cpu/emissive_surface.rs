@@ -237,6 +237,8 @@ impl EmissiveSurfaceSampler {
 #[inline(always)]
 fn area_per_angle_of_sphere<S: Simd>(simd: S, squared: Float<S>, radius: Float<S>) -> Float<S> {
     let beyond = squared - radius * radius;
+    // The sphere's area over the solid angle of its cone, 4πr² / 2π(1 − cos θ), in which 1 − cos θ =
+    // (r/d)² / (1 + cos θ) does not cancel: 2 (d² + d √(d² − r²)).
     let outside = (squared + (squared * beyond.max(0.0)).sqrt()) * 2.0;
     beyond.simd_gt(0.0).select(outside, Float::splat(simd, 0.0))
 }
@@ -256,6 +258,7 @@ fn draw_of_few<S: Simd>(
         *lanes = Float::splat(simd, number);
     }
     for surface in others {
+        // Intervals are in rising order, so that the last one that begins at or below the number stays.
         let is_after = u.simd_ge(surface.numbers[BEFORE]);
         index = is_after.select(Word::splat(simd, surface.index), index);
         shape = is_after.select(Word::splat(simd, surface.shape), shape);
@@ -339,6 +342,7 @@ impl SurfaceRow {
                 r,
                 g,
                 b,
+                // Of surfaces that emit this is the density of points.
                 material.majorant,
                 before,
                 probability,

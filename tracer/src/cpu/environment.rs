@@ -123,6 +123,8 @@ fn seen<S: Simd>(
                 }
             }
             let [r, g, b, density] = columns.map(|column| Float::load_array(simd, column));
+            // ∞ at the poles, where a whole row of the picture is one direction: light found there by
+            // chance has no weight.
             let density = density * map.probability / (sine * SQUARE_TO_SPHERE);
             (Vec3x::new(r, g, b), density)
         },

@@ -78,6 +78,8 @@ impl Prepared {
                 let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
                 let distance = nearest.distance;
                 let mut light = self.emission_with_mis(simd, stream, at, light_id, distance);
+                // Light seen directly or in the first mirror is in what first hits trace apart. It is
+                // added after the filter has run, so that lamps and their mirror images stay sharp.
                 if self.settings.denoise && depth <= 1 {
                     light = self.without_emission(simd, stream, at, light);
                 }
@@ -126,6 +128,7 @@ impl Prepared {
         depth: u32,
         nearest: &mut Nearest<S>,
     ) {
+        // NONE has all bits set, that of INSIDE among them, and is no body.
         let start = load_words(simd, &stream.primitive, at);
         let none = Word::splat(simd, NONE);
         let within = (start & INSIDE).simd_ne(0) & start.simd_ne(none);
@@ -134,6 +137,8 @@ impl Prepared {
         }
         let pixel = load_words(simd, &stream.pixel, at);
         let sample = load_words(simd, &stream.sample, at);
+        // The block's first number is kept for the boundary, where it chooses between reflection and
+        // refraction.
         let [_, u] = pair(pixel, sample, block_choice(depth), self.settings.seed);
         let flight = self
             .surfaces
@@ -141,6 +146,7 @@ impl Prepared {
         let beta = stream.beta.load(simd, at);
         stream.beta.store(at, beta.scale(flight.weight));
         nearest.distance = flight.distance;
+        // The path stays in its body: `start` has its id and INSIDE, from which the next edge begins.
         nearest.id = flight.scattered.select(start | SCATTERED, nearest.id);
     }
 

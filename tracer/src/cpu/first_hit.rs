@@ -123,6 +123,7 @@ impl<'a> FirstRays<'a> {
     fn row<S: Simd>(&self, simd: S, grid: &Grid, y: usize, (inverse_depth, primitive): Row) {
         let columns = grid_columns(inverse_depth.len());
         let above = y / 2 * columns;
+        // Rows of the grid lie on even rows of the film: there both neighbours are the same row.
         let below = above + y % 2 * columns;
         let depths = (
             &grid.inverse_depth[above..above + columns],
@@ -150,6 +151,8 @@ impl<'a> FirstRays<'a> {
             }
         }
         if count > 0 {
+            // Repeated, not any other pixel: columns stay in order, as the beam between the first and the
+            // last one asks, and writing a pixel again does no harm.
             let last = open[count - 1];
             open[count..].fill(last);
             self.trace_into(simd, &open, y, inverse_depth, primitive);
@@ -198,12 +201,16 @@ impl<'a> FirstRays<'a> {
                 let direction = direction * (1.0 / length);
                 let eye = Vec3x::splat(simd, camera.eye);
                 let rays = Rays::new(simd, eye, direction, Word::splat(simd, NONE));
+                // All directions of a row lie between its two ends, whatever their lengths: a beam has no
+                // use for unit vectors.
                 let beam = Beam::between(camera.eye, left + first * dx, left + last * dx);
                 let nearest = self.geometry.nearest(simd, &rays, Some(&beam));
                 let mut primitives = nearest.id.to_array();
                 let triangles = self.scene.meshes.triangles.len() as u32;
                 if triangles > 0 {
                     for id in &mut primitives {
+                        // Ids below the first triangle wrap round and are larger than any count: one
+                        // comparison instead of two.
                         let triangle = id.wrapping_sub(self.first_triangle);
                         if triangle < triangles {
                             *id = self.first_triangle + self.scene.meshes.first_of_mesh(triangle);
@@ -228,12 +235,16 @@ fn between(
     let depths = depths_above.windows(2).zip(depths_below.windows(2));
     let pixels = inverse_depth.chunks_mut(2).zip(primitive.chunks_mut(2));
     for (((above, below), (upper, lower)), (depth, id)) in cells.zip(depths).zip(pixels) {
+        // 1/s is an affine function of the pixel on any plane, because directions are one of the pixel
+        // and not normalised. So the means of neighbours below are exact there, and good on surfaces that
+        // bend little.
         let is_left = above[0] == below[0] && is_near(upper[0], lower[0]);
         id[0] = if is_left { above[0] } else { OPEN };
         depth[0] = 0.5 * (upper[0] + lower[0]);
         if let ([_, depth], [_, id]) = (depth, id) {
             let is_one = is_left & (above[1] == below[1]) & (above[0] == above[1]);
             let is_one = is_one & is_near(upper[0], upper[1]) & is_near(lower[0], lower[1]);
+            // No branches in this loop, and `&` instead of `&&`: it is compiled to vectors of pixels.
             *id = if is_one { above[0] } else { OPEN };
             *depth = 0.25 * (upper[0] + upper[1] + lower[0] + lower[1]);
         }

@@ -47,6 +47,7 @@ impl Geometry {
             |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
         let first = |kind| scene.first_id(kind);
         let kind = ShapeKind::Sphere;
+        // Thresholds are the CPU's own, as measured for each shape; GPUs have others for the same BVH.
         let bvh = scene.bvh(kind, Sphere::BVH_MIN);
         let spheres = PrimitiveSet::of(&scene.spheres, first(kind), bvh, reach, |data| {
             Some((Sphere::numbers(data, reach)?, is_dielectric(data.material)))
@@ -76,6 +77,8 @@ impl Geometry {
         let far = |bounds: Bounds| bounds.min.abs().max(bounds.max.abs()).element_sum();
         let far = scene.area_lights.iter().map(|light| far(light.into()));
         let area_lights_reach = far.fold(reach, |reach, far| reach.max(2.0 * far));
+        // Not by `reach`, which has no area lights in it; a light far outside of the scene rounds by its
+        // own coordinates.
         let area_lights = PrimitiveSet::of(
             &scene.area_lights,
             area_lights_first,
@@ -112,6 +115,7 @@ impl Geometry {
         self.boxes.nearest(simd, rays, beam, &mut nearest);
         self.discs.nearest(simd, rays, beam, &mut nearest);
         self.rectangles.nearest(simd, rays, beam, &mut nearest);
+        // A CSG box tells of its faces itself: which one is met is known only at the end of its walk.
         for group in 0..self.csg_bounds.len() {
             for index in self.csg_bounds.met(simd, group, beam) {
                 let csg_box = &self.csg_boxes[index];
@@ -124,8 +128,12 @@ impl Geometry {
         if !self.triangles.is_empty() {
             self.triangles.nearest(simd, rays, beam, &mut nearest);
         }
+        // Last, as their ids are: the integrator takes every id from the first area light on as the end
+        // of a path.
         self.area_lights.nearest(simd, rays, beam, &mut nearest);
         if self.has_dielectric {
+            // The body's own id in `start` is what lets its far side be met; what is met from within is
+            // passed on so tagged.
             let within = rays.start.simd_eq(nearest.id | INSIDE);
             nearest.id = within.select(rays.start, nearest.id);
         }
@@ -172,6 +180,8 @@ impl Geometry {
         for light in &self.area_lights.each {
             let met = Rectangle::intersect(rays, &(), &light.splat(simd), distance);
             if let Some((hit, _)) = met {
+                // The light that the ray is for ends it and does not hide itself: its distance is known
+                // only to rounding.
                 dark |= hit & target.simd_ne(light.id);
             }
         }
@@ -198,6 +208,7 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
             Some((one, Bounds::from(data)))
         });
         if let Some(bvh) = bvh {
+            // Hidden ones keep their place in the list, since the BVH names primitives by index.
             let each: Vec<_> = each.map(|one| Some(one?.0)).collect();
             return Self {
                 each: Vec::new(),
@@ -271,6 +282,8 @@ fn reach(scene: &CompiledScene) -> f32 {
     let far = |p: [f32; 3], extent: f32| p.iter().fold(extent, |sum, c| sum + c.abs());
     let extents = scene.extents(|v| far(v, 0.0));
     let from_world_origin = extents.map(|(center, extent)| far(center, extent));
+    // Origins are the eye or on primitives, all within this sum of |coordinates| from 0; a difference of
+    // two points is at most twice as long.
     2.0 * from_world_origin.fold(far(eye, 0.0).max(scene.meshes.reach), f32::max)
 }
 

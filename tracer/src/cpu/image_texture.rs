@@ -97,6 +97,8 @@ impl TriangleTextures {
             }
             let data = &self.textures.images[image as usize];
             let across = (data.width as f32 * data.height as f32).sqrt();
+            // Texels across the footprint: a texel of the level then is as large as what is seen. A
+            // footprint of 0 gives −∞, which means the finest level.
             let level = (hit.footprint_m * uvs.density * across).log2();
             let rgba = self.textures.sample(image, uv, level);
             for (column, channel) in columns.iter_mut().zip(channels) {
@@ -165,6 +167,7 @@ impl TriangleTextures {
             return None;
         }
         let [tangent, bitangent] = tangents(hit.triangle, uvs, hit.n_out)?;
+        // Always the finest level: means of normals are shorter and flatten the surface.
         let [x, y, z, _] = (self.textures.sample(image, uv, 0.0)).map(|c| 2.0 * c - 1.0);
         let (x, y) = (scale * x, scale * y);
         let mapped = (x * tangent + y * bitangent + z * hit.n_out).try_normalize()?;
@@ -229,6 +232,8 @@ fn tangents(triangle: &TriangleData, uvs: &TriangleUvs, n: Vec3) -> Option<[Vec3
     let [a, b, c] = triangle.corners();
     let [ta, tb, tc] = [uvs.a, uvs.b, uvs.c].map(Vec2::from);
     let (edge_b, edge_c, uv_b, uv_c) = (b - a, c - a, tb - ta, tc - ta);
+    // The sign in place of a division by the determinant: only directions are wanted, and mirrored
+    // textures turn both of them round.
     let turn = uv_b.perp_dot(uv_c).signum();
     let along_u = turn * (uv_c.y * edge_b - uv_b.y * edge_c);
     let along_v = turn * (uv_b.x * edge_c - uv_c.x * edge_b);

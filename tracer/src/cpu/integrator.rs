@@ -38,6 +38,7 @@ impl Prepared {
             #[inline(always)]
             || self.generate(simd, stream),
         );
+        // One edge more than scatterings: the last one only finds light that the last direction leads to.
         for depth in 0..=max_depth {
             let last = depth == max_depth;
             rays += extend(self, simd, stream, depth, last, cancelled);
@@ -91,9 +92,12 @@ impl Prepared {
             let length = direction.length_squared().sqrt();
             stream.origin.store(at, origin);
             stream.direction.store(at, direction * (one / length));
+            // Kept until the hit is found: depth is measured along the camera's axis, where the direction
+            // has length 1.
             store(&mut stream.distance, at, length);
             stream.beta.store(at, Vec3x::new(one, one, one));
             stream.radiance.store(at, Vec3x::splat(simd, [0.0; 3]));
+            // A camera ray is as a mirror's: light sampling could not have found its direction.
             store(&mut stream.pdf, at, Float::splat(simd, f32::INFINITY));
             if stream.has_sampled_pdf {
                 let infinite = Float::splat(simd, f32::INFINITY);
@@ -123,6 +127,8 @@ impl Prepared {
             let (radius, (sin, cos)) = (radius2.sqrt(), sin_cos_turns(turns));
             let lens = [radius * cos, radius * sin];
             let steps = lens.map(|l| l * camera.lens_steps);
+            // The lens is spanned by the film's axes, in steps of a pixel. `lens_film` is `lens_steps`
+            // over the distance of focus, so that e + f·d is the same point for all of the lens.
             eye = dx.mul_add(steps[0], dy.mul_add(steps[1], eye));
             u = [
                 u[0] - lens[0] * camera.lens_film,
@@ -144,7 +150,10 @@ impl Prepared {
             let beta = stream.beta.load(simd, at);
             let left = load_words(simd, &stream.primitive, at);
             let alive = packet.mask(simd) & left.simd_ne(NONE);
+            // By the largest channel: of survivors it becomes exactly 1 / SURVIVAL_PER_THROUGHPUT, so
+            // that no weight grows.
             let survival = beta.x.max(beta.y).max(beta.z) * SURVIVAL_PER_THROUGHPUT;
+            // Paths inside a body do not play: their next flight draws its length by the same number.
             let played = alive & survival.simd_lt(1.0) & (left & INSIDE).simd_eq(0);
             let mut survivors = alive;
             if played.any_true() {
@@ -189,6 +198,8 @@ impl Prepared {
                 continue;
             }
             rays += u64::from(traced);
+            // Only rays refracted by a ball begin elsewhere than the path; the column is neither written
+            // nor read without.
             let begins = if lobe == OTHER && self.has_refracted_nee() {
                 &shadow.origin
             } else {

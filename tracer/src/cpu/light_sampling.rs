@@ -138,6 +138,9 @@ impl Prepared {
             self.area_light_probability,
         ];
         let [punctual_share, environment_share, _] = shares;
+        // One number chooses the kind of light, and what is left of it within its interval is even again:
+        // stratified points stay stratified within each kind. The scalar tracer subtracts in the same
+        // order.
         let beside_emissive = u[0] - emissive_share;
         let mut emissive = beside_emissive.simd_lt(0.0);
         let after = beside_emissive - punctual_share;
@@ -148,6 +151,8 @@ impl Prepared {
         let rest = environment.select(part(after, environment_share), rest);
         let mut rest = punctual
             .select(part(beside_emissive, punctual_share), rest)
+            // Rounding may stretch the end of an interval to 1, which would be the index after the last
+            // light.
             .min(BELOW_1 as f32);
         if self.emissive_surfaces.is_some() {
             let of_emissive = part(u[0], emissive_share).min(BELOW_1 as f32);
@@ -155,6 +160,8 @@ impl Prepared {
         }
         if let Some(microfacet) = &hit.microfacet {
             let scattered = microfacet.is_scattered();
+            // Inside bodies other kinds have no share, so that area lights have all of the number and, in
+            // `weigh_beside_others`, a factor of 1.
             rest = scattered.select(u[0], rest);
             punctual &= !scattered;
             environment &= !scattered;
@@ -237,6 +244,7 @@ impl Prepared {
             let lights = &self.punctual_lights;
             let chosen = sample_punctual_light(simd, lights, hit.position, u[0]);
             let cos_i = hit.normal.dot(chosen.wi);
+            // No MIS: a direction of the BSDF never meets a point, so that light sampling alone counts.
             let (f_cos, _) = bsdf.evaluate(simd, chosen.wi, cos_i);
             let weight = Float::splat(simd, 1.0 / self.punctual_probability);
             let light = f_cos.scale(chosen.irradiance) * weight;
@@ -287,6 +295,8 @@ impl Prepared {
         let Some(microfacet) = &hit.microfacet else {
             return 0;
         };
+        // Scattering here and refraction at the boundary are two; paths found by chance would be cut as
+        // well.
         if packet.depth + 2 > self.settings.max_depth {
             return 0;
         }
@@ -339,6 +349,8 @@ impl Prepared {
         light: &LightSample<S>,
     ) {
         let HitPacket { simd, at, bsdf, .. } = *packet;
+        // Evaluated for all lanes, also those that do not face the light; what these get is not read, as
+        // `lit` is unset.
         let cos_i = packet.hit.normal.dot(light.wi);
         let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, light.wi, cos_i);
         let weight = power_heuristic(bsdf_pdf * light.inverse_density);

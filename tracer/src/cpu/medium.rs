@@ -29,9 +29,13 @@ impl<S: Simd> FreeFlight<S> {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
         let rows = Rows::new(table, id);
         let rate = rows.number(simd, MAJORANT);
+        // 1 − u is at least 2⁻²⁴, as `ln` asks. Without a medium the rate is 0 and the quotient ∞ or NaN;
+        // neither counts as scattered below.
         let sampled = -ln(simd, one - u) / rate;
         let scattered = within & rate.simd_gt(0.0) & sampled.simd_lt(distance);
         let distance = scattered.select(sampled, distance);
+        // Distances are drawn by the least extinction of the three channels, so that what is left of each
+        // over the density, exp(−(σt − rate) d), never exceeds 1 and all channels share a path.
         let beyond = rows.triple(simd, ETA_OR_EXTINCTION) - Vec3x::new(rate, rate, rate);
         let left = beyond * -distance;
         let left = Vec3x::new(exp(simd, left.x), exp(simd, left.y), exp(simd, left.z));

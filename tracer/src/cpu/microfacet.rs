@@ -156,6 +156,8 @@ impl<S: Simd> MicrofacetBsdf<S> {
         }
         let (cos_o, cos_i) = (normal.dot(wo), normal.dot(wi));
         let reflected = cos_i.simd_gt(0.0);
+        // Walter et al. 2007, equations 13 and 16: the half vector of reflection is that of refraction
+        // with η = 1.
         let h = normalize(wo + Vec3x::select(reflected, wi, wi * self.eta));
         let h = Vec3x::select(h.dot(normal).simd_lt(0.0), -h, h);
         let (o, i) = (wo.dot(h), -wi.dot(h));
@@ -166,10 +168,13 @@ impl<S: Simd> MicrofacetBsdf<S> {
         let f = fresnel(simd, o, self.eta);
         let thinner = 1.0 / (self.eta * self.eta);
         let sum = o - self.eta * i;
+        // The Jacobian of equation 17 for rays that come from `wo`, with η² as a division by its inverse.
         let refracted = (1.0 - f) * seen * o * i / (thinner * (sum * sum));
         let passes = o.simd_gt(0.0) & i.simd_gt(0.0);
         let refracted = passes.select(refracted, zero);
         let glass_pdf = reflected.select(f * quarter, refracted);
+        // Normals are drawn as seen from `wo`, so that value and density differ by the shadowing of `wi`
+        // alone, and for radiance that has been refracted by 1/η².
         let glass = glass_pdf * shadowing * reflected.select(Float::splat(simd, 1.0), thinner);
 
         let on_metal = self.metal & reflected;
@@ -205,12 +210,15 @@ impl<S: Simd> MicrofacetBsdf<S> {
         let f = fresnel(simd, cos_h, self.eta);
         let reflected = self.metal | u[0].simd_lt(f);
         let mirrored = h.mul_add(cos_h * 2.0, -wo);
+        // η² − sin² θ, factored: η² − 1 would cancel for indices near 1. It is η² cos² θt.
         let cos_t = ((self.eta - 1.0) * (self.eta + 1.0) + cos_h * cos_h).max(zero);
         let inverse_eta = one / self.eta;
         let bent = h * ((cos_h - cos_t.sqrt()) * inverse_eta) - wo * inverse_eta;
         let wi = Vec3x::select(reflected, mirrored, normalize(bent));
 
         let cos_i = normal.dot(wi);
+        // A facet may send light to the wrong side of the surface as a whole; such a direction weighs
+        // nothing.
         let facing = reflected.select(cos_i, -cos_i).max(zero);
         let shadowing = self.rough.select(self.visibility(facing) * facing, one);
         let thinner = reflected.select(one, inverse_eta * inverse_eta);
@@ -223,6 +231,8 @@ impl<S: Simd> MicrofacetBsdf<S> {
         let density = self.evaluate(simd, normal, wo, wi).1;
         let infinite = Float::splat(simd, f32::INFINITY);
         let passed = cos_i.simd_lt(0.0);
+        // Reflected within, or let in from outside; a path that is scattered inside stays there in any
+        // case.
         *inside = (self.dielectric & ((self.within & !passed) | (!self.within & passed)))
             | self.scattered;
         let even = uniform_direction(simd, u[1], u[2]);

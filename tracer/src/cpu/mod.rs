@@ -158,6 +158,8 @@ impl CpuTracer {
         let strips = strips_per_tile(job.tiles.len(), self.pool.current_num_threads());
         let (samples, rays) = (AtomicU64::new(0), AtomicU64::new(0));
         self.pool.install(|| {
+            // rayon would otherwise keep runs of tiles together in a task, and they would finish one
+            // behind another.
             let tiles = job.tiles.par_iter().with_max_len(1).enumerate();
             tiles.for_each(|(index, &tile)| {
                 let Some(traced) = self.trace_tile(scene, job, tile, strips) else {
@@ -335,6 +337,7 @@ fn strips_per_tile(tiles: usize, threads: usize) -> u32 {
     if threads == 1 || tiles >= threads * PIECES {
         return 1;
     }
+    // Strips follow the tile's rows, so that the parts are joined by appending them.
     (threads * PIECES).div_ceil(tiles.max(1)) as u32
 }
 

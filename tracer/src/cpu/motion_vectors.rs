@@ -150,6 +150,8 @@ impl MotionVectors {
             last = Some(id);
             let own = lanes.simd_eq(*id);
             if *id == FirstHits::ESCAPED {
+                // A point at infinity, which moves with the eye: its depth was 0, and the product above
+                // ∞.
                 seen = Vec3x::select(own, direction, seen);
                 continue;
             }
@@ -164,6 +166,8 @@ impl MotionVectors {
             seen = Vec3x::select(own, was_seen, seen);
             if let Some(center) = motion.center {
                 let from_center = point - Vec3x::splat(simd, center.to_array());
+                // On a sphere that only moves, the offset from the centre is the earlier normal too; it
+                // faced away from the earlier eye.
                 hidden |= own & from_center.dot(was_seen).simd_ge(0.0);
             }
         }
@@ -185,6 +189,7 @@ fn neighbours<S: Simd>(simd: S, at: Float<S>, count: u32) -> (Word<S>, Float<S>)
     let last = count.saturating_sub(1) as f32;
     let zero = Float::splat(simd, 0.0);
     let at = zero.max((at - 0.5).min(last));
+    // One less than the last: the second pixel exists too, and counts in full at the film's far edge.
     let first: i32x16<S> = at.min((last - 1.0).max(0.0)).to_int();
     let whole: Float<S> = first.to_float();
     (first.bitcast(), at - whole)
@@ -219,6 +224,8 @@ impl FilmProjection {
     fn project<S: Simd>(&self, simd: S, seen: Vec3x<S>, hidden: Mask<S>) -> [Float<S>; 2] {
         let depth = Vec3x::splat(simd, self.depth.to_array()).dot(seen);
         let shown = depth.simd_gt(0.0) & !hidden;
+        // NaN fails all comparisons of `footprints`, so that such places count as outside without a mask
+        // of their own.
         let share = shown.select(1.0 / depth, Float::splat(simd, f32::NAN));
         [self.x, self.y].map(|axis| Vec3x::splat(simd, axis.to_array()).dot(seen) * share)
     }

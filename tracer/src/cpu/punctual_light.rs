@@ -40,6 +40,8 @@ pub(super) fn sample_punctual_light<S: Simd>(
                 let seen = weight.simd_gt(0.0);
                 let before = sum;
                 sum += seen.select(weight, zero);
+                // A weighted reservoir of one (Chao 1982) by a single number: light n takes the place
+                // with probability w/Σw, and what is left of u within its share is even again.
                 let at = u * sum;
                 let taken = seen & at.simd_ge(before);
                 let part = taken.select(at - before, at)

@@ -66,6 +66,7 @@ pub(super) fn inverse<S: Simd>(simd: S, direction: Vec3x<S>) -> Vec3x<S> {
 
 #[inline(always)]
 fn inverse_component<S: Simd>(simd: S, d: Float<S>) -> Float<S> {
+    // The sign survives for ±0, so that a ray in the plane of a face still knows which side is ahead.
     1.0 / d.abs().max(Float::splat(simd, DIRECTION_MIN)).copysign(d)
 }
 

@@ -75,12 +75,16 @@ impl<S: Simd> PlaneRays<S> {
         let cos = cosine(sine);
         let cos_i = cosine(r * sine);
         let cos_o = cosine(ior * r * sine);
+        // cos θi − r cos θ, times its conjugate over the same: near the boundary the difference would
+        // cancel.
         let length = (1.0 - r * r).max(0.0) / r.mul_add(cos, cos_i).max(TINY);
         let place = [length.mul_add(cos, r), length * sine];
         let power = cos_o - ior * cos_i;
         Self {
             place,
             inner: [cos, sine],
+            // Snell's law as vectors: n·inner + (cos θo − n cos θi) · normal, and `place` is the normal
+            // of the unit ball.
             outer: [
                 ior.mul_add(cos, power * place[0]),
                 ior.mul_add(sine, power * place[1]),
@@ -94,6 +98,7 @@ impl<S: Simd> PlaneRays<S> {
     /// How far points lie on the side of larger angles.
     #[inline(always)]
     fn beside(&self, point: [Float<S>; 2]) -> Float<S> {
+        // The cross product of the plane, above 0 where the point is to the left of the ray.
         self.outer[0] * (point[1] - self.place[1]) - self.outer[1] * (point[0] - self.place[0])
     }
 
@@ -161,6 +166,7 @@ impl<S: Simd> NeeBoundaries<S> {
         let y = light.wi.mul_add(distance, x);
         let r = x.length_squared().sqrt();
         let axis = x * (1.0 / r.max(TINY));
+        // From the centre every direction is an axis; the one to the light needs no search.
         let axis = Vec3x::select(r.simd_gt(0.0), axis, light.wi);
         let along = y.dot(axis);
         let across = y - axis * along;
@@ -180,6 +186,9 @@ impl<S: Simd> NeeBoundaries<S> {
         let passed = (1.0 - reflected) * self.ior * self.ior;
         let cosines = outer.dot(normal) / light.wi.dot(normal);
         let spread = ray.spread(self.ior, outside);
+        // The density of `light` is one of straight rays, per solid angle: d² / cos turns it into area on
+        // the lamp, and the new cosine over the spread into solid angle inside. Lengths are in radii on
+        // both sides and cancel.
         let inverse_pdf = light.inverse_pdf * (distance * distance) * cosines / spread;
         let left = self.extinction * -inside;
         let left = Vec3x::new(exp(simd, left.x), exp(simd, left.y), exp(simd, left.z));
@@ -190,6 +199,7 @@ impl<S: Simd> NeeBoundaries<S> {
             outer,
             inside,
             outside: outside * self.radius,
+            // 1 / 4π is the phase function: bodies scatter evenly.
             weight: left * (passed * inverse_pdf.max(0.0) * (0.25 / PI)),
         }
     }
@@ -216,6 +226,7 @@ fn search<S: Simd>(
     at_high = at_high.min(0.0);
     let mut sine = low;
     let (mut moved_low, mut moved_high) = (Mask::splat(simd, false), Mask::splat(simd, false));
+    // A fixed number of steps, so that lanes stay together and the GPU finds the same point.
     for _ in 0..SphereData::REFRACTED_NEE_STEPS {
         let part = at_low / (at_low - at_high).max(TINY);
         sine = part.mul_add(high - low, low);

@@ -16,6 +16,7 @@ impl<'a, const N: usize> Rows<'a, N> {
     /// If an id is not below the table's length.
     #[inline(always)]
     pub(super) fn new<S: Simd>(table: &'a [[f32; N]], id: Word<S>) -> Self {
+        // A broadcast instead of a gather for each number that follows; one comparison tells.
         let uniform = id.simd_eq(id[0]).all_true();
         let mut lanes = [&table[id[0] as usize]; LANES];
         if !uniform {

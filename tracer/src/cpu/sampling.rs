@@ -39,6 +39,7 @@ fn second_dimension<S: Simd>(mut x: Word<S>) -> Word<S> {
     x ^= (x & 0xcccc_cccc) >> 2;
     x ^= (x & 0xf0f0_f0f0) >> 4;
     x ^= (x & 0xff00_ff00) >> 8;
+    // The mask of the last step, 0xffff_0000, is implied by the shift.
     x ^ (x >> 16)
 }
 
@@ -74,6 +75,8 @@ fn unit_float<S: Simd>(word: Word<S>) -> Float<S> {
 /// is split off exactly, Taylor series cover the ±π/4 that are left.
 #[inline(always)]
 pub(super) fn sin_cos_turns<S: Simd>(turns: Float<S>) -> (Float<S>, Float<S>) {
+    // Times 4 and the difference below are exact: the reduction costs no digits, unlike one by multiples
+    // of 2π.
     let quarters = (turns * 4.0 + 0.5).floor();
     let angle = (turns * 4.0 - quarters) * FRAC_PI_2;
     let a2 = angle * angle;
@@ -108,6 +111,8 @@ pub(super) fn cosine_hemisphere<S: Simd>(
     let (sin, cos) = sin_cos_turns(u2);
     let r = u1.sqrt();
     let (x, y) = (r * cos, r * sin);
+    // Malley's method: points that are even on the disc, lifted to the hemisphere, have density cos θ /
+    // π.
     let z = (one - u1).max(0.0).sqrt();
     let (tangent, bitangent) = basis(simd, n);
     tangent.mul_add(x, bitangent.mul_add(y, n * z))
@@ -139,6 +144,7 @@ pub(super) struct BsdfSample<S: Simd> {
 
 #[inline(always)]
 pub(super) fn uniform_direction<S: Simd>(simd: S, u1: Float<S>, u2: Float<S>) -> Vec3x<S> {
+    // Archimedes: the heights of even directions are even.
     let z = Float::splat(simd, 1.0) - u1 * 2.0;
     let sine = (1.0 - z * z).max(0.0).sqrt();
     let (sin, cos) = sin_cos_turns(u2);

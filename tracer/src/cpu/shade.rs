@@ -53,9 +53,12 @@ impl Prepared {
                 stream.store_miss(simd, at);
                 continue;
             }
+            // Dead lanes look up row 0: tables panic at ids they do not have.
             let tag = alive.select(tag, Word::splat(simd, 0));
             let direction = stream.direction.load(simd, at);
             let distance = load(simd, &stream.distance, at);
+            // No ray differentials are carried along paths: after a scattering the finest level is looked
+            // up, which the samples of a pixel filter.
             let footprint = if depth == 0 { self.footprint } else { 0.0 };
             let (hit, regularised) = self.regularised_hit::<S, GENERAL>(
                 simd, stream, at, direction, distance, tag, footprint,
@@ -99,6 +102,7 @@ impl Prepared {
                 light_weight_sum = sum;
             }
             let [u1, u2] = pair(pixel, sample, block_scatter(depth), seed);
+            // Without such a lobe nothing reads it, and sixteen multiplications of all lanes are saved.
             let mut u0 = u1;
             if hit.microfacet.is_some() || hit.metallic_roughness.is_some() {
                 [u0, _] = pair(pixel, sample, block_choice(depth), seed);
@@ -111,6 +115,8 @@ impl Prepared {
             if GENERAL && stream.has_sampled_pdf {
                 store(&mut stream.sampled_pdf, at, scattered.pdf);
             }
+            // Kept as the product, because MIS at the next hit needs only the ratio of brightness to it;
+            // the sum belongs to this point and is not known there.
             let pdf = weighed(scattered.pdf, light_weight_sum);
             let diffuse = bsdf.layered(simd) & pdf.simd_gt(0.0);
             let mut pdf = with_spread(pdf, regularised | diffuse);
@@ -123,6 +129,8 @@ impl Prepared {
                 let before = load(simd, &stream.pdf, at);
                 let known =
                     self.exits_by_nee_hemisphere(simd, before, &hit, -direction, distance, tag);
+                // Area lights along this ray have been sampled through the boundary: 0 gives their
+                // emission a weight of 0.
                 pdf = (known & !inside).select(Float::splat(simd, 0.0), pdf);
             }
             store(&mut stream.pdf, at, pdf);
@@ -169,6 +177,7 @@ impl Prepared {
             let area_per_angle =
                 lights.area_per_angle(simd, origin, untagged(tag), distance, cosine);
             let density = surface.point_density * lights.probability() * area_per_angle;
+            // Of mirrors and of camera rays all emission counts, as no light sampling competes with them.
             let is_found = pdf.simd_gt(0.0) & pdf.simd_lt(f32::INFINITY) & density.simd_gt(0.0);
             let ratio = density / is_found.select(pdf, one);
             let weight = power_heuristic(is_found.select(ratio, zero));
@@ -247,5 +256,6 @@ impl Prepared {
 #[inline(always)]
 fn weighed<S: Simd>(pdf: Float<S>, light_weight_sum: Float<S>) -> Float<S> {
     let product = pdf * light_weight_sum.max(f32::MIN_POSITIVE);
+    // 0 would mean a coat's mirror at the next hit. −∞ and NaN pass unchanged by the comparison.
     pdf.simd_gt(0.0).select(product.max(f32::MIN_POSITIVE), pdf)
 }

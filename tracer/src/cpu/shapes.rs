@@ -85,6 +85,8 @@ impl<F, const N: usize> PackedPrimitive<F, N> {
 
 /// No ray passes outside this radius and hits, whatever the rounding of the quick test.
 fn reject_radius(radius: f32, reach: f32) -> f32 {
+    // The first term covers the rounding of squares near the radius, the second that of coordinates as
+    // large as `reach`. Too large a radius only costs the exact test; too small a one would lose hits.
     radius * 1.000_01 + reach * (8.0 * f32::EPSILON)
 }
 
@@ -125,6 +127,8 @@ impl Shape<6> for Sphere {
             .direction
             .mul_add(closest, from_center)
             .length_squared();
+        // The second condition drops spheres behind the origin. It holds by more than the radius, since
+        // an origin inside has its closest point up to a radius back.
         let candidate = miss_squared.simd_le(reject_squared) & closest.simd_gt(-reject);
         if !candidate.any_true() {
             return None;
@@ -133,10 +137,15 @@ impl Shape<6> for Sphere {
         let mut t = chord.first();
         let mut hit = chord.real & t.simd_gt(0.0);
         if primitives.has_dielectric {
+            // A ray inside has to come out. It hits even where rounding leaves no real chord, as of a ray
+            // that grazes: `half` is 0 there, and the path leaves where it is instead of being lost in
+            // the body.
             let within = rays.start.simd_eq(primitives.id | INSIDE);
+            // Rounding may put the far side behind an origin that lies on it.
             t = within.select(chord.far.max(0.0), t);
             hit |= within;
         }
+        // Strictly before the limit: of primitives at the same distance the first keeps the ray.
         let hit = hit & t.simd_lt(limit) & rays.start.simd_ne(primitives.id);
         Some((hit, t))
     }
@@ -180,6 +189,8 @@ impl<S: Simd> Chord<S> {
         // Projected again: what `closest` lost to rounding still lies along the ray.
         let correction = -rough.dot(direction);
         let perpendicular = direction.mul_add(correction, rough);
+        // r² − |p|² with p across the line: b² − 4ac of the usual quadratic cancels by as many digits as
+        // the origin is radii away.
         let discriminant = radius * radius - perpendicular.length_squared();
         let half = discriminant.max(0.0).sqrt();
         Self {
@@ -211,6 +222,8 @@ impl<S: Simd> Chord<S> {
 #[inline(always)]
 fn two_diff<S: Simd>(a: Float<S>, b: Float<S>) -> (Float<S>, Float<S>) {
     let difference = a - b;
+    // Knuth's TwoSum of a and −b. No fused or reordered operation may stand here, or the error comes out
+    // as 0.
     let b_part = difference - a;
     (difference, (a - (difference - b_part)) - (b + b_part))
 }
@@ -247,12 +260,16 @@ impl Shape<6> for AlignedBox {
         limit: Float<S>,
     ) -> HitMask<S> {
         let to_center = primitives.vector(0) - rays.origin;
+        // By centre and half extent, |1/d| tells near from far; corners would need a minimum and a
+        // maximum per axis.
         let middle = to_center.scale(rays.inverse);
         let half = primitives.vector(3);
         let near = (-half).scale_add(rays.inverse_abs, middle);
         let far = half.scale_add(rays.inverse_abs, middle);
         let entry = near.x.max(near.y).max(near.z);
         let exit = far.x.min(far.y).min(far.z);
+        // Rays that are parallel to a slab have |1/d| ≤ 1e30 instead of ∞, so that both distances are of
+        // one sign and huge outside of it, and of two inside; 0 · ∞ would be NaN.
         let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.start.simd_ne(primitives.id);
         if primitives.has_dielectric {
             let within = rays.start.simd_eq(primitives.id | INSIDE);
@@ -296,6 +313,7 @@ impl Shape<7> for Disc {
         limit: Float<S>,
     ) -> HitMask<S> {
         let crossing = Crossing::new(rays, primitives.vector(0), primitives.vector(3));
+        // |p|² ≤ r² with both sides times the denominator squared.
         let bound = crossing.denominator * crossing.denominator * primitives.numbers[6];
         let inside = crossing.from_center.length_squared().simd_le(bound);
         crossing.finish(rays, inside, limit, primitives.id)
@@ -369,12 +387,15 @@ impl<S: Simd> Crossing<S> {
         Self {
             numerator,
             denominator,
+            // (o − c) + d · num/den, times den.
             from_center: rays.direction.mul_add(numerator, from_center * denominator),
         }
     }
 
     #[inline(always)]
     fn finish(self, rays: &Rays<S>, inside: Mask<S>, limit: Float<S>, id: Word<S>) -> HitMask<S> {
+        // The sign of the distance without the division. Of a parallel ray the product is 0, which is not
+        // ahead.
         let ahead = (self.numerator * self.denominator).simd_gt(0.0);
         let candidate = inside & ahead & rays.start.simd_ne(id);
         if !candidate.any_true() {

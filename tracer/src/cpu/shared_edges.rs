@@ -119,6 +119,7 @@ impl SharedEdges {
             let corners = corners.map(|corner| {
                 // At most 192.
                 *vertex_index
+                    // Shared are corners of the same bits. Nearby ones would change what is hit.
                     .entry(corner.map(f32::to_bits))
                     .or_insert_with(|| {
                         vertices.push(corner);
@@ -127,11 +128,14 @@ impl SharedEdges {
             });
             let [a, b, c] = corners;
             let sides = [(b, c), (c, a), (a, b)].map(|(from, to)| {
+                // One direction for both neighbours of an edge: they see the same function, and no ray
+                // slips between them.
                 let ends = [from.min(to), from.max(to)];
                 let edge = *edge_index.entry(ends).or_insert_with(|| {
                     edges.push(ends);
                     edges.len() - 1
                 });
+                // Wrong only of meshes with too many edges, which are refused below.
                 (edge % EDGES_MAX + if from > to { EDGES_MAX } else { 0 }) as u8
             });
             EdgeTriangle {
@@ -252,15 +256,19 @@ impl SharedEdges {
             let [from_y, to_y] = [crossed.y[from].load(simd), crossed.y[to].load(simd)];
             let function = from_x * to_y - from_y * to_x;
             weight.store(function);
+            // A line through an edge passes it on both sides. So it meets at least one of the triangles
+            // that share the edge: meshes are watertight.
             let left = function.simd_ge(0.0).to_bitmask() as u32;
             let right = function.simd_le(0.0).to_bitmask() as u32;
             zeros |= left & right;
             *forward = left | right << LANES;
+            // Swapping the halves is what the flipped sign does to the two comparisons.
             *backward = forward.rotate_left(LANES as u32);
         }
         let mut bits = 0;
         for (index, triangle) in self.triangles.iter().take(TRIANGLES_MAX).enumerate() {
             let [a, b, c] = triangle.sides.map(usize::from);
+            // All three on the left in the lower half, all three on the right in the upper one.
             let same = crossed.sides[a] & crossed.sides[b] & crossed.sides[c];
             let through = (same | same >> LANES) & u32::from(lanes);
             crossed.lanes[index] = through;
@@ -285,6 +293,7 @@ impl SharedEdges {
     ) -> (Mask<S>, Float<S>) {
         let triangle = &self.triangles[index];
         let id = self.first + index as u32;
+        // Which side the hits lie on is not known yet: lines go through what is behind their origins too.
         let mut candidate = Mask::from_bitmask(simd, u64::from(crossed.lanes[index]));
         candidate &= rays.start.simd_ne(id);
         let weights = [

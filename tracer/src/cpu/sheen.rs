@@ -56,6 +56,7 @@ impl<S: Simd> Sheen<S> {
         let sine2 = (one - along * along / h.length_squared())
             .max(1e-12)
             .min(one);
+        // sinᵉ by the logarithm of sin²: half the exponent in place of a root.
         let power = exp(simd, ln(simd, sine2) * self.exponent * 0.5);
         let shadowing = 4.0 * (cos_o + cos_i - cos_o * cos_i);
         let f = (self.exponent + 2.0) * power / shadowing;

@@ -188,6 +188,7 @@ impl Stream {
         to: usize,
     ) -> usize {
         let count = mask.to_bitmask().count_ones() as usize;
+        // No path has ended so far, which is the common case of the first packets: nothing moves.
         if count == LANES && to == packet.at {
             return to + LANES;
         }
@@ -203,6 +204,8 @@ impl Stream {
         for column in [&mut self.pdf, &mut self.distance] {
             pack_floats(simd, column, packet.at, mask, to);
         }
+        // The width of this loop is what compaction costs: columns that a scene has no use for are left
+        // out.
         if self.has_sampled_pdf {
             pack_floats(simd, &mut self.sampled_pdf, packet.at, mask, to);
         }
@@ -275,6 +278,8 @@ pub(super) fn store_words<S: Simd>(column: &mut [u32], at: usize, values: Word<S
 fn pack_floats<S: Simd>(simd: S, column: &mut [f32], at: usize, mask: Mask<S>, to: usize) {
     let (low_mask, high_mask): (mask32x8<S>, mask32x8<S>) = simd.split_mask32x16(mask);
     let (low, high): (f32x8<S>, f32x8<S>) = load(simd, column, at).split();
+    // Each store writes a whole register and so beyond the paths that are kept, but never beyond at + 16:
+    // there lies what this packet has loaded already, or what the next one overwrites.
     let middle = to + low_mask.to_bitmask().count_ones() as usize;
     low.compress(low_mask)
         .store_slice(&mut column[to..to + LANES / 2]);

@@ -203,6 +203,8 @@ impl Surfaces {
         }
         let row = balls.select(id, Word::splat(simd, 0)) + self.discs_first;
         let rows = Rows::new(&self.rows, row);
+        // Rows of balls are read before it is known which of their two rows counts; geometry is the same
+        // in both.
         let radius = rows.triple(simd, SECOND).x;
         let chord = Chord::new(origin, direction, rows.triple(simd, FIRST), radius);
         let n = chord.first_from_center(direction, within) * (1.0 / radius);
@@ -327,6 +329,8 @@ impl Surfaces {
         let sphere = kind.simd_eq(KIND_SPHERE);
         if sphere.any_true() {
             let chord = Chord::new(origin, direction, first, second.x);
+            // Position and normal come from the chord, not from o + t·d: of a far eye that has lost the
+            // digits which tell this side of the sphere from the other.
             let from_center = chord.first_from_center(direction, within);
             position = Vec3x::select(sphere, first + from_center, position);
             normal = Vec3x::select(sphere, from_center * (1.0 / second.x), normal);
@@ -335,6 +339,8 @@ impl Surfaces {
         let boxed = kind.simd_eq(KIND_BOX) | inner_box;
         if boxed.any_true() {
             within |= inner_box;
+            // The box's own hit kept no face: finding it again here costs once a path instead of once a
+            // test.
             let face = Face::new(simd, origin, direction, first, second, within);
             position = Vec3x::select(boxed, face.put(simd, position), position);
             normal = Vec3x::select(boxed, face.normal, normal);
@@ -347,6 +353,7 @@ impl Surfaces {
             geometric = (self.triangles.has_shading_normals()).then_some(triangles.geometric);
         }
         if let Some(microfacet) = &microfacet {
+            // Scattered inside a sphere, the path is not on the chord's ends.
             let inside = direction.mul_add(distance, origin);
             position = Vec3x::select(microfacet.is_scattered(), inside, position);
         }
@@ -375,6 +382,7 @@ impl Surfaces {
                 albedo,
             );
         }
+        // Flat shapes and the inside of bodies are met from either side.
         let behind = normal.dot(direction).simd_gt(0.0);
         Hit {
             position,
@@ -543,6 +551,8 @@ fn round_normal<S: Simd>(
     let (x, y) = (position.x - first.x, position.y - first.y);
     let cylinder = kind.simd_eq(KIND_CYLINDER);
     if cylinder.any_true() {
+        // By the point's own distance from the axis, not the radius, so that the length is 1 in spite of
+        // rounding.
         let per_radius = -1.0 / x.mul_add(x, y * y).sqrt();
         let inwards = Vec3x::new(x * per_radius, y * per_radius, x * 0.0);
         normal = Vec3x::select(cylinder, inwards, normal);
@@ -554,6 +564,7 @@ fn round_normal<S: Simd>(
     }
     let cone = kind.simd_eq(KIND_CONE_X);
     if cone.any_true() {
+        // A cyclic permutation, which keeps handedness; the one after the call is its inverse.
         let axis_last = Vec3x::new(position.y, position.z, position.x);
         let n = cone_normal(axis_last, first, second);
         normal = Vec3x::select(cone, Vec3x::new(n.z, n.x, n.y), normal);
@@ -567,6 +578,8 @@ fn round_normal<S: Simd>(
     let cone = kind.simd_eq(KIND_APEX_CONE);
     if cone.any_true() {
         let from_apex = position - first;
+        // `second` is the axis times the slope of the side, so that its length is the tangent and the
+        // normal is (aside − slope · axis), normalised.
         let along = from_apex.dot(second) / second.length_squared();
         let aside = second.mul_add(-along, from_apex);
         let outwards = aside * (1.0 / aside.length_squared().sqrt()) - second;
@@ -587,6 +600,7 @@ fn cone_normal<S: Simd>(position: Vec3x<S>, first: Vec3x<S>, second: Vec3x<S>) -
     let on_plane = Vec3x::new(second.y, second.z, taper * 0.0);
     let off_cone = from_axis - position.z.mul_add(taper, first.z);
     let beyond_squared = second.y.mul_add(second.y, second.z * second.z);
+    // Both distances are compared squared and times |beyond|², which spares a root and a division.
     let off_plane = x.mul_add(second.y, y * second.z) - beyond_squared;
     let plane = (off_plane * off_plane).simd_lt(off_cone * off_cone * beyond_squared);
     let outwards = Vec3x::select(plane, on_plane, on_cone);
@@ -612,6 +626,7 @@ impl<S: Simd> Face<S> {
         within: Mask<S>,
     ) -> Self {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+        // copysign, not a comparison: a ray along a face has ±0 there, and its inverse the same sign.
         let forward = Vec3x::new(
             one.copysign(direction.x),
             one.copysign(direction.y),
@@ -624,6 +639,8 @@ impl<S: Simd> Face<S> {
         let exit = (back - origin).scale(inverse);
         let entered = entry.x.max(entry.y).max(entry.z).simd_gt(0.0) & !within;
         // The last slab entered, or the first one left, whose distances are cone round.
+        // Of exits the smallest counts; negated, it is a maximum as of entries, and one search does for
+        // both.
         let rank = Vec3x::select(entered, entry, -exit);
         let by_x = rank.x.simd_ge(rank.y) & rank.x.simd_ge(rank.z);
         let by_y = rank.y.simd_ge(rank.z) & !by_x;
@@ -643,6 +660,8 @@ impl<S: Simd> Face<S> {
     fn put(&self, simd: S, point: Vec3x<S>) -> Vec3x<S> {
         let zero = Float::splat(simd, 0.0);
         Vec3x::new(
+            // A point beside its plane by rounding would let the next ray begin inside of the box, or see
+            // another box that touches it.
             self.normal.x.simd_ne(zero).select(self.corner.x, point.x),
             self.normal.y.simd_ne(zero).select(self.corner.y, point.y),
             self.normal.z.simd_ne(zero).select(self.corner.z, point.z),

@@ -120,6 +120,7 @@ pub(super) fn are_on_discs<S: Simd>(
 fn in_circle<S: Simd>(simd: S, rows: &Rows<'_, 16>, n: Vec3x<S>) -> (Float<S>, Float<S>) {
     let (axis, up) = (rows.triple(simd, AXIS), rows.triple(simd, UP));
     let one = Float::splat(simd, 1.0);
+    // Each ball has its number twice, on opposite sides; both read the right way round.
     let side = one.copysign(n.dot(axis));
     let x = n.dot(up.cross(axis)) * side * (1.0 / CIRCLE_SINE);
     (x, n.dot(up) * (1.0 / CIRCLE_SINE))
@@ -158,6 +159,8 @@ fn numbered<S: Simd>(
 #[inline(always)]
 fn wave<S: Simd>(turns: Float<S>) -> Float<S> {
     let x = turns - (turns + 0.5).floor();
+    // sin(π − x) = sin x folds the half turn onto its first quarter, the only place where the polynomial
+    // is good.
     let t = x.abs().min(0.5 - x.abs());
     let t2 = t * t;
     let [c1, c3, c5, c7] = SINE_OF_TURNS;
@@ -234,6 +237,7 @@ fn wood<S: Simd>(
     let off = is_end.select(p.x.abs() - sights.y, p.y.abs() - sights.z);
     let nearest = (along / sights.x + 0.5).floor();
     let count = is_end.select(Float::splat(simd, 1.5), Float::splat(simd, 3.5));
+    // Three sights on an end rail; six on a side, where the middle pocket takes the place of the fourth.
     let exists = nearest.abs().simd_lt(count) & (is_end | nearest.simd_ne(0.0));
     let diamond = (along - nearest * sights.x).abs() * (1.0 / SIGHT_HALF_M[0])
         + off.abs() * (1.0 / SIGHT_HALF_M[1]);
@@ -360,6 +364,7 @@ fn marks<S: Simd>(
     let along = p.x - spots.x;
     let from_foot = along.mul_add(along, y2) * (1.0 / WORN_M2);
     let worn = WORN_SHARE / (from_foot + 1.0);
+    // Falls as 1 / (1 + d²): no end that would be seen as a ring.
     let colour = (chalk - colour).mul_add(worn, colour);
     let from_line = p.x + line_x;
     let from_arc = from_line.mul_add(from_line, y2).sqrt() - d_radius;

@@ -116,10 +116,14 @@ impl Shape<9> for Triangle {
         }
         if primitives.has_dielectric {
             let within = rays.start.simd_eq(primitives.id | INSIDE);
+            // Started on this triangle and inside the body: it is met only where the ray leaves through
+            // it, which is after a scattering within. On the surface the ray leads away from it, and
+            // rounding must not meet it.
             candidate &= !within | seen.sum().simd_gt(0.0);
         }
         let on_line = a.simd_eq(0.0) | b.simd_eq(0.0) | c.simd_eq(0.0);
         if (candidate & on_line).any_true() {
+            // A triangle seen edge-on has all weights 0 and would be met by every ray in its plane.
             candidate &= seen.is_in_bounds() | !on_line;
         }
         let (sum, [along_a, along_b, along_c]) = (seen.sum(), seen.along);
@@ -215,6 +219,8 @@ impl HitFilter for AlphaFilter {
         let test = self.tables.alpha_test();
         let (origin, direction) = (origin.into(), direction.into());
         let triangle = &test.triangles[index as usize];
+        // Weights are computed again from the ray, one lane at a time: of all hits few reach a texture's
+        // opacity, and lanes that are tested keep no weights.
         let weights = || corner_weights(triangle, origin, direction);
         test.is_met(origin, direction, index, weights)
     }
@@ -245,6 +251,8 @@ impl Triangles {
                 alpha_filter,
             };
         };
+        // Meshes do not change from frame to frame: their nodes are laid out once, and all frames share
+        // them.
         let bvh = scene.meshes.layout.get_or_make(|| {
             let each: Vec<_> = each().map(Some).collect();
             Bvh16::new(bvh, &each)
@@ -275,6 +283,7 @@ impl Triangles {
             match (&self.alpha_filter, beam) {
                 (None, None) => bvh.nearest(simd, rays, nearest, &Solid),
                 (None, Some(beam)) => bvh.nearest_in_beam(simd, rays, beam, nearest),
+                // Opacity is asked for ray by ray, so that beams save nothing here.
                 (Some(filter), _) => bvh.nearest(simd, rays, nearest, filter),
             }
             return;

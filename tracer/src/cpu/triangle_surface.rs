@@ -122,6 +122,7 @@ impl TriangleSurfaces {
                 let corners = [vector(0), vector(3), vector(6)];
                 let (u, v) = basis(simd, direction);
                 let seen = Seen::new(origin, direction, &RayAxes { u, v }, corners);
+                // Lanes of other shapes have corners of 0 here and would divide by 0.
                 let inverse_sum = 1.0 / lanes.select(seen.sum(), Float::splat(simd, 1.0));
                 let [a, b, c] = seen.weights;
                 let weights = [a * inverse_sum, b * inverse_sum, c * inverse_sum];
@@ -148,6 +149,8 @@ impl TriangleSurfaces {
                         beyond: point_above(corners, weights, -normal),
                     });
                     if let Some(scattered) = scattered {
+                        // Scattered inside, the path keeps the body's row but is on no triangle: position
+                        // and normal stay its own.
                         lanes &= !scattered;
                         smooth &= !scattered;
                         hit.lanes = lanes;
@@ -334,6 +337,8 @@ fn point_above<S: Simd>(
     let [a, b, c] = weights;
     let sizes = [corners[0].abs(), corners[1].abs(), corners[2].abs()];
     let magnitude = interpolate(sizes, [a.abs(), b.abs(), c.abs()]);
+    // The error is a box round the point; along the normal it reaches as far as the box's projection on
+    // it.
     let error = magnitude.dot(normal.abs()) * POINT_ROUNDING;
     normal.mul_add(error, point)
 }
@@ -351,6 +356,7 @@ fn visible_normal<S: Simd>(simd: S, interpolated: Vec3x<S>, n: Vec3x<S>, wo: Vec
     if !hidden.any_true() {
         return shading;
     }
+    // The half vector of `wo` and the lifted mirror image is the normal that reflects one into the other.
     let turned = unit(wo + unit(n.mul_add(lift, reflected)));
     Vec3x::select(hidden, turned, shading)
 }

@@ -127,6 +127,8 @@ impl Filter {
             let share = share.clamp(0.0, 1.0);
             let missing = difference(wanted, other.map(|other| other * share));
             let missing = product(missing, missing);
+            // The margin keeps rounding from choosing between neighbours that are as near, where CPU and
+            // GPU would differ.
             if missing < nearest * 0.999 {
                 (nearest, best) = (missing, Some((x, y, share)));
             }

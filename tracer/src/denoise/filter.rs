@@ -95,6 +95,7 @@ impl Filter {
 
     /// Smooths the light, which becomes radiance without emission.
     pub(super) fn run(&mut self, level: Level) {
+        // Taken out, because rows of it are written while the rest of the filter is read.
         let mut next = std::mem::replace(&mut self.next, SoaImage::new(EMPTY, 0, Vec::new()));
         for (index, weights) in PASSES.into_iter().enumerate() {
             let pass = Pass {
@@ -132,6 +133,8 @@ impl Filter {
             let own = || around.at(0).1.load(simd, VARIANCE, x, 0);
             let variance = match (pass.is_first, is_single) {
                 (true, true) => columns.variance(simd, x, true),
+                // A bright dot has a larger variance than its neighbours' mean tells, and would otherwise
+                // be kept as a feature.
                 (true, false) => columns.variance(simd, x, false).max(own()),
                 (false, _) => around.mean_variance(simd, x, pass.step),
             };
@@ -140,7 +143,10 @@ impl Filter {
             let factors = Factors {
                 normal: pass.weights.normal,
                 albedo: pass.weights.albedo,
+                // Relative to the pixel's own depth: a pixel sees more of what is farther away.
                 depth: pass.weights.depth / square.max(1e-20),
+                // Once no noise is left, only light that is the same counts: the filter fades as samples
+                // grow.
                 light: 1.0 / (variance * pass.variances + 1e-10),
             };
             let one = Float::splat(simd, 1.0);
@@ -217,6 +223,7 @@ impl FilterWriter<'_> {
             let Some(to) = y.and_then(|y| self.rows.get(y as usize)) else {
                 continue;
             };
+            // A lock a row: tiles side by side share rows, those above each other none.
             let mut to = to.lock().unwrap_or_else(PoisonError::into_inner);
             let [light, guides] = &mut *to;
             let begin = (row * tile.width) as usize;

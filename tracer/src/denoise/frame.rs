@@ -77,6 +77,8 @@ fn trace_together(
     })?;
     drop(writer);
     let traced = std::mem::take(&mut *lock(&traced));
+    // A pixel depends on all that lies within reach: tiles beside a hole would be wrong, so none is
+    // handed over.
     if traced.len() < region.tiles.len() || job.cancelled.load(Ordering::Relaxed) {
         return Ok(stats);
     }

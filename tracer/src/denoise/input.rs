@@ -67,6 +67,8 @@ impl DenoiseInput {
             before[LIGHT + channel].resize(begin + pixels, 0.0);
             let to = before[LIGHT + channel][begin..].iter_mut();
             for ((to, light), albedo) in to.zip(light).zip(albedo) {
+                // Without its texture light varies slowly, and the filter may average across what the
+                // albedo brings back.
                 *to = light * share / (albedo + ALBEDO_MIN);
             }
             let Some(ratio) = variance_of else { continue };

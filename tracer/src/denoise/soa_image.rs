@@ -39,6 +39,8 @@ pub(super) struct SoaRowMut<'a> {
 impl SoaImage {
     /// As large as `bounds`: 0 around it, in it anything that `memory` held.
     pub(super) fn new(bounds: Tile, planes: usize, memory: Vec<f32>) -> Self {
+        // Room for the taps of the last pass on both sides and for one whole register beyond the last
+        // pixel, so that no load has to ask where the picture ends.
         let stride = bounds.width as usize + 2 * PAD + LANES;
         let floats = planes * stride;
         let mut data = memory;

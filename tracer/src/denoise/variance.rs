@@ -38,6 +38,8 @@ impl ColumnSums {
             let (mut count, mut squares, mut sum) = (zero, zero, [zero; 3]);
             for dy in -1..=1 {
                 let (guides, light) = around.at(dy);
+                // One column to the left of x: the sums of columns x − 1, x and x + 1 then lie side by
+                // side.
                 let traced = guides.load(simd, guide(NORMAL), x, -1).simd_lt(NO_NORMAL);
                 count += traced.select(one, zero);
                 if is_single {

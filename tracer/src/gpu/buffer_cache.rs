@@ -35,6 +35,9 @@ impl<T> BufferCache<T> {
         has_bvh: bool,
         create: impl FnOnce() -> Result<wgpu::Buffer, Error>,
     ) -> Result<Arc<wgpu::Buffer>, Error> {
+        // `Arc::make_mut` gives vectors that have weak pointers a new place before they are changed, and
+        // a weak pointer keeps the old place from being used again: so the same place means the same
+        // contents.
         let source = Arc::downgrade(source);
         let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let is_same =
@@ -46,6 +49,8 @@ impl<T> BufferCache<T> {
         if let Some(found) = found {
             return Ok(found);
         }
+        // Without the lock, as filling a buffer takes long: two threads may make the same one, which
+        // costs memory alone.
         let buffer = Arc::new(create()?);
         let mut kept = kept();
         kept.retain(|kept| kept.source.strong_count() > 0);

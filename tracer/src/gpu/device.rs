@@ -98,6 +98,7 @@ impl Device {
         .map(|filter| self.device.push_error_scope(filter));
         let value = work(&self.device);
         let mut first = None;
+        // Scopes are a stack: the one pushed last is popped first.
         for scope in scopes.into_iter().rev() {
             let error = pollster::block_on(scope.pop());
             first = first.or(error);
@@ -140,6 +141,8 @@ impl Device {
         while waited < SUBMISSION_TIMEOUT {
             // wgpu 30 panics when the device is lost, which is no bug of anybody in this process.
             let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::Poll)));
+            // Before the result is looked at: a lost device has told its reason in a callback of that
+            // very poll.
             self.check()?;
             match polled {
                 Ok(Ok(_)) => {}
@@ -176,6 +179,7 @@ impl Device {
 fn watch(device: &wgpu::Device, failure: &Arc<Mutex<Option<String>>>) {
     let keep = |failure: &Mutex<Option<String>>, message: String| {
         let mut failure = failure.lock().unwrap_or_else(PoisonError::into_inner);
+        // What follows the first failure is mostly its consequence.
         failure.get_or_insert(message);
     };
     let uncaptured = Arc::clone(failure);

@@ -61,6 +61,7 @@ pub(crate) struct Pass<'a> {
 pub(crate) fn groups(blocks: u32, workgroup_blocks: u32) -> [u32; 2] {
     let groups = blocks.div_ceil(workgroup_blocks);
     let columns = groups.min(GROUPS_X_MAX);
+    // The last row may go beyond the blocks: kernels leave out blocks from `block_count` on.
     [columns, groups.div_ceil(columns.max(1))]
 }
 
@@ -189,6 +190,7 @@ impl FrameBuffers {
             whole(3, film),
             whole(4, &self.counters),
             whole(5, &self.film_sums),
+            // Again, always as storage: for reads whose place differs from thread to thread.
             part(6, &self.scene, 0, self.scene_bytes),
         ];
         let optional = self.optional.iter();
@@ -249,6 +251,9 @@ impl FrameBuffers {
             self.readback.slice(..layout.counters_end()),
             self.picture().slice(..layout.film_bytes),
         ];
+        // The thread waits for a mapping, so one is asked for even where no times are measured. A mapped
+        // buffer may not be used by a submission: those before the last leave the film alone and unmap
+        // the times below.
         let mapped = if is_last { &results[..] } else { &[timestamps] };
         device.submit_and_map(commands, mapped)?;
         let nanos = (0..passes.len()).map(|pass| self.nanos(device, pass));

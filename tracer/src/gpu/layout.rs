@@ -138,6 +138,8 @@ impl BvhNodeData {
         let center = |part: &BvhNode| 0.5 * (part.min + part.max);
         let half = |part: &BvhNode| {
             let center = center(part);
+            // Both differences: the centre is rounded, and the half extent has to reach the farther
+            // corner from there.
             ((part.max - center).max(center - part.min) + slack).to_array()
         };
         let number = |part: &BvhNode| match part.is_leaf() {

@@ -194,6 +194,8 @@ impl GpuTracer {
         buffers: &mut FrameBuffers,
         sink: &ChunkSink<'_>,
     ) -> Result<TraceStats, Error> {
+        // `self.pixels_max` is of the buffer of sums, which is the largest unless pixels have more
+        // numbers than these.
         let pixels_max = self.pixels_max * SUM_BYTES / work.output.pixel_bytes().max(SUM_BYTES);
         let mut stats = TraceStats::default();
         let mut next = 0;
@@ -250,6 +252,7 @@ impl GpuTracer {
             pass.uniforms = bytes_of(&data).to_vec();
             let passes = std::slice::from_ref(&pass);
             let cleared = [&buffers.counters];
+            // Counters go on over all dispatches of a chunk, as they are read once after the last.
             let cleared = if begin == 0 { &cleared[..] } else { &[] };
             let is_last = end == settings.samples;
             let nanos = buffers.run(&self.device, passes, &layout, cleared, is_last)?;

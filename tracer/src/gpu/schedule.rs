@@ -57,6 +57,7 @@ impl Pacer {
         }
         let work = samples as f64 * work_per_sample;
         let known = self.nanos_per_work();
+        // A dispatch that was short although a long one had been expected does tell of speed.
         if nanos.max(known * work) < LEARN_NANOS_MIN {
             return;
         }
@@ -126,6 +127,9 @@ impl Chunk {
             let is_long = |samples: u32| {
                 u64::from(blocks) * BLOCK_PIXELS * u64::from(samples) > limits.samples
             };
+            // A chunk that fills a GPU ends where a few samples of it take too long; where all of its
+            // samples do, but those few do not, it grows eight times as large before its samples are cut
+            // instead.
             let is_long = is_long(samples.min(DISPATCH_SAMPLES_MIN)) && blocks > CHUNK_BLOCKS_MIN
                 || is_long(samples) && blocks > CHUNK_BLOCKS;
             if !chunk.entries.is_empty() && (is_long || pixels > limits.pixels) {
@@ -183,6 +187,8 @@ impl Chunk {
     pub(crate) fn samples_per_dispatch(&self, samples: u32, limits: ChunkLimits) -> u32 {
         let most = limits.samples / (u64::from(self.blocks) * BLOCK_PIXELS).max(1);
         let most = most.clamp(1, u64::from(limits.pixel_samples)) as u32;
+        // As few dispatches as there can be, and then as even ones: 17 samples of which 16 fit are 9 and
+        // 8.
         samples.div_ceil(samples.div_ceil(most).max(1))
     }
 }

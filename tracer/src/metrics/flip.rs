@@ -35,13 +35,16 @@ pub fn flip(size: ImageSize, test: &[[u8; 3]], reference: &[[u8; 3]]) -> Result<
         || Perceived::new(size, test),
         || Perceived::new(size, reference),
     );
+    // Green and blue are farther apart than any other two colours of the screen.
     let color_max = color_distance(hunt_lab([0.0, 1.0, 0.0]), hunt_lab([0.0, 0.0, 1.0]));
     let pixel = |index: usize| {
         let color = color_distance(test.colors[index], reference.colors[index]);
         let color = redistribute(color, color_max);
         let edge = (test.edges[index] - reference.edges[index]).abs();
         let point = (test.points[index] - reference.points[index]).abs();
+        // Both detectors answer up to √2, as lengths of two components of up to 1.
         let feature = (edge.max(point) * std::f32::consts::FRAC_1_SQRT_2).powf(FEATURE_EXPONENT);
+        // A difference of features, below 1, raises that of colours.
         color.powf(1.0 - feature)
     };
     let map: Vec<f32> = (0..pixels).into_par_iter().map(pixel).collect();
@@ -109,8 +112,11 @@ fn blur(size: ImageSize, plane: &[f32], sensitivity: Sensitivity) -> Vec<f32> {
     let mut sum = vec![0.0; plane.len()];
     let mut total = 0.0;
     for (weight, width) in sensitivity.into_iter().filter(|(weight, _)| *weight > 0.0) {
+        // A sensitivity a·exp(−b f²) by frequency is a·√(π/b)·exp(−π² x²/b) as a filter: its Fourier
+        // transform in one dimension, as the authors have it.
         let weight = weight * (pi / width).sqrt();
         let kernel = gaussian(width);
+        // The 2-D kernel is the 1-D one times itself, and so is its sum.
         total += weight * kernel.iter().sum::<f32>().powi(2);
         let filtered = separable(size, plane, &kernel, &kernel);
         for (sum, value) in sum.iter_mut().zip(filtered) {

@@ -181,6 +181,8 @@ impl Blend<'_> {
         for (at, (mean, deviation)) in found.enumerate() {
             *mean = (sums[at] + sums[at + 4] + sums[at + 8]) * (1.0 / 9.0);
             let square = (squares[at] + squares[at + 4] + squares[at + 8]) * (1.0 / 9.0);
+            // Levels are whole numbers, and the sums of their squares exact in f32: only the two products
+            // round.
             *deviation = (square - *mean * *mean).max(0.0).sqrt();
         }
     }
@@ -213,9 +215,12 @@ impl Blend<'_> {
             } else {
                 EDGE_FRAMES_MAX
             };
+            // A running mean up to `frames_max`, an exponential one from there on.
             let frames = (frames + 1.0).min(frames_max);
             let mean = f32x4::from_slice(simd, &memory.means[x]);
             let range = f32x4::from_slice(simd, &deviation) * DEVIATIONS + LEVELS;
+            // Clipped to what the neighbourhood shows now: history of a shadow that has moved on is of no
+            // use.
             let old = old.max(mean - range).max(0.0).min(mean + range).min(255.0);
             let now = f32x4::from_slice(simd, &now);
             let sum = old + (now - old) * (1.0 / frames);

@@ -46,6 +46,8 @@ pub fn sample_emissive_surface(
     let lights = &scene.emissive_surfaces;
     let u = u.min(BELOW_1) as f32;
     let surface = &lights.surfaces[lights.sample_index(u)];
+    // Within the interval of the surface that it has chosen the number is uniform again, and serves once
+    // more.
     let within = f64::from((u - surface.before) / surface.probability).clamp(0.0, 1.0);
     let mut weights = [1.0, 0.0, 0.0];
     let (direction, unit_area) = if surface.kind() == ShapeKind::Sphere {
@@ -107,6 +109,8 @@ fn point_density(scene: &CompiledScene, material: &MaterialData) -> f64 {
 
 /// Weights of [`CompiledScene::emissive_corners`] at a point that is uniform in the area of a flat shape.
 fn corner_weights(shape: ShapeKind, [u, v]: [f64; 2]) -> [f64; 3] {
+    // What lies within a share r of the way from the first corner, or from the centre, has r² of the
+    // area.
     let root = u.sqrt();
     let [b, c] = match shape {
         ShapeKind::Triangle => [root * (1.0 - v), root * v],
@@ -153,6 +157,7 @@ fn direction_to_sphere(
     let axis = to_center / distance;
     let (t, b) = basis(axis);
     let (sin, cos) = (TAU * v).sin_cos();
+    // The nearer meeting is at d·cos θ less half the chord, whose square is r² − d² sin² θ.
     let half_chord = (radius * radius - squared * sine_squared).max(0.0).sqrt();
     Some(EmissiveDirection {
         wi: (1.0 - within) * axis + sine_squared.sqrt() * (cos * t + sin * b),

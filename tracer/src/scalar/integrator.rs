@@ -127,6 +127,8 @@ impl<'a> PathTracer<'a> {
         let (pixel, key) = (pixel_key(x, y), sample_key(sample));
         let random = |block| pair(pixel, key, block, self.settings.seed).map(f64::from);
         let [u, v] = random(BLOCK_CAMERA);
+        // Every random number is named by its block. So a path that skips a decision shifts none of those
+        // after it, and CPU, GPU and this tracer follow the same path sample by sample.
         let film = [f64::from(x) + u, f64::from(y) + v];
         let mut ray = camera_ray(&self.frame, film, random(BLOCK_LENS));
         let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
@@ -154,6 +156,8 @@ impl<'a> PathTracer<'a> {
                             * self
                                 .sample_light_through_boundary(enclosing, &medium, point, u, rays);
                     }
+                    // `start` stays: the path is inside the same body, and its far side still counts from
+                    // there.
                     ray = Ray {
                         origin: point,
                         direction: uniform_direction(u1, u2),
@@ -170,6 +174,7 @@ impl<'a> PathTracer<'a> {
                 return radiance + beta * self.emission_with_mis(light, &ray, &hit, prev);
             }
             let is_last = depth == self.settings.max_depth;
+            // The last edge only looks for light: a surface at its end counts for what it emits.
             if is_last && !self.scene.has_emission() {
                 return radiance;
             }
@@ -346,6 +351,8 @@ impl PrevVertex {
             light_weight_sum: vertex.light_weight_sum,
             sampled_pdf: pdf.filter(|&pdf| pdf > 0.0),
             is_scattered: false,
+            // A mirror's direction (no density) ends the run: what is seen in it stays sharp, as what is
+            // seen directly.
             is_spread: pdf.is_some_and(|pdf| self.is_spread || (pdf > 0.0 && is_diffuse)),
             is_mirror: (is_known || pdf.is_none_or(|pdf| pdf == 0.0))
                 && !vertex.scatter.has_rough_coat(),

@@ -174,6 +174,7 @@ fn intersect_sphere(sphere: &SphereData, ray: &Ray) -> Option<(f64, DVec3)> {
     if distance >= radius {
         return None;
     }
+    // r² − d², factored: near the silhouette the squares would cancel.
     let half_chord = ((radius - distance) * (radius + distance)).sqrt();
     let outside = t_nearest - half_chord > 0.0;
     let along = if outside { -half_chord } else { half_chord };
@@ -202,6 +203,8 @@ fn exit_box(slabs: &BoxData, ray: &Ray) -> (f64, DVec3) {
         if direction == 0.0 {
             continue;
         }
+        // By the sign alone, whatever side of the plane rounding has put the origin on: only exits are
+        // looked for.
         let face = if direction > 0.0 { max } else { min }[axis];
         let t = (face - ray.origin[axis]) / direction;
         if t < far {

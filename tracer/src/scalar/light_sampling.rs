@@ -110,6 +110,7 @@ impl PathTracer<'_> {
             return DVec3::ZERO;
         }
         let inverse_density = chosen.inverse_pdf / f64::from(map.probability);
+        // The power heuristic by the inverse density: at the poles that is 0, and the density not finite.
         let weight = 1.0 / (1.0 + (pdf_scatter * inverse_density).powi(2));
         let cos_i = vertex.cosine(chosen.wi);
         f * chosen.radiance * (cos_i * weight * inverse_density)
@@ -208,6 +209,8 @@ impl PathTracer<'_> {
         let passed = 1.0 - fresnel_dielectric(refracted.cos_i, 1.0 / boundary.ior);
         // Radiance is denser by the square of the index inside.
         let passed = passed * boundary.ior * boundary.ior * medium.transmittance(inside);
+        // From the solid angle seen straight to area by d² / cos, and from there by cos / spread to the
+        // solid angle in which the refracted path begins.
         let cosines = refracted.outer.dot(normal) / straight.wi.dot(normal);
         let inverse_pdf = straight.inverse_pdf / chosen.probability;
         let inverse_pdf = inverse_pdf * straight.distance.powi(2) * cosines / refracted.spread;

@@ -39,6 +39,8 @@ impl Medium {
     /// exponential law of the clearest channel.
     pub fn sample_distance(&self, t: f64, u: f64) -> FreeFlight {
         let distance = -(1.0 - u).ln() / self.majorant;
+        // exp(−σt t) over the probability exp(−rate t) of coming that far; the density rate · exp(−rate
+        // t) of a scattering has its rate in `scattering` already.
         let left = |t: f64| (-(self.extinction - self.majorant) * t).map(f64::exp);
         // Without scattering the rate is 0 and the distance infinite, or no number for u = 0.
         if distance < t {

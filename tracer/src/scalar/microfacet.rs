@@ -159,6 +159,7 @@ pub(super) fn reflect(wo: DVec3, h: DVec3) -> DVec3 {
 /// Snell's law; `h` is on the side of `wo`, which is not reflected totally.
 fn refract(wo: DVec3, h: DVec3, eta: f64) -> DVec3 {
     let cos_o = wo.dot(h);
+    // √(η² − sin² θ) / η, factored so that nothing cancels for indices near 1.
     let cos_t = ((eta - 1.0) * (eta + 1.0) + cos_o * cos_o).max(0.0).sqrt() / eta;
     ((cos_o / eta - cos_t) * h - wo / eta).normalize()
 }
@@ -184,6 +185,8 @@ pub fn visibility(alpha: f64, cos: f64) -> f64 {
 pub fn sample_visible(alpha: f64, wo: DVec3, n: DVec3, u1: f64, u2: f64) -> DVec3 {
     let (t, b) = basis(n);
     let stretched = DVec3::new(alpha * wo.dot(t), alpha * wo.dot(b), wo.dot(n)).normalize();
+    // The cap of the unit sphere above −stretched.z, by even heights: its points plus `stretched` are the
+    // half vectors of a hemisphere seen from there.
     let z = (1.0 - u1) * (1.0 + stretched.z) - stretched.z;
     let sine = (1.0 - z * z).max(0.0).sqrt();
     let (sin_phi, cos_phi) = (2.0 * PI * u2).sin_cos();

@@ -62,6 +62,8 @@ fn tangents(triangle: &TriangleData, uvs: &TriangleUvs, n: DVec3) -> Option<[DVe
     let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(vector);
     let [ta, tb, tc] = [uvs.a, uvs.b, uvs.c].map(|uv| DVec2::from(uv.map(f64::from)));
     let (edge_b, edge_c, uv_b, uv_c) = (b - a, c - a, tb - ta, tc - ta);
+    // The solution of two equations, divided by their determinant's sign alone, as only directions
+    // matter.
     let turn = uv_b.perp_dot(uv_c).signum();
     let along_u = turn * (uv_c.y * edge_b - uv_b.y * edge_c);
     let along_v = turn * (uv_b.x * edge_c - uv_c.x * edge_b);

@@ -32,6 +32,7 @@ impl PunctualIncidence {
         let distance = to_light.length();
         let wi = to_light / distance;
         let (scale, offset) = (f64::from(light.cone_scale), f64::from(light.cone_offset));
+        // Linear in the cosine between the cones and then squared, as KHR_lights_punctual has it.
         let cone = (-wi.dot(direction) * scale + offset).clamp(0.0, 1.0);
         Self {
             wi,
@@ -62,6 +63,8 @@ pub fn sample_punctual_light(
         let before = sum;
         sum += weight;
         let at = u * sum;
+        // Weighted reservoir sampling with one number: in the part of [0, `sum`) that it lies in it is
+        // uniform, and is stretched over that for the next choice.
         if at >= before {
             chosen = Some(next);
             u = (at - before) / weight;

@@ -54,11 +54,14 @@ impl PlaneRay {
         let inner = DVec2::new(cosine(sine), sine);
         let cos_i = cosine(r * sine);
         let cos_o = cosine(ior * r * sine);
+        // cos θi − r cos θ, times its conjugate over the same: near the boundary the difference would
+        // cancel.
         let length = (1.0 - r * r).max(0.0) / (cos_i + r * inner.x);
         let place = DVec2::new(r + length * inner.x, length * sine);
         Self {
             place,
             inner,
+            // Snell's law as vectors; `place` is the normal of the unit ball.
             outer: ior * inner + (cos_o - ior * cos_i) * place,
             length,
             cos_i,

@@ -30,6 +30,8 @@ pub(super) fn texture_factors(
         }
         let data = &scene.textures.images[image as usize];
         let across = (f64::from(data.width) * f64::from(data.height)).sqrt();
+        // How many texels of the finest level the footprint is wide; of a footprint of 0 the level is −∞,
+        // which is clamped to the finest.
         let level = (footprint_m * f64::from(uvs.density) * across).log2();
         let rgba = scene.textures.sample(image, uv, level as f32);
         Some(rgba.map(f64::from))

@@ -119,6 +119,8 @@ pub(super) fn nearest_triangle(
         let weights = || met.barycentric.map(|weight| weight as f32);
         alpha_test.is_none_or(|test| test.is_met(origin, direction, index, weights))
     };
+    // A flat primitive cannot be met again by a ray that leaves it, except by one that was scattered in
+    // the body behind it.
     let is_skipped = |index: u32, met: &TriangleHit| {
         start.is_some_and(|start| {
             start.primitive == Primitive::Triangle(index) && !(start.is_inside && met.is_left)
@@ -127,6 +129,7 @@ pub(super) fn nearest_triangle(
     let mut offer = |index: u32, t_max: &mut f64| {
         let met = frame.intersect(&triangles[index as usize]);
         if let Some(met) = met.filter(|met| met.t > 0.0 && !is_skipped(index, met))
+            // By distance, then index: the order in which leaves are visited does not show.
             && (met.t, index) < nearest
             && is_there(index, &met)
         {

@@ -66,6 +66,7 @@ impl DelayBasedController {
     /// the window, kept more from being sent.
     pub fn on_ack(&mut self, now: Duration, sent: Duration, bytes: u64, app_limited: bool) {
         let rtt = now.saturating_sub(sent);
+        // The packet was sent after the last acknowledgement had come: in between nothing was in flight.
         let pause = sent.saturating_sub(std::mem::replace(&mut self.last_ack, now));
         if pause > Duration::ZERO {
             self.end_pause(now, pause);
@@ -93,6 +94,8 @@ impl DelayBasedController {
         }
         let is_over = now.saturating_sub(round.start) >= base_rtt.max(ROUND_MIN);
         // After an outage the window holds fewer packets than RTT_SAMPLES_MIN.
+        // A round has to have seen the window that it is to judge. The last packet may be short of it by
+        // its size.
         let is_whole_window = round.acked_bytes >= self.cwnd - self.max_datagram_bytes;
         if is_over && (is_whole_window || round.rtts.len() >= RTT_SAMPLES_MIN) {
             self.end_round(now);
@@ -136,6 +139,8 @@ impl DelayBasedController {
     /// nothing of the window.
     fn end_pause(&mut self, now: Duration, pause: Duration) {
         if self.round.cwnd_limited {
+            // The window held packets back before the pause, and the round goes on; its rate must not
+            // count the pause.
             self.round.start += pause;
             return;
         }
@@ -159,10 +164,14 @@ impl DelayBasedController {
             return;
         };
         let base_rtt = self.base_rtt.insert(now, late);
+        // The lower quartile may lie below the base, which is one of upper quartiles; a negative queue
+        // would let the window grow without bound.
         let rtt = early.max(base_rtt);
         let queueing = rtt.saturating_sub(base_rtt);
         let secs = now.saturating_sub(round.start).as_secs_f64();
         let rate = round.acked_bytes / secs.max(1e-6);
+        // A maximum that fades: a round in which the application had little to send says nothing against
+        // the path.
         self.delivery_rate = rate.max(self.delivery_rate * DELIVERY_RATE_DECAY);
         let lost = round.lost_bytes / (round.lost_bytes + round.acked_bytes).max(1.0);
         self.loss += LOSS_GAIN * (lost - self.loss);
@@ -178,6 +187,8 @@ impl DelayBasedController {
             self.cwnd *= LOSS_BETA;
         } else if self.slow_start && queueing <= SLOW_START_QUEUEING_MAX.max(base_rtt / 32) {
             if round.cwnd_limited {
+                // Half of what was carried, not of the window: a window that the path has not filled is
+                // no ground for a larger one, and overshoots by less when it is.
                 let carried = rate * base_rtt.as_secs_f64() + self.alpha();
                 self.cwnd += 0.5 * self.cwnd.min(carried);
             }
@@ -188,6 +199,7 @@ impl DelayBasedController {
             self.follow_delay(round.cwnd_limited, base_rtt, delivered, queueing);
         }
         if self.base_rtt.is_stale(now) {
+            // A minimum that was never forgotten would take a longer route for a queue for ever.
             self.base_rtt.renew(now);
             if round.cwnd_limited {
                 // To see the path without this connection's own queue in it.
@@ -211,6 +223,8 @@ impl DelayBasedController {
             self.slow_start = false;
             self.cwnd = self.cwnd.min(self.delivery_rate * base_secs + self.alpha());
         }
+        // cwnd · base_rtt / rtt is what would be in flight without a queue; α more is what is to wait in
+        // it.
         let ratio = base_secs / (base_secs + queueing.as_secs_f64()).max(1e-6);
         // Never below what was delivered in this round: its RTTs are those of a window that may
         // have been cut since, and would cut it twice.

@@ -21,6 +21,8 @@ impl RttSamples {
             return;
         }
         if self.kept.len() == SAMPLES_MAX {
+            // Every second sample is dropped and half as many are taken from now on, so that those kept
+            // stay spread evenly over the round, however long it becomes.
             self.kept = self.kept.iter().copied().step_by(2).collect();
             self.stride = 2 * self.stride.max(1);
         }
@@ -72,6 +74,7 @@ impl BaseRtt {
     }
 
     pub(super) fn renew(&mut self, now: Duration) {
+        // Two windows in turn: the minimum never rises by surprise in the midst of one.
         (self.previous, self.current, self.since) = (self.current, None, now);
     }
 }

@@ -129,6 +129,8 @@ impl ReceivedBlock {
         let symbol_bytes = repair.first().map_or(0, |(_, symbol)| symbol.len());
         let padded = |(index, symbol): (usize, &Option<Vec<u8>>)| {
             let mut symbol = symbol.clone()?;
+            // Never shortened: a source symbol that is longer than the repair symbols makes the decoder
+            // refuse the block.
             symbol.resize(symbol_bytes.max(symbol.len()), 0);
             Some((index, symbol))
         };
@@ -146,6 +148,8 @@ impl ReceivedBlock {
     /// The packet that symbol `index` belongs to, if it is complete and has not been delivered.
     pub(super) fn packet_around(&mut self, index: usize) -> Result<Option<Vec<u8>>, &'static str> {
         // A symbol that has not come ends the search as well: the packet may start there.
+        // Backwards from the symbol that has come: the first that has the mark of a beginning, or has not
+        // come.
         let may_start = |index: &usize| {
             self.word(*index)
                 .is_none_or(|word| word & PACKET_START != 0)

@@ -40,6 +40,8 @@ impl FecDecoder {
                     return Ok(Vec::new());
                 };
                 block.insert_source(usize::from(index), bytes)?;
+                // A packet whose symbols have all come does not wait for its block: without loss error
+                // correction adds no delay.
                 let packet = block.packet_around(usize::from(index))?;
                 let mut packets: Vec<_> = packet.into_iter().collect();
                 packets.extend(block.decode()?);
@@ -70,6 +72,7 @@ impl FecDecoder {
         let bit = 1u64.checked_shl(u32::from(retransmission.index))?;
         let is_missing = block.delivered & bit == 0;
         block.delivered |= bit;
+        // The sender answers a NACK with all that is missing, so that another one would only repeat it.
         block.answered = true;
         is_missing.then_some(retransmission.packet)
     }
@@ -109,6 +112,8 @@ impl FecDecoder {
     /// A block that is not too old, created with those before it of which nothing has come.
     fn block(&mut self, now: Duration, number: u64) -> Option<&mut ReceivedBlock> {
         let oldest = self.next.saturating_sub(BLOCKS_KEPT);
+        // Numbers come from the network: each needs a successor, and old ones must not create blocks
+        // again.
         if number < oldest || number == u64::MAX {
             return None;
         }
@@ -125,6 +130,8 @@ impl FecDecoder {
                 .split_off(&self.next.saturating_sub(BLOCKS_KEPT));
         }
         if let Some(after) = self.blocks.get(&(number + 1)) {
+            // A symbol of this block after the next one has begun: by so much a NACK would have been too
+            // early.
             let late = now.saturating_sub(after.created).min(REORDERING_MAX);
             self.reordering = self.reordering.max(late);
         }

@@ -74,6 +74,8 @@ impl FecEncoder {
         if self.open.symbols.is_empty() {
             return Vec::new();
         }
+        // The number rises whatever becomes of the block, so that the receiver sees a gap where all of it
+        // is lost.
         let next = SourceBlock {
             number: self.open.number + 1,
             symbol_bytes: self.open.symbol_bytes,
@@ -122,6 +124,7 @@ impl FecEncoder {
             let all = (u64::MAX >> (u64::BITS as usize - symbols)) << *first;
             received & all != all
         };
+        // Taken out: a second NACK that crosses the answer on its way does not send them twice.
         let packets: Vec<_> = block.packets.extract_if(.., is_incomplete).collect();
         self.sent_bytes -= before - block.packet_bytes();
         let retransmission = |(index, packet)| Retransmission {
@@ -141,6 +144,8 @@ impl SourceBlock {
         let mut flag = PACKET_START;
         for part in packet.chunks(payload_bytes) {
             let mut symbol = Vec::with_capacity(self.symbol_bytes);
+            // Inside the symbol, and so restored with it: a receiver that lost the first symbol of a
+            // packet still learns where it begins and how long it is.
             symbol.extend_from_slice(&(left | flag).to_le_bytes());
             symbol.extend_from_slice(part);
             let datagram = Datagram::Source {

@@ -39,6 +39,7 @@ impl LossEstimator {
         (self.sent, self.lost) = (sent, lost);
         let share = (new_lost as f64 / new_sent as f64).min(1.0);
         // Weighted by packets, as observations are of unequal length.
+        // As much as MEMORY_PACKETS packets of history weigh against those of the observation.
         let gain = new_sent as f64 / (new_sent as f64 + MEMORY_PACKETS);
         self.loss += gain * (share - self.loss);
         // Hysteresis: a path at the threshold must not alternate between transports.
@@ -63,6 +64,8 @@ impl LossEstimator {
     /// loses more, but at most half as many as source symbols.
     pub(crate) fn repair_count(&mut self, source_count: usize) -> usize {
         self.burstiness = 1.0 + BURSTINESS_DECAY * (self.burstiness - 1.0);
+        // Losses in bursts hit fewer blocks with more each; a higher loss of independent packets stands
+        // for that.
         let loss = (self.loss.max(LOSSY_BELOW) * self.burstiness).min(0.5);
         let most = source_count.div_ceil(2).max(2);
         let is_enough = |repair_count: &usize| {

@@ -76,6 +76,7 @@ fn carom(bearing_rad: f64, i: u32, rng: &mut CounterRng) -> Stroke {
 fn towards(cue: DVec2, target: DVec2, reach: f64, thin: f64) -> f64 {
     let way = target - cue;
     let half = asin(reach / way.length().max(reach));
+    // At the full angle the balls only touch in passing, and rounding would decide whether they do.
     angle_of(way) - 0.97 * thin * half
 }
 

@@ -35,6 +35,7 @@ pub(crate) fn evaluate(
     } else {
         0.0
     };
+    // One ply of lookahead: what the table offers the opponent counts against the shot.
     let next = if mine { offered } else { -offered };
     gained + near + OFFER * skill.foresight.max(0.1) * next
         - if verdict.is_foul() { FOUL } else { 0.0 }

@@ -64,10 +64,13 @@ fn pot_candidate(
     if cos_cut < COS_CUT_MIN {
         return None;
     }
+    // Cheap tests first: whether the way is clear looks at every ball.
     let half_m = opening_m(layout, hole, to_pocket)?;
     let others = |ball: u8| ball != 0 && ball != object.ball;
     let is_clear = layout.is_clear(positions, (cue, ghost), layout.cue_radius_m, others)
         && layout.is_clear(positions, (object.at, hole), layout.radius_m, others);
+    // A turn δ of the cue moves the cue ball sideways by L·δ at the ghost ball, where that turns the line
+    // of centres by L·δ over the radii and the cosine of the cut.
     let lever = to_ghost.length() / (reach * cos_cut);
     let off_m = skill.direction_rad() * lever * way.length();
     is_clear.then(|| PotCandidate {

@@ -56,6 +56,7 @@ pub fn think(position: &Position, skill: &Skill, seed: u32, stop: &AtomicBool) -
         found: Vec::new(),
         stop,
     };
+    // Pots first, with a reserve for the rest; then what is left of the budget goes to the other strokes.
     search.pots();
     search.others();
     search.weigh();
@@ -191,6 +192,7 @@ impl ShotSearch<'_> {
             let mut rng = CounterRng::new(trials, WEIGH);
             let (mut sum, mut tried) = (0.0, 0.0);
             for _ in 0..trials {
+                // A stroke that is good only if struck exactly loses here against one that forgives.
                 let strayed = self.skill.add_error(found.stroke, &mut rng);
                 if let Some(worth) = self.simulated(strayed, found.call) {
                     sum += worth;
@@ -254,6 +256,8 @@ impl ShotSearch<'_> {
                 break;
             }
             // A cue turned to the left meets the ball more on its left and sends it to the right.
+            // A secant step whose slope is known from geometry. The clamp keeps thin cuts, of large
+            // levers, from losing the ball.
             stroke.direction_rad += (off / line.lever).clamp(-0.2, 0.2);
         }
         Some(stroke)

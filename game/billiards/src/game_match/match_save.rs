@@ -172,6 +172,7 @@ impl MatchSave {
         if !path.is_file() {
             return Ok(None);
         }
+        // With the larger of both bounds: which of the two it is, its bytes tell.
         let read = PARTICLES_FORMAT.read(path);
         let read = read.and_then(|bytes| Self::decode(&bytes));
         read.map(Some).map_err(|fault| Error::MatchFile {

@@ -136,6 +136,8 @@ fn ratings(wins: &[Vec<u32>]) -> Vec<Rating> {
             }
         }
         // Only differences count: the first player's rating is fixed.
+        // The information is the Hessian of the logarithm of the likelihood, negated: this is Newton's
+        // method.
         inverse = inverse_without_first(&information);
         for i in 1..count {
             let step: f64 = (1..count).map(|j| inverse[i][j] * gradient[j]).sum();

@@ -74,6 +74,7 @@ impl BallBallLaw {
         };
         let reduced_kg =
             first_body.mass_kg / (first_body.mass_kg + second_body.mass_kg) * second_body.mass_kg;
+        // Newton's law of restitution: the relative normal velocity goes from −approach to +separation.
         let push = reduced_kg * (approach + separation);
         let surface_speed = first_body.radius_m * first.spin + second_body.radius_m * second.spin;
         let contact = first.velocity - second.velocity + surface_speed.cross(normal);
@@ -82,6 +83,8 @@ impl BallBallLaw {
         let friction =
             self.friction_fast + self.friction_slow_extra * exp(-self.friction_fade_s_m * speed);
         let drag = if speed > 0.0 {
+            // 7/2 = 1 + 5/2: an impulse across a solid sphere changes its surface's velocity by that over
+            // the mass, one part from its centre and 5/2 from its spin.
             -(friction * push.abs()).min(reduced_kg * speed / 3.5) / speed * slip
         } else {
             DVec3::ZERO
@@ -89,6 +92,7 @@ impl BallBallLaw {
         let kick = drag - push * normal;
         let after = |body: &BallBody, before: Twist, impulse: DVec3| Twist {
             velocity: before.velocity + impulse / body.mass_kg,
+            // The same for both balls: the second has the opposite impulse on the opposite arm.
             spin: before.spin + 2.5 / (body.mass_kg * body.radius_m) * normal.cross(drag),
         };
         (

@@ -34,6 +34,7 @@ pub(crate) fn first_touch(
     times.sort_by(f64::total_cmp);
     times.windows(2).find_map(|piece| {
         let (from, to) = (piece[0], piece[1]);
+        // No border is crossed within a piece, so that its middle speaks for all of it.
         let runs_within = to > from && is_there(path.at(0.5 * (from + to)));
         let touches = || touch(&path.from(from), to - from);
         runs_within
@@ -92,6 +93,7 @@ impl Crossings {
     /// The plane through a point with a unit normal.
     pub(crate) fn plane(&mut self, point: DVec3, normal: DVec3) {
         let horizon = self.times[1];
+        // A parabola crosses a plane at most twice, once each way, and only falls through it are found.
         for normal in [normal, -normal] {
             let crossing = reaches_plane(&self.path, (point, normal), 0.0, horizon);
             self.times.extend(crossing);

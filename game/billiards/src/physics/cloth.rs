@@ -82,6 +82,8 @@ impl Cloth {
         let spin_decay = 2.5 * self.spin_friction_m * self.gravity_m_s2 / body.radius_m.powi(2);
         let (phase, acceleration, duration, end) = if slip.length() > SLIP_LEAST_M_S {
             let deceleration = self.sliding_friction * self.gravity_m_s2;
+            // Friction slows the centre by μg and, through its torque, the lowest point by 5/2 μg more.
+            // Both act along the slip, whose direction so never turns: the motion is one parabola.
             let duration = slip.length() / (3.5 * deceleration);
             (
                 Phase::Sliding,
@@ -113,6 +115,8 @@ impl Cloth {
             end,
         };
         match phase {
+            // Set anew, so that round-off of the slide does not leave a slip that would begin another
+            // one.
             Phase::Rolling => motion.spin = rolling_spin(velocity, spin.z, body.radius_m),
             Phase::Resting => {
                 motion.velocity = DVec3::ZERO;
@@ -149,6 +153,7 @@ impl Motion {
 /// while sliding, whatever keeps it rolling while rolling.
 fn torque_spin(phase: Phase, acceleration: DVec3, radius_m: f64) -> DVec3 {
     match phase {
+        // Torque over inertia: (−R z) × (m a) / (2/5 m R²).
         Phase::Sliding => 2.5 / radius_m * acceleration.cross(DVec3::Z),
         Phase::Rolling => DVec3::Z.cross(acceleration) / radius_m,
         _ => DVec3::ZERO,

@@ -65,11 +65,15 @@ impl EventEngine<'_> {
                 .cushion
                 .rebound(&body, (away, nose_height_m), before)
         };
+        // Round-off must not leave a velocity into what was touched: the same contact would be found
+        // again at once.
         after.velocity = if cushion {
             kept_apart(away, before.velocity, after.velocity)
         } else {
             skimmed(away, before.velocity, after.velocity)
         };
+        // Between two upright edges contacts would come ever faster, and infinitely many in a finite
+        // time.
         if let Some(opposite) = self.opposite(ball, obstacle, away) {
             after.velocity = wedged([away, opposite], after.velocity);
         }

@@ -47,12 +47,16 @@ impl BallBallLaw {
                     bodies,
                     touch,
                     twists,
+                    // Friction is bounded by the whole impulse along the normal: of compression, and e
+                    // times as much.
                     (1.0 + self.restitution) * push,
                     count,
                 )
             })
             .collect();
         for (touch, drag) in touches.iter().zip(drags) {
+            // A solid ball's moment of inertia is ⅖ m r². The spins of both change alike, as the arm and
+            // the impulse have opposite signs at either.
             let turn = 2.5 * touch.normal.cross(drag);
             for (ball, way) in [(touch.first, 1.0), (touch.second, -1.0)] {
                 let BallBody { mass_kg, radius_m } = bodies[ball];
@@ -85,6 +89,7 @@ impl BallBallLaw {
         }
         let friction =
             self.friction_fast + self.friction_slow_extra * exp(-self.friction_fade_s_m * speed);
+        // An impulse changes a ball's slip by 1/m through its centre and by 5/2 · 1/m through its turn.
         let stops = speed / (3.5 * lightness(bodies, touch) * count);
         -(friction * push).min(stops) / speed * slip
     }
@@ -103,6 +108,8 @@ fn inelastic(bodies: &[BallBody], touches: &[ClusterContact], twists: &mut [Twis
                 normal,
             } = *touch;
             let approach = (twists[first].velocity - twists[second].velocity).dot(normal);
+            // The impulse so far is kept from being a pull, not the step: a sweep may take back what one
+            // before it gave too much, without which the result would depend on the order.
             let next = (*push + approach / lightness(bodies, touch)).max(0.0);
             let by = next - *push;
             *push = next;

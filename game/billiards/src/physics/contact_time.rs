@@ -150,6 +150,7 @@ pub(crate) fn reaches_nose(
     radius: f64,
     horizon: f64,
 ) -> Option<f64> {
+    // The centre's plane; the normal is level, so that heights do not count.
     let touching = nose.from() + radius * nose.normal();
     let plane = (touching.extend(0.0), nose.normal().extend(0.0));
     let t = reaches_plane(path, plane, radius, horizon)?;
@@ -169,6 +170,8 @@ pub(crate) fn leaves_outline(
         (DVec3::NEG_Y, high),
     ];
     let crossings = sides.into_iter().filter_map(|(inward, corner)| {
+        // However far outside it is already: a centre beyond the outline that goes on outwards leaves at
+        // once.
         reaches_plane(path, (corner.extend(0.0), inward), f64::INFINITY, horizon)
     });
     crossings.min_by(f64::total_cmp)
@@ -187,6 +190,7 @@ pub(crate) fn enters_rectangle(
         (DVec3::Y, high),
     ];
     let crossings = sides.into_iter().filter_map(|(outward, corner)| {
+        // No depth: a ball that lies in the rectangle does not enter it again.
         let t = reaches_plane(path, (corner.extend(0.0), outward), 0.0, horizon)?;
         let place = path.at(t).truncate();
         let inside = place.cmpge(low - JOINT_M).all() && place.cmple(high + JOINT_M).all();
@@ -221,6 +225,7 @@ pub(crate) fn reaches_ring(
             return Some(t);
         }
         let speed = velocity.length() + 2.0 * path.half_acceleration.length() * RING_STEP_SECS;
+        // The distance from anything changes no faster than the ball moves.
         let by_speed = gap.max(0.0) / speed.max(f64::MIN_POSITIVE);
         // While it stays at least half as far from the axis, the distance curves by no more.
         let calm = (0.5 * from_axis / speed.max(f64::MIN_POSITIVE)).min(RING_STEP_SECS);
@@ -228,6 +233,8 @@ pub(crate) fn reaches_ring(
             + 2.0 * speed * speed / from_axis.max(f64::MIN_POSITIVE);
         let root = (2.0 * gap.max(0.0) * curving + closing * closing).sqrt();
         let by_curve = if closing > 0.0 {
+            // The first root of gap − closing·t − ½·curving·t², in the form that does not cancel for this
+            // sign of `closing`.
             2.0 * gap.max(0.0) / (root + closing)
         } else {
             (root - closing) / curving
@@ -265,6 +272,8 @@ impl Quartic {
     /// below but by no more than `depth`, and falling, that is at once: a contact that round-off
     /// placed a little inside must not be missed.
     fn first_fall_below_zero(&self, end: f64, depth: f64) -> Option<f64> {
+        // The degree falls with each derivative, so that the recursion ends at a straight line after
+        // three.
         let extrema = self.derivative().roots(end);
         let mut start = (0.0, self.at(0.0));
         for &t in extrema.as_slice().iter().chain([&end]) {
@@ -312,6 +321,7 @@ impl Quartic {
         let slope = self.derivative();
         let falls = start.1 > stop.1;
         let (mut low, mut high) = (start.0, stop.0);
+        // Begun where the chord crosses zero; the clamp is for differences that round to 0.
         let mut t = low + (high - low) * (start.1 / (start.1 - stop.1)).clamp(0.0, 1.0);
         for _ in 0..REFINEMENTS_MAX {
             let value = self.at(t);

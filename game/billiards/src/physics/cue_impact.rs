@@ -120,6 +120,7 @@ impl Cue {
         let up = sin_elevation * forward + cos_elevation * DVec3::Z;
 
         let offset = stroke.offset();
+        // Offsets end at 0.9 radii, where the tip still meets the ball.
         let depth = (1.0 - offset * offset).sqrt();
         let tip = stroke.side * right + stroke.vertical * up - depth * axis;
         let CueImpact {
@@ -128,6 +129,9 @@ impl Cue {
             strength,
         } = self.impact(axis, tip, offset);
         let reach = along.dot(axis);
+        // TP A-30: an elastic blow of two bodies of which the ball resists with its mass and, on an arm,
+        // with its inertia (5/2 of the arm's square). Only the part of the impulse along the cue slows
+        // the cue.
         let speed = 2.0 * strength * reach * stroke.speed_m_s
             / (1.0 + reach * reach * body.mass_kg / self.mass_kg + 2.5 * arm * arm);
         Twist {
@@ -148,6 +152,7 @@ impl Cue {
         let inward = -tip;
         let squarely = axis.dot(inward);
         let across = (axis - squarely * inward).normalize_or_zero();
+        // `limit` is sin(atan μ), so that these are sine and cosine of the cone's half angle.
         let cos_limit = (1.0 - limit * limit).sqrt();
         CueImpact {
             along: cos_limit * inward + limit * across,
@@ -160,6 +165,7 @@ impl Cue {
     fn squirt_rad(&self, body: &BallBody, side: f64) -> f64 {
         let across = 1.0 - side * side;
         let mass_ratio = body.mass_kg / self.end_mass_kg;
+        // TP A-31, in which only the end mass is carried sideways by the turning ball.
         atan2(2.5 * side * across.sqrt(), 1.0 + mass_ratio + 2.5 * across)
     }
 }

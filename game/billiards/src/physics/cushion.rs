@@ -52,6 +52,7 @@ impl CushionLaw {
         let above = nose_height_m / body.radius_m - 1.0;
         let normal = (away - above * DVec3::Z).normalize();
         let mut after = self.resolve(body, normal, twist);
+        // The slate takes up what the tilted normal has pushed down.
         after.velocity.z = 0.0;
         after.velocity = kept_apart(away, twist.velocity, after.velocity);
         after
@@ -87,6 +88,8 @@ impl CushionLaw {
         // Deflection of the tangential spring at Coulomb's limit, per sin(phase).
         let stretch = limit * MASS_RATIO / self.frequency_ratio.powi(2);
         let pull = limit * MASS_RATIO;
+        // Still slips when the cushion lets go: Coulomb's impulse of the whole contact, μ(1 + e) over the
+        // approach, times 7/2. The last term is what the spring could still hold as the limit falls to 0.
         if slip >= pull * (1.0 + e) - stretch / e {
             return slip - pull * (1.0 + e);
         }
@@ -101,12 +104,16 @@ impl CushionLaw {
             self.slip_until_stick(slip, stretch, pull)
         };
         let release = self.slip_again(&stick, stretch);
+        // What Coulomb's friction adds from there to the end, now the other way.
         stick.speed_at(release) + pull * e * (1.0 + cos(phase(release, e)))
     }
 
     /// The surface slips until its speed is that at which Coulomb's limit lets the spring move.
     fn slip_until_stick(&self, slip: f64, stretch: f64, pull: f64) -> StickPhase {
         let e = self.restitution;
+        // It sticks when the slip speed has fallen to that at which the limit moves, stretch · d
+        // sin(phase)/dt. In compression slip − pull (1 − cos t) = stretch cos t; in restitution both
+        // cosines change by e and 1/e.
         let from = if slip <= pull {
             acos(((slip - pull) / (stretch - pull)).clamp(-1.0, 1.0))
         } else {
@@ -131,6 +138,8 @@ impl CushionLaw {
         let mut slips = FRAC_PI_2 * (1.0 + e);
         for _ in 0..BISECTIONS {
             let t = 0.5 * (holds + slips);
+            // By bisection: the spring's frequency and the normal one's differ, and no closed form is
+            // left.
             if -stick.deflection_at(t) < stretch * sin_cos(phase(t, e)).0 {
                 holds = t;
             } else {

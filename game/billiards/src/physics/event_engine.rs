@@ -137,12 +137,15 @@ impl<'a> EventEngine<'a> {
         match next {
             NextEvent::Ball(ball, event) => self.event(ball, event),
             NextEvent::Pair(first, second) => {
+                // Contacts of a rack at one instant are solved together: one after the other, the result
+                // would depend on the order of the balls' numbers.
                 let pairs = self.queue.together(first, second, time + INSTANT_SECS);
                 let pairs: Vec<_> = pairs
                     .into_iter()
                     .filter(|&pair| self.meets_fast(pair))
                     .collect();
                 match pairs.as_slice() {
+                    // The law of two balls parts pairs that hardly approach as well.
                     [] | [_] => self.collide(first, second),
                     pairs => self.collide_together(pairs),
                 }
@@ -153,6 +156,7 @@ impl<'a> EventEngine<'a> {
 
     fn advance_to(&mut self, time: f64) {
         let step = time - self.now;
+        // Events of one instant may come with times that differ in the last bit, and none goes back.
         if step > 0.0 {
             for ball in &mut self.balls {
                 ball.advance(self.now, step);
@@ -219,6 +223,7 @@ impl<'a> EventEngine<'a> {
         if motion.phase == Phase::Airborne {
             return self.fly(ball, after);
         }
+        // A blow from above drives the ball into the slate, which answers at once.
         if -self.laws.slate.restitution * after.velocity.z >= hop {
             after = self.laws.slate.resolve(body, DVec3::Z, after);
         }

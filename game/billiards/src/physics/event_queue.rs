@@ -74,6 +74,8 @@ impl EventQueue {
         for later in ball + 1..balls.len() {
             let time = self.pairs[pair(ball, later)];
             let (first, with) = self.firsts[later];
+            // Of equal times the first ball, as a search from the beginning would find: the order of
+            // events must not depend on which of them were computed when.
             if time < first || (time == first && ball < with) {
                 self.firsts[later] = (time, ball);
             } else if with == ball {
@@ -118,6 +120,7 @@ impl EventQueue {
     pub(crate) fn earliest(&self) -> Option<(f64, NextEvent)> {
         let mut first = (f64::INFINITY, NextEvent::Pair(0, 0));
         for (ball, &(time, event)) in self.ball_events.iter().enumerate() {
+            // Strictly: of equal times the lower index stays, and balls come before pairs.
             if time < first.0 {
                 first = (time, NextEvent::Ball(ball, event));
             }
@@ -136,6 +139,8 @@ fn contact_time(one: &BallInMotion, other: &BallInMotion, now: f64) -> f64 {
     if !in_play || !(one.is_moving() || other.is_moving()) {
         return f64::INFINITY;
     }
+    // Beyond it one of the accelerations is another one. That ball's phase change is an event itself,
+    // after which the pair is looked at again.
     let horizon = one.rest_of_motion(now).min(other.rest_of_motion(now));
     let path = one.path(now).relative_to(&other.path(now));
     let touching = one.body.radius_m + other.body.radius_m;
@@ -163,6 +168,8 @@ fn next_ball_event(ball: &BallInMotion, table: &Table, now: f64) -> (f64, BallEv
             first.consider(edge, BallEvent::RailEnds);
             first.consider_pockets(&path, table, Pocket::bore_radius_m);
         } else {
+            // Each search has the earliest event so far as its horizon, so that the later ones mostly end
+            // at their bounds.
             first.consider_cushions(&path, table, radius_m);
             first.consider_pockets(&path, table, |pocket| pocket.radius_m);
         }

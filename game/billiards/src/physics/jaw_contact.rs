@@ -73,6 +73,8 @@ impl JawSolid {
                 return Some(t);
             }
             let gap = gap.max(0.0);
+            // To a convex body the distance curves downwards by no more than the ball accelerates: where
+            // the parabola with that curvature comes to the bound, the distance itself has not yet.
             let root = (2.0 * gap * acceleration + closing * closing).sqrt();
             let (step, least) = if closing > 0.0 {
                 (2.0 * gap / (root + closing), f64::EPSILON)

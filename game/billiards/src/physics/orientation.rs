@@ -77,6 +77,7 @@ impl RotationIntegral {
     fn step(&self, start: f64, duration: f64) -> DQuat {
         let spin = self.spin + start * self.spin_acceleration;
         let mean = spin + 0.5 * duration * self.spin_acceleration;
+        // The expansion's second term, ½ ∫∫ [A(s), A(r)] dr ds over r < s with A = ½ ω, of a linear ω.
         let tilt = duration.powi(3) / 12.0 * self.spin_acceleration.cross(spin);
         rotation(duration * mean + tilt)
     }

@@ -364,6 +364,7 @@ fn cushion_shapes(table: &Table) -> Vec<ColliderBuilder> {
             .rotation(DVec3::Z * angle_of(along))
     });
     let posts = table.jaws().iter().map(|jaw| {
+        // The engine's cylinders stand along y.
         ColliderBuilder::cylinder(half_height, jaw.radius_m)
             .translation(jaw.center.extend(half_height))
             .rotation(DVec3::X * std::f64::consts::FRAC_PI_2)
@@ -389,6 +390,7 @@ fn insert_ball(
     let law = &laws.ball_ball;
     let sphere = ColliderBuilder::ball(state.body.radius_m)
         .mass(state.body.mass_kg)
+        // As at a slip of 1 m/s: the engine knows no friction that depends on speed.
         .friction(law.friction_fast + law.friction_slow_extra * exp(-law.friction_fade_s_m))
         .restitution(law.restitution)
         .user_data(index as u128);

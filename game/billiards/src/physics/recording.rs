@@ -262,6 +262,7 @@ impl TrajectoryFile {
                 return reject("has a number that is not finite, or too large");
             }
             let secs = end - segment.start_secs;
+            // Never exceeded within the segment: an upper bound of what the ball turns by.
             let spin = segment.spin.length() + secs * segment.spin_acceleration.length();
             turns += secs * spin / std::f64::consts::TAU;
         }

@@ -53,6 +53,8 @@ impl BounceLaw {
         let slip = contact + approach * normal;
         let speed = slip.length();
         let drag = if speed > 0.0 {
+            // An impulse changes the slip by 1 + 5/2 times its own over the mass, through the centre and
+            // through the turn: more than that share would turn the slip round.
             -(self.friction * push).min(speed / 3.5) / speed * slip
         } else {
             DVec3::ZERO

@@ -284,6 +284,7 @@ impl ContactFinder<'_> {
         let rail_height_m = self.table.rail_height_m();
         first_touch(
             (path, horizon),
+            // From within: the centre has the bore less the ball's radius for itself.
             |path, horizon| leaves_circle(&path.flat_from(pocket.center), room, horizon),
             |place| {
                 let is_near = place.truncate().distance(pocket.center) <= pocket.radius_m;

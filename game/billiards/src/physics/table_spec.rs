@@ -128,6 +128,8 @@ impl TableSpec {
         let along = (to - from).normalize();
         let corner = self.corner_pockets.map(|pocket| CushionEnd {
             pocket,
+            // The mouth is the hypotenuse of the right angle in the corner, and the insets of both sides
+            // are its legs.
             inset_m: pocket.mouth_m * 0.5f64.sqrt(),
         });
         let side = self.side_pockets.map(|pocket| CushionEnd {
@@ -291,6 +293,8 @@ impl CushionOutlines {
         let inset = |tip: Option<CushionEnd>| tip.map_or(0.0, |tip| tip.inset_m);
         let (from, to) = (start + inset(opens) * along, stop - inset(ends) * along);
         let nose = self.noses.len();
+        // Before its facings, which follow it up to the next cushion's nose: by this order `Table::slant`
+        // finds them.
         self.noses.push([from, to]);
         let (first_back, first_jaw) = self.lay_end(from, -along, inward, opens);
         let (last_back, last_jaw) = self.lay_end(to, along, inward, ends);
@@ -343,6 +347,7 @@ impl PocketSpec {
 
     /// From the unrounded tip to where the rounding begins.
     fn tangent_m(&self) -> f64 {
+        // Of a circle that touches both lines.
         self.jaw_radius_m * tan(0.5 * self.turn_rad())
     }
 }

@@ -131,12 +131,16 @@ impl Trajectory {
 
     /// Ends the current segment and begins the next.
     pub(crate) fn push(&mut self, segment: Segment) {
+        // A ball's turning is integrated once its segment's length is known, and carried on from one to
+        // the next.
         let orientation = match self.segments.last_mut() {
             Some(last) => last.close(segment.start_secs),
             None => DQuat::IDENTITY,
         };
         let is_same_instant =
             |last: &mut OrientedSegment| last.segment.start_secs == segment.start_secs;
+        // Several events at one instant leave segments without duration; only the last of them is ever
+        // shown.
         self.segments.pop_if(is_same_instant);
         self.segments
             .push(OrientedSegment::open(segment, orientation));

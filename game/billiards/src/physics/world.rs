@@ -240,6 +240,8 @@ impl World {
         };
         let jumps = is_carried || twist.velocity.z >= hop_speed_m_s(self.laws.cloth.gravity_m_s2);
         if !jumps {
+            // Too slow to hop: the ball lies, and must lie exactly, as its height is compared with its
+            // radius.
             twist.velocity.z = 0.0;
         }
         *cue_ball = BallState {

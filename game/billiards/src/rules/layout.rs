@@ -123,6 +123,7 @@ impl TableLayout {
         let step = 0.5 * self.cue_radius_m;
         let ring = |i: u32| {
             let angle = f64::from(i % 16) * std::f64::consts::TAU / 16.0;
+            // Rounded up: place 0 is home itself, and from place 1 on each ring has sixteen.
             home + unit_at(angle) * (step * f64::from(i.div_ceil(16)))
         };
         (0..16 * RINGS)
@@ -160,6 +161,8 @@ impl TableLayout {
     /// can be: first towards the foot cushion, if there is no room towards the head (WPA 1.4; WPBSA
     /// 7). It may touch an object ball, never the cue ball.
     pub fn spotted(&self, positions: &[BallPosition], spot: DVec2) -> DVec2 {
+        // What other balls leave free of the line are intervals: the nearest free place is the spot or an
+        // end of one.
         let mut places: Vec<f64> = vec![spot.x];
         for p in positions {
             let gap = if p.ball == 0 { CUE_GAP_M } else { SPOT_GAP_M };

@@ -137,6 +137,8 @@ fn order_eight(rng: &mut CounterRng) -> Vec<u8> {
     rng.shuffle(&mut corners);
     let mut rest: Vec<u8> = [&solids[..6], &stripes[..6]].concat();
     rng.shuffle(&mut rest);
+    // Row by row from the apex, place 4 is the middle of the third row, 10 and 14 are the ends of the
+    // last.
     rest.insert(4, 8);
     rest.insert(10, corners[0]);
     rest.push(corners[1]);

@@ -94,6 +94,7 @@ impl GpuSimulation {
                 ..Control::default()
             },
             bounds: bounds(&copy.chunks),
+            // A power of two, by which nothing is rounded.
             mass_scale: scale.log2().floor().exp2() as f32,
             start,
         };
@@ -268,6 +269,7 @@ impl GpuSimulation {
         let count = (count + 1.0).min(BATCH_SUBSTEPS_MAX.into()) as u32;
         let cell_size_m = f64::from(self.start.settings().cell_size_m);
         let travel = f64::from(self.control.speed) * (left_secs / f64::from(count)) / cell_size_m;
+        // A fifth is left for particles that become faster before the next ordering.
         let group = (0.8 * f64::from(DRIFT_MAX) / travel.max(1e-9)).floor();
         let group = (group.min(GROUP_MAX.into()) as u32).clamp(1, count);
         Batch {

@@ -113,6 +113,7 @@ impl Sand {
         let length = dot(deviator, deviator).sqrt();
         let excess = trace.mul_add(Lanes::splat(simd, self.yield_factor()), length);
         let is_elastic = excess.simd_le(0.0);
+        // The cone's tip: grains without cohesion carry no tension.
         let is_apart = trace.simd_ge(0.0);
         let ratio = excess / length.max(f32::MIN_POSITIVE);
         let zero = Lanes::splat(simd, 0.0);

@@ -80,12 +80,14 @@ impl Snow {
             |i| parts.sigma[i].max(low).min(high),
         );
         let product = |s: [Lanes<S>; 3]| s[0] * s[1] * s[2];
+        // What the elastic part loses the plastic one gains: the volume of both together stays.
         let plastic = strain.state * product(parts.sigma) / product(sigma);
         strain.state = plastic.max(PLASTIC_VOLUME[0]).min(PLASTIC_VOLUME[1]);
         strain.deformation = parts.u.scale_columns(sigma);
         let hardness = exp((Lanes::splat(simd, 1.0) - strain.state) * self.hardening);
         let Lame { lambda, mu } = self.lame();
         let stress = fixed_corotated(&parts.u, sigma, (hardness * lambda, hardness * mu));
+        // Sound is faster by the root of the stiffness.
         (stress, hardness.sqrt().max(1.0))
     }
 }

@@ -223,6 +223,8 @@ impl FrameScheduler {
             return SchedulerAction::Rest;
         }
         let cancel = self.set_target(now_secs, target);
+        // Cancelled before anything new is asked for: frames are worked off in order, and the new one
+        // would wait.
         if cancel && !self.pending.is_empty() {
             return SchedulerAction::Cancel(self.drain_pending());
         }
@@ -364,6 +366,7 @@ impl FrameScheduler {
         };
         self.pending.retain(comes);
         match self.shown_moment {
+            // Too late for the screen, which does not run backwards.
             Some(shown) if at < shown => {}
             Some(shown) if at == shown && missing.is_empty() => self.shown.replace(picture),
             _ => self.moments.push(at, TimedFrame { picture, missing }),
@@ -459,6 +462,8 @@ impl FrameScheduler {
             format: PixelFormat::LinearF16,
         };
         let state = || AccumulationState {
+            // The number of the last draft: it changes with every view, so that samples of an older one
+            // are told apart.
             series: self.requests,
             update: update.clone(),
             render: AccumulatedRender::new(spec(), Priority::Background),

@@ -3,7 +3,7 @@
 use carom_tracer::{Axis, CsgSolid, Shape};
 use glam::{DVec3, Quat, Vec2, Vec3};
 
-use super::room::{ROOM_MARGIN_M, WINDOW_M};
+use super::room::{PANEL_HEIGHT_M, ROOM_MARGIN_M, WINDOW_M};
 use super::{SceneBuilder, subtraction};
 use crate::scene::cue_stick::{CUE_LENGTH_M, CUE_NAME, CuePose};
 use crate::scene::scoreboard::HAND_NAME;
@@ -13,6 +13,7 @@ impl SceneBuilder {
     /// [`super::room::window`].
     pub(super) fn far_end(&mut self) {
         let wall_x = self.frame.outer.x + ROOM_MARGIN_M - PANELLING_M;
+        self.wainscot(wall_x);
         self.bench(wall_x);
         self.cue_rack(wall_x);
         self.bar_table(wall_x);
@@ -23,9 +24,44 @@ impl SceneBuilder {
             let middle = Vec3::new(wall_x + 0.02, center.x, center.y);
             self.solid("window bar", "dark wood", middle - bar, middle + bar);
         }
+        for (y, z, [half_y, half_z]) in [
+            (0.0, half.y, [half.x + 0.08, 0.04]),
+            (0.0, -half.y, [half.x + 0.12, 0.04]),
+            (half.x + 0.04, 0.0, [0.04, half.y]),
+            (-half.x - 0.04, 0.0, [0.04, half.y]),
+        ] {
+            let middle = Vec3::new(wall_x + 0.02, center.x + y, center.y + z);
+            let casing = Vec3::new(0.045, half_y, half_z);
+            self.solid(
+                "window frame",
+                "dark wood",
+                middle - casing,
+                middle + casing,
+            );
+        }
     }
 
-    /// Three seats with backs on a plinth.
+    /// Frames of the panelling's fields: a skirting below, a chair rail on top, stiles between.
+    fn wainscot(&mut self, wall_x: f32) {
+        let (floor, half_y) = (self.frame.floor, self.frame.outer.y + ROOM_MARGIN_M);
+        let top = floor + PANEL_HEIGHT_M;
+        let mut board = |depth: f32, y: [f32; 2], z: [f32; 2]| {
+            let min = Vec3::new(wall_x - depth, y[0], z[0]);
+            let max = Vec3::new(wall_x, y[1], z[1]);
+            self.solid("wainscot", "dark wood", min, max);
+        };
+        let across = [-half_y, half_y];
+        board(0.03, across, [floor, floor + 0.14]);
+        board(0.015, across, [top - 0.12, top]);
+        board(0.05, across, [top, top + 0.03]);
+        let stiles = (half_y / FIELD_WIDTH_M) as i32;
+        for stile in -stiles..=stiles {
+            let y = (stile as f32 + 0.5) * FIELD_WIDTH_M;
+            board(0.015, [y - 0.05, y + 0.05], [floor + 0.14, top - 0.12]);
+        }
+    }
+
+    /// Three seats with backs on a plinth, round where one sits and leans.
     fn bench(&mut self, wall_x: f32) {
         let [first_y, last_y] = BENCH_Y_M;
         let [plinth, seat, back] = [0.24, 0.46, 0.94].map(|height| self.frame.floor + height);
@@ -38,13 +74,22 @@ impl SceneBuilder {
         let width = (last_y - first_y) / 3.0;
         for seat_y in [0.0, 1.0, 2.0].map(|seats| first_y + seats * width) {
             let (near, far) = (seat_y + SEAM_M, seat_y + width - SEAM_M);
-            let mut cushion = |depth: [f32; 2], bottom, top| {
-                let min = Vec3::new(wall_x - depth[0], near, bottom);
-                let max = Vec3::new(wall_x - depth[1], far, top);
+            let mut cushion = |depth: f32, bottom, top, round: Vec2, radius: f32| {
+                let min = Vec3::new(wall_x - depth, near, bottom);
+                let max = Vec3::new(wall_x, far, top);
                 self.solid("bench cushion", "bench leather", min, max);
+                let roll = Shape::TruncatedCone {
+                    center: Vec3::new(wall_x - round.x, near, round.y),
+                    rotation: Quat::from_rotation_arc(Vec3::Z, Vec3::Y),
+                    length: far - near,
+                    radii: [radius; 2],
+                };
+                self.add("bench roll", "bench leather", roll);
             };
-            cushion([0.62, 0.0], plinth, seat);
-            cushion([0.16, 0.0], seat, back);
+            let seat_radius = 0.5 * (seat - plinth);
+            let seat_front = Vec2::new(0.54, plinth + seat_radius);
+            cushion(0.54, plinth, seat, seat_front, seat_radius);
+            cushion(0.16, seat, back, Vec2::new(0.08, back), 0.08);
         }
     }
 
@@ -126,6 +171,8 @@ impl SceneBuilder {
 
 /// How far the panelling stands before the wall.
 const PANELLING_M: f32 = 0.05;
+/// Between the middles of two stiles of the panelling.
+const FIELD_WIDTH_M: f32 = 0.9;
 const BENCH_Y_M: [f32; 2] = [-0.8, 1.9];
 /// Half the gap between two cushions of the bench.
 const SEAM_M: f32 = 0.01;

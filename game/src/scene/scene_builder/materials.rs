@@ -42,7 +42,7 @@ pub(super) fn materials(
         ),
         (
             "rail wood",
-            MAHOGANY.wood(Axis::X, Some(sights(frame, table, rules))),
+            MAHOGANY.varnished(Axis::X, Some(sights(frame, table, rules))),
         ),
     ]);
     let last = if rules == RuleSet::Snooker { 21 } else { 15 };
@@ -81,13 +81,13 @@ fn furniture() -> Vec<(&'static str, Material)> {
     vec![
         ("carpet", soft(Vec3::new(0.085, 0.09, 0.115), 0.06)),
         ("bench leather", soft(Vec3::new(0.2, 0.06, 0.036), 0.05)),
-        ("dark wood", WALNUT.wood(Axis::Z, None)),
-        ("panelling", OAK.wood(Axis::Z, None)),
+        ("dark wood", WALNUT.oiled(Axis::Z)),
+        ("panelling", OAK.oiled(Axis::Z)),
         (
             "floor",
             Material::Coated {
-                ior: VARNISH_IOR,
-                alpha: SATIN_ALPHA,
+                ior: OILED_IOR,
+                alpha: 0.0,
                 texture: planks,
             },
         ),
@@ -159,7 +159,7 @@ fn sights(frame: &TableMeasures, table: &Table, rules: RuleSet) -> Sights {
     }
 }
 
-/// A kind of wood under satin varnish.
+/// A kind of wood.
 struct Wood {
     light: Vec3,
     dark: Vec3,
@@ -167,24 +167,40 @@ struct Wood {
 }
 
 impl Wood {
-    fn wood(&self, grain: Axis, sights: Option<Sights>) -> Material {
+    /// Under a satin varnish.
+    fn varnished(&self, grain: Axis, sights: Option<Sights>) -> Material {
         Material::Coated {
             ior: VARNISH_IOR,
             alpha: SATIN_ALPHA,
-            texture: ProceduralTexture::Wood {
-                light: self.light,
-                dark: self.dark,
-                grain,
-                sights,
-                scale: self.scale,
-            },
+            texture: self.texture(grain, sights),
+        }
+    }
+
+    /// Matt.
+    fn oiled(&self, grain: Axis) -> Material {
+        Material::Coated {
+            ior: OILED_IOR,
+            alpha: 0.0,
+            texture: self.texture(grain, None),
+        }
+    }
+
+    fn texture(&self, grain: Axis, sights: Option<Sights>) -> ProceduralTexture {
+        ProceduralTexture::Wood {
+            light: self.light,
+            dark: self.dark,
+            grain,
+            sights,
+            scale: self.scale,
         }
     }
 }
 
-const VARNISH_IOR: f32 = 1.5;
+const VARNISH_IOR: f32 = 1.4;
 /// GGX width of a satin varnish.
 const SATIN_ALPHA: f32 = 0.16;
+/// That of air: nothing lies on the wood.
+const OILED_IOR: f32 = 1.0;
 
 const MAHOGANY: Wood = Wood {
     light: Vec3::new(0.17, 0.06, 0.026),
@@ -198,6 +214,6 @@ const WALNUT: Wood = Wood {
 };
 const OAK: Wood = Wood {
     light: Vec3::new(0.15, 0.085, 0.046),
-    dark: Vec3::new(0.09, 0.048, 0.025),
+    dark: Vec3::new(0.122, 0.068, 0.037),
     scale: 0.6,
 };

@@ -223,6 +223,6 @@ pub(super) const ROOM_MARGIN_M: f32 = 5.2;
 const ROOM_HEIGHT_M: f32 = 2.4;
 /// From a shade up to where it hangs, which is the walls' height.
 const ROD_M: f32 = ROOM_HEIGHT_M - 1.15;
-const PANEL_HEIGHT_M: f32 = 1.04;
+pub(super) const PANEL_HEIGHT_M: f32 = 1.04;
 /// Middle and half the extent of the window in the far wall, as y and z.
 pub(super) const WINDOW_M: (Vec2, Vec2) = (Vec2::new(-2.1, 0.98), Vec2::new(0.85, 0.62));

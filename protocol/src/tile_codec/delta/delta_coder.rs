@@ -72,6 +72,7 @@ impl DeltaCoder {
         let groups = width.div_ceil(8);
         let stride = groups + 2;
         self.mask.clear();
+        // The margin spares the contexts all tests for edges: what lies beyond counts as unchanged.
         self.mask.resize(stride * (levels.len() / width + 2), 0);
         for row in 0..levels.len() / width {
             for group in 0..groups {
@@ -118,6 +119,8 @@ impl DeltaCoder {
             let around = Neighbourhood::new(levels, index, part.x + bit, part.width);
             let wanted = new.map_or([0; 3], |new| new[index]);
             let neighbours = context.changed_neighbours(bit);
+            // Written in place: for the pixels after it this one is a causal neighbour, as the decoder
+            // sees it.
             levels[index] = self.pixel(coder, part.step, &around, neighbours, wanted);
             context.mark(bit);
             self.changed += 1;
@@ -151,6 +154,8 @@ impl DeltaCoder {
         let green = model.code(coder, lean, median, wanted[1]).0;
         let (nearest, distance) = around.nearest(green);
         let same = usize::from(green == reference.green());
+        // A surface whose light varies keeps the differences between its channels better than their
+        // values.
         let shift = i16::from(green) - i16::from(nearest[1]);
         let expected = |channel: usize| (i16::from(nearest[channel]) + shift).clamp(0, 255) as u8;
         let model = &mut self.red[2 * class(distance) + same];

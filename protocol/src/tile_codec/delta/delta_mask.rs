@@ -20,9 +20,12 @@ impl MaskContext {
         let row = |middle: usize| {
             let [left, here, right] = [middle.wrapping_sub(1), middle, middle + 1]
                 .map(|index| rows.get(index).copied().map_or(0, u32::from));
+            // Two columns of the byte to the left, the group's eight, and the first of the byte to the
+            // right.
             left >> 6 | here << 2 | right << 10
         };
         Self {
+            // Of its own row only what lies to the left is known to the decoder.
             row: row(2 * stride) & 3,
             above: row(stride),
             above2: row(0) & 0x3fc,

@@ -52,6 +52,7 @@ impl Neighbourhood {
         // mispredicts on noise, and one misprediction costs more than all of this.
         let key = |(pixel, order): (PackedPixel, u64)| {
             let distance = u64::from(pixel.green().abs_diff(green));
+            // The order breaks ties, so that encoder and decoder choose alike whatever the pixels' bytes.
             distance << 32 | order << 24 | u64::from(pixel.0)
         };
         let keys = pixels.into_iter().zip(0..).map(key);

@@ -35,6 +35,9 @@ impl BitModel {
     fn learn(&mut self, bit: bool) {
         let target = select_unpredictable(bit, PROBABILITY_MIN, (1 << 16) - PROBABILITY_MIN);
         let error = target - i32::from(self.zero);
+        // Integers alone: encoder and decoder must agree to the last bit on every machine. The shift
+        // rounds towards −∞, and the targets are inside of 0 and 2¹⁶, so that no probability ever becomes
+        // 0.
         self.zero = (i32::from(self.zero) + ((error * RATES[usize::from(self.seen)]) >> 16)) as u16;
         self.seen = (self.seen + 1).min(SEEN_MAX);
     }
@@ -60,6 +63,7 @@ impl RangeEncoder {
     /// What was there before, and the message in the fewest bytes: `low` is rounded up to a multiple
     /// of the largest power of two below `range`, whose trailing zeros need not be written.
     pub(crate) fn finish(mut self) -> Vec<u8> {
+        // A power of two at most as large as the range has a multiple within it.
         let zeros = (1 << self.range.ilog2()) - 1;
         self.add(self.low.wrapping_neg() & zeros);
         let last = &self.low.to_be_bytes()[..last_bytes(self.range)];
@@ -92,6 +96,7 @@ impl RangeEncoder {
         if self.range < RANGE_MIN {
             let word = (self.low >> 32) as u32;
             self.bytes.extend_from_slice(&word.to_be_bytes());
+            // Once is enough: a bit leaves at least 32 / 2¹⁶ of a range of 2³², eight raw bits a 256th.
             self.low <<= 32;
             self.range <<= 32;
         }
@@ -101,6 +106,8 @@ impl RangeEncoder {
 impl Coder for RangeEncoder {
     #[inline(always)]
     fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
+        // `shift` keeps the range at 2³² or more, so that 16 bits are left to divide and neither part is
+        // empty.
         let zeros = (self.range >> 16) * u64::from(model.zero);
         if bit {
             self.add(zeros);

@@ -42,6 +42,7 @@ impl ValueModel {
         }
         let size = self.magnitude(coder, u32::from(difference.unsigned_abs()));
         let is_negative = coder.bit(&mut self.negative[lean], difference < 0);
+        // The sign of noise is unpredictable for the processor as well.
         let difference = select_unpredictable(is_negative, -size, size);
         (expected.wrapping_add_signed(difference as i8), difference)
     }

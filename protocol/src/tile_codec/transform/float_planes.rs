@@ -25,6 +25,8 @@ pub(crate) fn forward<S: Sample>(
         for row in radiance.chunks_exact(tile.width as usize) {
             let [g, r, b] = channels.each_mut().map(|c| &mut c[start..][..row.len()]);
             let mut left = above;
+            // The first pixel of a row is predicted from the one above: the end of the row before lies on
+            // the other side of the tile.
             above = subtract_green(sample(row[0]));
             for (((pixel, g), r), b) in row.iter().zip(g).zip(r).zip(b) {
                 let value = subtract_green(sample(*pixel));

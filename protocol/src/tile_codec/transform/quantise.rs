@@ -78,6 +78,8 @@ pub(crate) fn rounded(step: u8, width: usize, pixels: &[[u8; 3]]) -> Box<[[u8; 3
 /// The step is a constant so that the compiler multiplies by its reciprocal, many values at once.
 #[inline(always)]
 fn divide<const STEP: u16>(values: &mut [u8], shift: i8) {
+    // Nearest level of a row whose levels are moved by `shift`: (v − shift + step/2) / step. Never below
+    // 0, since the shift is at most half a step.
     let half = (STEP / 2).wrapping_add_signed(-i16::from(shift));
     for value in values {
         *value = ((u16::from(*value) + half) / STEP) as u8;
@@ -89,6 +91,7 @@ fn divide<const STEP: u16>(values: &mut [u8], shift: i8) {
 fn multiply<const STEP: u8>(levels: &mut [u8], shift: i8) {
     let [up, down] = [shift, -shift].map(|shift| shift.max(0).cast_unsigned());
     for level in levels {
+        // Both factors are whole: 255 is a multiple of 3 and of 5.
         let value = (*level).min(255 / STEP).wrapping_mul(STEP);
         *level = value.saturating_add(up).saturating_sub(down);
     }

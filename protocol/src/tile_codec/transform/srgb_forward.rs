@@ -98,6 +98,7 @@ impl ForwardTransform {
         for ((g, r), b) in groups {
             let mut mask = 0;
             for (bit, ((g, r), b)) in g.iter().zip(r).zip(b).enumerate() {
+                // Differences are taken modulo 256, so that 0 means equal and nothing else does.
                 if (g | r | b) != 0 {
                     mask |= 1 << bit;
                     self.planes[0].push(*g);

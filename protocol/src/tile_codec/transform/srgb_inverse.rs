@@ -29,6 +29,7 @@ impl<'a> InverseTransform<'a> {
     ) -> Option<Self> {
         let (masks, rest) = planes.split_at_checked(mask_bytes)?;
         let length = intra + count_marked(masks);
+        // Checked once for the whole message: from here on no slice of a plane can be too short.
         (rest.len() == 3 * length).then(|| Self {
             masks,
             planes: [0, 1, 2].map(|channel| &rest[channel * length..][..length]),
@@ -72,6 +73,8 @@ impl<'a> InverseTransform<'a> {
         let (mask, rest) = self.masks.split_at(Self::mask_bytes(tile));
         self.masks = rest;
         let differences = self.take(count_marked(mask));
+        // At this precision's levels, as the encoder took its differences, whatever precision the
+        // reference was sent at.
         pixels.copy_from_slice(&quantised(step, width, reference));
         add_marked(pixels, mask, differences)?;
         dequantise(step, width, pixels);

@@ -50,6 +50,8 @@ impl DensityGrid {
         let mut last = None;
         for drop in drops {
             let [low, high] = self.nodes(drop);
+            // The net looks at the node after each and has vertices in the cell before: both need their
+            // blocks.
             let blocks = [low - 1, high + 1].map(|node| node.max(IVec3::ZERO) / EDGE);
             // Drops come in the order of their places.
             if low.cmpgt(high).any() || last.replace(blocks) == Some(blocks) {
@@ -62,6 +64,8 @@ impl DensityGrid {
                         .extend((low.x..=high.x).map(|x| key(IVec3::new(x, y, z))));
                 }
             }
+            // Drops repeat the blocks of their neighbours: removed now and then, these do not fill the
+            // memory.
             if self.keys.len() > 4 * BLOCKS_MAX {
                 self.sort_keys()?;
             }
@@ -120,6 +124,8 @@ impl DensityGrid {
                                 &mut values[((z * EDGE + y) * EDGE) as usize..][..EDGE as usize];
                             for x in first.x..=last.x {
                                 let dx = corner.x + x as f32 * self.cell_m;
+                                // The kernel (1 − r²)³, by which neighbours were weighed: it takes no
+                                // root, and its slope is 0 at its end.
                                 let left = (beside - dx * dx * inverse_square).max(0.0);
                                 row[x as usize] += drop.weight * (left * left * left);
                             }

@@ -130,6 +130,7 @@ fn drop_among(center: Vec3, around: &[&[(u64, Vec3)]], smoothing_m: f32) -> Drop
             let way = *other - center;
             let left = 1.0 - way.length_squared() * inverse_square;
             if left > 0.0 {
+                // Each particle that is looked at stands for `stride` of its cell.
                 let weight = stride as f32 * left * left * left;
                 density += weight;
                 offset += weight * way;

@@ -149,6 +149,8 @@ impl Net<'_> {
                     continue;
                 }
                 let [u, v] = [IVec3::AXES[(axis + 1) % 3], IVec3::AXES[(axis + 2) % 3]];
+                // Counterclockwise as seen from the edge's upper end, which is outside if its lower one
+                // is inside.
                 let cells = [node - u - v, node - v, node, node - u];
                 let mut corners = cells.map(|cell| self.vertex(place, block, cell));
                 if !is_inside {
@@ -175,6 +177,8 @@ impl Net<'_> {
     fn smooth(&mut self, share: f32) {
         let mut sums = vec![(Vec3::ZERO, 0.0f32); self.positions.len()];
         for [a, b, c, d] in &self.quads {
+            // Each edge comes up once for either of its quads: all neighbours count twice, which leaves
+            // their mean.
             for [one, other] in [[a, b], [b, c], [c, d], [d, a]] {
                 for [to, from] in [[one, other], [other, one]] {
                     let sum = &mut sums[*to as usize];
@@ -196,6 +200,7 @@ impl Net<'_> {
     /// Moves each vertex along its normal to where those of its neighbours lie that have such a normal too.
     fn fair(&mut self) {
         let normals = self.normals(1);
+        // The vertex itself counts once, at no distance.
         let mut sums = vec![(0.0f32, 1.0f32); self.positions.len()];
         for [a, b, c, d] in &self.quads {
             for [one, other] in [[a, b], [b, c], [c, d], [d, a]] {
@@ -227,6 +232,7 @@ impl Net<'_> {
         let mut normals = vec![Vec3::ZERO; self.positions.len()];
         for quad in &sides {
             let [a, b, c, d] = quad.map(|corner| self.positions[corner as usize]);
+            // Twice the quad's vector area, flat or not: quads weigh as they are large.
             let normal = (c - a).cross(d - b);
             for corner in **quad {
                 normals[corner as usize] += normal;

@@ -19,6 +19,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         beam: &Beam,
         nearest: &mut Nearest<S>,
     ) {
+        // Parts are found by a node and a lane of it; a root that is a leaf is in no node.
         if self.root & LEAF_TAG != 0 {
             return self.nearest(simd, rays, nearest, &Solid);
         }
@@ -42,6 +43,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
         let (slack, beam_slack) = (origin_slack(rays), beam.origin_max() * SLACK);
         let all = Mask::splat(simd, true);
+        // The largest of the rays' distances so far: what the beam enters beyond it is no nearer for any
+        // of them.
         let mut farthest = f32::INFINITY;
         let (mut stack, mut waiting) = ([Entry(0); STACK_PARTS], 0);
         let mut part = self.root;
@@ -71,6 +74,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 }
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
                 let limit = Float::load_array(simd, distance);
+                // The beam tells which leaves, this test which rays: it costs one step for all rays, and
+                // each ray that is left out saves a step over sixteen primitives.
                 let mut lanes = node.entered_by(simd, lane, rays, slack, limit);
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize % LANES;
@@ -80,6 +85,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     let nearest = (&mut distance[lane], &mut id[lane]);
                     self.update(simd, leaf, (&ray, &frame), nearest, |_| true);
                 }
+                // Unused lanes of the last packet count too; they can keep this large, which only visits
+                // more.
                 farthest = -least(simd, -Float::load_array(simd, distance), all);
                 (next, waiting) = pop(&stack, waiting, farthest);
             };

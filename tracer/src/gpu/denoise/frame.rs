@@ -367,6 +367,8 @@ impl RegionFrame<'_> {
     fn submit(&mut self, submission: &mut Submission<'_>, is_last: bool) -> Result<(), Error> {
         let submission = std::mem::take(submission);
         let cleared = [&self.buffers.counters, &self.filter.guides];
+        // Guides cover the whole bounds, the tiles perhaps a part of these: 0 marks the pixels that are
+        // not traced. Later submissions go on with what the first has written.
         let cleared = if self.is_begun { &[] } else { &cleared[..] };
         self.is_begun = true;
         let tracer = self.tracer;

@@ -198,6 +198,8 @@ impl FilterJob<'_> {
                 },
                 groups: by_pixel,
                 uses: &[GUIDES, LIGHT_FROM, LIGHT_TO],
+                // `take_in` writes the first buffer and `estimate_variance` the second, from which the
+                // first pass reads.
                 light_from: (pass + 1) % 2,
             });
         }
@@ -307,6 +309,8 @@ impl FilterBuffers {
                 TILES => &frame.tiles,
                 HALVES => &self.halves,
                 HITS => &self.hits[0],
+                // Without further rays nothing is read here, but a binding of the layout cannot stay
+                // empty.
                 FURTHER_HITS => &self.hits[usize::from(has_further)],
                 COUNTERS => &frame.counters,
                 EDGES => &self.edges,

@@ -93,6 +93,8 @@ pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
 
 /// The nearest surface along a ray, and whether anything is in the way of one to an area light.
 pub(super) fn traverse(features: &Features) -> String {
+    // No number lies below 0, with which a shadow ray begins: so no surface takes its place by a tie at
+    // `t_max`, beyond which nothing is in the way.
     let mut text = String::from(
         "fn traverse(prepared: PreparedRay, start: u32, t_max: f32, is_shadow: bool, target_light: u32) -> Hit {\n    \
          var hit = Hit(t_max, select(NO_PRIMITIVE, 0u, is_shadow));\n",

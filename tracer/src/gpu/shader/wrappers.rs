@@ -16,6 +16,7 @@ pub(super) fn with_wrappers(features: &Features, part: &str) -> String {
     }
     if features.has_layers && part == METALLIC_ROUGHNESS {
         for name in ["metallic_roughness_at", "mean_passed", "reflected_share"] {
+            // Only definitions follow an `fn`: calls keep the name and so reach the function around it.
             text = text.replace(&format!("fn {name}("), &format!("fn base_{name}("));
         }
     }

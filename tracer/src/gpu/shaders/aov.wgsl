@@ -27,6 +27,7 @@ fn trace_aovs(x: u32, y: u32, pixel: u32, block: u32) {
         sum.inverse_depth += hit.inverse_depth;
         sum.emission += hit.emission;
     }
+    // The film holds sums until the last dispatch of the picture.
     let share = select(1.0, 1.0 / f32(job.samples), job.sample_end == job.samples);
     let first = AOV_FLOATS * pixel;
     set_film_numbers(first, sum.albedo * share);

@@ -2,7 +2,10 @@
 // function may be wrong by 4096 units in the last place.
 fn argument(z: vec2f) -> f32 {
     let low = min(abs(z.x), abs(z.y));
+    // A normal number: GPUs may flush smaller ones to 0, and 0 / 0 is nothing to return at a pole.
     let high = max(max(abs(z.x), abs(z.y)), 1.2e-38);
+    // tan π/8: beyond it the angle is taken from π/4, so that |t| stays below that where the series is
+    // short.
     let is_steep = low > high * 0.41421357;
     let t = select(low, low - high, is_steep) / select(high, low + high, is_steep);
     let t2 = t * t;

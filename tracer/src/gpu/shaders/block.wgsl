@@ -50,6 +50,7 @@ fn set_block(place: Place, is_block: bool, thread: u32, v: vec3f) {
     block_film[3u * thread] = v.x;
     block_film[3u * thread + 1u] = v.y;
     block_film[3u * thread + 2u] = v.z;
+    // All threads come here, those outside of their tile too; only after it may some return.
     workgroupBarrier();
     if (!is_block) {
         return;
@@ -63,6 +64,8 @@ fn set_block(place: Place, is_block: bool, thread: u32, v: vec3f) {
     for (var i = local; i < floats * BLOCK_EDGE; i += BLOCK_PIXELS) {
         let y = top + i / floats;
         let column = i % floats;
+        // Blocks on the right and lower edge jut out of their tile, whose next pixels belong to another
+        // one.
         if (left + column / 3u < tile.width && y < tile.height) {
             film[3u * (tile.first_pixel + y * tile.width + left) + column] = block_film[first + i];
         }

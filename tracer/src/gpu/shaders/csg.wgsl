@@ -152,6 +152,7 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
     let span = box_span(ray, inverse, scene.csg_boxes[index].min, scene.csg_boxes[index].max);
     let first = scene.csg_boxes[index].first_face;
     let count = scene.csg_boxes[index].face_count;
+    // Unsigned: numbers below the first face wrap round and are not less than the count.
     let is_left = (start - CSG_FACE_FIRST) - first < count;
     let end = min(span.y, limit);
     var t = max(span.x, select(0.0, CSG_MARGIN_M, is_left));
@@ -161,6 +162,8 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
     }
     // Round the subtractions until the ray is in none of them since it left the last. Each is left for good but for
     // those that are turned: the ray may go through their round body, and out of what is left of it.
+    // A bound that the walk does not need in exact arithmetic: rounding must not keep a GPU in this loop
+    // for ever.
     let rounds = select(count, 2u * count, HAS_CSG_CONE);
     var subtraction = first;
     var others = count - 1u;

@@ -95,13 +95,18 @@ fn take_in(
     let normal = vec3f(hits[first + 3u], hits[first + 4u], hits[first + 5u]);
     guides[2u * i] = vec4f(albedo, hits[first + 6u]);
     let brightness = hits[first + 7u] + hits[first + 8u] + hits[first + 9u];
+    // The 1 tells traced pixels from those that the clear of the buffer left at 0.
     guides[2u * i + 1u] = vec4f(normal, 1.0 + brightness);
     var light = half_at(place.pixel);
+    // Light without its albedo is smooth across textures, so that the filter need not keep their detail.
+    // The same sum multiplies it again at the end: black surfaces lose nothing.
     let divisor = albedo + ALBEDO_MIN;
     var variance = 0.0;
     if (job.samples > 1u) {
         let early = half_at(job.pixels + place.pixel);
         light += job.half_share * (early - light);
+        // The difference of two independent means estimates the variance of their mixture, once scaled by
+        // their shares.
         let apart = job.half_ratio * (early - light) / divisor;
         variance = dot(apart, apart);
     }
@@ -121,6 +126,7 @@ fn list_edges(
 ) {
     let place = place_in_job(group, groups, local);
     if (place.is_inside && is_edge(place_in_region(place))) {
+        // The order depends on timing, the pictures do not: each entry carries its own place.
         let index = atomicAdd(&counters[LISTED_PIXELS], 1u);
         edges[index] = TileEntry(place.x, place.y, 1u, 1u, 0u, place.pixel);
     }
@@ -180,6 +186,7 @@ fn smooth_light(@builtin(global_invocation_id) id: vec3u) {
     let i = index_of(p);
     let light = light_from[i];
     let depth = guides[2u * i].w;
+    // Relative to the depth: a pixel sees more of what is farther away.
     let depth_factor = job.depth_factor / max(depth * depth, 1e-20);
     let normal = guides[2u * i + 1u].xyz;
     let variance = mean_variance(p, light.w);
@@ -189,6 +196,7 @@ fn smooth_light(@builtin(global_invocation_id) id: vec3u) {
     );
     add_taps(p, &here);
     let inverse = 1.0 / here.weights;
+    // Of a weighted mean of independent values with one variance: Σw² / (Σw)² of it.
     light_to[i] = vec4f(here.sum * inverse, variance * here.squares * (inverse * inverse));
 }
 
@@ -223,6 +231,7 @@ fn add_tap(p: vec2i, tap_weight: f32, here: ptr<function, Look>) {
     distance += dot(by_albedo, by_albedo) * job.albedo_factor;
     distance += dot(by_normal, by_normal) * job.normal_factor;
     distance += by_depth * by_depth * (*here).depth_factor;
+    // A kernel that ends: no exponential, and taps across an edge weigh exactly nothing.
     if (distance < 1.0) {
         let weight = (1.0 - distance) * (1.0 - distance) * tap_weight;
         (*here).weights += weight;
@@ -332,10 +341,14 @@ fn mixed(p: vec2i, pixel: u32, light: vec3f) -> vec3f {
         }
         let i = index_of(at);
         let other = difference(appearance(i), here);
+        // The foot of the perpendicular from what all rays saw onto the line between the two pixels'
+        // appearances.
         let share = clamp(product(wanted, other) / (product(other, other) + 1e-4), 0.0, 1.0);
         let nearer = Appearance(other.albedo * share, other.half_normal * share);
         let missing = difference(wanted, nearer);
         let distance = product(missing, missing);
+        // The margin keeps the order of neighbours from deciding by rounding, in which CPU and GPU
+        // differ.
         if (distance < nearest * 0.999) {
             nearest = distance;
             best = light + share * (radiance_at(i) - light);

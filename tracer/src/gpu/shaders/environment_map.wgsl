@@ -148,6 +148,7 @@ fn drawn_from(sums: u32, count: u32, u: f32) -> Drawn {
     }
     let begin = environment_map.numbers[sums + first];
     let share = environment_map.numbers[sums + first + 1u] - begin;
+    // An interval of no length is drawn only by rounding.
     let within = select(0.5, (u - begin) / share, share > 0.0);
     return Drawn(first, share, min(within, BELOW_1));
 }

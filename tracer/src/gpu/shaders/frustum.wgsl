@@ -22,8 +22,10 @@ struct CandidateBound {
 // The frustum of the block whose first pixel is at `x`, `y`, a quarter of a pixel wider on each side.
 fn block_frustum(x: u32, y: u32) -> Frustum {
     let camera = scene.header.camera;
+    // Samples lie within their pixels; the quarter is for the rounding of the planes.
     let first = vec2f(f32(x), f32(y)) - 0.25;
     let last = first + f32(BLOCK_EDGE) + 0.5;
+    // Which way cross products point depends on the handedness of the film's axes.
     let side = sign(dot(cross(camera.corner, camera.dy), camera.dx));
     return Frustum(
         side * normalize(cross(camera.corner + first.x * camera.dx, camera.dy)),
@@ -46,6 +48,7 @@ fn may_lie_in(frustum: Frustum, center: vec3f, half: vec3f) -> bool {
 
 // How far a box reaches along a normal.
 fn reach(normal: vec3f, center: vec3f, half: vec3f) -> f32 {
+    // The corner farthest along the normal. If even that lies behind a plane, all of the box does.
     return dot(normal, center) + dot(abs(normal), half);
 }
 
@@ -59,6 +62,7 @@ fn find_block_candidates(place: Place, thread: u32) {
     for (var i = local; i < CULLED_COUNT; i += BLOCK_PIXELS) {
         let bound = candidate_bound(i);
         if (has_lens || may_lie_in(frustum, bound.center, bound.half)) {
+            // Workgroup memory begins as zeros in WGSL, and each block has words of its own.
             atomicOr(&block_candidates[first_word + bound.word], 1u << bound.bit);
         }
     }

@@ -76,6 +76,7 @@ fn trace_ray(path: ptr<function, Path>, hit: ptr<function, Hit>, state: u32, ray
     var t_max = T_MISS;
     if (is_shadow) {
         ray.direction = shadow.direction;
+        // Shadow rays leave outwards, whatever the path does after them.
         start &= ~INSIDE;
         t_max = shadow.distance;
     }
@@ -85,6 +86,7 @@ fn trace_ray(path: ptr<function, Path>, hit: ptr<function, Hit>, state: u32, ray
         *hit = met;
         return extend(path, met, rays);
     }
+    // The traversal began with `t_max`, so that anything nearer is in the way.
     if (met.t >= t_max) {
         (*path).radiance += shadow.light;
     }
@@ -107,6 +109,8 @@ fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 
             let origin = fma(vec3f(flight.distance), ray.direction, ray.origin);
             if (HAS_REFRACTED_NEE && (*path).depth + 2u <= job.max_depth) {
                 let v = pair((*path).pixel, (*path).sample, block_light((*path).depth), job.seed);
+                // Traced on the spot, unlike other shadow rays: only paths inside of such balls come
+                // here.
                 let light = sample_light_through_boundary((*path).start & ~INSIDE, origin, v, rays);
                 (*path).radiance += (*path).beta * light;
             }
@@ -173,6 +177,7 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
             cone_density = CONE_DENSITY;
         }
         (*path).direct = direct_light(surface, bsdf, wo, u, cone_density, &light_weight_sum);
+        // Multiplied now, as `beta` is overwritten before the ray is traced.
         (*path).direct.light *= (*path).beta;
         if (HAS_COAT && !is_regularised && (OUTPUT != OUTPUT_REFLECTED || depth > 0u || is_rough)) {
             (*path).coat = coat_reflected_light(surface, bsdf, wo);
@@ -202,6 +207,7 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     }
     (*path).depth = depth + 1u;
     let survival = SURVIVAL_PER_THROUGHPUT * largest((*path).beta);
+    // Nothing more can come of it: weights of 0 are directions below a surface, and black bodies.
     if (survival <= 0.0) {
         return DONE;
     }

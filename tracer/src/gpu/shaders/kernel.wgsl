@@ -22,6 +22,8 @@ fn trace(
     copy_primitives(thread);
     let block = (group.y * groups.x + group.x) * WORKGROUP_BLOCKS + thread / BLOCK_PIXELS;
     let is_block = block < job.block_count;
+    // Blocks beyond the last one do not return here: barriers below have to be reached by every thread of
+    // a workgroup. They take the last block's place and write nothing.
     var place = place_of(min(block, job.block_count - 1u), thread % BLOCK_PIXELS);
     place.is_inside = place.is_inside && is_block;
     find_block_candidates(place, thread);
@@ -79,6 +81,7 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
             // Most paths have a ray to an area light and one that goes on; then all that have met a surface shade
             // together. The bound is not known to the compiler, which so makes one copy of the traversal.
             for (var turn = 0u; turn < RAYS_PER_TURN + scene.header.zero; turn++) {
+                // A sample is complete when the shadow rays of its last vertex have been traced too.
                 if (state == DONE && !has_shadow_ray(path)) {
                     if (is_finite(path.radiance)) {
                         sum = add(sum, path.radiance);
@@ -94,6 +97,8 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
                     state = TRACE;
                 }
                 if (index < end && (state == TRACE || has_shadow_ray(path))) {
+                    // Depth 0 without a shadow ray is a camera ray: shading, which queues shadow rays,
+                    // raises the depth.
                     if (FIRST_HITS > 0u && path.depth == 0u && !has_shadow_ray(path)) {
                         hit = first_hits[index - batch];
                         state = extend(&path, hit, &rays);
@@ -103,6 +108,8 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
                 }
             }
             keep_step();
+            // Shading overwrites the shadow rays of the vertex before, so that these have to be traced
+            // first.
             if (state == SHADE && !has_shadow_ray(path)) {
                 state = shade(&path, hit);
             }
@@ -164,6 +171,7 @@ struct Sum {
 
 // Kahan, "Further remarks on reducing truncation errors", CACM 8(1), 1965.
 fn add(sum: Sum, term: vec3f) -> Sum {
+    // Reassociated, `lost` would be 0 and the sum a plain one.
     let whole = term - sum.lost;
     let value = sum.value + whole;
     return Sum(value, rounded(rounded(value) - sum.value) - whole);
@@ -192,6 +200,7 @@ fn set_sums(first: u32, v: vec3f) {
 // A 64-bit sum in two words.
 fn count_rays(rays: u32) {
     let before = atomicAdd(&counters[0], rays);
+    // The low word has wrapped round. Each wrap is seen by exactly the addition that made it.
     if (before + rays < before) {
         atomicAdd(&counters[1], 1u);
     }

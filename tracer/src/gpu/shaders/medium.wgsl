@@ -8,6 +8,7 @@ struct FreeFlight {
 
 fn sample_distance(material: u32, boundary: f32, u: f32) -> FreeFlight {
     let rate = scene_storage.materials[material].majorant;
+    // Not below 0 in any channel: so no weight of a flight is above 1.
     let beyond = scene_storage.materials[material].extinction - rate;
     if (rate > 0.0) {
         let distance = -log(1.0 - u) / rate;

@@ -60,6 +60,8 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     if (bsdf.kind == KIND_CONDUCTOR || cos_i == 0.0) {
         return nothing;
     }
+    // The half vector of refraction (Walter et al., "Microfacet Models for Refraction through Rough
+    // Surfaces", EGSR 2007, equation 16), on the side of n.
     let across = normalize(wo + bsdf.eta * wi);
     let h = select(across, -across, dot(across, n) < 0.0);
     let o = dot(wo, h);
@@ -133,6 +135,8 @@ fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
     }
     // A microfacet may send light to the side where the surface as a whole does not.
     let facing = max(0.0, select(-dot(n, wi), dot(n, wi), is_reflected));
+    // Of f·cos over the density, the distribution, the Fresnel term and the masking of `wo` cancel: the
+    // shadowing of `wi` is left.
     weight *= visibility(bsdf.alpha, facing) * facing;
     return BsdfSample(wi, weight, bsdf_eval(bsdf, n, wo, wi).pdf);
 }

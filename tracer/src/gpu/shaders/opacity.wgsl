@@ -39,6 +39,8 @@ fn share_there(index: u32, weights: vec3f) -> f32 {
 }
 
 fn ray_number(ray: Ray, index: u32) -> f32 {
+    // By the bits of the ray itself: the path's numbers stay as they are, however many layers it passes,
+    // and the same ray meets the same layers in whatever order they are tested.
     let first = pcg4d(vec4u(bitcast<vec3u>(ray.origin), index));
     let second = pcg4d(vec4u(first.xyz ^ bitcast<vec3u>(ray.direction), first.w));
     return f32(second.x >> 8u) * (1.0 / 16777216.0);

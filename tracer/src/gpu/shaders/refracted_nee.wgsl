@@ -18,8 +18,10 @@ fn plane_ray(r: f32, ior: f32, sine: f32) -> PlaneRay {
     let inner = vec2f(cosine_of(sine), sine);
     let cos_i = cosine_of(r * sine);
     let cos_o = cosine_of(ior * r * sine);
+    // cos_i − r·inner.x, written without the cancellation near the boundary.
     let length = max(0.0, 1.0 - r * r) / max(cos_i + r * inner.x, 1e-30);
     let place = vec2f(r + length * inner.x, length * sine);
+    // Snell's law in vectors: the place on the unit circle is its outward normal too.
     return PlaneRay(place, inner, ior * inner + (cos_o - ior * cos_i) * place, length, cos_i, cos_o);
 }
 
@@ -71,6 +73,8 @@ fn search(r: f32, ior: f32, point: vec2f) -> f32 {
         if (at > 0.0) {
             low = sine;
             at_low = at;
+            // The Illinois method: an end that stays twice counts half, without which only the other
+            // would ever move.
             at_high *= select(1.0, 0.5, moved == 1);
             moved = 1;
         } else {

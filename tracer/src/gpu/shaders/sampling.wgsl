@@ -90,6 +90,7 @@ fn block_choice(depth: u32) -> u32 {
 // device.
 fn circle(u: f32) -> vec2f {
     let quarter = floor(4.0 * u + 0.5);
+    // Exact up to the product: both are multiples of 2⁻²⁴, and they differ by at most 1/8.
     let x = (u - 0.25 * quarter) * TWO_PI;
     let x2 = x * x;
     let s = x * (1.0 + x2 * (-1.0 / 6.0 + x2 * (1.0 / 120.0 + x2 * (-1.0 / 5040.0
@@ -116,6 +117,7 @@ struct Basis {
 
 // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
 fn basis(n: vec3f) -> Basis {
+    // Not `sign`, which is 0 at 0 and would leave no basis for horizontal normals.
     let s = select(-1.0, 1.0, n.z >= 0.0);
     let a = -1.0 / (s + n.z);
     let b = n.x * n.y * a;

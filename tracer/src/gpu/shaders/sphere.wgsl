@@ -32,6 +32,7 @@ fn sphere_chord(ray: Ray, center: vec3f, radius: f32) -> Chord {
 // f − b·d to 36 bits of f, where the two nearly cancel: halves of 12 bits have exact products.
 // `fma` would do on most devices, but Vulkan does not ask that it rounds only once.
 fn minus_product(f: vec3f, b: f32, d: vec3f) -> vec3f {
+    // Dekker's splitting by masks: 12 bits stay in the upper part, so that a product of two has 24.
     let b_high = bitcast<f32>(bitcast<u32>(b) & 0xfffff000u);
     let d_high = bitcast<vec3f>(bitcast<vec3u>(d) & vec3u(0xfffff000u));
     let b_low = b - b_high;
@@ -46,6 +47,7 @@ fn ball_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
         return T_MISS;
     }
     let half = sqrt(chord.half_squared);
+    // From inside the near end lies behind the origin, and the far one counts.
     let t = select(chord.middle_t + half, chord.middle_t - half, chord.middle_t > half);
     return select(T_MISS, t, t > 0.0);
 }

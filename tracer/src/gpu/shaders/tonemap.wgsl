@@ -16,6 +16,8 @@ fn srgb8(light: vec3f) -> u32 {
 }
 
 fn srgb_step(x: f32) -> u32 {
+    // A table over the upper bits of the number, each entry a base and what the lower bits add: no power
+    // function, whose rounding would differ between devices.
     let bits = bitcast<u32>(clamp(x, STEP_MIN, STEP_MAX));
     return (steps[(bits >> 16u) - FIRST_BUCKET] + (bits & 0xffffu)) >> 16u;
 }

@@ -299,6 +299,7 @@ fn number(bytes: &[u8], component: ComponentType, is_normalized: bool) -> f32 {
         ComponentType::F32 => return f32::from_le_bytes(first(bytes)),
     };
     if is_normalized {
+        // Two integers stand for −1: −127 and −128, and their like of 16 bits.
         (value / whole).max(-1.0)
     } else {
         value

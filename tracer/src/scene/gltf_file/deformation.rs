@@ -150,6 +150,8 @@ impl Vertices {
             ));
         }
         for (vertex, (matrix, sum)) in blended.iter_mut().zip(sums).enumerate() {
+            // Weights of few bits sum to a little more or less than 1, by which the vertex would be
+            // scaled.
             *matrix *= 1.0 / sum;
             let position = &mut self.positions[vertex];
             *position = matrix.transform_point3(*position);

@@ -198,6 +198,8 @@ impl Contents<'_> {
                 (center, linear.determinant() < 0.0)
             }
             MeshPlacement::Skinned(skin) => {
+                // The joints alone say where it stands: the placement of its own node does not count
+                // (section 3.7.3).
                 vertices.skin(document, primitive, &self.joints[&skin], what)?;
                 (Vec3::ZERO, false)
             }
@@ -342,6 +344,7 @@ fn triangles(
         Checked::Valid(Mode::TriangleStrip) => {
             let strip = corners.windows(3).enumerate();
             strip
+                // Every other triangle of a strip goes round the other way.
                 .map(|(i, three)| match i % 2 {
                     0 => [three[0], three[1], three[2]],
                     _ => [three[1], three[0], three[2]],

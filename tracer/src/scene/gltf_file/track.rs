@@ -114,6 +114,7 @@ impl Track {
             Interpolation::CubicSpline => {
                 let (leaving, arriving) = (self.part(key, 2), self.part(key + 1, 0));
                 let (t2, t3, length) = (t * t, t * t * t, end - begin);
+                // Cubic Hermite polynomials of both values and tangents; the latter are per second.
                 let weights = [
                     2.0 * t3 - 3.0 * t2 + 1.0,
                     length * (t3 - 2.0 * t2 + t),

@@ -187,6 +187,8 @@ impl ObjReader {
 
     fn part(&mut self, faces: Faces) -> ObjFaces {
         let (has_normals, has_uvs) = (faces.has_normals == Some(true), faces.has_uvs == Some(true));
+        // Then corners have neither normals nor texture coordinates, and their numbers are those of the
+        // positions.
         if faces.vertices.is_empty() {
             let positions = std::mem::take(&mut self.positions);
             return ObjFaces {

@@ -60,6 +60,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Mesh, Refusal> {
     };
     let mut mesh = Mesh::new(Vec::new(), Vec::new());
     let elements = header.elements.iter();
+    // Elements without properties take no bytes: the end of the file would not stop a count of them,
+    // however large.
     for element in elements.filter(|element| !element.properties.is_empty()) {
         for number in 0..element.count {
             let taken = body.element(element, &mut mesh);

@@ -67,6 +67,7 @@ impl ParticleBed {
         precision: ParticlePrecision,
     ) -> Result<Self> {
         let mut patches = patches.to_vec();
+        // Whatever order patches come in, particles have the same numbers and so the shot the same bits.
         patches.sort_unstable();
         patches.dedup_by_key(|patch| (patch.column, patch.row));
         let mut simulation = Simulation::new(settings(precision)).map_err(ParticleFault::from)?;
@@ -316,6 +317,8 @@ fn places(patch: &ParticlePatch, precision: ParticlePrecision) -> impl Iterator<
         .flat_map(move |x| (0..count[1]).flat_map(move |y| (0..count[2]).map(move |z| [x, y, z])));
     indices.map(move |index| {
         let number = (index[0] * count[1] + index[1]) * count[2] + index[2];
+        // By place, not by the order of patches: to add one leaves the grains of the others where they
+        // are.
         let shift = scatter(patch_seed(corner), number) * SCATTER;
         let at = DVec3::from(index.map(f64::from)) + 0.5 + shift;
         (corner + at * DVec3::new(step, step, spacing)).as_vec3()

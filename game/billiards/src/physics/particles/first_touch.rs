@@ -19,6 +19,8 @@ impl Shot {
             .map(|ball| first_touch_secs(bed.heights(), ball, end_secs));
         let mut known: Vec<f64> = touches.collect();
         let index = |number: u8| trajectories.iter().position(|ball| ball.number() == number);
+        // In the order of time: a ball that has touched particles passes the difference on with each
+        // contact.
         for event in self.events() {
             let EventKind::BallBall { first, second, .. } = event.kind else {
                 continue;

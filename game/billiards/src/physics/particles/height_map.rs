@@ -61,6 +61,7 @@ impl HeightMap {
             let top = self.index(square).and_then(|index| self.tops[index]);
             top.is_some_and(|top| {
                 let corner = square.as_dvec2() * self.edge_m;
+                // The nearest point of the column over the square, which is solid up to its top.
                 let near = center.truncate().clamp(corner, corner + self.edge_m);
                 let height = center.z.min(top.into());
                 near.extend(height).distance(center) < radius_m

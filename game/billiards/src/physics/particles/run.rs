@@ -48,6 +48,7 @@ pub(crate) fn run(
             })
             .collect();
         let is_disturbed = met.iter().any(|ball| engine.balls[*ball].is_moving());
+        // Sleeping particles take no steps: most of a shot is over before or after they move.
         let kicks: Vec<(usize, Kick)> = match bed.is_asleep() && !is_disturbed {
             true => Vec::new(),
             false => {
@@ -60,6 +61,8 @@ pub(crate) fn run(
             }
         };
         for (ball, kick) in &kicks {
+            // Half before and half after the step (velocity Verlet): whole impulses at its beginning
+            // would feed energy into balls that bob on something elastic.
             kick.begin(&mut engine, *ball);
         }
         steps += 1;

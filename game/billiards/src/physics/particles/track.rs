@@ -62,6 +62,8 @@ impl ParticleTrack {
         for (index, center) in centers.iter().enumerate() {
             let (place, last) = (self.place(*center), self.last[index]);
             let way = place.wrapping_sub(last).as_i16vec3();
+            // From where it was last said to be, not from the frame before: what creeps is stored once
+            // that adds up.
             if place.as_ivec3().distance_squared(last.as_ivec3()) < STEPS_SEEN * STEPS_SEEN {
                 skipped += 1;
                 continue;

@@ -214,6 +214,7 @@ fn linearise(ball: u32, lane: u32) {
 fn solve(system: ptr<function, array<array<f32, 7>, 6>>) -> array<f32, 6> {
     for (var k = 0u; k < 6u; k++) {
         for (var i = k + 1u; i < 6u; i++) {
+            // No pivots are looked for, as none is 0 or below.
             let factor = (*system)[i][k] / (*system)[k][k];
             for (var j = k; j < 7u; j++) {
                 (*system)[i][j] -= factor * (*system)[k][j];
@@ -238,6 +239,7 @@ fn newton(ball: u32, v0: vec3<f32>, w0: vec3<f32>, round: u32) {
     var system = array<array<f32, 7>, 6>();
     for (var i = 0u; i < 3u; i++) {
         system[i][i] = totals[6u + i] + mass;
+        // Arms are over the radius and spins times it: of the moment of inertia 2/5 of the mass are left.
         system[i + 3u][i + 3u] = totals[21u + i] + 0.4 * mass;
         system[i][6] = mass * (v0[i] - linear[i]) - totals[i];
         system[i + 3u][6] = 0.4 * mass * (w0[i] - spin[i]) - totals[3u + i];

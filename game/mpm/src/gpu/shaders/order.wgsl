@@ -88,6 +88,7 @@ fn count_particles(
     }
     let row = block_index(vec3<u32>(block), params.blocks);
     let reach = reach_of(moved_local(local));
+    // Mostly all bits are set already, and particles of a block need not wait for each other.
     if ((atomicLoad(&table[row].reach) & reach) != reach) {
         atomicOr(&table[row].reach, reach);
     }
@@ -124,6 +125,7 @@ fn allocate_chunks(
     let first = atomicAdd(&counters.chunks, parts);
     var from_particle = 0u;
     for (var part = 0u; part < parts; part++) {
+        // In even parts: none is left nearly empty.
         let len = (count - from_particle) / (parts - part);
         next_chunks[first + part] = Chunk(block, start + from_particle, len, 0u, 0u, 0u);
         from_particle += len;
@@ -133,6 +135,7 @@ fn allocate_chunks(
         if ((reach >> side & 1u) != 0u) {
             let offset = vec3<i32>(vec3(side / 9u, side / 3u % 3u, side % 3u)) - 1;
             let node = block_index(vec3<u32>(vec3<i32>(in_region) + offset), params.blocks);
+            // Whoever is first lists the node, and nobody else does.
             if (atomicExchange(&table[node].is_active, 1u) == 0u) {
                 nodes[atomicAdd(&counters.nodes, 1u)] = node;
             }

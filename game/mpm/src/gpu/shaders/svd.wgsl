@@ -87,11 +87,14 @@ fn svd(f: mat3x3<f32>) -> Svd {
     let s0 = length(y.b);
     let is_zero = s0 < 1e-18;
     let u0 = select(y.b / s0, vec3(1.0, 0.0, 0.0), is_zero);
+    // What rounding has left along the first direction would count where the second stretch is far
+    // smaller.
     let rest = z.b - u0 * dot(u0, z.b);
     let s1 = length(rest);
     let is_line = s1 < 1e-18;
     let u1 = select(rest / s1, across(u0), is_line);
     let u2 = cross(u0, u1);
+    // U and V are rotations, so that the last stretch has the sign of the determinant.
     let sigma = vec3(select(s0, 0.0, is_zero), select(s1, 0.0, is_line), dot(u2, z.c));
     return Svd(mat3x3(u0, u1, u2), sigma, mat3x3(y.v, z.v, z.w));
 }

@@ -127,6 +127,7 @@ fn advance_particle(index: u32, motion: Motion) -> Load {
     let material = materials[constants.z >> 24u];
     let scale = substep.dt / params.cell_size;
     let local = place.xyz + motion.velocity * scale;
+    // From −1 to 5 all three nodes of a kernel lie in the tile.
     if (any(local < vec3(-1.0)) || any(local >= vec3(5.0))) {
         atomicOr(&counters.faults, DRIFTED);
     }
@@ -144,6 +145,7 @@ fn advance_particle(index: u32, motion: Motion) -> Load {
         constants.x = bitcast<u32>(f[2].z);
     }
     store_part(index, 0u, vec4(local, response.state));
+    // Bits of numbers that are not negative are in the order of the numbers.
     atomicMax(&sound_max, bitcast<u32>(material.sound * response.stiffening));
     // Hu et al. 2018, equation 16: `−dt V₀ (4/Δx²) τ Δx` over a cell.
     let volume = bitcast<f32>(constants.y);
