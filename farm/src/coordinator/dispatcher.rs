@@ -100,7 +100,7 @@ impl Dispatcher {
         &mut self,
         now: f64,
         node: NodeIndex,
-        frame: &FrameInFlight,
+        frame: &mut FrameInFlight,
         tiles: &[TileRange],
         is_probe: bool,
     ) {
@@ -129,7 +129,10 @@ impl Dispatcher {
                 let work = frame.work.of(tiles);
                 let mut request = OpenRequest::new(now, frame.id, passes, tiles, work);
                 request.is_probe = is_probe;
-                wait_secs += self.request_range(node, of, request, wait_secs);
+                if let Some(busy_secs) = self.request_range(node, of, request, wait_secs) {
+                    wait_secs += busy_secs;
+                    frame.requested[first as usize..tiles.end() as usize].fill(true);
+                }
             }
         }
         self.nodes.arm(node);
@@ -156,23 +159,24 @@ impl Dispatcher {
             is_exact: true,
         };
         let wait_secs = self.nodes[node].workload.wait_secs(now, tile.frame);
-        self.request_range(node, of, request, wait_secs);
+        self.request_range(node, of, request, wait_secs)?;
         self.nodes.arm(node);
         Some(self.last_request)
     }
 
     /// Sends one request, which waits at its node for others for `wait_secs`. Returns for how long
-    /// the node should be busy with it.
+    /// the node should be busy with it; nothing if the node has no room, whose tiles are assigned again
+    /// when a request of it ends.
     fn request_range(
         &mut self,
         index: NodeIndex,
         of: RequestedFrame<'_>,
         mut request: OpenRequest,
         wait_secs: f64,
-    ) -> f64 {
+    ) -> Option<f64> {
         let node = &mut self.nodes[index];
         if !node.has_room() {
-            return 0.0; // assigned again when a request of this node ends
+            return None;
         }
         let workload = &mut node.workload;
         let cost = workload.delivered();
@@ -204,7 +208,7 @@ impl Dispatcher {
         });
         workload.add(request.issued, self.last_request, request);
         self.send(index, LinkCommand::Trace(message));
-        busy_secs
+        Some(busy_secs)
     }
 
     /// Takes a request back.
