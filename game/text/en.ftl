@@ -729,6 +729,7 @@ match-waits = Practice from here; your match waits: go back to it from the menu
 match-resumed = Resumed your match of { $game }; start another from the menu
 match-not-resumed = Cannot resume the unfinished match: { $why }
 match-kept-aside = Its file is kept as { $path }
+match-set-aside = Your unfinished match of { $game } is kept as { $path }: to go on with it, rename that file to { $name } while the game is closed
 window-title = Carom
 
 ## Nodes
