@@ -30,10 +30,10 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// A folder cannot be made.
-    #[error("cannot make the folder {}: {source}", path.display())]
-    NewFolder {
-        /// The folder.
+    /// A file cannot be written, or the folder that it belongs in cannot be made.
+    #[error("{}", text!("file-not-written", path = path.display().to_string(), why = source.to_string()))]
+    Unwritable {
+        /// The file or folder.
         path: PathBuf,
         /// The system's reason.
         source: io::Error,

@@ -841,6 +841,7 @@ display-opengl = OpenGL
 display-software = software
 farm-not-started = it could not be started
 file-unwritable = { $path } cannot be written
+file-not-written = { $path } cannot be written: { $why }. Free some space or change who may write there, then try again
 settings-no-folder = Settings cannot be saved: { $why }
 settings-too-long = it is longer than { $bytes } bytes
 # Over a table: the spaces place each word over its column.
