@@ -46,6 +46,9 @@ pub enum Error {
         /// As many as there are numbers.
         files_max: u32,
     },
+    /// A file that nobody has named to be written is there already.
+    #[error("{} is there already: name it with --out to replace it, or name another file", _0.display())]
+    InTheWay(PathBuf),
     /// The settings cannot be saved.
     #[error("{} cannot be written: {source}", path.display())]
     Settings {
