@@ -7,7 +7,10 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum ConfigFault {
     /// The file cannot be read.
-    #[error("{}: {source}", path.display())]
+    #[error(
+        "{}, which should hold the farm's configuration, cannot be read: {source}; correct its name or who may read it",
+        path.display()
+    )]
     File {
         /// The file.
         path: PathBuf,

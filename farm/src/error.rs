@@ -374,6 +374,12 @@ pub enum Error {
         /// The film that was asked for.
         own: String,
     },
+    /// A folder holds a frame that no film has kept there.
+    #[error(
+        "{} is in the way, and no film has put it there: move it away, or name another folder",
+        _0.display()
+    )]
+    ForeignFrame(PathBuf),
     /// A frame of a film cannot be read.
     #[error("{} is damaged: delete it and render the film again: {reason}", path.display())]
     FilmFrame {
@@ -484,6 +490,7 @@ impl Error {
             | Self::NodeAddress { .. }
             | Self::PictureFormat(_)
             | Self::UnfinishedFilm { .. }
+            | Self::ForeignFrame(_)
             | Self::FilmFormat(_)
             | Self::FrameRange(_)
             | Self::NoFrameOfRange { .. }

@@ -127,6 +127,11 @@ fn invalid_render_arguments_are_refused() {
             "carom-farm init",
         ),
         ("--config missing.toml --out a.png", "missing.toml"),
+        ("--config missing.toml --out a.png", "correct its name"),
+        (
+            "--scene missing.json --out a.png",
+            "missing.json is no scene file",
+        ),
         ("--backend none --out a.png", "no renderer"),
         ("--time 1 --out a.png", "--scene"),
         ("--scene a.glb --time inf --out a.png", "seconds"),

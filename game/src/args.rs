@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context as _;
 use carom_billiards::PlayersFault;
 use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::{Engine, Recording, Table, TableOptions};
@@ -41,7 +42,8 @@ pub struct Args {
     /// Render a video of the shot of --replay, or of a break, instead of opening a window: FILE.mp4, .webm,
     /// .mkv or .gif (with ffmpeg installed; all but .gif have sound), FILE.y4m (for video encoders), FILE.png
     /// (animated) or a folder for PNG files. Run the same command again to
-    /// resume an interrupted video
+    /// resume an interrupted video. A file of this name is replaced; a folder with frames or statistics that
+    /// no run has put there is refused
     #[arg(long, value_name = "VIDEO", value_parser = VideoTarget::parse, conflicts_with = "out")]
     pub video: Option<VideoTarget>,
     /// Number of frames to render without a window, 1 to 1000000 [default: 48 of a break, all of a video]
@@ -78,7 +80,8 @@ pub struct Args {
     /// Seed of the rack and of the noise: the same seed gives the same frames
     #[arg(long, default_value_t = 1)]
     pub seed: u32,
-    /// Write the frames to this folder
+    /// Write the frames to this folder; those of an earlier run that was finished make room, files that no run
+    /// has put there are refused
     #[arg(long, value_name = "DIR", default_value = "carom-frames")]
     pub out: PathBuf,
     /// The table and its options.
@@ -136,9 +139,9 @@ pub enum Command {
     Tournament(MatchArgs),
     /// Write the sound of a recorded shot, or of a break, to a WAV file
     Sound {
-        /// Output file
-        #[arg(long, value_name = "FILE", default_value = "shot.wav")]
-        out: PathBuf,
+        /// Output file, in place of one of this name [default: shot.wav, where there is none yet]
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
         /// Recorded shot
         #[arg(long, value_name = "FILE")]
         replay: Option<PathBuf>,
@@ -186,7 +189,7 @@ impl Args {
             let table = self.table.of(TableScene::table(), self.table.options());
             return Ok((table, None));
         };
-        let recording = Recording::load(path)?;
+        let recording = Recording::load(path).context(REPLAY)?;
         let table = match Table::named(&recording.table) {
             Some(table) if !self.table.is_asked() => table,
             _ => self.table.of(TableScene::table(), self.table.options()),
@@ -235,6 +238,9 @@ impl Args {
         Ok(Some(begun?))
     }
 }
+
+/// What `--replay` takes, before the reason why it is not that.
+pub const REPLAY: &str = "--replay takes a file that --record or the page of replays has saved";
 
 /// Takes `-1` after an option for its value, so that the message tells its range.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {

@@ -30,10 +30,10 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// A folder cannot be made.
-    #[error("cannot make the folder {}: {source}", path.display())]
-    NewFolder {
-        /// The folder.
+    /// A file cannot be written, or the folder that it belongs in cannot be made.
+    #[error("{}", text!("file-not-written", path = path.display().to_string(), why = source.to_string()))]
+    Unwritable {
+        /// The file or folder.
         path: PathBuf,
         /// The system's reason.
         source: io::Error,
@@ -46,6 +46,9 @@ pub enum Error {
         /// As many as there are numbers.
         files_max: u32,
     },
+    /// A file that nobody has named to be written is there already.
+    #[error("{} is there already: name it with --out to replace it, or name another file", _0.display())]
+    InTheWay(PathBuf),
     /// The settings cannot be saved.
     #[error("{} cannot be written: {source}", path.display())]
     Settings {

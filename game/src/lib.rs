@@ -17,6 +17,7 @@ pub mod capture;
 mod error;
 pub mod frame;
 pub mod input;
+pub mod output_file;
 pub mod particles;
 pub mod play;
 pub mod scene;

@@ -1,10 +1,14 @@
 //! The game's command: arguments only.
 
+use std::path::Path;
 use std::process::ExitCode;
 
-use carom::args::{Args, Command};
+use anyhow::Context as _;
+use carom::args::{Args, Command, REPLAY};
 use carom::capture::headless;
+use carom::output_file::output_file;
 use carom::{app, audio};
+use carom_billiards::physics::Recording;
 use carom_farm::FarmConfig;
 use carom_tracer::text::with_causes;
 use carom_window::display::Present;
@@ -20,7 +24,7 @@ fn main() -> ExitCode {
     match &args.command {
         Some(Command::Tournament(games)) => return finish(games.run(), 1),
         Some(Command::Sound { out, replay, speed }) => {
-            return finish(audio::write_shot(out, replay.as_deref(), *speed), 1);
+            return finish(sound(out.as_deref(), replay.as_deref(), *speed), 1);
         }
         Some(Command::Scene(scene)) => return finish(scene.run(), 1),
         None => {}
@@ -53,6 +57,12 @@ fn run(args: &Args, config: FarmConfig, present: Option<Present>) -> anyhow::Res
         return headless::run(args, config);
     }
     app::run(args, config, present)
+}
+
+fn sound(out: Option<&Path>, replay: Option<&Path>, speed_m_s: f64) -> anyhow::Result<()> {
+    let out = output_file(out, "shot.wav")?;
+    let recording = replay.map(Recording::load).transpose().context(REPLAY)?;
+    audio::write_shot(&out, recording, speed_m_s)
 }
 
 fn finish(result: anyhow::Result<()>, code: u8) -> ExitCode {

@@ -89,9 +89,11 @@ fn a_break_becomes_frames_animation_and_statistics() {
 fn a_recorded_shot_gives_the_same_frames_again() {
     let folder = tempfile::tempdir().unwrap();
     let run = |rest: &[&str]| carom(folder.path(), &[&SMALL[..], rest].concat());
+    fs::create_dir(folder.path().join("shots")).unwrap();
+    fs::write(folder.path().join("shots/shot_0001.carom"), "earlier").unwrap();
     let played = run(&["--out", "played", "--record", "shots", "--seed", "5"]);
     assert!(played.status.success(), "{}", text(&played.stderr));
-    let file = "shots/shot_0001.carom";
+    let file = "shots/shot_0002.carom";
     let again = run(&["--out", "again", "--replay", file, "--seed", "5"]);
     assert!(again.status.success(), "{}", text(&again.stderr));
     assert_eq!(
@@ -103,6 +105,7 @@ fn a_recorded_shot_gives_the_same_frames_again() {
     for (file, words) in [
         ("torn.carom", "ends within its version"),
         ("none.carom", "none.carom"),
+        ("none.carom", "--replay takes a file"),
     ] {
         let refused = run(&["--out", "refused", "--replay", file]);
         assert_eq!(refused.status.code(), Some(1));
@@ -395,6 +398,38 @@ fn wrong_arguments_are_refused_in_words() {
         );
         assert!(output.stdout.is_empty());
     }
+}
+
+/// Refused, with the name of the file, which stays as it is.
+fn assert_kept(folder: &Path, file: &str, args: &[&str]) {
+    let path = folder.join(file);
+    fs::write(&path, "somebody's").unwrap();
+    let output = carom(folder, args);
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains(file) && said.contains("name another"),
+        "{said}"
+    );
+    assert_eq!(fs::read(&path).unwrap(), b"somebody's");
+    fs::remove_file(&path).unwrap();
+}
+
+#[test]
+fn files_of_others_are_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::create_dir(folder.join("mine")).unwrap();
+    let frames = [&SMALL[..], &["--out", "mine"]].concat();
+    for file in ["mine/frame_0001.png", "mine/break.png", "mine/stats.json"] {
+        assert_kept(folder, file, &frames);
+    }
+    assert_kept(folder, "shot.wav", &["sound"]);
+    assert_kept(folder, "room.json", &["scene"]);
+    fs::write(folder.join("named.wav"), "old").unwrap();
+    let named = carom(folder, &["sound", "--out", "named.wav"]);
+    assert!(named.status.success(), "{}", text(&named.stderr));
+    assert!(fs::metadata(folder.join("named.wav")).unwrap().len() > 1000);
 }
 
 #[test]

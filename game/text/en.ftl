@@ -729,6 +729,7 @@ match-waits = Practice from here; your match waits: go back to it from the menu
 match-resumed = Resumed your match of { $game }; start another from the menu
 match-not-resumed = Cannot resume the unfinished match: { $why }
 match-kept-aside = Its file is kept as { $path }
+match-set-aside = Your unfinished match of { $game } is kept as { $path }: to go on with it, rename that file to { $name } while the game is closed
 window-title = Carom
 
 ## Nodes
@@ -840,6 +841,7 @@ display-opengl = OpenGL
 display-software = software
 farm-not-started = it could not be started
 file-unwritable = { $path } cannot be written
+file-not-written = { $path } cannot be written: { $why }. Free some space or change who may write there, then try again
 settings-no-folder = Settings cannot be saved: { $why }
 settings-too-long = it is longer than { $bytes } bytes
 # Over a table: the spaces place each word over its column.

@@ -44,6 +44,7 @@ impl Frames {
         let (true, Some(path)) = (is_animated, scene) else {
             return Ok(Self::Still(Arc::new(inputs::scene(scene)?.scene)));
         };
+        inputs::check_scene(path)?;
         let file = Box::new(SceneFile::open(path)?);
         let animation = file.find_animation(args.animation.as_deref())?;
         Ok(Self::Animated {

@@ -30,12 +30,25 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, Failure> {
             scene,
         });
     };
+    check_scene(path)?;
     let scene = carom_farm::open_scene(path)?;
     let name = path.file_stem().unwrap_or(path.as_os_str());
     Ok(NamedScene {
         name: name.to_string_lossy().into_owned(),
         scene,
     })
+}
+
+/// Finds out whether there is a scene file.
+pub(crate) fn check_scene(path: &Path) -> Result<(), Failure> {
+    match path.exists() {
+        true => Ok(()),
+        false => Err(Failure::Input(format!(
+            "{} is no scene file: name one that is there (JSON, glTF, .obj or .ply), or leave --scene out for \
+             the built-in pool table",
+            path.display()
+        ))),
+    }
 }
 
 /// A node or directory of nodes, as [`carom_farm::FarmConfig::nodes`] has them.

@@ -78,7 +78,7 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     denoise: bool,
     /// Write the picture to a .png or .jpg (8-bit sRGB) or .exr (32-bit linear, with albedo, normal
-    /// and depth layers) file; repeat for several
+    /// and depth layers) file, in place of one of this name; repeat for several
     ///
     /// While the render runs, `<OUT>.checkpoint` lies beside the first file; after a crash the same
     /// command resumes from it.

@@ -264,7 +264,7 @@ impl Assigner {
     fn request_shares(
         &self,
         now: f64,
-        frame: &FrameInFlight,
+        frame: &mut FrameInFlight,
         mut shares: Vec<NodeShare>,
         in_flight: usize,
         dispatcher: &mut Dispatcher,
@@ -407,7 +407,7 @@ fn left_out(nodes: &NodeTable, scene: SceneHash, shares: &[NodeShare]) -> Vec<No
 
 /// Asks nodes that got nothing for one tile now and then, beside the node whose tile it is: they may
 /// have become faster, and nothing else would tell.
-fn probe(now: f64, frame: &FrameInFlight, shares: &[NodeShare], dispatcher: &mut Dispatcher) {
+fn probe(now: f64, frame: &mut FrameInFlight, shares: &[NodeShare], dispatcher: &mut Dispatcher) {
     let units = frame.passes.all().count;
     let mut probes = units.div_ceil(PROBE_TILES);
     for (index, _) in shares.iter().filter(|(_, tiles)| tiles.is_empty()) {

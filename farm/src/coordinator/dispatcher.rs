@@ -100,7 +100,7 @@ impl Dispatcher {
         &mut self,
         now: f64,
         node: NodeIndex,
-        frame: &FrameInFlight,
+        frame: &mut FrameInFlight,
         tiles: &[TileRange],
         is_probe: bool,
     ) {
@@ -131,7 +131,10 @@ impl Dispatcher {
                 request.is_probe = is_probe;
                 // Requests of one call queue behind each other at the node: each is expected after those
                 // before it.
-                wait_secs += self.request_range(node, of, request, wait_secs);
+                if let Some(busy_secs) = self.request_range(node, of, request, wait_secs) {
+                    wait_secs += busy_secs;
+                    frame.requested[first as usize..tiles.end() as usize].fill(true);
+                }
             }
         }
         self.nodes.arm(node);
@@ -158,23 +161,24 @@ impl Dispatcher {
             is_exact: true,
         };
         let wait_secs = self.nodes[node].workload.wait_secs(now, tile.frame);
-        self.request_range(node, of, request, wait_secs);
+        self.request_range(node, of, request, wait_secs)?;
         self.nodes.arm(node);
         Some(self.last_request)
     }
 
     /// Sends one request, which waits at its node for others for `wait_secs`. Returns for how long
-    /// the node should be busy with it.
+    /// the node should be busy with it; nothing if the node has no room, whose tiles are assigned again
+    /// when a request of it ends.
     fn request_range(
         &mut self,
         index: NodeIndex,
         of: RequestedFrame<'_>,
         mut request: OpenRequest,
         wait_secs: f64,
-    ) -> f64 {
+    ) -> Option<f64> {
         let node = &mut self.nodes[index];
         if !node.has_room() {
-            return 0.0; // assigned again when a request of this node ends
+            return None;
         }
         // By what was delivered, not by what work is divided by: lateness must not lengthen how long it
         // is waited for.
@@ -208,7 +212,7 @@ impl Dispatcher {
         });
         workload.add(request.issued, self.last_request, request);
         self.send(index, LinkCommand::Trace(message));
-        busy_secs
+        Some(busy_secs)
     }
 
     /// Takes a request back.

@@ -33,7 +33,9 @@ pub(super) struct FrameInFlight {
     pub(super) is_assigned: bool,
     /// Whether nothing was known of some node that it was assigned to.
     pub(super) is_guessed: bool,
-    /// What more than one node has been asked for.
+    /// By unit: whether a node has been asked for it that has not lost it.
+    pub(super) requested: Vec<bool>,
+    /// What has been assigned more than once, also if it has waited for room in between.
     pub(super) reissued: Vec<TileRange>,
     /// Tiles that nodes have not taken yet, where they take them as they can.
     pub(super) pool: Vec<TileRange>,
@@ -93,6 +95,7 @@ impl FrameInFlight {
             is_exact: false,
             is_assigned: false,
             is_guessed: false,
+            requested: vec![false; passes.all().count as usize],
             reissued: Vec::new(),
             pool: Vec::new(),
             target: f64::INFINITY,
@@ -113,13 +116,17 @@ impl FrameInFlight {
         let passes = SamplePasses::several(self.passes.grid, self.spec.settings.samples, count);
         self.work = WorkMap::new(passes, costs);
         self.buffer = Some(FrameBuffer::new(passes, self.spec.format));
+        self.requested = vec![false; passes.all().count as usize];
         self.stats.passes = count;
         self.passes = passes;
     }
 
-    /// Counts tiles that nobody holds any more and that are requested again.
+    /// Counts those of the tiles that nobody holds that a node has been asked for: it has lost them.
+    /// Others have waited for room.
     pub(super) fn count_lost(&mut self, tiles: &[TileRange]) {
-        let lost = tiles.iter().map(|range| range.count).sum::<u32>();
+        let tile = |tile: u32| std::mem::take(&mut self.requested[tile as usize]);
+        let lost = tiles.iter().flat_map(|range| range.indices()).map(tile);
+        let lost: u32 = lost.map(u32::from).sum();
         self.stats.reissued_tiles += lost;
         self.stats.lost_tiles += lost;
         self.reissued.extend(tiles);
@@ -217,9 +224,10 @@ impl FrameInFlight {
         }
     }
 
-    /// How often its tiles have been requested again, each on average.
+    /// How often its tiles have been assigned again, each on average.
     pub(super) fn reissued_per_tile(&self) -> f64 {
-        f64::from(self.stats.reissued_tiles) / f64::from(self.passes.all().count.max(1))
+        let reissued: u32 = self.reissued.iter().map(|range| range.count).sum();
+        f64::from(reissued) / f64::from(self.passes.all().count.max(1))
     }
 
     /// How much later than its target a tile may come before it is asked for again, in seconds:

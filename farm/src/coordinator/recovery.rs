@@ -287,7 +287,7 @@ fn evaluation_pause_secs(now: f64, frame: &FrameInFlight) -> f64 {
 
 /// Cancels the requests that their nodes have not begun and that hold any of the `late` tiles, and
 /// requests the other tiles of them anew.
-fn recall(now: f64, frame: &FrameInFlight, late: &[TileRange], dispatcher: &mut Dispatcher) {
+fn recall(now: f64, frame: &mut FrameInFlight, late: &[TileRange], dispatcher: &mut Dispatcher) {
     let is_late = |tile: u32| {
         let mut late = late.iter();
         late.any(|range| range.first <= tile && tile < range.end())

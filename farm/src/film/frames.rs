@@ -75,7 +75,8 @@ impl FilmFrames {
     /// kept by other processes, also on other machines that share the folder.
     ///
     /// # Errors
-    /// [`Error::UnfinishedFilm`] of another, [`Error::Resume`], [`Error::File`].
+    /// [`Error::UnfinishedFilm`] of another, [`Error::ForeignFrame`] that is of none, [`Error::Resume`],
+    /// [`Error::File`].
     pub(super) fn open(
         folder: &Path,
         identity: FilmIdentity,
@@ -99,10 +100,19 @@ impl FilmFrames {
                 frames.kept = (0..frames.identity.frames).map(is_there).collect();
             }
             Some(before) => frames.make_room(&before)?,
-            None => frames.clear(frames.identity.frames)?,
+            None => {
+                if let Some(path) = frames.held(frames.frames()).next() {
+                    return Err(Error::ForeignFrame(path));
+                }
+            }
         }
         frames.write_identity()?;
         Ok(frames)
+    }
+
+    /// Whether a film has kept frames in a folder.
+    pub fn are_in(folder: &Path) -> bool {
+        folder.join(IDENTITY_FILE).exists()
     }
 
     /// How many frames the film has.
@@ -283,8 +293,7 @@ impl FilmFrames {
 
     /// Throws the frames of another film away, unless it is not finished.
     fn make_room(&self, before: &FilmIdentity) -> Result<(), Error> {
-        let is_there = |&i: &u32| self.path(i).is_file();
-        let held = (0..before.frames).filter(is_there).count();
+        let held = self.held(before.frames).count();
         if held > 0 && !before.done {
             return Err(Error::UnfinishedFilm {
                 folder: self.folder.clone(),
@@ -297,11 +306,16 @@ impl FilmFrames {
     }
 
     fn clear(&self, frames: u32) -> Result<(), Error> {
-        let paths = (0..frames).map(|i| self.path(i));
-        for path in paths.filter(|path| path.is_file()) {
+        for path in self.held(frames) {
             fs::remove_file(&path).map_err(Error::file(&path))?;
         }
         Ok(())
+    }
+
+    /// Those of the first `frames` frames that are there.
+    fn held(&self, frames: u32) -> impl Iterator<Item = PathBuf> {
+        let paths = (0..frames).map(|i| self.path(i));
+        paths.filter(|path| path.is_file())
     }
 
     /// The film whose frames are there; none if nothing tells.
@@ -335,7 +349,7 @@ impl FilmFrames {
     }
 
     fn identity_path(&self) -> PathBuf {
-        self.folder.join("job.json")
+        self.folder.join(IDENTITY_FILE)
     }
 
     fn path(&self, index: u32) -> PathBuf {
@@ -367,6 +381,7 @@ impl FilmFormat {
     }
 }
 
+const IDENTITY_FILE: &str = "job.json";
 /// Another version of the library may trace other pixels.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// More than four hours at 60 a second: bounds what a file can make the program look for.
@@ -467,12 +482,16 @@ mod tests {
     }
 
     #[test]
-    fn pictures_of_unknown_origin_are_not_taken_for_frames() {
+    fn pictures_of_unknown_origin_are_neither_taken_for_frames_nor_replaced() {
         let folder = tempfile::tempdir().unwrap();
-        let file = File::create(folder.path().join("frame_0001.png")).unwrap();
+        let path = folder.path().join("frame_0001.png");
+        let file = File::create(&path).unwrap();
         write_png(file, SIZE, &frame(9), COMPRESSION).unwrap();
-        let reel = open(&folder, film(0.5, 1, 4)).unwrap();
-        assert_eq!(reel.kept(), 0);
+        let before = fs::read(&path).unwrap();
+        let refused = open(&folder, film(0.5, 1, 4)).unwrap_err();
+        assert!(matches!(&refused, Error::ForeignFrame(of) if *of == path));
+        assert_eq!(fs::read(&path).unwrap(), before);
+        assert!(!FilmFrames::are_in(folder.path()));
         fs::write(folder.path().join("job.json"), "{}").unwrap();
         let error = open(&folder, film(0.5, 1, 4)).unwrap_err();
         assert!(error.to_string().contains("tells of no film"), "{error}");

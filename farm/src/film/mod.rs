@@ -206,7 +206,7 @@ impl Farm {
     /// # Errors
     /// [`Error::Tracer`] with the first rule that the scene or a frame breaks,
     /// [`Error::NoFrameOfRange`], [`Error::FilmLength`], [`Error::UnfinishedFilm`] if the folder holds
-    /// frames of another, [`Error::Resume`], [`Error::File`], [`Error::Thread`].
+    /// frames of another, [`Error::ForeignFrame`] if it holds some of none, [`Error::Resume`], [`Error::File`], [`Error::Thread`].
     pub fn film(
         &mut self,
         scene: &Scene,

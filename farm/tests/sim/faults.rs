@@ -56,6 +56,21 @@ fn a_node_that_is_asked_for_all_that_it_takes_loses_nothing() {
     }
 }
 
+/// A node takes so many requests at once; what waits for room nobody has lost.
+#[test]
+fn tiles_that_wait_for_room_are_not_lost() {
+    for node in [NodePlan::new(1e-3, 1.0), NodePlan::new(0.046, 0.05)] {
+        let plan = FarmPlan {
+            frames_in_flight: 8,
+            ..super::plan(vec![node], Algorithm::WaterFilling, 40)
+        };
+        let report = run(&plan, 400.0);
+        let again = |frame: &carom_farm::Frame| frame.stats.reissued_tiles;
+        let again: u32 = report.frames.iter().map(again).sum();
+        assert_eq!((report.frames.len(), again), (40, 0));
+    }
+}
+
 /// Nobody else could bring what the only node is late with: it would be asked for it again, and trace it twice.
 #[test]
 fn the_only_node_loses_nothing_while_it_is_late() {

@@ -154,11 +154,14 @@ impl AppShell {
     }
 
     /// The key of the keyboard that a gamepad's control means on an open page: the cross and the left stick go from one
-    /// control of the page to the next, A presses it.
+    /// control of the page to the next, A presses it, B closes a list that is open over the page.
     pub fn page_key(&self, event: Event) -> Option<(Key, Modifiers)> {
         let Some(Trigger::Gamepad(control)) = event.trigger() else {
             return None;
         };
+        if self.has_open_list && control == GamepadControl::B {
+            return Some((Key::Escape, Modifiers::NONE));
+        }
         if self.menu.page().is_none() || self.menu.wants_trigger() {
             return None;
         }

@@ -4,9 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use carom_billiards::game_match::{Match, MatchSave};
-use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
 use carom_farm::FarmConfig;
 use carom_text::text;
@@ -34,7 +33,7 @@ use crate::capture::ShotRecorder;
 use crate::input::Event;
 use crate::play;
 use crate::scene::table_scene::TableScene;
-use crate::settings::{Settings, SettingsStore, set_aside_broken};
+use crate::settings::{Settings, SettingsStore, set_aside};
 
 /// Plays in a window until it is closed.
 ///
@@ -49,9 +48,9 @@ pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> any
     let options = settings.settings.table;
     let asked = args.contest(options)?;
     let is_open = asked.is_none();
-    let contest = match asked {
+    let contest = match begun(asked, kept_in.as_deref(), &mut notes)? {
         Some(contest) => contest,
-        None => left(kept_in.as_deref(), &mut notes, options, args.seed)?,
+        None => play::free_table(TableScene::table().with_options(options), args.seed)?,
     };
     let chosen = &settings.settings;
     if config.threads == 0 {
@@ -101,33 +100,48 @@ pub fn run(args: &Args, mut config: FarmConfig, present: Option<Present>) -> any
     app.failure.map_or(Ok(()), Err)
 }
 
-/// The match that was left the last time, else a free table with `options`.
-fn left(
-    path: Option<&Path>,
-    notes: &mut Vec<String>,
-    options: TableOptions,
-    seed: u32,
-) -> carom_billiards::Result<Match> {
+/// The match that was left the last time.
+fn left(path: Option<&Path>, notes: &mut Vec<String>) -> Option<Match> {
     let kept = path.map_or(Ok(None), MatchSave::load);
     let played = kept.and_then(|record| record.map(|record| record.play()).transpose());
     match played {
-        Ok(Some(contest)) if contest.at_table().is_some() => {
-            if contest.referee().rules() != RuleSet::Free {
-                let game = contest.referee().info().name;
-                notes.push(text!("match-resumed", game = game));
-            }
-            return Ok(contest);
-        }
-        Ok(_) => {}
+        Ok(contest) => contest.filter(|contest| contest.at_table().is_some()),
         Err(why) => {
             notes.push(text!("match-not-resumed", why = why.to_string()));
-            let aside = path.map(set_aside_broken).and_then(Result::ok);
+            let aside = path.and_then(|path| set_aside(path, "broken").ok());
             notes.extend(
                 aside.map(|aside| text!("match-kept-aside", path = aside.display().to_string())),
             );
+            None
         }
     }
-    play::free_table(TableScene::table().with_options(options), seed)
+}
+
+/// The match that is asked for, in place of one that was left unfinished, whose file is kept; without one,
+/// the match that was left.
+fn begun(
+    asked: Option<Match>,
+    path: Option<&Path>,
+    notes: &mut Vec<String>,
+) -> anyhow::Result<Option<Match>> {
+    let left = left(path, notes);
+    if let (Some(_), Some(left), Some(path)) = (&asked, &left, path)
+        && left.view().is_unfinished()
+    {
+        let aside = set_aside(path, "unfinished").with_context(|| path.display().to_string())?;
+        notes.push(text!(
+            "match-set-aside",
+            game = left.referee().info().name,
+            path = aside.display().to_string(),
+            name = MATCH_FILE
+        ));
+    } else if let (None, Some(left)) = (&asked, &left)
+        && left.referee().rules() != RuleSet::Free
+    {
+        let game = left.referee().info().name;
+        notes.push(text!("match-resumed", game = game));
+    }
+    Ok(asked.or(left))
 }
 
 /// The player's settings; options of the command line win for as long as it runs.
@@ -347,7 +361,36 @@ const MATCH_FILE: &str = "match.carom";
 
 #[cfg(test)]
 mod tests {
+    use carom_billiards::game_match::{MatchConfig, Player, play_out};
+
     use super::*;
+
+    /// An 8-ball match of two computers.
+    fn match_of_computers() -> Match {
+        let players = Player::list("ai:easy,ai:easy").unwrap();
+        let config = MatchConfig::new(RuleSet::Eight, players, 1).unwrap();
+        Match::new(config).unwrap()
+    }
+
+    #[test]
+    fn a_match_that_is_asked_for_sets_an_unfinished_one_aside() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(MATCH_FILE);
+        let aside = path.with_extension("unfinished.carom");
+        let mut notes = Vec::new();
+        let mut left = match_of_computers();
+        for is_kept in [false, true] {
+            MatchSave::of(&left).save(&path).unwrap();
+            let asked = Some(match_of_computers());
+            let begun = begun(asked, Some(&path), &mut notes).unwrap().unwrap();
+            assert_eq!(begun.action_count(), 0);
+            assert_eq!((aside.exists(), path.exists()), (is_kept, !is_kept));
+            play_out(&mut left, 1).unwrap();
+        }
+        let kept = MatchSave::load(&aside).unwrap().unwrap();
+        assert_eq!(kept.play().unwrap().turns().len(), 1);
+        assert!(notes[0].contains(aside.to_str().unwrap()), "{notes:?}");
+    }
 
     #[test]
     fn a_damaged_match_is_kept_aside() {
@@ -355,9 +398,8 @@ mod tests {
         let path = folder.path().join(MATCH_FILE);
         std::fs::write(&path, "torn").unwrap();
         let mut notes = Vec::new();
-        let options = TableOptions::default();
-        let contest = left(Some(&path), &mut notes, options, 1).unwrap();
-        assert_eq!(contest.referee().rules(), RuleSet::Free);
+        let contest = begun(None, Some(&path), &mut notes).unwrap();
+        assert!(contest.is_none());
         let aside = path.with_extension("broken.carom");
         assert_eq!(std::fs::read(&aside).unwrap(), b"torn");
         assert!(!path.exists());

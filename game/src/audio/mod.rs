@@ -100,12 +100,9 @@ impl Sound {
 ///
 /// # Errors
 /// A sentence with the file or the number that is wrong.
-pub fn write_shot(out: &Path, replay: Option<&Path>, speed_m_s: f64) -> anyhow::Result<()> {
-    let shot = match replay {
-        Some(path) => Recording::load(path)?.clips.into_iter().next(),
-        None => None,
-    };
-    let shot = match shot {
+pub fn write_shot(out: &Path, recording: Option<Recording>, speed_m_s: f64) -> anyhow::Result<()> {
+    let first = recording.and_then(|recording| recording.clips.into_iter().next());
+    let shot = match first {
         Some(take) => take.shot,
         None => break_shot(speed_m_s)?,
     };

@@ -26,6 +26,7 @@ use serde::Serialize;
 
 use crate::args::Args;
 use crate::capture::video::{self, ShotSequence, VideoTarget};
+use crate::capture::{RecordingKind, RecordingStore};
 use crate::play::CUE_SPEED_M_S_MAX;
 use crate::scene::scene_builder::EXPOSURE;
 use crate::scene::table_scene::TableScene;
@@ -103,17 +104,17 @@ pub fn run(args: &Args, config: FarmConfig) -> anyhow::Result<()> {
     };
     let interrupted = net::interruption().context("Ctrl-C")?;
     let range = args.frame_range;
-    let report_file = claim(&target, range.is_some())?;
+    let film = match &args.video {
+        Some(target) => target.clone(),
+        None => VideoTarget::File(args.out.join("break.png")),
+    };
+    let report_file = claim(&target, &film, range.is_some())?;
     let (mut frames, report) = make(config, &footage, settings, range, &target, &interrupted)?;
     if let Some(range) = range {
         let (folder, count) = (frames.folder().display(), frames.frames());
         println!("{folder} holds frames {} of {count}", range.of_film(count)?);
         return Ok(());
     }
-    let film = match &args.video {
-        Some(target) => target.clone(),
-        None => VideoTarget::File(args.out.join("break.png")),
-    };
     let proceed = &mut || !interrupted.load(Ordering::Relaxed);
     let count = frames.frames();
     let sound = || footage.soundtrack();
@@ -174,7 +175,7 @@ fn footage(args: &Args) -> anyhow::Result<ShotSequence> {
         ),
     };
     if let Some(folder) = &args.record {
-        keep(&recording, folder)?;
+        RecordingStore::at(folder.clone()).save(RecordingKind::Shot, &recording)?;
     }
     let mut shots: Vec<Shot> = recording.clips.into_iter().map(|take| take.shot).collect();
     let stage = TableScene::around(&table, args.style(TableStyle::default()));
@@ -232,12 +233,6 @@ fn break_shot(table: &Table, seed: u32, engine: Engine) -> anyhow::Result<Shot> 
     let mut world = World::new(table.clone(), table.rack_eight(seed))?;
     world.set_engine(engine);
     Ok(world.strike(Stroke::straight(0.0, CUE_SPEED_M_S_MAX))?)
-}
-
-fn keep(recording: &Recording, folder: &Path) -> anyhow::Result<()> {
-    fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    Ok(recording.save(&folder.join("shot_0001.carom"))?)
 }
 
 /// Traces the frames that are not there yet.
@@ -357,8 +352,13 @@ fn node(status: NodeStatus) -> ReportNode {
 }
 
 /// Finds out before anything is traced whether the file that is wanted can be written, and claims the
-/// report of a folder; jobs that trace a part of a film write neither.
-fn claim(target: &VideoTarget, is_part: bool) -> anyhow::Result<Option<WholeFile>> {
+/// report of a folder, in which files of others are not replaced; jobs that trace a part of a film
+/// write neither.
+fn claim(
+    target: &VideoTarget,
+    film: &VideoTarget,
+    is_part: bool,
+) -> anyhow::Result<Option<WholeFile>> {
     if is_part {
         return Ok(None);
     }
@@ -371,7 +371,13 @@ fn claim(target: &VideoTarget, is_part: bool) -> anyhow::Result<Option<WholeFile
         return claim(target.path()).map(|_| None);
     };
     fs::create_dir_all(folder).with_context(|| format!("cannot write {}", folder.display()))?;
-    claim(&folder.join("stats.json")).map(Some)
+    let report = folder.join("stats.json");
+    for path in [film.path(), &report] {
+        if path.is_file() && !FilmFrames::are_in(folder) {
+            return Err(carom_farm::Error::ForeignFrame(path.to_owned()).into());
+        }
+    }
+    claim(&report).map(Some)
 }
 
 fn write_report(report: &HeadlessReport, file: WholeFile) -> anyhow::Result<()> {

@@ -5,6 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use carom_billiards::physics::Recording;
+use carom_farm::WholeFile;
 
 use crate::{Error, Result};
 
@@ -83,28 +84,31 @@ impl RecordingStore {
     /// # Errors
     /// The folder or the file cannot be written.
     pub fn save(&self, kind: RecordingKind, recording: &Recording) -> Result<PathBuf> {
-        fs::create_dir_all(&self.folder).map_err(|source| Error::NewFolder {
-            path: self.folder.clone(),
-            source,
-        })?;
         let path = next_path(&self.folder, kind.stem(), ENDING)?;
         recording.save(&path)?;
         Ok(path)
     }
 }
 
-/// The first of `stem_0001.ending` and so on that is not there.
+/// The first of `stem_0001.ending` and so on that is not there, in a folder that is made if there is none.
 ///
 /// # Errors
-/// [`Error::FolderFull`] if all are.
+/// [`Error::FolderFull`] if all are there, [`Error::Unwritable`].
 pub(crate) fn next_path(folder: &Path, stem: &str, ending: &str) -> Result<PathBuf> {
+    let unwritable = |path: &Path, source| Error::Unwritable {
+        path: path.to_owned(),
+        source,
+    };
+    fs::create_dir_all(folder).map_err(|source| unwritable(folder, source))?;
     let path = |number: u32| folder.join(format!("{stem}_{number:04}.{ending}"));
     let mut numbers = 1..=NUMBER_MAX;
     let free = numbers.find(|&number| !path(number).exists());
-    free.map(path).ok_or_else(|| Error::FolderFull {
+    let free = free.map(path).ok_or_else(|| Error::FolderFull {
         path: folder.to_owned(),
         files_max: NUMBER_MAX,
-    })
+    })?;
+    WholeFile::claim(&free).map_err(|source| unwritable(&free, source))?;
+    Ok(free)
 }
 
 const ENDING: &str = "carom";

@@ -1,7 +1,6 @@
 //! Screenshots: what the window shows in full quality, traced by the game's farm where the window leaves
 //! it time, and written as PNG and EXR by a thread.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use carom_farm::{Farm, FrameSpec, Picture, PixelFormat, Still};
@@ -11,19 +10,22 @@ use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 use crate::capture::background::{CaptureProgress, CaptureSlot};
 use crate::capture::next_path;
 use crate::scene::scene_builder::EXPOSURE;
+use crate::{Error, Result};
 
 /// Begins a screenshot of `scene` after `update` that will lie in `folder`, as `still_0001.png` and,
 /// with layers of albedo, normal and depth, `still_0001.exr`.
 ///
 /// # Errors
-/// [`crate::Error::Farm`] if the farm does not take it, [`crate::Error::CaptureThread`].
+/// [`crate::Error::Unwritable`], [`crate::Error::Farm`] if the farm does not take it,
+/// [`crate::Error::CaptureThread`].
 pub fn begin(
     slot: &mut CaptureSlot,
     farm: &mut Farm,
     scene: &Scene,
     spec: FrameSpec,
     folder: PathBuf,
-) -> crate::Result<()> {
+) -> Result<()> {
+    next_path(&folder, NAME, "png")?;
     let progress = CaptureProgress::default();
     let seen = progress.clone();
     let still = Still::of(spec)
@@ -52,19 +54,27 @@ pub fn frame_spec(update: SceneUpdate, size: ImageSize, max_depth: u32) -> Frame
     }
 }
 
-fn write(picture: &Picture, folder: &Path) -> anyhow::Result<PathBuf> {
-    fs::create_dir_all(folder)?;
-    let path = next_path(folder, "still", "png")?;
-    picture.save(path.with_extension("exr"))?;
-    picture.save(&path)?;
+fn write(picture: &Picture, folder: &Path) -> Result<PathBuf> {
+    let path = next_path(folder, NAME, "png")?;
+    let save = |path: &Path| {
+        picture.save(path).map_err(|why| match why {
+            carom_farm::Error::File { path, source } => Error::Unwritable { path, source },
+            why => why.into(),
+        })
+    };
+    save(&path.with_extension("exr"))?;
+    save(&path)?;
     Ok(path)
 }
+
+const NAME: &str = "still";
 
 /// Noise is then a sixteenth of one path's: grain that is hardly seen.
 const SAMPLES: u32 = 256;
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
     use std::time::Duration;
 
     use carom_farm::{FarmConfig, LocalNode};
@@ -76,7 +86,7 @@ mod tests {
 
     const SIZE: ImageSize = ImageSize::new(16, 9);
 
-    fn begin(slot: &mut CaptureSlot, folder: &Path) -> Farm {
+    fn begin(slot: &mut CaptureSlot, folder: &Path) -> Result<Farm> {
         let table_scene = TableScene::room(BallSet::Classic);
         let scene = table_scene.scene().clone();
         let config = FarmConfig {
@@ -87,8 +97,8 @@ mod tests {
         farm.set_scene(&scene).unwrap();
         let update = table_scene.update(scene.camera, &[], None);
         let spec = frame_spec(update, SIZE, 5);
-        super::begin(slot, &mut farm, &scene, spec, folder.to_owned()).unwrap();
-        farm
+        super::begin(slot, &mut farm, &scene, spec, folder.to_owned())?;
+        Ok(farm)
     }
 
     /// Polls until there is a sentence.
@@ -106,7 +116,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut slot = CaptureSlot::default();
         for number in 1..=2 {
-            let _farm = begin(&mut slot, folder.path());
+            let _farm = begin(&mut slot, folder.path()).unwrap();
             assert!(slot.percent().is_some());
             let sentence = finish(&mut slot).unwrap();
             let path = folder.path().join(format!("still_000{number}.png"));
@@ -128,7 +138,7 @@ mod tests {
     fn a_cancelled_screenshot_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let mut slot = CaptureSlot::default();
-        let farm = begin(&mut slot, folder.path());
+        let farm = begin(&mut slot, folder.path()).unwrap();
         assert!(slot.poll().is_none());
         slot.cancel();
         drop(farm);
@@ -137,13 +147,14 @@ mod tests {
     }
 
     #[test]
-    fn a_screenshot_that_cannot_be_written_says_why() {
+    fn a_screenshot_that_cannot_be_written_says_where_and_why_before_it_is_rendered() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
         let mut slot = CaptureSlot::default();
-        let _farm = begin(&mut slot, &file);
-        let why = finish(&mut slot).unwrap_err();
-        assert!(!why.to_string().is_empty());
+        let why = begin(&mut slot, &file).err().unwrap().to_string();
+        let words = [file.to_str().unwrap(), "exists", "then try again"];
+        assert!(words.iter().all(|words| why.contains(words)), "{why}");
+        assert_eq!(slot.percent(), None);
     }
 }

@@ -8,10 +8,12 @@ use carom_billiards::physics::{Recording, Shot, Table};
 
 use carom_text::text;
 
+use super::recordings::{RecordingKind, RecordingStore};
+
 /// A folder that shots are recorded in.
 #[derive(Debug)]
 pub struct ShotRecorder {
-    folder: PathBuf,
+    store: RecordingStore,
     /// The number of the last shot.
     last: u64,
 }
@@ -24,18 +26,18 @@ impl ShotRecorder {
     pub fn new(folder: PathBuf) -> anyhow::Result<Self> {
         fs::create_dir_all(&folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
-        Ok(Self { folder, last: 0 })
+        let store = RecordingStore::at(folder);
+        Ok(Self { store, last: 0 })
     }
 
-    /// Records a shot; each number once.
+    /// Records a shot, each number once, under the next free name.
     pub fn record(&mut self, number: u64, shot: &Shot, table: &Table) {
         if number <= self.last {
             return;
         }
         self.last = number;
         let recording = Recording::of(table, text!("shot-numbered", number = number), shot.clone());
-        let path = self.folder.join(format!("shot_{number:04}.carom"));
-        if let Err(error) = recording.save(&path) {
+        if let Err(error) = self.store.save(RecordingKind::Shot, &recording) {
             tracing::error!("{error}");
         }
     }

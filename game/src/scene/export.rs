@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 
 use crate::camera::Viewpoint;
+use crate::output_file::output_file;
 use crate::scene::ball_materials::BallSet;
 use crate::scene::cue_stick::CuePose;
 use crate::scene::table_args::TableArgs;
@@ -35,9 +36,9 @@ pub struct SceneArgs {
     /// Seed of the rack
     #[arg(long, default_value_t = 1)]
     seed: u32,
-    /// Output file
-    #[arg(long, value_name = "FILE", default_value = "room.json")]
-    out: PathBuf,
+    /// Output file, in place of one of this name [default: room.json, where there is none yet]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
 }
 
 /// Camera of an exported scene.
@@ -176,6 +177,7 @@ impl SceneArgs {
     /// # Errors
     /// A sentence for a table that the game is not played on, or a file that cannot be written.
     pub fn run(&self) -> anyhow::Result<()> {
+        let out = output_file(self.out.as_deref(), "room.json")?;
         let scene = opening_scene(
             &self.table,
             self.rules,
@@ -187,10 +189,10 @@ impl SceneArgs {
             self.view,
             self.seed,
         )?;
-        scene.save(&self.out)?;
+        scene.save(&out)?;
         println!(
             "{}: {} objects, {} lights. Depth of the game: {}",
-            self.out.display(),
+            out.display(),
             scene.objects.len(),
             scene.area_lights.len(),
             self.ball_set.max_depth()

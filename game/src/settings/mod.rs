@@ -21,7 +21,7 @@ pub use engine_cost::{engine_cost, engine_cost_table};
 pub(crate) use field::value_name;
 pub use particle_cost::particle_cost;
 pub use store::SettingsStore;
-pub(crate) use store::set_aside_broken;
+pub(crate) use store::set_aside;
 
 use carom_billiards::physics::{Engine, ParticlePrecision, TableOptions};
 use carom_billiards::rules::RuleSet;

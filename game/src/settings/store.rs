@@ -230,7 +230,7 @@ impl SettingsStore {
             fs::create_dir_all(folder)?;
         }
         if self.is_broken {
-            set_aside_broken(path)?;
+            set_aside(path, "broken")?;
             self.is_broken = false;
         }
         Ok(())
@@ -265,16 +265,16 @@ fn enter(document: &mut DocumentMut, table: &str, key: &str, mut value: Value) {
     rows.insert(key, Item::Value(value));
 }
 
-/// Renames a file that cannot be read, so that another takes its place: to `settings.broken.toml`, or the first such
+/// Renames a file, so that another takes its place, by why: to `settings.broken.toml`, or the first such
 /// name with a number that is free. The new name.
 ///
 /// # Errors
 /// The system's.
-pub(crate) fn set_aside_broken(path: &Path) -> std::io::Result<PathBuf> {
+pub(crate) fn set_aside(path: &Path, why: &str) -> std::io::Result<PathBuf> {
     let ending = path.extension().unwrap_or_default().display();
     let name = |number: u32| match number {
-        0 => path.with_extension(format!("broken.{ending}")),
-        number => path.with_extension(format!("broken.{number}.{ending}")),
+        0 => path.with_extension(format!("{why}.{ending}")),
+        number => path.with_extension(format!("{why}.{number}.{ending}")),
     };
     let free = (0..1000).map(name).find(|name| !name.exists());
     let free = free.unwrap_or_else(|| name(1000));

@@ -1,8 +1,9 @@
 //! The menu's pages under the keys, and what asks before something is lost.
 
+use carom::input::{Event, GamepadControl};
 use carom::ui::menu::Page;
 use carom_billiards::rules::RuleSet;
-use egui::Key;
+use egui::{Key, Modifiers};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 
@@ -46,9 +47,18 @@ fn escape_closes_an_open_list_before_its_page() {
     harness.get_by_label_contains("Trick").click();
     harness.run_steps(4);
     assert!(harness.query_by_label_contains("Sand trap").is_some());
+    let is_back = |harness: &Harness<'_, Seat>| {
+        let b = Event::Gamepad {
+            control: GamepadControl::B,
+            pressed: true,
+        };
+        harness.state().shell.page_key(b) == Some((Key::Escape, Modifiers::NONE))
+    };
+    assert!(is_back(&harness), "a gamepad's B does what Esc does");
     press_both(&mut harness, "Esc", Key::Escape);
     assert!(harness.query_by_label_contains("Sand trap").is_none());
     assert!(!harness.state().session.is_game(), "the page was left");
+    assert!(!is_back(&harness));
     press_both(&mut harness, "Esc", Key::Escape);
     assert!(harness.state().session.is_game());
 }

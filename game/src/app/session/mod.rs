@@ -249,7 +249,8 @@ impl GameSession {
         let slot = &mut self.screenshot;
         let begun = folder.and_then(|folder| screenshot::begin(slot, farm, scene, spec, folder));
         if let Err(why) = begun {
-            self.modes.notify(why.to_string());
+            let sentence = text!("screenshot-failed", why = why.to_string());
+            self.modes.notify(sentence);
         }
         self.is_dirty = true;
     }
@@ -288,7 +289,8 @@ impl GameSession {
             .folder()
             .and_then(|folder| film.begin(slot, farm, scene, &folder.join("films")));
         if let Err(why) = begun {
-            self.modes.notify(why.to_string());
+            let sentence = text!("film-failed", why = why.to_string());
+            self.modes.notify(sentence);
         }
     }
 

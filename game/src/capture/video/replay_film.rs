@@ -43,7 +43,8 @@ impl ReplayFilm {
     /// `film_0001.png`.
     ///
     /// # Errors
-    /// [`crate::Error::Farm`] if the farm does not take it, [`crate::Error::CaptureThread`].
+    /// [`crate::Error::Unwritable`], [`crate::Error::Farm`] if the farm does not take it,
+    /// [`crate::Error::CaptureThread`].
     pub fn begin(
         self,
         slot: &mut CaptureSlot,
@@ -51,10 +52,6 @@ impl ReplayFilm {
         scene: &Scene,
         folder: &Path,
     ) -> crate::Result<()> {
-        fs::create_dir_all(folder).map_err(|source| carom_farm::Error::File {
-            path: folder.to_owned(),
-            source,
-        })?;
         let target = VideoTarget::next_in(folder)?;
         let progress = CaptureProgress::default();
         let seen = progress.clone();

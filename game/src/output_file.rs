@@ -1,0 +1,18 @@
+//! File that a subcommand writes.
+
+use std::path::{Path, PathBuf};
+
+use crate::{Error, Result};
+
+/// The file that is named, whatever stands in its place; or the usual one, if nothing does.
+///
+/// # Errors
+/// [`Error::InTheWay`].
+pub fn output_file(named: Option<&Path>, usual: &str) -> Result<PathBuf> {
+    let usual = PathBuf::from(usual);
+    match named {
+        Some(named) => Ok(named.to_owned()),
+        None if usual.exists() => Err(Error::InTheWay(usual)),
+        None => Ok(usual),
+    }
+}
