@@ -24,44 +24,31 @@ impl SceneBuilder {
             let middle = Vec3::new(wall_x + 0.02, center.x, center.y);
             self.solid("window bar", "dark wood", middle - bar, middle + bar);
         }
-        for (y, z, [half_y, half_z]) in [
-            (0.0, half.y, [half.x + 0.08, 0.04]),
-            (0.0, -half.y, [half.x + 0.12, 0.04]),
-            (half.x + 0.04, 0.0, [0.04, half.y]),
-            (-half.x - 0.04, 0.0, [0.04, half.y]),
-        ] {
-            let middle = Vec3::new(wall_x + 0.02, center.x + y, center.y + z);
-            let casing = Vec3::new(0.045, half_y, half_z);
-            self.solid(
-                "window frame",
-                "dark wood",
-                middle - casing,
-                middle + casing,
-            );
-        }
     }
 
-    /// Frames of the panelling's fields: a skirting below, a chair rail on top, stiles between.
+    /// A skirting below the panelling, a chair rail on top, and a window sill.
     fn wainscot(&mut self, wall_x: f32) {
         let (floor, half_y) = (self.frame.floor, self.frame.outer.y + ROOM_MARGIN_M);
         let top = floor + PANEL_HEIGHT_M;
-        let mut board = |depth: f32, y: [f32; 2], z: [f32; 2]| {
-            let min = Vec3::new(wall_x - depth, y[0], z[0]);
-            let max = Vec3::new(wall_x, y[1], z[1]);
+        let (window, half) = WINDOW_M;
+        let sill = half.x + 0.12;
+        let foot = window.y - half.y;
+        for (depth, [first_y, last_y], [bottom, top]) in [
+            (0.03, [-half_y, half_y], [floor, floor + 0.14]),
+            (0.04, [-half_y, half_y], [top - 0.05, top + 0.03]),
+            (
+                0.12,
+                [window.x - sill, window.x + sill],
+                [foot - 0.04, foot],
+            ),
+        ] {
+            let min = Vec3::new(wall_x - depth, first_y, bottom);
+            let max = Vec3::new(wall_x + PANELLING_M, last_y, top);
             self.solid("wainscot", "dark wood", min, max);
-        };
-        let across = [-half_y, half_y];
-        board(0.03, across, [floor, floor + 0.14]);
-        board(0.015, across, [top - 0.12, top]);
-        board(0.05, across, [top, top + 0.03]);
-        let stiles = (half_y / FIELD_WIDTH_M) as i32;
-        for stile in -stiles..=stiles {
-            let y = (stile as f32 + 0.5) * FIELD_WIDTH_M;
-            board(0.015, [y - 0.05, y + 0.05], [floor + 0.14, top - 0.12]);
         }
     }
 
-    /// Three seats with backs on a plinth, round where one sits and leans.
+    /// Three seats with backs on a plinth.
     fn bench(&mut self, wall_x: f32) {
         let [first_y, last_y] = BENCH_Y_M;
         let [plinth, seat, back] = [0.24, 0.46, 0.94].map(|height| self.frame.floor + height);
@@ -74,22 +61,13 @@ impl SceneBuilder {
         let width = (last_y - first_y) / 3.0;
         for seat_y in [0.0, 1.0, 2.0].map(|seats| first_y + seats * width) {
             let (near, far) = (seat_y + SEAM_M, seat_y + width - SEAM_M);
-            let mut cushion = |depth: f32, bottom, top, round: Vec2, radius: f32| {
+            let mut cushion = |depth: f32, bottom, top| {
                 let min = Vec3::new(wall_x - depth, near, bottom);
                 let max = Vec3::new(wall_x, far, top);
                 self.solid("bench cushion", "bench leather", min, max);
-                let roll = Shape::TruncatedCone {
-                    center: Vec3::new(wall_x - round.x, near, round.y),
-                    rotation: Quat::from_rotation_arc(Vec3::Z, Vec3::Y),
-                    length: far - near,
-                    radii: [radius; 2],
-                };
-                self.add("bench roll", "bench leather", roll);
             };
-            let seat_radius = 0.5 * (seat - plinth);
-            let seat_front = Vec2::new(0.54, plinth + seat_radius);
-            cushion(0.54, plinth, seat, seat_front, seat_radius);
-            cushion(0.16, seat, back, Vec2::new(0.08, back), 0.08);
+            cushion(0.62, plinth, seat);
+            cushion(0.16, seat, back);
         }
     }
 
@@ -171,8 +149,6 @@ impl SceneBuilder {
 
 /// How far the panelling stands before the wall.
 const PANELLING_M: f32 = 0.05;
-/// Between the middles of two stiles of the panelling.
-const FIELD_WIDTH_M: f32 = 0.9;
 const BENCH_Y_M: [f32; 2] = [-0.8, 1.9];
 /// Half the gap between two cushions of the bench.
 const SEAM_M: f32 = 0.01;

@@ -138,12 +138,9 @@ impl SceneBuilder {
             0.06,
             floor + PANEL_HEIGHT_M,
         );
-        for side in [-1.0, 1.0] {
+        for (side, canvas) in [(-1.0, "picture red"), (1.0, "picture blue")] {
             let y = side * (half.y - 0.02);
-            for (index, x) in [-1.8f32, 1.8].into_iter().enumerate() {
-                let center = Vec3::new(x, y, 0.62);
-                self.picture(center, Vec3::X, ["picture red", "picture blue"][index]);
-            }
+            self.picture(Vec3::new(1.8, y, 0.62), Vec3::X, canvas);
         }
     }
 
