@@ -280,6 +280,7 @@ pub fn basis(n: DVec3) -> (DVec3, DVec3) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::microfacet::ggx;
     use super::*;
     use crate::fresnel::internal_diffuse_reflectance;
     use crate::sampling::uniforms;
@@ -403,6 +404,49 @@ mod tests {
                     "{bsdf:?} {cos_o}: {drawn} {albedo}"
                 );
                 assert!(albedo.max_element() < 1.0 + 1e-3);
+            }
+        }
+    }
+
+    /// The mean of `reflectance(wi) of` over the facets of a coat and over the directions that GGX sends light to.
+    fn facet_means(bsdf: Bsdf, cos_o: f64, of: fn(DVec3) -> f64) -> [f64; 2] {
+        let (n, wo) = (DVec3::Z, wo_at(cos_o, DVec3::Z));
+        let drawn = samples().map(|[u, v, ..]| {
+            let facet = bsdf.with_facet(wo, n, [u, v]).facet.unwrap();
+            facet.reflectance * of(facet.wi)
+        });
+        let steps = 600;
+        let at = |step: i32| (f64::from(step) + 0.5) / f64::from(steps);
+        let directions =
+            (0..steps).flat_map(|i| (0..steps).map(move |j| (at(i), 2.0 * PI * at(j))));
+        let reflected = directions.map(|(cos_i, phi)| {
+            let sine = (1.0 - cos_i * cos_i).sqrt();
+            let wi = DVec3::new(sine * phi.cos(), sine * phi.sin(), cos_i);
+            let h = (wo + wi).normalize();
+            let alpha = bsdf.coat_alpha;
+            let shadowing = visibility(alpha, cos_o) * visibility(alpha, cos_i);
+            bsdf.fresnel(wo.dot(h)) * ggx(alpha, h.z) * shadowing * 0.25 * cos_i * of(wi)
+        });
+        let cell = 2.0 * PI / f64::from(steps * steps);
+        [drawn.sum::<f64>() / 2e5, reflected.sum::<f64>() * cell]
+    }
+
+    #[test]
+    fn facets_of_a_rough_coat_reflect_as_ggx_on_the_whole() {
+        for coat_alpha in [0.16, 0.5, 1.0] {
+            let bsdf = Bsdf {
+                coat_alpha,
+                ..plastic(0.5, 1.5)
+            };
+            for cos_o in [0.15, 0.5, 1.0] {
+                for of in [|_| 1.0, |wi: DVec3| wi.z, |wi: DVec3| wi.x * wi.x] {
+                    let [drawn, integral] = facet_means(bsdf, cos_o, of);
+                    let off = (drawn - integral).abs();
+                    assert!(
+                        off < 0.01 * integral + 2e-4,
+                        "α {coat_alpha} at {cos_o}: {drawn} {integral}"
+                    );
+                }
             }
         }
     }

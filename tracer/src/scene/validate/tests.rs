@@ -214,6 +214,11 @@ fn area_lights_keep_the_rules_of_rectangles() {
         let refusal = refusal(|scene| scene.area_lights[0].radiance.y = radiance);
         assert_says(&refusal, "area light 0 `l`: the area light's radiance is");
     }
+    for gradient in [1.5, -1.5, f32::NAN] {
+        let refusal = refusal(|scene| scene.area_lights[0].gradient.y = gradient);
+        let said = format!("area light 0 `l`: its gradient is [0, {gradient}, 0]");
+        assert_says(&refusal, &said);
+    }
     let refusal = refusal(|scene| scene.environment.radiance.z = -0.1);
     assert_says(&refusal, "the environment's radiance is [1, 1, -0.1]");
 }
