@@ -48,6 +48,11 @@ pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
         // The mark of keyboard focus has to be seen from afar.
         visuals.widgets.hovered.bg_stroke = Stroke::new(1.0, ACCENT);
         visuals.widgets.active.bg_stroke = Stroke::new(2.0, ACCENT);
+        // Beside what is scrolled, not over it.
+        style.spacing.scroll = egui::style::ScrollStyle {
+            bar_width: 8.0,
+            ..egui::style::ScrollStyle::solid()
+        };
         style.spacing.button_padding = egui::vec2(12.0, 6.0);
         style.spacing.item_spacing = egui::vec2(10.0, 7.0);
         if reduced_motion {
