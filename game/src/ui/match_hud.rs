@@ -137,7 +137,7 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
     let intention = |words| RichText::new(words).strong().color(theme::ACCENT);
     let banner = hud.intention.as_ref().map(intention).or(verdict);
     ui.vertical_centered(|ui| {
-        let line = |words| Label::new(words).truncate();
+        let line = |words| Label::new(words).wrap();
         match banner {
             Some(banner) if is_low => drop(ui.add(line(banner.small()))),
             None if is_low => drop(ui.add(line(prompt.small()))),
@@ -176,7 +176,7 @@ fn side(ui: &mut Ui, player: &PlayerView, points_max: Option<u32>, is_turn: bool
         state = text!("match-left", state = state, balls = left.join(" "));
     }
     if !state.is_empty() {
-        ui.add(Label::new(RichText::new(state).small()).truncate());
+        ui.add(Label::new(RichText::new(state).small()).wrap());
     }
 }
 
