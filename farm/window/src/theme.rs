@@ -71,7 +71,7 @@ struct FocusOutline;
 
 impl Plugin for FocusOutline {
     fn debug_name(&self) -> &'static str {
-        "focus outline"
+        "focus-outline"
     }
 
     fn on_end_pass(&mut self, ui: &mut Ui) {
