@@ -747,6 +747,7 @@ node-unusable = Cannot use { $name } ({ $why }): { $others ->
    *[no] the last frame stays until a node connects
 }
 node-slow = { $name } is { $times } times slower than the fastest node and gets fewer tiles
+node-slow-ends = { $name } has caught up with the other nodes and gets more tiles again
 node-doubted = { $name }: { $doubt }, and one of them is wrong
 node-far = High latency to { $name } ({ $ms } ms round trip): frames are requested earlier and may be less precise
 farm-waiting = Waiting for the first frame

@@ -23,6 +23,7 @@ pub mod display;
 pub mod input_batches;
 pub mod notifications;
 pub mod screen;
+mod speed_history;
 pub mod stats;
 pub mod theme;
 pub mod toasts;

@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | no GPU | the CPU traces, coarser while things move | once, with its threads |
 //! | no nodes set up | this machine traces | nothing: that is the game as it comes |
-//! | a node is slow | its share of the tiles shrinks | once, with how much slower it is |
+//! | a node is slow | its share of the tiles shrinks | once, with how much slower it has been for seconds; and when it no longer is |
 //! | a node is lost | others trace its tiles, it is called again | once, with why; and when it is back |
 //! | all nodes lost | this machine goes on alone; with no local tracer the last picture stays | the first once, the second as long as it lasts |
 //! | a bad network | pictures are asked for earlier, precision falls | once, with the round trip |
@@ -15,6 +15,8 @@
 use carom_farm::{NodeState, NodeStatus};
 use carom_text::text;
 use carom_tracer::DeviceKind;
+
+use crate::speed_history::SpeedHistory;
 
 /// Remembers what was said.
 #[derive(Clone, Debug, Default)]
@@ -31,6 +33,7 @@ struct NodeNotice {
     /// Nothing is known yet.
     standing: Option<Availability>,
     was_ready: bool,
+    speeds: SpeedHistory,
     slow: bool,
     far: bool,
     doubted: bool,
@@ -59,29 +62,31 @@ impl FarmNotifier {
         self.seen.resize_with(nodes.len(), NodeNotice::default);
         let mut notes = Vec::new();
         notes.extend(self.cpu_only(nodes));
-        let fastest = nodes
-            .iter()
-            .map(|node| node.msamples_per_sec)
-            .fold(0.0, f64::max);
+        for (node, seen) in nodes.iter().zip(&mut self.seen) {
+            let speed = Some(node.msamples_per_sec);
+            let speed = speed.filter(|speed| node.state.is_ready() && *speed > 0.0);
+            seen.speeds.add(now_secs, speed);
+        }
+        let medians = self.seen.iter().filter_map(|seen| seen.speeds.median());
+        let fastest = medians.fold(0.0, f64::max);
         let others = |index: usize| {
             let ready =
                 |(other, node): (usize, &NodeStatus)| other != index && node.state.is_ready();
             nodes.iter().enumerate().any(ready)
         };
         for (index, (node, seen)) in nodes.iter().zip(&mut self.seen).enumerate() {
+            let again = seen
+                .said_secs
+                .is_some_and(|said| now_secs - said < QUIET_SECS);
             let note = seen
                 .changed(node, others(index))
-                .or_else(|| seen.slowed(node, fastest))
+                // What is not said now will be, if it is still so then.
+                .or_else(|| (!again).then(|| seen.slowed(node, fastest)).flatten())
                 .or_else(|| seen.distanced(node).filter(|_| !ignores_latency))
                 .or_else(|| seen.doubted(node));
-            if let Some(note) = note {
-                let again = seen
-                    .said_secs
-                    .is_some_and(|said| now_secs - said < QUIET_SECS);
-                if !again {
-                    seen.said_secs = Some(now_secs);
-                    notes.push(note);
-                }
+            if let Some(note) = note.filter(|_| !again) {
+                seen.said_secs = Some(now_secs);
+                notes.push(note);
             }
         }
         notes
@@ -131,21 +136,18 @@ impl NodeNotice {
     }
 
     fn slowed(&mut self, node: &NodeStatus, fastest: f64) -> Option<String> {
-        let share = node.msamples_per_sec / fastest.max(1e-9);
-        if !node.state.is_ready() || node.msamples_per_sec <= 0.0 {
-            return None;
-        }
+        let share = self.speeds.median()? / fastest.max(1e-9);
         let was_slow = self.slow;
         // Between the two it stays what it was, so that it is not said again and again.
         self.slow = share < if was_slow { SLOW_ENDS } else { SLOW };
-        (self.slow && !was_slow).then(|| {
-            let times = 1.0 / share;
-            text!(
-                "node-slow",
-                name = name(node),
-                times = format!("{times:.0}")
-            )
-        })
+        match (was_slow, self.slow) {
+            (false, true) => {
+                let times = format!("{:.0}", 1.0 / share);
+                Some(text!("node-slow", name = name(node), times = times))
+            }
+            (true, false) => Some(text!("node-slow-ends", name = name(node))),
+            _ => None,
+        }
     }
 
     fn doubted(&mut self, node: &NodeStatus) -> Option<String> {
@@ -393,22 +395,56 @@ mod tests {
         assert_eq!(standing(&nodes).unwrap(), "Waiting for the first frame");
     }
 
+    /// A farm in which one node has this speed, others ten.
+    fn farm_with(speed: f64) -> [NodeStatus; 2] {
+        let mut slow = node("attic:1", NodeState::Ready);
+        slow.msamples_per_sec = speed;
+        [node("local", NodeState::Ready), slow]
+    }
+
     #[test]
-    fn a_slow_node_is_told_once_with_how_slow() {
+    fn a_slow_node_is_told_once_with_how_slow_and_withdrawn() {
         let mut lookout = FarmNotifier::default();
-        let farm = |speed: f64| {
-            let mut slow = node("attic:1", NodeState::Ready);
-            slow.msamples_per_sec = speed;
-            [node("local", NodeState::Ready), slow]
+        let mut now_secs = 0.0;
+        let mut lasting = |speed: f64| {
+            let steps = (0..100).map(|_| {
+                now_secs += 0.1;
+                lookout.observe(&farm_with(speed), now_secs)
+            });
+            steps.flatten().collect::<Vec<_>>().join("\n")
         };
-        assert_eq!(told(&mut lookout, &farm(5.0), 0.0), "");
-        assert!(told(&mut lookout, &farm(0.5), 1.0).contains("attic:1 is 20 times slower"));
-        assert_eq!(
-            told(&mut lookout, &farm(1.5), 30.0),
-            "",
-            "not yet fast again"
-        );
-        assert_eq!(told(&mut lookout, &farm(0.5), 60.0), "");
+        assert_eq!(lasting(5.0), "");
+        let said = "attic:1 is 20 times slower than the fastest node and gets fewer tiles";
+        assert_eq!(lasting(0.5), said);
+        assert_eq!(lasting(1.5), "", "not yet fast again");
+        assert_eq!(lasting(0.5), "");
+        let ended = "attic:1 has caught up with the other nodes and gets more tiles again";
+        assert_eq!(lasting(5.0), ended);
+        assert_eq!(lasting(5.0), "");
+    }
+
+    #[test]
+    fn slow_moments_are_not_told() {
+        let mut lookout = FarmNotifier::default();
+        for step in 0..300 {
+            let speed = if step % 20 < 6 { 0.5 } else { 5.0 };
+            let now_secs = 0.1 * f64::from(step);
+            assert_eq!(told(&mut lookout, &farm_with(speed), now_secs), "");
+        }
+    }
+
+    #[test]
+    fn a_node_that_recovers_at_once_is_withdrawn_once_that_can_be_said() {
+        let mut lookout = FarmNotifier::default();
+        let mut said = Vec::new();
+        for step in 0..200 {
+            let speed = if step < 45 { 0.5 } else { 5.0 };
+            said.extend(lookout.observe(&farm_with(speed), 0.1 * f64::from(step)));
+        }
+        let [slow, ended] = said.as_slice() else {
+            panic!("{said:?}");
+        };
+        assert!(slow.contains("20 times slower") && ended.contains("has caught up"));
     }
 
     #[test]

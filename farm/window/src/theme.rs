@@ -1,8 +1,8 @@
 //! The look of every panel: colours with enough contrast over any picture, and sizes of text.
 
 use egui::{
-    Color32, Context, CornerRadius, FontDefinitions, FontFamily, FontId, Frame, Margin, Stroke,
-    TextStyle,
+    Color32, Context, CornerRadius, FontDefinitions, FontFamily, FontId, Frame, Margin, Plugin,
+    Stroke, StrokeKind, TextStyle, Ui,
 };
 
 /// Behind text: dark and half-transparent, so that text of [`INK`] keeps a contrast above 7 to 1 over
@@ -14,6 +14,8 @@ pub const INK: Color32 = Color32::from_rgb(235, 235, 230);
 pub const FAINT: Color32 = Color32::from_rgb(176, 178, 176);
 /// Keys, headings, what is chosen.
 pub const ACCENT: Color32 = Color32::from_rgb(240, 200, 110);
+/// Round what has the keyboard.
+pub const FOCUS: Color32 = Color32::from_rgb(120, 200, 255);
 /// What went wrong; always beside words that say so.
 pub const ALARM: Color32 = Color32::from_rgb(255, 150, 120);
 
@@ -24,6 +26,7 @@ pub const ALARM: Color32 = Color32::from_rgb(255, 150, 120);
 pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
     ctx.set_theme(egui::Theme::Dark);
     ctx.set_fonts(fonts());
+    ctx.add_plugin(FocusOutline);
     set_scale(ctx, text_scale);
     // The settings own the scale.
     ctx.options_mut(|options| options.zoom_with_keyboard = false);
@@ -45,9 +48,14 @@ pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
         visuals.panel_fill = visuals.window_fill;
         visuals.selection.bg_fill = Color32::from_rgb(110, 84, 30);
         visuals.selection.stroke = Stroke::new(2.0, ACCENT);
-        // The mark of keyboard focus has to be seen from afar.
         visuals.widgets.hovered.bg_stroke = Stroke::new(1.0, ACCENT);
-        visuals.widgets.active.bg_stroke = Stroke::new(2.0, ACCENT);
+        // Both what is pressed and what has the keyboard, which FocusOutline tells apart.
+        visuals.widgets.active.bg_stroke = Stroke::new(1.0, ACCENT);
+        // Beside what is scrolled, not over it.
+        style.spacing.scroll = egui::style::ScrollStyle {
+            bar_width: 8.0,
+            ..egui::style::ScrollStyle::solid()
+        };
         style.spacing.button_padding = egui::vec2(12.0, 6.0);
         style.spacing.item_spacing = egui::vec2(10.0, 7.0);
         if reduced_motion {
@@ -55,6 +63,34 @@ pub fn apply(ctx: &Context, text_scale: f32, reduced_motion: bool) {
             style.scroll_animation = egui::style::ScrollAnimation::none();
         }
     });
+}
+
+/// An outline round what has the keyboard, off its edge, where the mark of the pointer never is: it has to be seen from
+/// afar.
+struct FocusOutline;
+
+impl Plugin for FocusOutline {
+    fn debug_name(&self) -> &'static str {
+        "focus-outline"
+    }
+
+    fn on_end_pass(&mut self, ui: &mut Ui) {
+        let ctx = ui.ctx();
+        let focused = ctx.memory(|memory| memory.focused());
+        let Some(shown) = focused.and_then(|id| ctx.read_response(id)) else {
+            return;
+        };
+        // What is scrolled out of sight has none.
+        let visible = shown.interact_rect.intersect(shown.rect);
+        if visible.is_positive() {
+            ctx.layer_painter(shown.layer_id).rect_stroke(
+                visible.expand(1.0),
+                CornerRadius::same(6),
+                Stroke::new(2.0, FOCUS),
+                StrokeKind::Outside,
+            );
+        }
+    }
 }
 
 /// Scales text and panels at once: [`Context::set_zoom_factor`] would wait for the next pass, after the

@@ -379,6 +379,7 @@ impl AppShell {
         now_secs: f64,
     ) {
         let hud = session.match_hud();
+        match_hud::draw_score(ctx, layout, &hud);
         let column = layout.take_left(CUE_COLUMN);
         let asked = match_hud::draw(ctx, layout, &hud, self.input.bindings(), self.log);
         let cue = session.cue(now_secs);

@@ -22,7 +22,7 @@ pub fn panel(ctx: &Context, column: Rect, cue: &CueView) -> Option<Intent> {
     let height = BAR.y.min(room).max(MARGIN);
     let middle = column.center().y - 0.5 * height - 20.0;
     let lowest = words_at.y - MARGIN - FOOT - height;
-    let bar_at = Pos2::new(column.left() + 16.0, middle.min(lowest));
+    let bar_at = Pos2::new(column.left() + MARGIN, middle.min(lowest));
     let bar = Vec2::new(BAR.x, height);
     let power = area(ctx, "power", bar_at, |ui| power_bar(ui, bar, cue.power));
     let tip = area(ctx, "spin", disc_at, |ui| spin_disc(ui, cue));
@@ -43,7 +43,7 @@ fn area<T>(
 }
 
 fn power_bar(ui: &mut Ui, bar: Vec2, power: f64) -> Option<Intent> {
-    let size = bar + Vec2::new(34.0, FOOT);
+    let size = bar + Vec2::new(2.0 * ASIDE, FOOT);
     let (whole, response) = ui.allocate_exact_size(size, POINTER_ONLY);
     let speed = text!("cue-speed", speed = format!("{:.2}", cue_speed_m_s(power)));
     let words = text!(
@@ -52,7 +52,7 @@ fn power_bar(ui: &mut Ui, bar: Vec2, power: f64) -> Option<Intent> {
         speed = &*speed,
     );
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, &words));
-    let frame = Rect::from_min_size(whole.min + Vec2::new(17.0, 4.0), bar);
+    let frame = Rect::from_min_size(whole.min + Vec2::new(ASIDE, 4.0), bar);
     let painter = ui.painter();
     painter.rect_filled(whole, CornerRadius::same(8), PANEL);
     let top = frame.bottom() - frame.height() * power as f32;
@@ -165,6 +165,8 @@ fn power_color(power: f32) -> Color32 {
 const POINTER_ONLY: Sense = Sense::CLICK.union(Sense::DRAG);
 const BAR: Vec2 = Vec2::new(18.0, 220.0);
 const RADIUS: f32 = 46.0;
+/// Beside the bar, for the width of its figure.
+const ASIDE: f32 = 21.0;
 /// Under the bar, for its figure.
 const FOOT: f32 = 34.0;
 /// The height of a line of words.

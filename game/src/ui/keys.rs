@@ -51,6 +51,7 @@ pub(super) fn page(ui: &mut Ui, bindings: &mut Bindings, rebinding: &mut Rebindi
     // Words and keys share what the buttons leave.
     let column = 0.5 * (ui.available_width() - BUTTONS);
     ScrollArea::vertical()
+        .auto_shrink([false, true])
         .max_height(height.max(80.0))
         .show(ui, |ui| {
             Grid::new("keys")
@@ -151,4 +152,4 @@ fn name(button: &egui::Response, words: String) {
 }
 
 /// The width of a row's buttons, with what is between.
-const BUTTONS: f32 = 200.0;
+const BUTTONS: f32 = 180.0;

@@ -1,7 +1,7 @@
 //! Layout of the panels over the picture: each takes a strip of what the ones before have left, so that none
 //! lies over another, whatever the window's size and the size of text.
 
-use carom_billiards::rules::{Calls, RuleInfo};
+use carom_billiards::rules::{Calls, RuleInfo, RuleSet};
 use egui::{Align, Align2, Area, Context, Id, Order, Rect, Ui, Vec2};
 use glam::DVec2;
 
@@ -11,12 +11,23 @@ use crate::camera::Framing;
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
     free: Rect,
+    center_x: f32,
+    is_low: bool,
 }
 
 impl Layout {
     /// Of a part of the window in which nothing is drawn yet.
     pub fn new(room: Rect) -> Self {
-        Self { free: room }
+        Self {
+            free: room,
+            center_x: room.center().x,
+            is_low: room.height() < LOW,
+        }
+    }
+
+    /// Whether there was no room for more than what must be seen.
+    pub(super) fn is_low(&self) -> bool {
+        self.is_low
     }
 
     /// What is free.
@@ -29,6 +40,21 @@ impl Layout {
         let (column, rest) = self.free.split_left_right_at_x(self.free.left() + width);
         self.free = rest;
         column
+    }
+
+    /// What is free to either side of the room's middle, where that is wide enough; else all that is.
+    fn middle(&self) -> Rect {
+        let (left, right) = (
+            self.center_x - self.free.left(),
+            self.free.right() - self.center_x,
+        );
+        match left.min(right) {
+            half if half < 0.5 * MIDDLE => self.free,
+            half => self
+                .free
+                .with_min_x(self.center_x - half)
+                .with_max_x(self.center_x + half),
+        }
     }
 
     /// Draws a panel at an edge of what is free, which is at the top, the bottom, or else at the right.
@@ -44,11 +70,15 @@ impl Layout {
             Align::Center => 0.0,
             Align::Max => -GAP,
         };
+        let part = match place.x() {
+            Align::Center => self.middle(),
+            _ => self.free,
+        };
         let area = Area::new(Id::unique(name))
             .order(Order::Middle)
-            .constrain_to(self.free)
+            .constrain_to(part)
             .anchor(place, Vec2::new(to(place.x()), to(place.y())));
-        let room = self.free.shrink(GAP).size().max(Vec2::splat(GAP));
+        let room = part.shrink(GAP).size().max(Vec2::splat(GAP));
         let shown = area.show(ctx, |ui| {
             ui.set_max_size(room);
             draw(ui)
@@ -81,7 +111,8 @@ impl Panels {
         let is_low = room.height() < LOW;
         let (left, top, right, bottom) = match self {
             Self::Game(info) => {
-                let score = match (info.players.start() > &1, is_low) {
+                let has_score = info.name != RuleSet::Free.info().name;
+                let score = match (has_score, is_low) {
                     (false, _) => 0.0,
                     (true, false) => 104.0,
                     (true, true) => 78.0,
@@ -109,9 +140,11 @@ impl Panels {
 }
 
 /// A window of fewer points has no room for more than what must be seen.
-pub(super) const LOW: f32 = 500.0;
+const LOW: f32 = 500.0;
 /// A line of what is told.
 const SENTENCE: f32 = 44.0;
+/// A width in which sentences have room.
+const MIDDLE: f32 = 564.0;
 /// The column of calls.
 const CALLS: f32 = 196.0;
 /// Between a panel and the window's edge.

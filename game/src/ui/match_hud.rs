@@ -13,7 +13,7 @@ use egui::{
 };
 
 use super::form::explain;
-use super::layout::{LOW, Layout};
+use super::layout::Layout;
 use crate::input::{Action, Bindings, Intent, MatchIntent};
 
 /// What the board shows.
@@ -37,7 +37,18 @@ pub struct MatchHud {
     pub pockets: Option<TableLayout>,
 }
 
-/// Draws the board; what the player asks for with the pointer.
+/// Draws the board in the middle of the window's top; of a free table there is none.
+pub fn draw_score(ctx: &Context, layout: &mut Layout, hud: &MatchHud) {
+    let is_low = layout.is_low();
+    if hud.view.rules != RuleSet::Free {
+        panel(ctx, layout, "score", Align2::CENTER_TOP, |ui| {
+            score(ui, hud, is_low);
+            None
+        });
+    }
+}
+
+/// Draws what can be decided; what the player asks for with the pointer.
 ///
 /// It takes its place from `layout`; with `log` it tells what was said so far.
 pub fn draw(
@@ -47,14 +58,8 @@ pub fn draw(
     bindings: &Bindings,
     log: bool,
 ) -> Option<Intent> {
-    let is_low = layout.free().height() < LOW;
+    let is_low = layout.is_low();
     let mut wanted = None;
-    if hud.view.rules != RuleSet::Free {
-        panel(ctx, layout, "score", Align2::CENTER_TOP, |ui| {
-            score(ui, hud, is_low);
-            None
-        });
-    }
     let place = Align2::RIGHT_BOTTOM;
     let asked = panel(ctx, layout, "deeds", place, |ui| {
         actions(ui, hud, bindings, is_low)
@@ -132,7 +137,7 @@ fn score(ui: &mut Ui, hud: &MatchHud, is_low: bool) {
     let intention = |words| RichText::new(words).strong().color(theme::ACCENT);
     let banner = hud.intention.as_ref().map(intention).or(verdict);
     ui.vertical_centered(|ui| {
-        let line = |words| Label::new(words).truncate();
+        let line = |words| Label::new(words).wrap();
         match banner {
             Some(banner) if is_low => drop(ui.add(line(banner.small()))),
             None if is_low => drop(ui.add(line(prompt.small()))),
@@ -171,7 +176,7 @@ fn side(ui: &mut Ui, player: &PlayerView, points_max: Option<u32>, is_turn: bool
         state = text!("match-left", state = state, balls = left.join(" "));
     }
     if !state.is_empty() {
-        ui.add(Label::new(RichText::new(state).small()).truncate());
+        ui.add(Label::new(RichText::new(state).small()).wrap());
     }
 }
 
@@ -373,6 +378,7 @@ mod tests {
             .build_ui(|ui| {
                 if is_dressed(ui.ctx()) {
                     let mut layout = Layout::new(ui.ctx().content_rect());
+                    draw_score(ui.ctx(), &mut layout, hud);
                     let asked = draw(ui.ctx(), &mut layout, hud, &bindings, true);
                     intents.borrow_mut().extend(asked);
                 }
@@ -428,6 +434,7 @@ mod tests {
                 .build_ui(|ui| {
                     if is_dressed(ui.ctx()) {
                         let mut layout = Layout::new(ui.ctx().content_rect());
+                        draw_score(ui.ctx(), &mut layout, &hud);
                         draw(ui.ctx(), &mut layout, &hud, &bindings, false);
                     }
                 });
@@ -454,6 +461,7 @@ mod tests {
             .build_ui(|ui| {
                 if is_dressed(ui.ctx()) {
                     let mut layout = Layout::new(ui.ctx().content_rect());
+                    draw_score(ui.ctx(), &mut layout, &hud);
                     draw(ui.ctx(), &mut layout, &hud, &bindings, false);
                 }
             });

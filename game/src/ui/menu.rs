@@ -116,12 +116,9 @@ impl Menu {
                 }
                 Page::NewGame => {
                     self.unstick(ui);
-                    let page = |ui: &mut Ui| {
-                        let begins = new_game::page(ui, &mut self.game, is_fresh);
-                        self.footer(ui, false, None);
-                        begins
-                    };
-                    scrolled.show(ui, page).inner.then_some(())?;
+                    let begins = new_game::page(ui, &mut self.game, is_fresh);
+                    self.footer(ui, false, None);
+                    begins.then_some(())?;
                     if input.is_match_unfinished {
                         self.open(Page::GiveUp);
                         return None;

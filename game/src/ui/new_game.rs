@@ -5,7 +5,7 @@ use carom_billiards::game_match::{Match, MatchConfig, Player};
 use carom_billiards::physics::TableOptions;
 use carom_billiards::rules::RuleSet;
 use carom_text::text;
-use egui::{Grid, Ui};
+use egui::{Grid, ScrollArea, Ui};
 
 use super::form::{explain, row};
 use crate::settings::value_name;
@@ -67,6 +67,19 @@ impl NewGame {
 pub(super) fn page(ui: &mut Ui, game: &mut NewGame, is_fresh: bool) -> bool {
     ui.set_width(560.0_f32.min(ui.ctx().content_rect().width() - 60.0));
     ui.heading(text!("menu-new-game"));
+    let height = ui.ctx().content_rect().height() - 190.0;
+    ScrollArea::vertical()
+        .auto_shrink([false, true])
+        .max_height(height.max(80.0))
+        .show(ui, |ui| choices(ui, game));
+    let begin = ui.button(text!("new-game-begin"));
+    if is_fresh {
+        begin.request_focus();
+    }
+    begin.clicked()
+}
+
+fn choices(ui: &mut Ui, game: &mut NewGame) {
     Grid::new("new-game")
         .num_columns(2)
         .spacing([20.0, 12.0])
@@ -84,11 +97,6 @@ pub(super) fn page(ui: &mut Ui, game: &mut NewGame, is_fresh: bool) -> bool {
                 target(ui, game);
             }
         });
-    let begin = ui.button(text!("new-game-begin"));
-    if is_fresh {
-        begin.request_focus();
-    }
-    begin.clicked()
 }
 
 /// A row of games to choose from, and what the chosen one is.

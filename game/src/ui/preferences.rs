@@ -44,7 +44,7 @@ pub(super) fn page(ui: &mut Ui, store: &mut SettingsStore, input: MenuInput<'_>)
                 ui.label(RichText::new(warning).color(theme::ALARM));
             }
         });
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         if ui.button(text!("settings-restore")).clicked() {
             store.settings = Settings {
                 window: store.settings.window,

@@ -4,7 +4,7 @@ use carom::camera::Projection;
 use carom::ui::menu::Page;
 use carom_billiards::rules::RuleSet;
 use carom_window::theme::fitting_scale;
-use egui::{Order, Pos2, Rect, Vec2};
+use egui::{Id, Order, Pos2, Rect, Vec2};
 use egui_kittest::Harness;
 
 use crate::player::{Seat, harness_of, press};
@@ -114,13 +114,27 @@ fn no_panel_lies_over_another_at_any_size() {
 #[test]
 fn panels_leave_the_balls_free_at_any_size() {
     for size in sizes() {
-        for rules in RuleSet::ALL.into_iter().skip(1) {
-            let mut harness = harness_of(Seat::match_of(rules, "Ada,Bo"), size);
+        let all = RuleSet::ALL.into_iter().chain(RuleSet::DRILLS);
+        for rules in all.filter(|rules| *rules != RuleSet::Free) {
+            let players = if rules.is_for_one() { "You" } else { "Ada,Bo" };
+            let mut harness = harness_of(Seat::match_of(rules, players), size);
             harness.run_steps(60);
             assert_balls_clear(&harness, size, &format!("{rules:?}"));
             press(&mut harness, "O");
             harness.run_steps(60);
             assert_balls_clear(&harness, size, &format!("{rules:?} from above"));
         }
+    }
+}
+
+#[test]
+fn the_board_stands_in_the_middle_at_any_size() {
+    for size in sizes() {
+        let harness = harness_of(Seat::eight(), size);
+        let board = harness
+            .ctx
+            .memory(|memory| memory.area_rect(Id::unique("score")));
+        let aside = board.unwrap().center().x - 0.5 * size.x;
+        assert!(aside.abs() <= 1.0, "{aside} at {size}");
     }
 }

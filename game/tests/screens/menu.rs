@@ -3,7 +3,8 @@
 use carom::input::{Event, GamepadControl};
 use carom::ui::menu::Page;
 use carom_billiards::rules::RuleSet;
-use egui::{Key, Modifiers};
+use carom_window::theme;
+use egui::{Key, Modifiers, Rect, Shape};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 
@@ -77,4 +78,32 @@ fn arrows_go_on_from_the_end_of_a_row() {
     }
     let stays = seen.windows(2).filter(|pair| pair[0] == pair[1]).count();
     assert_eq!(stays, 0, "the keyboard stays in a place");
+}
+
+/// Where what has the keyboard is outlined.
+fn outlines(harness: &Harness<'_, Seat>) -> Vec<Rect> {
+    let shapes = harness.output().shapes.iter();
+    let outlines = shapes.filter_map(|clipped| match &clipped.shape {
+        Shape::Rect(shape) if shape.stroke.color == theme::FOCUS => Some(shape.rect),
+        _ => None,
+    });
+    outlines.collect()
+}
+
+#[test]
+fn the_keyboard_is_outlined_unlike_the_pointer() {
+    let mut harness = harness_of(Seat::free(), WINDOW);
+    press(&mut harness, "Esc");
+    click(&mut harness, "Settings");
+    let back = harness.get_by_label("Back").rect();
+    for pointed in ["Back", "Restore the defaults"] {
+        harness.get_by_label(pointed).hover();
+        harness.run_steps(4);
+        let outlines = outlines(&harness);
+        assert_eq!(outlines.len(), 1, "over {pointed}: {outlines:?}");
+        assert!(
+            outlines[0].contains_rect(back),
+            "{outlines:?} not round {back}"
+        );
+    }
 }

@@ -187,9 +187,12 @@ fn marks(ui: &Ui, rect: Rect, records: &[&Arc<FrameRecord>], inspected: u64) {
         if pair[0].balancing != pair[1].balancing {
             let x = x_of(i + 1, rect, count);
             painter.vline(x, rect.y_range(), Stroke::new(1.0, INK));
-            let at = Pos2::new(x + 3.0, rect.bottom() - 1.0);
             let name = pair[1].balancing.to_string();
-            painter.text(at, Align2::LEFT_BOTTOM, name, FontId::monospace(10.0), INK);
+            let name = painter.layout_no_wrap(name, FontId::monospace(10.0), INK);
+            // Over the line where the chart ends before the name would.
+            let left = (x + 3.0).min(rect.right() - name.size().x);
+            let at = Pos2::new(left, rect.bottom() - 1.0 - name.size().y);
+            painter.galley(at, name, INK);
         }
     }
     if let Some(place) = records.iter().position(|record| record.frame == inspected)
