@@ -333,7 +333,7 @@ fn area_light_data(light: &AreaLight, brightness: f32) -> AreaLightData {
         length_v: half_v.length() as f32,
         normal: unit(half_u.cross(half_v)).to_array(),
         radiance: light.radiance.to_array(),
-        gradient: light.gradient.to_array(),
+        gradient: (light.radiance * light.gradient).to_array(),
         slope: (half_u / half_u.length_squared()).as_vec3().to_array(),
         ..AreaLightData::zeroed()
     }

@@ -278,8 +278,8 @@ pub struct AreaLight {
     pub half_v: Vec3,
     /// Radiance in W·sr⁻¹·m⁻², per channel, at least 0: the mean.
     pub radiance: Vec3,
-    /// By how much the radiance is higher at the edge that `half_u` leads to, and lower at the opposite one; per channel at
-    /// most `radiance` either way.
+    /// The share by which the radiance is higher at the edge that `half_u` leads to, and lower at the opposite one; per
+    /// channel, in [−1, 1].
     #[serde(default)]
     pub gradient: Vec3,
 }

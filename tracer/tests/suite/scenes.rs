@@ -454,7 +454,7 @@ pub(crate) fn varnished_still_life() -> Scene {
             *alpha = width;
         }
     }
-    scene.area_lights[0].gradient = Vec3::new(9.0, 3.0, -5.0);
+    scene.area_lights[0].gradient = Vec3::new(0.9, 0.3, -0.5);
     scene
 }
 

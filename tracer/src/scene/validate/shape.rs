@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 use super::{
-    CONE_SLOPE, Check, TAPER_MAX, check_mesh, extent, finite, in_range, position, radiance,
-    require, rotation,
+    CONE_SLOPE, Check, TAPER_MAX, check_mesh, extent, finite, in_range, is_within, position,
+    radiance, require, rotation,
 };
 use crate::SceneError;
 use crate::scene::{AreaLight, CsgSolid, PunctualEmitter, PunctualLight, Shape};
@@ -84,12 +84,12 @@ pub(super) fn check_solid(solid: &CsgSolid) -> Check {
 pub(super) fn check_area_light(light: &AreaLight) -> Check {
     rectangle(light.center, light.half_u, light.half_v)?;
     radiance("area light", light.radiance)?;
-    require(light.gradient.abs().cmple(light.radiance).all(), || {
-        let range = format!(
-            "each channel must be at most that of its radiance, {}, either way",
-            light.radiance
-        );
-        SceneError::value("its gradient", light.gradient, range)
+    require(is_within(light.gradient, -1.0, 1.0), || {
+        SceneError::value(
+            "its gradient",
+            light.gradient,
+            "each channel must be from -1 to 1",
+        )
     })
 }
 
