@@ -12,7 +12,7 @@ use crate::compiled::{Primitive, ShapeKind, SphereData};
 use crate::fresnel::fresnel_dielectric;
 use crate::sampling::{pcg4d, uniforms};
 use crate::scalar::area_light::sample_light;
-use crate::scalar::bsdf::basis;
+use crate::scalar::basis::basis;
 use crate::scalar::{Ray, intersect};
 use crate::{CompiledScene, ImageSize, PunctualEmitter, PunctualLight};
 

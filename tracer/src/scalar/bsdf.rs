@@ -7,8 +7,9 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::basis::basis;
+use super::ggx::{sample_visible, visibility};
 use super::intersect::{Hit, vector};
-use super::microfacet::{sample_visible, visibility};
 use crate::CompiledScene;
 use crate::compiled::{
     MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS,
@@ -265,22 +266,9 @@ impl Bsdf {
     }
 }
 
-/// Two unit vectors that make a right-handed basis `(t, b, n)` with the unit vector `n`: Duff et
-/// al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017. Both zeros count as positive:
-/// which one a component is depends on how the normal was computed.
-pub fn basis(n: DVec3) -> (DVec3, DVec3) {
-    let sign = if n.z < 0.0 { -1.0 } else { 1.0 };
-    let a = -1.0 / (sign + n.z);
-    let b = n.x * n.y * a;
-    (
-        DVec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
-        DVec3::new(b, sign + n.y * n.y * a, -n.y),
-    )
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::microfacet::ggx;
+    use super::super::ggx::ggx;
     use super::*;
     use crate::fresnel::internal_diffuse_reflectance;
     use crate::sampling::uniforms;
@@ -459,25 +447,5 @@ mod tests {
         assert_eq!(sample.pdf, Some(0.0));
         assert!((sample.wi.dot(n) - 0.3).abs() < 1e-12);
         assert!((sample.wi + wo - 0.6 * n).length() < 1e-12);
-    }
-
-    #[test]
-    fn bases_are_orthonormal_and_right_handed() {
-        let poles = [
-            DVec3::Z,
-            DVec3::NEG_Z,
-            DVec3::new(1e-9, 0.0, -1.0).normalize(),
-        ];
-        let normals = samples()
-            .take(1000)
-            .map(|u| (DVec3::new(u[0], u[1], u[2]) - 0.5).normalize());
-        for n in normals.chain(poles) {
-            let (t, b) = basis(n);
-            assert!((t.cross(b) - n).length() < 1e-12, "{n}");
-            assert!(
-                (t.length() - 1.0).abs() < 1e-12 && t.dot(b).abs() < 1e-12,
-                "{n}"
-            );
-        }
     }
 }

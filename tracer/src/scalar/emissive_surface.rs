@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::bsdf::basis;
+use super::basis::basis;
 use super::intersect::vector;
 use crate::CompiledScene;
 use crate::compiled::{MaterialData, Primitive, ShapeKind, SphereData};

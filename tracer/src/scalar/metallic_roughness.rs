@@ -27,9 +27,11 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 pub use self::thin_wall::ThinWall;
-use super::bsdf::{BsdfSample, basis};
+use super::basis::basis;
+use super::bsdf::BsdfSample;
+use super::ggx::{ggx, sample_visible, visibility};
 use super::intersect::vector;
-use super::microfacet::{ggx, reflect, sample_visible, visibility};
+use super::microfacet::reflect;
 use crate::compiled::MaterialData;
 use crate::scene::validate::SHEEN_ROUGHNESS;
 use crate::sheen::{interpolated, sheen, sheen_reflectances};

@@ -35,7 +35,7 @@
 //!    from `wo` and `a` the channel mean of the albedo at the hit, the mirror is chosen if `u[0]` is
 //!    below `p = F / (F + (1−F)·a)` (0 where `F` is 0), with weight `F/p`. Else `u[0]` is stretched
 //!    to [0, 1) again and `wi` drawn by the cosine: `(√u[0]·cos 2πu[1], √u[0]·sin 2πu[1],
-//!    √(1−u[0]))` in the basis of [`bsdf::basis`], pdf `(1−p)·cos/π`, weight `f·cos / pdf`. A path
+//!    √(1−u[0]))` in the basis of [`basis::basis`], pdf `(1−p)·cos/π`, weight `f·cos / pdf`. A path
 //!    whose weight is 0 ends. A rough coat is here, as in step 3, the mirror of one of its microfacets (block
 //!    `block_coat(k)`, [`bsdf::Bsdf::with_facet`]), whose reflectance `F·G₁` takes the place of `F` seen from `wo`. Denoised
 //!    pictures find its light along the path, as that of a rough metal, not beside first hits.
@@ -59,10 +59,12 @@
 
 mod aov;
 pub mod area_light;
+pub mod basis;
 pub mod bsdf;
 pub mod csg;
 pub mod emissive_surface;
 pub mod environment;
+pub mod ggx;
 mod integrator;
 pub mod intersect;
 mod light_sampling;

@@ -289,7 +289,7 @@ mod tests {
             let Some(refracted) = RefractedPath::new(&ball(), ior, from, to) else {
                 continue;
             };
-            let (t, b) = crate::scalar::bsdf::basis(direction);
+            let (t, b) = crate::scalar::basis::basis(direction);
             let moved = [t, b].map(|side| {
                 let (place, outer, _) = leave(from, (direction + APART * side).normalize(), ior);
                 let outer = outer.expect("not near the angle of total reflection");

@@ -203,7 +203,6 @@ pub(super) fn window(outer: Vec2) -> AreaLight {
         half_v: Vec3::Y * half.x,
         radiance: Vec3::new(0.33, 0.3, 0.36),
         gradient: Vec3::new(-0.667, -0.467, -0.056),
-        ..AreaLight::new(1.0, 1.0)
     }
 }
 

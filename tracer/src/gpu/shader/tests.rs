@@ -282,7 +282,7 @@ fn layouts_in_rust() -> [Layout; 25] {
             sheen sheen_roughness specular specular_color clearcoat_normal
             clearcoat_normal_scale has_coat_normal),
         layout!(AreaLightData,
-            center brightness axis_u length_u axis_v length_v normal radiance),
+            center brightness axis_u length_u axis_v length_v normal radiance gradient slope),
         layout!(PunctualLightData,
             center is_distant direction cone_scale strength cone_offset),
         layout!(MaterialData,

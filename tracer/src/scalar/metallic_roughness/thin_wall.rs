@@ -12,7 +12,8 @@ use glam::DVec3;
 
 use super::{MetallicRoughness, grazing};
 use crate::scalar::bsdf::BsdfSample;
-use crate::scalar::microfacet::{ggx, reflect, sample_visible, visibility};
+use crate::scalar::ggx::{ggx, sample_visible, visibility};
+use crate::scalar::microfacet::reflect;
 
 /// What lets light pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,7 +113,7 @@ fn mirrored(w: DVec3, n: DVec3) -> DVec3 {
 mod tests {
     use super::super::tests::{direction, layered, random, surface};
     use super::*;
-    use crate::scalar::bsdf::basis;
+    use crate::scalar::basis::basis;
     use crate::scalar::microfacet::tests::assert_drawn;
 
     /// A surface whose base lets a share of light pass.
