@@ -33,8 +33,8 @@ pub use self::data::{
     CsgBoxData, CsgFaceData, DiscData, KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED,
     KIND_METALLIC_ROUGHNESS, MaterialData, OPACITY_BLEND, OPACITY_MASK, OPACITY_OPAQUE,
     PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS,
-    PATTERN_SCOREBOARD, PATTERN_WOOD, RectangleData, SphereData, TriangleColors, TriangleData,
-    TriangleNormals, TriangleUvs,
+    PATTERN_PRINT, PATTERN_SCOREBOARD, PATTERN_WOOD, RectangleData, SphereData, TriangleColors,
+    TriangleData, TriangleNormals, TriangleUvs,
 };
 pub use self::emissive_surface::{
     EMISSIVE_SURFACE_REACH, EMISSIVE_SURFACES_MAX, EmissiveSurfaceData, EmissiveSurfaces,

@@ -178,7 +178,7 @@ fn sample_distance(
 ) -> (Option<f64>, DVec3) {
     let extinction = vector(medium.extinction);
     // Compiled over the rate by which the other tracers draw distances, which is undone here.
-    let scattering = f64::from(medium.majorant) * vector(medium.scattering);
+    let scattering = f64::from(medium.sampling_density) * vector(medium.scattering);
     let channel = (3.0 * random()) as usize;
     let distance = -(1.0 - random()).ln() / extinction[channel];
     let transmittance = (-extinction * distance.min(t)).map(f64::exp);

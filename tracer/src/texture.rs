@@ -1,4 +1,4 @@
-//! Procedural textures: numbers on balls, the grain of wood, the marks of cloth, the parts of a cue.
+//! Procedural textures: numbers on balls, the grain of wood, the marks of cloth, the parts of a cue, a print.
 //!
 //! Everything is a formula of the point, so that edges are sharp at every distance and the samples of a
 //! pixel smooth them. Waves and lines that a pixel of the camera cannot show fade with its footprint: how wide the surface
@@ -45,6 +45,15 @@ pub const DIAL_MARKS_FROM: f32 = 0.84;
 pub const DIAL_MARK_HALF: f32 = 0.025;
 /// From the middle of a dial to that of the next one.
 pub const DIAL_SPACING: f32 = 2.3;
+
+/// Half the width and height of what a print's frame leaves of it; half the height of the whole is 1.
+pub const PRINT_PAPER: [f32; 2] = [1.44, 0.94];
+/// Half the width and height of what its mat leaves of that.
+pub const PRINT_VIEW: [f32; 2] = [1.2, 0.7];
+/// Middle and radius of its sun.
+pub const PRINT_SUN: [f32; 3] = [0.42, 0.12, 0.24];
+/// Albedo of its sun.
+pub const PRINT_SUN_ALBEDO: [f32; 3] = [0.8, 0.4, 0.14];
 
 /// Albedo of chalk on the cloth, and of its lines.
 pub const CHALK_ALBEDO: [f32; 3] = [0.5, 0.56, 0.6];
@@ -391,6 +400,35 @@ pub fn scoreboard(material: &MaterialData, p: DVec3) -> DVec3 {
     DVec3::from(albedo.map(f64::from))
 }
 
+/// The albedo of a framed print at a point of the world.
+pub fn print(material: &MaterialData, p: DVec3) -> DVec3 {
+    let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
+    let q = (p - triple(material.sights)) * f64::from(material.scale);
+    let (x, y) = (q.x + q.y, q.z);
+    let is_beyond = |[half_x, half_y]: [f32; 2]| x.abs() > half_x.into() || y.abs() > half_y.into();
+    if is_beyond(PRINT_PAPER) {
+        return triple(INK_ALBEDO);
+    }
+    if is_beyond(PRINT_VIEW) {
+        return triple(CIRCLE_ALBEDO);
+    }
+    // From near to far: the first range that reaches so high hides the others.
+    for range in [3.0, 2.0, 1.0] {
+        let ridge = 0.09 * wave((0.17 + 0.13 * range) * x + 0.37 * range)
+            + 0.035 * wave((0.9 + 0.4 * range) * x + 0.61 * range);
+        if y < 0.33 - 0.25 * range + ridge {
+            return triple(material.albedo).lerp(triple(material.stripe_albedo), range / 3.0);
+        }
+    }
+    let [sun_x, sun_y, radius] = PRINT_SUN.map(f64::from);
+    let (aside, above) = (x - sun_x, y - sun_y);
+    if aside * aside + above * above < radius * radius {
+        triple(PRINT_SUN_ALBEDO)
+    } else {
+        triple(material.albedo)
+    }
+}
+
 /// The albedo of a cue at a distance in m from the end of its tip.
 pub fn cue(material: &MaterialData, from_tip_m: f64) -> DVec3 {
     let part = CUE_ENDS_M
@@ -496,11 +534,32 @@ fn cloth_wgsl() -> String {
     )
 }
 
+/// The constants of prints for the kernels.
+#[cfg(feature = "gpu")]
+fn print_wgsl() -> String {
+    let numbers = |v: &[f32]| {
+        v.iter()
+            .map(|c| format!("{c:?}"))
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    format!(
+        "const PRINT_PAPER: vec2f = vec2f({});\n\
+         const PRINT_VIEW: vec2f = vec2f({});\n\
+         const PRINT_SUN: vec3f = vec3f({});\n\
+         const PRINT_SUN_ALBEDO: vec3f = vec3f({});\n",
+        numbers(&PRINT_PAPER),
+        numbers(&PRINT_VIEW),
+        numbers(&PRINT_SUN),
+        numbers(&PRINT_SUN_ALBEDO),
+    )
+}
+
 /// The constants above for the kernels.
 #[cfg(feature = "gpu")]
 pub(crate) fn wgsl() -> String {
     let triple = |v: [f32; 3]| format!("vec3f({:?}, {:?}, {:?})", v[0], v[1], v[2]);
-    let mut text = cloth_wgsl();
+    let mut text = cloth_wgsl() + &print_wgsl();
     _ = write!(
         text,
         "const CIRCLE_SINE: f32 = {CIRCLE_SINE:?};\n\

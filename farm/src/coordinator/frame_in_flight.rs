@@ -215,7 +215,10 @@ impl FrameInFlight {
             .deliveries
             .extract_if(.., |delivery| is_out(delivery));
         for delivery in out {
-            buffer.clear(delivery.tiles);
+            // What had come before it is another's.
+            if delivery.fresh_tiles > 0 {
+                buffer.clear(delivery.tiles);
+            }
             self.stats.tiles_by_node[delivery.node.0] = 0;
             self.stats.response_secs_by_node[delivery.node.0] = 0.0;
         }

@@ -183,6 +183,10 @@ mod tests {
 
     /// Lets tiles of a frame come.
     fn deliver(queue: &mut FrameQueue, id: u64, first: u32, count: u32) {
+        deliver_from(queue, NodeIndex(0), id, first, count);
+    }
+
+    fn deliver_from(queue: &mut FrameQueue, node: NodeIndex, id: u64, first: u32, count: u32) {
         let frame = queue.get_mut(FrameId(id)).unwrap();
         let tiles = carom_tracer::TileRange { first, count };
         let request = OpenRequest::new(0.0, frame.id, frame.passes, tiles, f64::from(count));
@@ -194,7 +198,7 @@ mod tests {
             times: NodeTimes::default(),
             is_lossy: false,
         };
-        frame.add_tiles(1.0, NodeIndex(0), 1, &request, &arrival);
+        frame.add_tiles(1.0, node, 2, &request, &arrival);
         frame.finish(1.0);
     }
 
@@ -223,6 +227,19 @@ mod tests {
         assert_eq!((missing(frame), frame.stats.tiles_by_node[0]), (2, 0));
         deliver(&mut queue, 0, 0, 2);
         assert!(queue.pop_finished().is_some());
+    }
+
+    #[test]
+    fn tiles_that_a_dropped_node_has_sent_after_another_stay() {
+        let mut queue = FrameQueue::default();
+        queue.push(frame(0, 0.0));
+        for node in [0, 1].map(NodeIndex) {
+            deliver_from(&mut queue, node, 0, 0, 1);
+        }
+        let frame = queue.get_mut(FrameId(0)).unwrap();
+        frame.retract(NodeIndex(1));
+        let missing = frame.buffer.as_ref().unwrap().missing_count();
+        assert_eq!((missing, frame.stats.deliveries.len()), (1, 1));
     }
 
     #[test]

@@ -84,26 +84,28 @@ impl RecordingStore {
     /// # Errors
     /// The folder or the file cannot be written.
     pub fn save(&self, kind: RecordingKind, recording: &Recording) -> Result<PathBuf> {
-        let path = next_path(&self.folder, kind.stem(), ENDING)?;
+        let path = next_path(&self.folder, kind.stem(), &[ENDING])?;
         recording.save(&path)?;
         Ok(path)
     }
 }
 
-/// The first of `stem_0001.ending` and so on that is not there, in a folder that is made if there is none.
+/// The first of `stem_0001.ending` and so on that is not there with any of the endings, with the first of them, in a folder that
+/// is made if there is none.
 ///
 /// # Errors
 /// [`Error::FolderFull`] if all are there, [`Error::Unwritable`].
-pub(crate) fn next_path(folder: &Path, stem: &str, ending: &str) -> Result<PathBuf> {
+pub(crate) fn next_path(folder: &Path, stem: &str, endings: &[&str]) -> Result<PathBuf> {
     let unwritable = |path: &Path, source| Error::Unwritable {
         path: path.to_owned(),
         source,
     };
     fs::create_dir_all(folder).map_err(|source| unwritable(folder, source))?;
-    let path = |number: u32| folder.join(format!("{stem}_{number:04}.{ending}"));
-    let mut numbers = 1..=NUMBER_MAX;
-    let free = numbers.find(|&number| !path(number).exists());
-    let free = free.map(path).ok_or_else(|| Error::FolderFull {
+    let path = |number: u32, ending: &str| folder.join(format!("{stem}_{number:04}.{ending}"));
+    let is_free = |number: &u32| !endings.iter().any(|ending| path(*number, ending).exists());
+    let free = (1..=NUMBER_MAX).find(is_free);
+    let free = free.map(|number| path(number, endings[0]));
+    let free = free.ok_or_else(|| Error::FolderFull {
         path: folder.to_owned(),
         files_max: NUMBER_MAX,
     })?;

@@ -25,7 +25,7 @@ pub fn begin(
     spec: FrameSpec,
     folder: PathBuf,
 ) -> Result<()> {
-    next_path(&folder, NAME, "png")?;
+    next_path(&folder, NAME, &ENDINGS)?;
     let progress = CaptureProgress::default();
     let seen = progress.clone();
     let still = Still::of(spec)
@@ -55,7 +55,7 @@ pub fn frame_spec(update: SceneUpdate, size: ImageSize, max_depth: u32) -> Frame
 }
 
 fn write(picture: &Picture, folder: &Path) -> Result<PathBuf> {
-    let path = next_path(folder, NAME, "png")?;
+    let path = next_path(folder, NAME, &ENDINGS)?;
     let save = |path: &Path| {
         picture.save(path).map_err(|why| match why {
             carom_farm::Error::File { path, source } => Error::Unwritable { path, source },
@@ -68,6 +68,7 @@ fn write(picture: &Picture, folder: &Path) -> Result<PathBuf> {
 }
 
 const NAME: &str = "still";
+const ENDINGS: [&str; 2] = ["png", "exr"];
 
 /// Noise is then a sixteenth of one path's: grain that is hardly seen.
 const SAMPLES: u32 = 256;
@@ -115,7 +116,9 @@ mod tests {
     fn a_screenshot_is_a_png_and_an_exr_of_one_picture() {
         let folder = tempfile::tempdir().unwrap();
         let mut slot = CaptureSlot::default();
-        for number in 1..=2 {
+        let other = folder.path().join("still_0002.exr");
+        fs::write(&other, "of another program").unwrap();
+        for number in [1, 3] {
             let _farm = begin(&mut slot, folder.path()).unwrap();
             assert!(slot.percent().is_some());
             let sentence = finish(&mut slot).unwrap();
@@ -132,6 +135,7 @@ mod tests {
             exr.write_png(&again, EXPOSURE).unwrap();
             assert_eq!(fs::read(&again).unwrap(), fs::read(&path).unwrap());
         }
+        assert_eq!(fs::read_to_string(&other).unwrap(), "of another program");
     }
 
     #[test]

@@ -168,7 +168,7 @@ mod tests {
         .map(|precision| blake3::hash(&header(precision, 32, 256)).to_hex()[..8].to_owned());
         assert_eq!(
             (hashes.join(" ").as_str(), crate::message::VERSION),
-            ("887c3f94 831cfbb7 a65872f9", 19)
+            ("887c3f94 831cfbb7 a65872f9", 20)
         );
     }
 

@@ -374,6 +374,7 @@ fn is_wood(material: &Material) -> bool {
             | ProceduralTexture::Planks { .. }
             | ProceduralTexture::Bricks { .. }
             | ProceduralTexture::Scoreboard { .. }
+            | ProceduralTexture::Print { .. }
     )
 }
 

@@ -228,7 +228,7 @@ impl CompiledScene {
         u32::from(
             material.kind == KIND_DIELECTRIC
                 && material.alpha == 0.0
-                && material.majorant > 0.0
+                && material.sampling_density > 0.0
                 && material.ior >= 1.0
                 && sphere.radius > 0.0
                 && heights.all(|height| height >= 1.5 * sphere.radius),

@@ -322,6 +322,8 @@ pub const PATTERN_CUE: u32 = 5;
 pub const PATTERN_BRICKS: u32 = 6;
 /// [`MaterialData::pattern`] of a scoreboard.
 pub const PATTERN_SCOREBOARD: u32 = 7;
+/// [`MaterialData::pattern`] of a print.
+pub const PATTERN_PRINT: u32 = 8;
 
 /// The last of [`MaterialData::sights`] of a surface that is all there.
 pub const OPACITY_OPAQUE: f32 = 0.0;
@@ -351,13 +353,13 @@ pub struct MaterialData {
     pub alpha: f32,
     /// The rate of the exponential law that distances inside are drawn from, m⁻¹; 0 where nothing
     /// scatters. Of glTF's material the density with which [`super::EmissiveSurfaces`] draw points of surfaces of it, m⁻².
-    pub majorant: f32,
+    pub sampling_density: f32,
     /// Index of refraction of a metal, real part. Of glTF's material the reflectance towards the normal of what is no metal, where
     /// a texture multiplies it before it is limited to `diffuse_scale`.
     pub eta: [f32; 3],
     /// [`PATTERN_NONE`], [`PATTERN_NUMBER`], [`PATTERN_WOOD`], [`PATTERN_PLANKS`], [`PATTERN_CLOTH`], [`PATTERN_CUE`],
-    /// [`PATTERN_BRICKS`] or [`PATTERN_SCOREBOARD`]. The rings of wood, the butt of a cue, the darkest brick and the ink of a
-    /// scoreboard have the stripe's albedo; a cloth has the x of its spots there.
+    /// [`PATTERN_BRICKS`], [`PATTERN_SCOREBOARD`] or [`PATTERN_PRINT`]. The rings of wood, the butt of a cue, the darkest brick,
+    /// the ink of a scoreboard and the nearest hills of a print have the stripe's albedo; a cloth has the x of its spots there.
     pub pattern: u32,
     /// Imaginary part. Of glTF's material the radiance that it emits.
     pub k: [f32; 3],
@@ -366,9 +368,9 @@ pub struct MaterialData {
     /// Extinction coefficient σt of the medium inside, m⁻¹. Of glTF's material the most that the sheen would reflect of a channel to
     /// cosines whose square roots are 0, 1/5 and 2/5; above 1 the sheen is divided by it.
     pub extinction: [f32; 3],
-    /// The axis of wood's grain: 0, 1 or 2.
+    /// The axis of the grain of wood and planks: 0, 1 or 2.
     pub grain_axis: u32,
-    /// Scattering coefficient of the medium over `majorant`. Of glTF's material the same for 3/5, 4/5 and 1.
+    /// Scattering coefficient of the medium over `sampling_density`. Of glTF's material the same for 3/5, 4/5 and 1.
     pub scattering: [f32; 3],
     /// Width of a sheen.
     pub sheen_roughness: f32,
@@ -378,10 +380,10 @@ pub struct MaterialData {
     pub metallic: f32,
     /// Spacing of sights, 0 for none, and their x in end rails and y in side rails, metres; 0 where there
     /// are no mitred rails. Of a cloth the x of its line and the radius of its D. Of bricks the albedo of their mortar. Of a
-    /// scoreboard y and z of its middle and the radius of its dials, metres. Of glTF's material its alpha, the cutoff of
+    /// scoreboard y and z of its middle and the radius of its dials, of a print its middle, metres. Of glTF's material its alpha, the cutoff of
     /// that and [`OPACITY_OPAQUE`], [`OPACITY_MASK`] or [`OPACITY_BLEND`].
     pub sights: [f32; 3],
-    /// Reciprocal of the size of wood's pattern; of a cloth the most that its base may reflect.
+    /// Reciprocal of the size of wood's pattern, or of half a print's height; of a cloth the most that its base may reflect.
     pub scale: f32,
 }
 

@@ -132,7 +132,7 @@ impl CompiledScene {
         }
         for (material, brightness) in self.materials.iter_mut().zip(brightness) {
             if material.kind == KIND_METALLIC_ROUGHNESS {
-                material.majorant = (brightness / power) as f32;
+                material.sampling_density = (brightness / power) as f32;
             }
         }
         self.emissive_surfaces = EmissiveSurfaces {
@@ -277,9 +277,7 @@ fn mean_emission(material: &MaterialData, index: usize, textures: &CompiledTextu
     if map == MaterialTextureData::NONE {
         return mean(material.k);
     }
-    // The coarsest level is a single texel, the mean of all.
-    let [r, g, b, _] = textures.sample(map, [0.5; 2], f32::MAX);
-    mean((Vec3::from(material.k) * Vec3::new(r, g, b)).to_array())
+    mean((Vec3::from(material.k) * textures.mean(map)).to_array())
 }
 
 fn mean(channels: [f32; 3]) -> f64 {

@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::{
     KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_LAYERED, KIND_METALLIC_ROUGHNESS, MaterialData,
     OPACITY_BLEND, OPACITY_MASK, OPACITY_OPAQUE, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE,
-    PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_SCOREBOARD, PATTERN_WOOD,
+    PATTERN_NONE, PATTERN_NUMBER, PATTERN_PLANKS, PATTERN_PRINT, PATTERN_SCOREBOARD, PATTERN_WOOD,
 };
 use crate::fresnel::internal_diffuse_reflectance;
 use crate::scene::validate::{ALPHA_SMOOTH_MAX, SHEEN_ROUGHNESS};
@@ -261,13 +261,23 @@ fn textured(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
             pattern: PATTERN_CUE,
             ..coat
         },
-        ProceduralTexture::Planks { light, dark } => MaterialData {
+        ProceduralTexture::Planks { light, dark, grain } => MaterialData {
             albedo: light.to_array(),
             stripe_albedo: dark.to_array(),
             pattern: PATTERN_PLANKS,
+            grain_axis: grain as u32,
             scale: 1.0,
             ..coat
         },
+        ProceduralTexture::Bricks { .. }
+        | ProceduralTexture::Scoreboard { .. }
+        | ProceduralTexture::Print { .. } => on_wall(coat, texture),
+    }
+}
+
+/// What only walls have, with a texture.
+fn on_wall(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
+    match *texture {
         ProceduralTexture::Bricks {
             light,
             dark,
@@ -291,6 +301,20 @@ fn textured(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
             sights: [y, z, radius],
             ..coat
         },
+        ProceduralTexture::Print {
+            sky,
+            hills,
+            center,
+            half_height,
+        } => MaterialData {
+            albedo: sky.to_array(),
+            stripe_albedo: hills.to_array(),
+            pattern: PATTERN_PRINT,
+            sights: center.to_array(),
+            scale: 1.0 / half_height,
+            ..coat
+        },
+        _ => coat,
     }
 }
 
@@ -308,10 +332,10 @@ fn medium_data(medium: &Medium) -> MaterialData {
     if albedo == Vec3::ZERO {
         return data;
     }
-    let majorant = extinction.min_element();
+    let sampling_density = extinction.min_element();
     MaterialData {
-        majorant,
-        scattering: (albedo * extinction / majorant).to_array(),
+        sampling_density,
+        scattering: (albedo * extinction / sampling_density).to_array(),
         ..data
     }
 }

@@ -9,6 +9,7 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
 
 use super::layer_texture::LayerTextureData;
 use crate::Error;
@@ -164,6 +165,19 @@ impl CompiledTextures {
             }
         }
         sampled
+    }
+
+    /// Mean of red, green and blue over a texture, linear. The coarsest level has it rounded to bytes.
+    pub(super) fn mean(&self, image: u32) -> Vec3 {
+        let data = &self.images[image as usize];
+        let texels = data.first..data.first + data.width * data.height;
+        let count = texels.len() as f64;
+        let mut sum = DVec3::ZERO;
+        for place in texels {
+            let [r, g, b, _] = self.texel(data, place).map(f64::from);
+            sum += DVec3::new(r, g, b);
+        }
+        (sum / count).as_vec3()
     }
 
     fn bilinear(&self, data: &TextureData, [u, v]: [f32; 2], level: u32) -> [f32; 4] {
@@ -480,6 +494,16 @@ mod tests {
             assert_eq!(all, crate::scene::texels_with_levels(size));
             assert_eq!(all, textures.texels.len() as u64);
         }
+    }
+
+    #[test]
+    fn the_mean_of_a_nearly_black_texture_is_not_rounded_away() {
+        let texture = texture([64, 64], |x, y| {
+            [if (x, y) == (17, 40) { 255 } else { 0 }, 0, 0, 255]
+        });
+        let mean = compiled(texture).mean(0);
+        assert!((mean.x * 4096.0 - 1.0).abs() < 1e-6, "{mean}");
+        assert_eq!([mean.y, mean.z], [0.0; 2]);
     }
 
     #[test]

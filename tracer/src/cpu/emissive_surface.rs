@@ -343,7 +343,7 @@ impl SurfaceRow {
                 g,
                 b,
                 // Of surfaces that emit this is the density of points.
-                material.majorant,
+                material.sampling_density,
                 before,
                 probability,
                 area_factor as f32,

@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 
 use super::lanes::{Float, Mask, Vec3x, Word};
 use super::math::{exp, ln};
-use super::microfacet::{ETA_OR_EXTINCTION, K_OR_SCATTERING, MAJORANT, MicrofacetRow};
+use super::microfacet::{ETA_OR_EXTINCTION, K_OR_SCATTERING, MicrofacetRow, SAMPLING_DENSITY};
 use super::rows::Rows;
 
 /// A free flight through what fills a dielectric: how far, and the weight of what is left.
@@ -28,7 +28,7 @@ impl<S: Simd> FreeFlight<S> {
     ) -> Self {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
         let rows = Rows::new(table, id);
-        let rate = rows.number(simd, MAJORANT);
+        let rate = rows.number(simd, SAMPLING_DENSITY);
         // 1 − u is at least 2⁻²⁴, as `ln` asks. Without a medium the rate is 0 and the quotient ∞ or NaN;
         // neither counts as scattered below.
         let sampled = -ln(simd, one - u) / rate;

@@ -93,7 +93,7 @@ fn metallic_roughness_row((shape, material): (ShapeKind, &MaterialData)) -> Meta
     row[SHEEN_REFLECTED..][..3].copy_from_slice(&material.extinction);
     row[SHEEN_REFLECTED + 3..][..3].copy_from_slice(&material.scattering);
     if shape.is_light_sampled() {
-        row[POINT_DENSITY] = material.majorant;
+        row[POINT_DENSITY] = material.sampling_density;
     }
     row
 }

@@ -23,7 +23,7 @@ pub(super) type MicrofacetRow = [f32; 16];
 const KIND: usize = 0;
 const ALPHA: usize = 1;
 const IOR: usize = 2;
-pub(super) const MAJORANT: usize = 3;
+pub(super) const SAMPLING_DENSITY: usize = 3;
 /// Real part of a metal's index; extinction of a dielectric.
 pub(super) const ETA_OR_EXTINCTION: usize = 4;
 /// Imaginary part of a metal's index; scattering of a dielectric.
@@ -47,7 +47,7 @@ pub(super) fn microfacet_row(material: &MaterialData) -> MicrofacetRow {
     } as f32;
     row[ALPHA] = material.alpha;
     row[IOR] = material.ior;
-    row[MAJORANT] = material.majorant;
+    row[SAMPLING_DENSITY] = material.sampling_density;
     let (first, second) = if material.kind == KIND_CONDUCTOR {
         (material.eta, material.k)
     } else {

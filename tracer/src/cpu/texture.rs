@@ -6,14 +6,15 @@ use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use super::rows::Rows;
 use crate::compiled::{
     MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NONE, PATTERN_NUMBER,
-    PATTERN_PLANKS, PATTERN_SCOREBOARD, PATTERN_WOOD,
+    PATTERN_PLANKS, PATTERN_PRINT, PATTERN_SCOREBOARD, PATTERN_WOOD,
 };
 use crate::texture::{
     BRICK_M, CHALK_ALBEDO, CIRCLE_ALBEDO, CIRCLE_SINE, CUE_COLLAR_ALBEDO, CUE_ENDS_M,
     CUE_FERRULE_ALBEDO, CUE_TIP_ALBEDO, CUE_WRAP_ALBEDO, INK_ALBEDO, JOINT_M, LINE_HALF_M,
     LINE_SHARE, LINT_HALF_M, LINT_SHARE, LINT_SQUARE_M, MARK_REACH_M, PLANK_GAP, PLANK_M,
-    SIGHT_ALBEDO, SIGHT_HALF_M, SINE_OF_TURNS, SPOT_RADIUS_M, SPOT_SHARE, WEAVE_FADES_PER_M,
-    WEAVE_PER_M, WEAVE_SHARE, WOOD_TURNS_PER_M, WORN_M2, WORN_SHARE, is_ink, is_scoreboard_ink,
+    PRINT_PAPER, PRINT_SUN, PRINT_SUN_ALBEDO, PRINT_VIEW, SIGHT_ALBEDO, SIGHT_HALF_M,
+    SINE_OF_TURNS, SPOT_RADIUS_M, SPOT_SHARE, WEAVE_FADES_PER_M, WEAVE_PER_M, WEAVE_SHARE,
+    WOOD_TURNS_PER_M, WORN_M2, WORN_SHARE, is_ink, is_scoreboard_ink,
 };
 
 /// One row of numbers per primitive that scatters, in the order of ids.
@@ -92,6 +93,11 @@ pub(super) fn textured<S: Simd>(
     if scoreboards.any_true() {
         let ink = scoreboard_ink(simd, &rows, scoreboards, position);
         textured = Vec3x::select(ink, rows.triple(simd, DARK), textured);
+    }
+    let printed = pattern.simd_eq(PATTERN_PRINT as f32);
+    if printed.any_true() {
+        let print = print(simd, &rows, position, albedo);
+        textured = Vec3x::select(printed, print, textured);
     }
     let woven = pattern.simd_eq(PATTERN_CLOTH as f32);
     if woven.any_true() {
@@ -279,6 +285,28 @@ fn scoreboard_ink<S: Simd>(simd: S, rows: &Rows<'_, 16>, lanes: Mask<S>, p: Vec3
         }
     }
     Mask::from_bitmask(simd, ink)
+}
+
+#[inline(always)]
+fn print<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, sky: Vec3x<S>) -> Vec3x<S> {
+    let q = (p - rows.triple(simd, SIGHTS)) * rows.number(simd, SCALE);
+    let (x, y) = (q.x + q.y, q.z);
+    let hills = rows.triple(simd, DARK);
+    let [sun_x, sun_y, radius] = PRINT_SUN;
+    let (aside, above) = (x - sun_x, y - sun_y);
+    let is_sun = aside.mul_add(aside, above * above).simd_lt(radius * radius);
+    let mut albedo = Vec3x::select(is_sun, Vec3x::splat(simd, PRINT_SUN_ALBEDO), sky);
+    for range in [1.0_f32, 2.0, 3.0] {
+        let ridge = wave(x * (0.17 + 0.13 * range) + 0.37 * range) * 0.09
+            + wave(x * (0.9 + 0.4 * range) + 0.61 * range) * 0.035;
+        let shade = (hills - sky).mul_add(Float::splat(simd, range / 3.0), sky);
+        albedo = Vec3x::select(y.simd_lt(ridge + (0.33 - 0.25 * range)), shade, albedo);
+    }
+    for (half, border) in [(PRINT_VIEW, CIRCLE_ALBEDO), (PRINT_PAPER, INK_ALBEDO)] {
+        let is_beyond = x.abs().simd_gt(half[0]) | y.abs().simd_gt(half[1]);
+        albedo = Vec3x::select(is_beyond, Vec3x::splat(simd, border), albedo);
+    }
+    albedo
 }
 
 #[inline(always)]

@@ -432,7 +432,7 @@ fn punctual_halves(scene: &CompiledScene) -> u32 {
 /// Whether some ball may have [`crate::compiled::SphereData::allows_refracted_nee`], wherever it moves.
 fn has_refracted_nee(scene: &CompiledScene) -> bool {
     let scatters = |material: &MaterialData| {
-        material.kind == KIND_DIELECTRIC && material.alpha == 0.0 && material.majorant > 0.0
+        material.kind == KIND_DIELECTRIC && material.alpha == 0.0 && material.sampling_density > 0.0
     };
     let mut balls = scene.spheres.iter();
     let material = |ball: &SphereData| scene.materials.get(ball.material as usize);

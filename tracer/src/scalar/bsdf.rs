@@ -13,11 +13,11 @@ use super::intersect::{Hit, vector};
 use crate::CompiledScene;
 use crate::compiled::{
     MaterialData, PATTERN_BRICKS, PATTERN_CLOTH, PATTERN_CUE, PATTERN_NUMBER, PATTERN_PLANKS,
-    PATTERN_SCOREBOARD, PATTERN_WOOD, Primitive,
+    PATTERN_PRINT, PATTERN_SCOREBOARD, PATTERN_WOOD, Primitive,
 };
 use crate::fresnel::fresnel_dielectric;
 use crate::sheen::sheen;
-use crate::texture::{bricks, cloth, cue, in_circle, numbered, scoreboard, wood};
+use crate::texture::{bricks, cloth, cue, in_circle, numbered, print, scoreboard, wood};
 
 /// How one point of a surface scatters: a mirror of weight `F(cos wo)` over
 /// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, `F` being 0 without a coat.
@@ -81,6 +81,7 @@ impl Bsdf {
             PATTERN_CLOTH => Some(cloth(material, hit.point, footprint_m)),
             PATTERN_BRICKS => Some(bricks(material, hit.point)),
             PATTERN_SCOREBOARD => Some(scoreboard(material, hit.point)),
+            PATTERN_PRINT => Some(print(material, hit.point)),
             PATTERN_CUE => Some(from_tip_m(scene, hit).map_or_else(
                 || vector(material.stripe_albedo),
                 |from_tip_m| cue(material, from_tip_m),

@@ -104,7 +104,7 @@ pub fn emissive_surface_density(
 
 /// Density by area with which light sampling draws points of surfaces of a material, m⁻².
 fn point_density(scene: &CompiledScene, material: &MaterialData) -> f64 {
-    f64::from(material.majorant) * f64::from(scene.emissive_surfaces.probability())
+    f64::from(material.sampling_density) * f64::from(scene.emissive_surfaces.probability())
 }
 
 /// Weights of [`CompiledScene::emissive_corners`] at a point that is uniform in the area of a flat shape.

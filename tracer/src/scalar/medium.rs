@@ -11,9 +11,9 @@ use crate::compiled::MaterialData;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     extinction: DVec3,
-    /// Scattering coefficient over `majorant`.
+    /// Scattering coefficient over `sampling_density`.
     scattering: DVec3,
-    majorant: f64,
+    sampling_density: f64,
 }
 
 /// Where a path that entered the medium goes on.
@@ -31,17 +31,17 @@ impl Medium {
         Self {
             extinction: vector(material.extinction),
             scattering: vector(material.scattering),
-            majorant: f64::from(material.majorant),
+            sampling_density: f64::from(material.sampling_density),
         }
     }
 
     /// A flight towards a boundary at distance `t` metres: its length is drawn by `u` from the
     /// exponential law of the clearest channel.
     pub fn sample_distance(&self, t: f64, u: f64) -> FreeFlight {
-        let distance = -(1.0 - u).ln() / self.majorant;
+        let distance = -(1.0 - u).ln() / self.sampling_density;
         // exp(−σt t) over the probability exp(−rate t) of coming that far; the density rate · exp(−rate
         // t) of a scattering has its rate in `scattering` already.
-        let left = |t: f64| (-(self.extinction - self.majorant) * t).map(f64::exp);
+        let left = |t: f64| (-(self.extinction - self.sampling_density) * t).map(f64::exp);
         // Without scattering the rate is 0 and the distance infinite, or no number for u = 0.
         if distance < t {
             return FreeFlight {
@@ -82,7 +82,7 @@ mod tests {
         let medium = Medium {
             extinction,
             scattering: albedo * extinction / 2.0,
-            majorant: 2.0,
+            sampling_density: 2.0,
         };
         let (mut passed, mut scattered) = (DVec3::ZERO, DVec3::ZERO);
         for i in 0..FLIGHTS {
@@ -109,7 +109,7 @@ mod tests {
         let medium = Medium {
             extinction: DVec3::new(0.0, 1.0, 10.0),
             scattering: DVec3::ZERO,
-            majorant: 0.0,
+            sampling_density: 0.0,
         };
         for u in [0.0, 0.5, 0.999] {
             let flight = medium.sample_distance(0.3, u);

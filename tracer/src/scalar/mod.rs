@@ -10,7 +10,7 @@
 //!    spheres, boxes, discs, rectangles, CSG boxes, triangles, area lights. The primitive that the ray leaves is skipped: each
 //!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
 //!    a dielectric meets that body's far side and no other of its own, or any triangle of a mesh ([`triangle`]). There it flies freely first:
-//!    it is scattered after `−ln(1 − u[1]) / majorant` metres if that is nearer, with `u` of block
+//!    it is scattered after `−ln(1 − u[1]) / sampling_density` metres if that is nearer, with `u` of block
 //!    `block_choice(k)`, evenly by `block_scatter(k)`, which counts as a scattering. A ray that
 //!    meets nothing adds `beta · environment` and ends. A ray that meets an area light ends; from the
 //!    front it adds `beta · radiance · w`, where `w` is 1 for camera rays and after what has no

@@ -160,12 +160,15 @@ pub enum ProceduralTexture {
         /// Albedo of the butt and the forearm.
         butt: Vec3,
     },
-    /// A floor of planks along x.
+    /// Planks along an axis of the world, 130 mm wide: a floor, or the panelling of walls.
     Planks {
         /// Albedo of the light wood, per channel, in [0, 1].
         light: Vec3,
         /// Albedo of the rings, per channel, in [0, 1].
         dark: Vec3,
+        /// What they are parallel to: x if it is left out.
+        #[serde(default = "along_x")]
+        grain: Axis,
     },
     /// Walls across x or y of bricks in running bond, 215 mm long and 65 mm high with joints of 10 mm.
     Bricks {
@@ -188,10 +191,25 @@ pub enum ProceduralTexture {
         /// Radius of the dials in metres.
         radius: f32,
     },
+    /// A framed print on a wall across x or y: a low sun over three ranges of hills. It is 1.5 times as wide as it is high.
+    Print {
+        /// Albedo of the sky, per channel, in [0, 1].
+        sky: Vec3,
+        /// Albedo of the nearest hills, per channel, in [0, 1].
+        hills: Vec3,
+        /// Its middle, metres.
+        center: Vec3,
+        /// Half its height with the frame, metres, above 0.
+        half_height: f32,
+    },
 }
 
 fn one() -> f32 {
     1.0
+}
+
+fn along_x() -> Axis {
+    Axis::X
 }
 
 fn plastic_ior() -> f32 {

@@ -652,6 +652,15 @@ fn textures_that_cannot_be_drawn_are_refused_with_their_reason() {
             "the centre of its dials is NaN",
         ),
         (scoreboard([0.0, 1.0], 0.0), "the radius of its dials is 0"),
+        (
+            coated(ProceduralTexture::Print {
+                sky: Vec3::ONE,
+                hills: Vec3::ZERO,
+                center: Vec3::ZERO,
+                half_height: -1.0,
+            }),
+            "the half_height of its print is -1",
+        ),
     ] {
         assert_refused(material, sentence);
     }

@@ -283,7 +283,7 @@ pub(crate) fn csg_block(bore_material: Option<&str>) -> Shape {
     }
 }
 
-/// A CSG block, numbered balls, wood, planks, bricks, a scoreboard and cloth under an area light.
+/// A CSG block, numbered balls, wood, planks, bricks, a scoreboard, a print and cloth under an area light.
 #[expect(clippy::too_many_lines, reason = "a scene as data")]
 pub(crate) fn textured_still_life() -> Scene {
     let coated = |texture| Material::Coated {
@@ -342,7 +342,31 @@ pub(crate) fn textured_still_life() -> Scene {
         ("wood", wood(Axis::Y, None)),
         ("rails", wood(Axis::X, sights)),
         ("upright", wood(Axis::Z, None)),
-        ("planks", coated(ProceduralTexture::Planks { light, dark })),
+        (
+            "planks",
+            coated(ProceduralTexture::Planks {
+                light,
+                dark,
+                grain: Axis::X,
+            }),
+        ),
+        (
+            "panels",
+            coated(ProceduralTexture::Planks {
+                light,
+                dark,
+                grain: Axis::Z,
+            }),
+        ),
+        (
+            "print",
+            coated(ProceduralTexture::Print {
+                sky: Vec3::new(0.3, 0.5, 0.6),
+                hills: dark,
+                center: Vec3::new(-0.9, 1.1, 0.35),
+                half_height: 0.25,
+            }),
+        ),
         (
             "bricks",
             coated(ProceduralTexture::Bricks {
@@ -405,6 +429,22 @@ pub(crate) fn textured_still_life() -> Scene {
             Shape::Box {
                 min: Vec3::new(-1.5, 1.2, -0.3),
                 max: Vec3::new(1.5, 1.3, 0.9),
+            },
+        ),
+        object(
+            "panels",
+            "panels",
+            Shape::Box {
+                min: Vec3::new(-1.5, 1.15, -0.3),
+                max: Vec3::new(1.5, 1.25, 0.0),
+            },
+        ),
+        object(
+            "print",
+            "print",
+            Shape::Box {
+                min: Vec3::new(-1.275, 1.1, 0.1),
+                max: Vec3::new(-0.525, 1.2, 0.6),
             },
         ),
         object(

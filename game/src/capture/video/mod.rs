@@ -55,8 +55,8 @@ impl VideoTarget {
     /// As [`next_path`].
     pub fn next_in(folder: &Path) -> Result<Self, Error> {
         Ok(match ffmpeg::installed() {
-            Some(_) => Self::Encoded(next_path(folder, "film", "mp4")?, VideoContainer::Mp4),
-            None => Self::File(next_path(folder, "film", "png")?),
+            Some(_) => Self::Encoded(next_path(folder, "film", &["mp4"])?, VideoContainer::Mp4),
+            None => Self::File(next_path(folder, "film", &["png"])?),
         })
     }
 

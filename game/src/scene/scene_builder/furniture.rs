@@ -1,6 +1,6 @@
 //! The furniture at the far end of the room, beyond the foot of the table, where the player looks.
 
-use carom_tracer::{Axis, CsgSolid, Shape};
+use carom_tracer::{Axis, CsgSolid, Shape, Subtraction};
 use glam::{DVec3, Quat, Vec2, Vec3};
 
 use super::room::{PANEL_HEIGHT_M, ROOM_MARGIN_M, WINDOW_M};
@@ -18,6 +18,7 @@ impl SceneBuilder {
         self.cue_rack(wall_x);
         self.bar_table(wall_x);
         self.scoreboard();
+        self.casing(wall_x);
         let (center, half) = WINDOW_M;
         for (y, z) in [(half.x, 0.02), (0.02, half.y)] {
             let bar = Vec3::new(0.03, y, z);
@@ -48,6 +49,27 @@ impl SceneBuilder {
         }
     }
 
+    /// Boards round the window, which stands on its sill.
+    fn casing(&mut self, wall_x: f32) {
+        let (center, half) = WINDOW_M;
+        let (low, high) = (center - half, center + half);
+        for (min, max) in [
+            (Vec2::new(low.x - CASING_M, low.y), Vec2::new(low.x, high.y)),
+            (
+                Vec2::new(high.x, low.y),
+                Vec2::new(high.x + CASING_M, high.y),
+            ),
+            (
+                Vec2::new(low.x - CASING_M, high.y),
+                Vec2::new(high.x + CASING_M, high.y + CASING_M),
+            ),
+        ] {
+            let min = Vec3::new(wall_x - 0.02, min.x, min.y);
+            let max = Vec3::new(wall_x + PANELLING_M, max.x, max.y);
+            self.solid("casing", "dark wood", min, max);
+        }
+    }
+
     /// Three seats with backs on a plinth.
     fn bench(&mut self, wall_x: f32) {
         let [first_y, last_y] = BENCH_Y_M;
@@ -58,16 +80,10 @@ impl SceneBuilder {
             Vec3::new(wall_x - 0.56, first_y, self.frame.floor),
             Vec3::new(wall_x, last_y, plinth),
         );
-        let width = (last_y - first_y) / 3.0;
-        for seat_y in [0.0, 1.0, 2.0].map(|seats| first_y + seats * width) {
-            let (near, far) = (seat_y + SEAM_M, seat_y + width - SEAM_M);
-            let mut cushion = |depth: f32, bottom, top| {
-                let min = Vec3::new(wall_x - depth, near, bottom);
-                let max = Vec3::new(wall_x, far, top);
-                self.solid("bench cushion", "bench leather", min, max);
-            };
-            cushion(0.62, plinth, seat);
-            cushion(0.16, seat, back);
+        for (depth, bottom, top) in [(0.62, plinth, seat), (0.16, seat, back)] {
+            let min = Vec3::new(wall_x - depth, first_y, bottom);
+            let max = Vec3::new(wall_x, last_y, top);
+            self.add("bench cushions", "bench leather", upholstered(min, max));
         }
     }
 
@@ -147,9 +163,52 @@ impl SceneBuilder {
     }
 }
 
+/// Three cushions side by side against a wall at +x, whose other edges are round where they are seen. One box for each would
+/// cost every ray four tests more.
+fn upholstered(min: Vec3, max: Vec3) -> Shape {
+    let edge = |axis, aside: Vec3| {
+        let corner = Vec3::select(aside.cmplt(Vec3::ZERO), min, max);
+        rounding(axis, corner - CUSHION_RADIUS_M * aside, aside)
+    };
+    let mut subtractions = vec![
+        edge(Axis::Y, Vec3::new(-1.0, 0.0, 1.0)),
+        edge(Axis::X, Vec3::new(0.0, -1.0, 1.0)),
+        edge(Axis::X, Vec3::new(0.0, 1.0, 1.0)),
+        edge(Axis::Z, Vec3::new(-1.0, -1.0, 0.0)),
+        edge(Axis::Z, Vec3::new(-1.0, 1.0, 0.0)),
+    ];
+    subtractions.extend([1.0, 2.0].map(|cushions| {
+        let y = min.y + cushions / 3.0 * (max.y - min.y);
+        subtraction(CsgSolid::Box {
+            min: Vec3::new(min.x - 1.0, y - SEAM_M, min.z + 0.02),
+            max: Vec3::new(max.x - 0.03, y + SEAM_M, max.z + 1.0),
+        })
+    }));
+    Shape::CsgBox {
+        min,
+        max,
+        subtractions,
+    }
+}
+
+/// What is outside of a rounded edge along an axis through `center`; `aside` points to the edge.
+fn rounding(axis: Axis, center: Vec3, aside: Vec3) -> Subtraction {
+    subtraction(CsgSolid::ConeExterior {
+        axis,
+        center,
+        radius: CUSHION_RADIUS_M,
+        taper: 0.0,
+        // The plane through the two lines where the round meets the faces.
+        beyond: 0.5 * CUSHION_RADIUS_M * aside,
+    })
+}
+
 /// How far the panelling stands before the wall.
 const PANELLING_M: f32 = 0.05;
 const BENCH_Y_M: [f32; 2] = [-0.8, 1.9];
+/// Width of the boards round a window.
+const CASING_M: f32 = 0.09;
+const CUSHION_RADIUS_M: f32 = 0.045;
 /// Half the gap between two cushions of the bench.
 const SEAM_M: f32 = 0.01;
 const RACK_Y_M: f32 = 2.4;

@@ -9,6 +9,7 @@ use carom_tracer::{Axis, ClothMarks, Material, ProceduralTexture, Sights};
 use glam::Vec3;
 
 use super::TableMeasures;
+use super::room::prints;
 use crate::scene::cue_stick::CUE_NAME;
 use crate::scene::table_style::TableStyle;
 
@@ -45,6 +46,12 @@ pub(super) fn materials(
             MAHOGANY.varnished(Axis::X, Some(sights(frame, table, rules))),
         ),
     ]);
+    let prints = prints(frame);
+    let fabric = fabric.chain(
+        prints
+            .iter()
+            .map(|print| (print.name, matt(print.texture()))),
+    );
     let last = if rules == RuleSet::Snooker { 21 } else { 15 };
     let balls = (0..=last).map(|number| {
         let material = style.balls.material(rules, number);
@@ -62,10 +69,7 @@ fn furniture() -> Vec<(&'static str, Material)> {
         sheen_roughness: 0.5,
         marks: None,
     };
-    let planks = ProceduralTexture::Planks {
-        light: Vec3::new(0.17, 0.105, 0.058),
-        dark: Vec3::new(0.105, 0.062, 0.034),
-    };
+    let planks = |light, dark, grain| matt(ProceduralTexture::Planks { light, dark, grain });
     let bricks = ProceduralTexture::Bricks {
         light: Vec3::new(0.34, 0.155, 0.095),
         dark: Vec3::new(0.17, 0.075, 0.052),
@@ -82,14 +86,21 @@ fn furniture() -> Vec<(&'static str, Material)> {
         ("carpet", soft(Vec3::new(0.085, 0.09, 0.115), 0.06)),
         ("bench leather", soft(Vec3::new(0.2, 0.06, 0.036), 0.05)),
         ("dark wood", WALNUT.oiled(Axis::Z)),
-        ("panelling", OAK.oiled(Axis::Z)),
+        (
+            "panelling",
+            planks(
+                Vec3::new(0.15, 0.083, 0.044),
+                Vec3::new(0.108, 0.059, 0.031),
+                Axis::Z,
+            ),
+        ),
         (
             "floor",
-            Material::Coated {
-                ior: OILED_IOR,
-                alpha: 0.0,
-                texture: planks,
-            },
+            planks(
+                Vec3::new(0.17, 0.105, 0.058),
+                Vec3::new(0.105, 0.062, 0.034),
+                Axis::X,
+            ),
         ),
         ("leather", Material::diffuse([0.03, 0.022, 0.017])),
         ("collar leather", soft(Vec3::new(0.075, 0.038, 0.022), 0.03)),
@@ -103,8 +114,6 @@ fn furniture() -> Vec<(&'static str, Material)> {
                 texture: bricks,
             },
         ),
-        ("picture red", Material::diffuse([0.3, 0.07, 0.04])),
-        ("picture blue", Material::diffuse([0.05, 0.1, 0.25])),
     ]
 }
 
@@ -159,6 +168,15 @@ fn sights(frame: &TableMeasures, table: &Table, rules: RuleSet) -> Sights {
     }
 }
 
+/// Without a coat.
+fn matt(texture: ProceduralTexture) -> Material {
+    Material::Coated {
+        ior: 1.0,
+        alpha: 0.0,
+        texture,
+    }
+}
+
 /// A kind of wood.
 struct Wood {
     light: Vec3,
@@ -176,13 +194,8 @@ impl Wood {
         }
     }
 
-    /// Matt.
     fn oiled(&self, grain: Axis) -> Material {
-        Material::Coated {
-            ior: OILED_IOR,
-            alpha: 0.0,
-            texture: self.texture(grain, None),
-        }
+        matt(self.texture(grain, None))
     }
 
     fn texture(&self, grain: Axis, sights: Option<Sights>) -> ProceduralTexture {
@@ -199,8 +212,6 @@ impl Wood {
 const VARNISH_IOR: f32 = 1.4;
 /// GGX width of a satin varnish.
 const SATIN_ALPHA: f32 = 0.16;
-/// That of air: nothing lies on the wood.
-const OILED_IOR: f32 = 1.0;
 
 const MAHOGANY: Wood = Wood {
     light: Vec3::new(0.17, 0.06, 0.026),
@@ -211,9 +222,4 @@ const WALNUT: Wood = Wood {
     light: Vec3::new(0.085, 0.045, 0.024),
     dark: Vec3::new(0.04, 0.02, 0.011),
     scale: 0.4,
-};
-const OAK: Wood = Wood {
-    light: Vec3::new(0.15, 0.085, 0.046),
-    dark: Vec3::new(0.122, 0.068, 0.037),
-    scale: 0.6,
 };

@@ -1,7 +1,7 @@
 //! The room round the table: stand, lampshade, walls, and what stands there.
 
 use carom_billiards::physics::Table;
-use carom_tracer::{AreaLight, Camera, Shape};
+use carom_tracer::{AreaLight, Camera, ProceduralTexture, Shape};
 use glam::{DVec3, Vec2, Vec3};
 
 use crate::camera::EYE_Z_M_MAX;
@@ -9,7 +9,7 @@ use crate::scene::cue_stick::{CUE_NAME, CuePose};
 
 use super::{
     APRON_M, LAMP_GAP_M, LAMP_HALF_M, POCKET_DEPTH_M, SHADE_HEIGHT_M, SHADE_RIM_M, SceneBuilder,
-    around, beyond, corners,
+    TableMeasures, around, beyond, corners,
 };
 
 /// How high the lamp hangs. A higher one is larger, so that it lights the middle of the table alike.
@@ -114,7 +114,7 @@ impl SceneBuilder {
         self.lamp.measures() * LAMP_HALF_M * Vec2::new(self.frame.scale, 1.0)
     }
 
-    /// Floor, carpet, panelled walls with pictures, and no ceiling: the environment comes in there.
+    /// Floor, carpet, panelled walls with prints, and no ceiling: the environment comes in there.
     pub(super) fn walls(&mut self) {
         let (outer, floor) = (self.frame.outer, self.frame.floor);
         let half = outer + ROOM_MARGIN_M;
@@ -138,9 +138,8 @@ impl SceneBuilder {
             0.06,
             floor + PANEL_HEIGHT_M,
         );
-        for (side, canvas) in [(-1.0, "picture red"), (1.0, "picture blue")] {
-            let y = side * (half.y - 0.02);
-            self.picture(Vec3::new(1.8, y, 0.62), Vec3::X, canvas);
+        for print in prints(&self.frame) {
+            self.add("print", print.name, print.shape());
         }
     }
 
@@ -167,30 +166,73 @@ impl SceneBuilder {
             self.add(name, material, wall);
         }
     }
+}
 
-    /// A framed picture on a wall that runs `along`.
-    pub(super) fn picture(&mut self, center: Vec3, along: Vec3, material: &str) {
-        let into = Vec3::ONE - along - Vec3::Z;
-        let half = along * 0.55 + Vec3::Z * 0.36;
-        let frame = half + into * 0.025;
-        self.add(
-            "frame",
-            "brass",
-            Shape::Box {
-                min: center - frame,
-                max: center + frame,
-            },
-        );
-        let canvas = half - along * 0.06 - Vec3::Z * 0.06 + into * 0.027;
-        self.add(
-            "canvas",
-            material,
-            Shape::Box {
-                min: center - canvas,
-                max: center + canvas,
-            },
-        );
+/// A framed print on a wall.
+pub(super) struct Print {
+    /// Its material.
+    pub(super) name: &'static str,
+    center: Vec3,
+    /// Half its extent.
+    half: Vec3,
+    sky: Vec3,
+    hills: Vec3,
+}
+
+impl Print {
+    pub(super) fn texture(&self) -> ProceduralTexture {
+        ProceduralTexture::Print {
+            sky: self.sky,
+            hills: self.hills,
+            center: self.center,
+            half_height: PRINT_HALF_M,
+        }
     }
+
+    fn shape(&self) -> Shape {
+        Shape::Box {
+            min: self.center - self.half,
+            max: self.center + self.half,
+        }
+    }
+}
+
+/// One on each wall beside the table, and one on the wall behind its head.
+pub(super) fn prints(frame: &TableMeasures) -> [Print; 3] {
+    let walls = frame.outer + ROOM_MARGIN_M;
+    let z = frame.floor + PRINT_HEIGHT_M;
+    let width = PRINT_WIDTH * PRINT_HALF_M;
+    let beside = Vec3::new(width, PRINT_DEPTH_M, PRINT_HALF_M);
+    let print = |name, center, half, sky, hills| Print {
+        name,
+        center,
+        half,
+        sky,
+        hills,
+    };
+    [
+        print(
+            "print of a dawn",
+            Vec3::new(0.0, -walls.y, z),
+            beside,
+            Vec3::new(0.62, 0.42, 0.27),
+            Vec3::new(0.13, 0.035, 0.03),
+        ),
+        print(
+            "print of a noon",
+            Vec3::new(0.0, walls.y, z),
+            beside,
+            Vec3::new(0.5, 0.55, 0.45),
+            Vec3::new(0.03, 0.09, 0.07),
+        ),
+        print(
+            "print of a dusk",
+            Vec3::new(-walls.x, 0.0, z),
+            Vec3::new(PRINT_DEPTH_M, width, PRINT_HALF_M),
+            Vec3::new(0.33, 0.4, 0.5),
+            Vec3::new(0.02, 0.04, 0.1),
+        ),
+    ]
 }
 
 /// An evening sky in the far wall.
@@ -217,6 +259,14 @@ const SHADE_SLOPE: f32 = 0.9;
 /// From the table to the walls: more than the player's farthest eye.
 pub(super) const ROOM_MARGIN_M: f32 = 5.2;
 const ROOM_HEIGHT_M: f32 = 2.4;
+/// From the floor to the middle of a print.
+const PRINT_HEIGHT_M: f32 = 1.62;
+/// Half the height of a print.
+const PRINT_HALF_M: f32 = 0.44;
+/// Half its width over that.
+const PRINT_WIDTH: f32 = 1.5;
+/// How far it stands out of the wall.
+const PRINT_DEPTH_M: f32 = 0.03;
 /// From a shade up to where it hangs, which is the walls' height.
 const ROD_M: f32 = ROOM_HEIGHT_M - 1.15;
 pub(super) const PANEL_HEIGHT_M: f32 = 1.04;

@@ -286,7 +286,7 @@ fn layouts_in_rust() -> [Layout; 25] {
         layout!(PunctualLightData,
             center is_distant direction cone_scale strength cone_offset),
         layout!(MaterialData,
-            albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha majorant
+            albedo ior stripe_albedo stripe_half_width diffuse_scale kind alpha sampling_density
             eta pattern k number extinction grain_axis scattering sheen_roughness sheen
             metallic sights scale),
         layout!(SphereBound, center power),

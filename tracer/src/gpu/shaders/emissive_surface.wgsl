@@ -31,7 +31,7 @@ fn note_density(pdf: f32) {
 
 // What weighs the emission of a surface that the path's ray meets at `t`, `cosine` to its own normal.
 fn emission_weight(primitive: u32, material: u32, origin: vec3f, t: f32, cosine: f32) -> f32 {
-    let per_area = scene_storage.materials[material].majorant * EMISSIVE_SURFACE_SHARE;
+    let per_area = scene_storage.materials[material].sampling_density * EMISSIVE_SURFACE_SHARE;
     if (density_of_path <= 0.0 || per_area == 0.0) {
         return 1.0;
     }
@@ -90,7 +90,7 @@ fn direct_emissive_surface(surface: Surface, bsdf: Bsdf, wo: vec3f, u: vec2f) ->
     if (all(scattered.f == vec3f(0.0))) {
         return NO_SHADOW_RAY;
     }
-    let per_area = scene_storage.materials[drawn.material].majorant * EMISSIVE_SURFACE_SHARE;
+    let per_area = scene_storage.materials[drawn.material].sampling_density * EMISSIVE_SURFACE_SHARE;
     let inverse_density = drawn.angle_per_area / per_area;
     let inverse_pdf = drawn.area * drawn.angle_per_area / (light.probability * EMISSIVE_SURFACE_SHARE);
     let weight = power_heuristic(scattered.pdf * inverse_density) * inverse_pdf;

@@ -7,7 +7,7 @@ struct FreeFlight {
 }
 
 fn sample_distance(material: u32, boundary: f32, u: f32) -> FreeFlight {
-    let rate = scene_storage.materials[material].majorant;
+    let rate = scene_storage.materials[material].sampling_density;
     // Not below 0 in any channel: so no weight of a flight is above 1.
     let beyond = scene_storage.materials[material].extinction - rate;
     if (rate > 0.0) {

@@ -68,7 +68,7 @@ struct MaterialData {
     diffuse_scale: f32,
     kind: u32,
     alpha: f32,
-    majorant: f32,
+    sampling_density: f32,
     eta: vec3f,
     pattern: u32,
     k: vec3f,

@@ -1,4 +1,4 @@
-// Procedural textures: numbers on balls, the grain of wood, bricks, a scoreboard (see `texture` in Rust).
+// Procedural textures: numbers on balls, the grain of wood, bricks, a scoreboard, a print (see `texture` in Rust).
 
 fn stroke_distance(index: u32, p: vec2f) -> f32 {
     let ends = STROKE_ENDS[index];
@@ -224,6 +224,27 @@ fn scoreboard(material: u32, p: vec3f) -> vec3f {
     return scene_storage.materials[material].albedo;
 }
 
+fn print(material: u32, p: vec3f) -> vec3f {
+    let q = (p - scene_storage.materials[material].sights) * scene_storage.materials[material].scale;
+    let place = vec2f(q.x + q.y, q.z);
+    if (any(abs(place) > PRINT_PAPER)) {
+        return INK_ALBEDO;
+    }
+    if (any(abs(place) > PRINT_VIEW)) {
+        return CIRCLE_ALBEDO;
+    }
+    let sky = scene_storage.materials[material].albedo;
+    for (var range = 3.0; range > 0.0; range -= 1.0) {
+        let ridge = 0.09 * wave((0.17 + 0.13 * range) * place.x + 0.37 * range)
+            + 0.035 * wave((0.9 + 0.4 * range) * place.x + 0.61 * range);
+        if (place.y < 0.33 - 0.25 * range + ridge) {
+            return mix(sky, scene_storage.materials[material].stripe_albedo, range / 3.0);
+        }
+    }
+    let from_sun = place - PRINT_SUN.xy;
+    return select(sky, PRINT_SUN_ALBEDO, dot(from_sun, from_sun) < PRINT_SUN.z * PRINT_SUN.z);
+}
+
 fn cue(material: u32, from_tip_m: f32) -> vec3f {
     var part = 0u;
     for (var end = 0u; end < 6u; end++) {
@@ -252,6 +273,9 @@ fn textured(surface: Surface, footprint_m: f32) -> vec3f {
     }
     if (pattern == PATTERN_SCOREBOARD) {
         return scoreboard(surface.material, surface.position);
+    }
+    if (pattern == PATTERN_PRINT) {
+        return print(surface.material, surface.position);
     }
     return surface.albedo;
 }

@@ -152,7 +152,7 @@ fn check_texture(texture: &ProceduralTexture) -> Check {
             check_albedo("the albedo of its shaft", shaft)?;
             check_albedo("the albedo of its butt", butt)
         }
-        ProceduralTexture::Planks { light, dark } => {
+        ProceduralTexture::Planks { light, dark, .. } => {
             check_albedo("its light albedo", light)?;
             check_albedo("its dark albedo", dark)
         }
@@ -176,6 +176,18 @@ fn check_texture(texture: &ProceduralTexture) -> Check {
             let mut center = center.into_iter();
             center.try_for_each(|at| along("the centre of its dials", at))?;
             extent("the radius of its dials", radius)
+        }
+        ProceduralTexture::Print {
+            sky,
+            hills,
+            center,
+            half_height,
+        } => {
+            check_albedo("the albedo of its sky", sky)?;
+            check_albedo("the albedo of its hills", hills)?;
+            let mut center = center.to_array().into_iter();
+            center.try_for_each(|at| along("the centre of its print", at))?;
+            extent("the half_height of its print", half_height)
         }
     }
 }
