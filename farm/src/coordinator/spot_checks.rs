@@ -111,8 +111,7 @@ impl SpotChecks {
             first: arrival.tiles.first + self.left - 1,
             count: 1,
         };
-        // The first that can be checked, where this one cannot.
-        self.left = 1;
+        self.left = self.distance();
         let Some(other) = self.choose(&dispatcher.nodes, frame.scene.hash(), &[node]) else {
             return;
         };
@@ -128,7 +127,6 @@ impl SpotChecks {
         if self.open.len() < CHECKS_MAX
             && let Some(request) = dispatcher.request_check(now, other, &tile)
         {
-            self.left = self.distance();
             self.open.push(SpotCheck {
                 tile,
                 copies: vec![copy],
