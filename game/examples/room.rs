@@ -126,5 +126,6 @@ fn camera(view: &str) -> Result<Camera, String> {
         up: Vec3::Z,
         fov_x_deg,
         lens: Lens::default(),
+        near_m: 0.0,
     })
 }

@@ -74,6 +74,7 @@ impl OrbitCamera {
                 focus_distance_m: focus_share * self.distance_m as f32,
                 ..self.home.lens
             },
+            near_m: self.home.near_m,
         }
     }
 

@@ -9,7 +9,7 @@ use glam::{Quat, Vec3};
 use crate::particles::ParticleDetail;
 use crate::scene::cue_stick::{CUE_NAME, CuePose};
 use crate::scene::potted_balls::potted_balls;
-use crate::scene::scene_builder::{LampHeight, room, scoreboard};
+use crate::scene::scene_builder::{below_lamp, room, scoreboard};
 use crate::scene::scoreboard::{HAND_NAME, ScoreReading, Scoreboard};
 use crate::scene::table_style::TableStyle;
 
@@ -18,8 +18,6 @@ use crate::scene::table_style::TableStyle;
 pub struct TableScene {
     table: Table,
     scene: Scene,
-    /// The same with its lamp raised.
-    scene_from_above: Scene,
     balls: Vec<(u8, u32)>,
     scoreboard: Scoreboard,
     /// The objects of its hands.
@@ -54,7 +52,7 @@ impl TableScene {
 
     /// Objects called `ball0`, `ball1` … are the balls of those numbers.
     fn new(table: &Table, rules: RuleSet, style: TableStyle) -> Self {
-        let scene = room(table, rules, style, LampHeight::Hung);
+        let scene = room(table, rules, style);
         let numbered = |(index, object): (usize, &carom_tracer::Object)| {
             let number = object.name.strip_prefix("ball")?.parse().ok()?;
             Some((number, index as u32))
@@ -77,7 +75,6 @@ impl TableScene {
             cloth_albedo: style.cloth.albedo(rules),
             cue: cue.map(|index| index as u32),
             scene,
-            scene_from_above: room(table, rules, style, LampHeight::Raised),
             balls,
         }
     }
@@ -97,25 +94,12 @@ impl TableScene {
         self.cloth_albedo
     }
 
-    /// What a farm is given for all views from below the lamp.
+    /// What a farm is given.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// What a farm is given for the view of `update`.
-    pub fn scene_for(&self, update: &SceneUpdate) -> &Scene {
-        self.scene_under(LampHeight::of(&update.camera.unwrap_or(self.scene.camera)))
-    }
-
-    /// What a farm is given for views that need the lamp at this height.
-    pub fn scene_under(&self, lamp: LampHeight) -> &Scene {
-        match lamp {
-            LampHeight::Hung => &self.scene,
-            LampHeight::Raised => &self.scene_from_above,
-        }
-    }
-
-    /// A frame's difference to the scene. Potted balls lie in their pockets; those that are off the table or
+    /// A frame's difference to the scene, without the lamp before an eye above it. Potted balls lie in their pockets; those that are off the table or
     /// absent are left out of the picture, and so is a cue that nobody holds.
     pub fn update(&self, camera: Camera, poses: &[BallPose], cue: Option<&CuePose>) -> SceneUpdate {
         let potted = potted_balls(&self.table, poses);
@@ -134,7 +118,7 @@ impl TableScene {
             }
         };
         SceneUpdate {
-            camera: Some(camera),
+            camera: Some(below_lamp(&self.table, camera)),
             poses: self
                 .balls
                 .iter()

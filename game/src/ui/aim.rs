@@ -306,6 +306,7 @@ mod tests {
             up: Vec3::Z,
             fov_x_deg: 60.0,
             lens: Lens::default(),
+            near_m: 0.0,
         };
         let painter = Painter::new(Context::default(), LayerId::background(), Rect::EVERYTHING);
         let overlay = AimOverlay {

@@ -192,6 +192,7 @@ fn camera(eye: Vec3) -> Camera {
         up: Vec3::Z,
         fov_x_deg: 60.0,
         lens: Lens::default(),
+        near_m: 0.25,
     }
 }
 

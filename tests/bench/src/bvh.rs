@@ -361,6 +361,7 @@ fn cloud(many: SweptShape, count: u32) -> Scene {
             up: Vec3::Z,
             fov_x_deg: 50.0,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment {
             radiance: Vec3::new(0.3, 0.35, 0.4),

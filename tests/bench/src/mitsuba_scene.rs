@@ -170,6 +170,7 @@ impl SceneFile {
                 up: self.camera.up,
                 fov_x_deg: self.camera.fov_x_deg,
                 lens: Lens::default(),
+                near_m: 0.0,
             },
             environment: match self.environment {
                 EnvironmentJson::Constant { radiance } => Environment { radiance },

@@ -133,6 +133,7 @@ impl Numbers<'_> {
                 aperture_radius_m: 0.1 * self.share(),
                 focus_distance_m: 0.1 + self.share(),
             },
+            near_m: self.share(),
         };
         let mut scene = Scene {
             environment: Environment {

@@ -211,6 +211,7 @@ pub fn scene() -> Scene {
             up: Vec3::Z,
             fov_x_deg: 40.0,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment {
             radiance: Vec3::splat(0.5),

@@ -140,6 +140,7 @@ pub(crate) fn test_scene(kind: Arrangement, of: ShapeKind, count: u32, seed: u32
             up: Vec3::Z,
             fov_x_deg: 40.0,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment { radiance: albedo },
         materials: BTreeMap::from([("m".to_owned(), material)]),

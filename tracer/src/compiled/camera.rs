@@ -57,6 +57,7 @@ pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
         corner: array(corner),
         lens_film: (lens_steps / f64::from(camera.lens.focus_distance_m)) as f32,
         dx: array(right * pixel),
+        near_m: camera.near_m,
         dy: array(-up * pixel),
         ..CameraFrame::zeroed()
     }

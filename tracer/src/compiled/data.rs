@@ -404,8 +404,8 @@ pub struct CameraFrame {
     pub lens_film: f32,
     /// Step of one pixel to the right.
     pub dx: [f32; 3],
-    /// 0.
-    pub padding2: u32,
+    /// Distance of the near plane along the view, metres: rays begin at `eye + near_m·direction`.
+    pub near_m: f32,
     /// Step of one pixel down.
     pub dy: [f32; 3],
     /// 0.

@@ -26,6 +26,7 @@ fn scene() -> Scene {
             up: Vec3::Z,
             fov_x_deg: 60.0,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment {
             radiance: Vec3::ONE,

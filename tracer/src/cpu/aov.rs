@@ -118,7 +118,8 @@ impl Prepared {
         let hit =
             (self.surfaces).general_hit(simd, rays.origin, direction, distance, id, footprint);
         let bsdf = Bsdf::new(simd, &hit, -direction);
-        self.surface_aovs(simd, met, id, &hit, &bsdf, length / distance, emitted)
+        let inverse_depth = self.inverse_depth(length, distance);
+        self.surface_aovs(simd, met, id, &hit, &bsdf, inverse_depth, emitted)
     }
 
     /// What the lanes in `met` see of the surface that they met, and `emitted` in all.

@@ -463,6 +463,7 @@ mod tests {
                 up: Vec3::Z,
                 fov_x_deg: 90.0,
                 lens: Lens::default(),
+                near_m: 0.0,
             },
             environment: Environment {
                 radiance: Vec3::ZERO,

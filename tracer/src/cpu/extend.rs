@@ -98,7 +98,8 @@ impl Prepared {
                 // In the order of slots, in which first hits are noted.
                 let emission = self.emission(simd, origin, direction, &nearest, unscattered);
                 let length = load(simd, &stream.distance, at);
-                stream.store_emission(at, length / nearest.distance, emission);
+                let inverse_depth = self.inverse_depth(length, nearest.distance);
+                stream.store_emission(at, inverse_depth, emission);
                 store(&mut stream.distance, at, nearest.distance);
                 let none = Word::splat(simd, NONE);
                 store_words(

@@ -107,8 +107,15 @@ impl Prepared {
         }
     }
 
-    /// Origin and direction of a sample's ray through the pixel at `film`, x below y: the direction is of length 1
-    /// along the camera's axis.
+    /// Inverse depth, along the camera's axis, of what a camera ray meets at a distance. Of a direction of length 1 along that axis
+    /// the length is `length`.
+    #[inline(always)]
+    pub(super) fn inverse_depth<S: Simd>(&self, length: Float<S>, distance: Float<S>) -> Float<S> {
+        length / (distance + length * self.camera.near_m)
+    }
+
+    /// Origin and direction of a sample's ray through the pixel at `film`, x below y, from the near plane on: the direction is of
+    /// length 1 along the camera's axis.
     #[inline(always)]
     pub(super) fn camera_ray<S: Simd>(
         &self,
@@ -138,7 +145,11 @@ impl Prepared {
         let (x, y) = (small_to_float(film & 0xffff), small_to_float(film >> 16));
         // Whole pixels first: x + u would cost wide images the digits of u.
         let at_pixel = dx.mul_add(x, dy.mul_add(y, corner));
-        (eye, dx.mul_add(u[0], dy.mul_add(u[1], at_pixel)))
+        let direction = dx.mul_add(u[0], dy.mul_add(u[1], at_pixel));
+        if camera.near_m > 0.0 {
+            eye = direction.mul_add(Float::splat(simd, camera.near_m), eye);
+        }
+        (eye, direction)
     }
 
     /// Ends paths that would bring little light by Russian roulette, and closes the ranks of the others.

@@ -32,6 +32,8 @@ pub(super) struct Surfaces {
     microfacet: Vec<MicrofacetRow>,
     /// Empty without procedural textures.
     texture: Vec<TextureRow>,
+    /// Distance of the camera's near plane, from which its rays begin, in metres.
+    near_m: f32,
     /// Some coat is rough.
     pub(super) has_rough_coat: bool,
     /// Some cloth has a sheen.
@@ -179,6 +181,7 @@ impl Surfaces {
             triangles: TriangleSurfaces::new(scene, triangles_first, triangles_first),
             microfacet: microfacet_rows(scene),
             texture: texture_rows(scene),
+            near_m: scene.camera.near_m,
             has_rough_coat: scene.materials.iter().any(MaterialData::has_rough_coat),
             sheen: sheen_rows(scene),
             metallic_roughness: MetallicRoughnessTable::new(scene, || shapes_and_materials(scene)),
@@ -372,7 +375,7 @@ impl Surfaces {
             albedo = albedo.scale(color);
         }
         if !self.texture.is_empty() {
-            let footprint = distance * footprint;
+            let footprint = (distance + self.near_m) * footprint;
             albedo = textured(
                 simd,
                 &self.texture,

@@ -24,6 +24,8 @@ pub(super) struct TriangleSurfaces {
     rows_first: u32,
     /// Some are of dielectrics.
     has_dielectric: bool,
+    /// See [`super::surface::Surfaces`].
+    near_m: f32,
 }
 
 /// Where rays meet triangles.
@@ -80,6 +82,7 @@ impl TriangleSurfaces {
             ids: [first, scene.meshes.triangles.len() as u32],
             rows_first,
             has_dielectric: scene.has_dielectric_mesh(),
+            near_m: scene.camera.near_m,
         }
     }
 
@@ -163,7 +166,7 @@ impl TriangleSurfaces {
                 if !self.textures.is_empty() {
                     let n_out = out_normal(smooth, interpolated, corners);
                     let distance = (hit.position - origin).length_squared().sqrt();
-                    let footprint = distance * footprint;
+                    let footprint = (distance + self.near_m) * footprint;
                     let looked_up = self.look_up(id, weights, footprint, n_out, normal);
                     hit.textures = Some(looked_up.lanes(simd));
                     let mapped = Mask::from_bitmask(simd, looked_up.mapped);

@@ -141,6 +141,7 @@ pub(crate) fn scene() -> Scene {
             up: Vec3::Z,
             fov_x_deg: 50.0,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment {
             radiance: Vec3::new(0.1, 0.12, 0.15),

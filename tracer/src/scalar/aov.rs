@@ -58,7 +58,8 @@ impl PathTracer<'_> {
             .normalize();
         sum.albedo += vertex.scatter.albedo();
         sum.normal += vertex.n;
-        sum.inverse_depth += 1.0 / (hit.t * ray.direction.dot(-axis));
+        let beyond_near = hit.t * ray.direction.dot(-axis);
+        sum.inverse_depth += 1.0 / (f64::from(self.frame.near_m) + beyond_near);
         let mirror = vertex.scatter.mirror(vertex.wo, vertex.n);
         if mirror != DVec3::ZERO {
             let mirrored = Ray {

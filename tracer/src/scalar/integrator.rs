@@ -20,7 +20,7 @@ use crate::sampling::{
 use crate::tracer::{TraceJob, TraceStats};
 use crate::{CompiledScene, RenderSettings, Tile};
 
-/// The ray through film position `(x, y)`, in pixels from the image's top left corner, and through the point of the lens
+/// The ray from the near plane on through film position `(x, y)`, in pixels from the image's top left corner, and through the point of the lens
 /// that `lens` in the unit square is mapped to.
 pub fn camera_ray(frame: &CameraFrame, [x, y]: [f64; 2], lens: [f64; 2]) -> Ray {
     let (dx, dy) = (vector(frame.dx), vector(frame.dy));
@@ -30,7 +30,9 @@ pub fn camera_ray(frame: &CameraFrame, [x, y]: [f64; 2], lens: [f64; 2]) -> Ray 
     let (film_x, film_y) = (x - lens_film * u, y - lens_film * v);
     let direction = vector(frame.corner) + film_x * dx + film_y * dy;
     Ray {
-        origin: vector(frame.eye) + lens_steps * (u * dx + v * dy),
+        origin: vector(frame.eye)
+            + lens_steps * (u * dx + v * dy)
+            + f64::from(frame.near_m) * direction,
         direction: direction.normalize(),
     }
 }
@@ -214,7 +216,7 @@ impl<'a> PathTracer<'a> {
     /// About how wide the surface is that a pixel sees where a camera ray meets it, in metres; 0 where others meet it.
     pub(super) fn footprint_m(&self, hit: &Hit, depth: u32) -> f64 {
         match depth {
-            0 => hit.t * vector(self.frame.dx).length(),
+            0 => (f64::from(self.frame.near_m) + hit.t) * vector(self.frame.dx).length(),
             _ => 0.0,
         }
     }

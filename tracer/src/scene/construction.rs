@@ -254,6 +254,7 @@ impl Camera {
             up: if is_upright { Vec3::Y } else { Vec3::Z },
             fov_x_deg: 45.0,
             lens: Lens::default(),
+            near_m: 0.0,
         }
     }
 
@@ -261,6 +262,12 @@ impl Camera {
     #[must_use]
     pub fn fov_deg(self, fov_x_deg: f32) -> Self {
         Self { fov_x_deg, ..self }
+    }
+
+    /// Without what lies before a plane at this distance from the eye in metres.
+    #[must_use]
+    pub fn near_m(self, near_m: f32) -> Self {
+        Self { near_m, ..self }
     }
 
     /// With a lens whose aperture has this radius in metres, focused on the target.

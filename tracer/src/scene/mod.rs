@@ -86,6 +86,10 @@ pub struct Camera {
     /// What gives the image its depth of field; a pinhole by default.
     #[serde(default)]
     pub lens: Lens,
+    /// Distance of the near plane from the eye, along the view, in metres; 0 by default. What lies before it is not seen,
+    /// but lights, shades and is mirrored as ever.
+    #[serde(default)]
+    pub near_m: f32,
 }
 
 /// A thin lens (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition, section 5.2.3).

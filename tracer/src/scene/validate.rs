@@ -74,6 +74,8 @@ pub const TEXTURE_SCALE: RangeInclusive<f32> = 1e-3..=1e3;
 pub const SHEEN_ROUGHNESS: RangeInclusive<f32> = 0.1..=1.0;
 /// The range of a full horizontal field of view in degrees.
 pub const FOV_X_DEG: RangeInclusive<f32> = 0.01..=179.0;
+/// Distances of a camera's near plane, metres.
+pub const NEAR_M: RangeInclusive<f32> = 0.0..=COORDINATE_M_MAX;
 /// The range of the radius of a lens's aperture in metres.
 pub const APERTURE_RADIUS_M: RangeInclusive<f32> = 0.0..=1e3;
 /// The range of the distance at which a lens is sharp, in metres: before the eye.
@@ -232,6 +234,7 @@ impl Camera {
             APERTURE_RADIUS_M,
         )?;
         in_range("the camera's focus_distance_m", focus, FOCUS_DISTANCE_M)?;
+        in_range("the camera's near_m", self.near_m, NEAR_M)?;
         let view = self.target.as_dvec3() - self.eye.as_dvec3();
         require(view.length() >= 1e-6, || {
             SceneError::rule(format!("the camera's eye and target are both {}", self.eye))

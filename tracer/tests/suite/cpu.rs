@@ -226,6 +226,7 @@ fn an_empty_scene_shows_its_environment() {
             up: Vec3::Z,
             fov_x_deg: 90.0,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment { radiance },
         materials: BTreeMap::new(),

@@ -79,6 +79,23 @@ fn aovs_agree_between_all_tracers() {
     }
 }
 
+#[test]
+fn a_near_plane_with_nothing_before_it_changes_no_aovs() {
+    let whole = pool();
+    let mut cut = pool();
+    cut.camera.near_m = 0.3;
+    for tracer in tracers() {
+        let [whole, cut] = [&whole, &cut].map(|scene| aovs(&**tracer, scene, 1));
+        let pairs = whole.iter().zip(&cut);
+        let off = pairs.filter(|(a, b)| apart(a, b) > 1e-3).count();
+        assert!(
+            off * 200 <= whole.len(),
+            "{}: {off} differ",
+            tracer.info().name
+        );
+    }
+}
+
 fn assert_aovs_agree(scene: &CompiledScene) {
     let truth = aovs(&ScalarTracer, scene, 3);
     let shines = |hit: &&Aovs| hit.emission[0] > 0.1 && hit.albedo != [0.0; 3];

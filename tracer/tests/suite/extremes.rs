@@ -69,6 +69,7 @@ fn view(eye: Vec3, target: Vec3, environment: f32) -> Scene {
             up: Vec3::Z,
             fov_x_deg: 0.05,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment {
             radiance: Vec3::splat(environment),

@@ -221,6 +221,16 @@ fn a_lens_blurs_a_point_to_the_disc_of_geometrical_optics() {
 }
 
 #[test]
+fn what_lies_before_the_near_plane_is_not_seen() {
+    let mut scene = with(empty(0.25), diffuse(0.5), ball());
+    scene.camera.near_m = 2.0 * scene.camera.eye.distance(scene.camera.target);
+    for tracer in tracers() {
+        let image = image(tracer.as_ref(), &scene, settings(3));
+        assert!(image.pixels.iter().all(|&pixel| pixel == [0.25; 3]));
+    }
+}
+
+#[test]
 fn a_hidden_ball_is_as_if_it_were_not_there() {
     let scene = still_life();
     let hide = SceneUpdate {

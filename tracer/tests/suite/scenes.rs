@@ -41,6 +41,7 @@ pub(crate) fn empty(environment: f32) -> Scene {
             up: Vec3::Z,
             fov_x_deg: 20.0,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment {
             radiance: Vec3::splat(environment),
@@ -188,6 +189,7 @@ pub(crate) fn furnace(material: Material) -> Scene {
             up: Vec3::Z,
             fov_x_deg: 20.0,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment {
             radiance: Vec3::ONE,
@@ -576,7 +578,8 @@ pub(crate) fn scenes_of_laws() -> Vec<LawScene> {
         aperture_radius_m: 0.1,
         focus_distance_m: 2.0,
     };
-    scenes.push(("still life through a lens", blurred));
+    blurred.camera.near_m = 0.7;
+    scenes.push(("still life through a lens, beyond a near plane", blurred));
     let mut hidden = still_life();
     hidden.objects.remove(1);
     scenes.push(("still life without a ball", hidden));

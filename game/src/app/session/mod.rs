@@ -31,7 +31,6 @@ use crate::frame::opening_still::OpeningStill;
 use crate::frame::pipeline::FramePipeline;
 use crate::input::{AimIntent, MatchIntent, ReplayIntent, StrokeIntent};
 use crate::play::{BallMarks, CueView, Game, ShotClock};
-use crate::scene::scene_builder::LampHeight;
 use crate::scene::table_scene::TableScene;
 use crate::scene::table_style::TableStyle;
 use crate::settings::Settings;
@@ -42,8 +41,6 @@ pub struct GameSession {
     game: Game,
     modes: ModeController,
     table_scene: TableScene,
-    /// Of the scene that the farm has.
-    lamp: LampHeight,
     style: TableStyle,
     pipeline: FramePipeline,
     screenshot: CaptureSlot,
@@ -99,7 +96,6 @@ impl GameSession {
             requested_quality: None,
             pipeline: FramePipeline::new(config, table_scene.scene(), style.balls.max_depth())?,
             table_scene,
-            lamp: LampHeight::Hung,
             pixels: ImageSize::new(0, 0),
             last_advance_secs: 0.0,
             was_practising: false,
@@ -242,7 +238,7 @@ impl GameSession {
         if self.pixels.pixels() == 0 {
             return;
         }
-        let scene = self.table_scene.scene_for(&update);
+        let scene = self.table_scene.scene();
         let spec =
             screenshot::frame_spec(update.clone(), self.pixels, self.style.balls.max_depth());
         let folder = self.modes.folder().map(|folder| folder.join("pictures"));
@@ -272,7 +268,6 @@ impl GameSession {
             view.update(&self.table_scene)
         });
         let updates: Vec<_> = updates.collect();
-        let first = updates.first().cloned().unwrap_or_default();
         let film = ReplayFilm {
             updates,
             shot: shot.clone(),
@@ -282,7 +277,7 @@ impl GameSession {
         let Some(farm) = self.pipeline.farm_mut() else {
             return self.modes.notify(text!("screenshot-no-farm").to_owned());
         };
-        let scene = self.table_scene.scene_for(&first);
+        let scene = self.table_scene.scene();
         let slot = &mut self.film;
         let begun = self
             .modes
@@ -342,10 +337,8 @@ impl GameSession {
     }
 
     fn set_table_scene(&mut self, table_scene: TableScene) -> anyhow::Result<()> {
-        self.pipeline.set_scene(
-            table_scene.scene_under(self.lamp),
-            self.style.balls.max_depth(),
-        )?;
+        let max_depth = self.style.balls.max_depth();
+        self.pipeline.set_scene(table_scene.scene(), max_depth)?;
         self.table_scene = table_scene;
         self.is_dirty = true;
         Ok(())

@@ -11,7 +11,6 @@ use crate::app::mode::{Mode, ModeView, ViewTime};
 use crate::camera::{CameraIntent, CameraView};
 use crate::frame::pipeline::FinishedFrame;
 use crate::frame::scheduler::ViewTarget;
-use crate::scene::scene_builder::LampHeight;
 
 impl GameSession {
     /// Moves the game on to `now_secs`.
@@ -122,7 +121,6 @@ impl GameSession {
             return self.pipeline.cancel_all();
         }
         let view = self.mode_view(ViewTime::Now(now_secs));
-        self.hang_lamp(LampHeight::of(&view.camera()));
         let (mode, game, table_scene) = (self.modes.mode(), &self.game, &self.table_scene);
         let scene_of = |view: &ModeView| view.update(table_scene);
         let target = match view.clock {
@@ -131,19 +129,6 @@ impl GameSession {
         };
         let scene_at = |moment| scene_of(&mode.view(game, ViewTime::Moment(moment)));
         self.pipeline.request(now_secs, &target, &scene_at);
-    }
-
-    /// Gives the farm the scene whose lamp the view needs.
-    fn hang_lamp(&mut self, lamp: LampHeight) {
-        if lamp == self.lamp {
-            return;
-        }
-        self.lamp = lamp;
-        let scene = self.table_scene.scene_under(lamp);
-        let max_depth = self.style.balls.max_depth();
-        if let Err(why) = self.pipeline.set_scene(scene, max_depth) {
-            self.modes.notify(why.to_string());
-        }
     }
 
     /// The traced scene of what is on show.

@@ -131,9 +131,9 @@ impl ShotSequence {
         track
     }
 
-    /// The room as it is traced: a view is below the lamp in all frames, or above it in all.
+    /// The room as it is traced.
     pub fn scene(&self) -> &Scene {
-        self.stage.scene_for(&self.update(0))
+        self.stage.scene()
     }
 
     /// How many frames there are.

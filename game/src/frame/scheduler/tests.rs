@@ -21,6 +21,7 @@ fn scene_at(x: f64) -> SceneUpdate {
         up: Vec3::Z,
         fov_x_deg: 44.0,
         lens: Lens::default(),
+        near_m: 0.0,
     };
     SceneUpdate {
         camera: Some(camera),

@@ -20,7 +20,7 @@ use carom_tracer::{Camera, CsgSolid, Environment, Lens, Object, Scene, Shape, Su
 use glam::{DVec2, Quat, Vec2, Vec3};
 
 use self::materials::materials;
-pub use self::room::LampHeight;
+pub use self::room::below_lamp;
 use self::room::window;
 use crate::scene::scoreboard::Scoreboard;
 use crate::scene::table_style::TableStyle;
@@ -32,10 +32,9 @@ pub const EXPOSURE: f32 = 1.0;
 pub const FOV_X_DEG: f64 = 44.0;
 
 /// The room round `table`, whose balls are those of a game and of `style`, as the game's scene.
-pub fn room(table: &Table, rules: RuleSet, style: TableStyle, lamp: LampHeight) -> Scene {
+pub fn room(table: &Table, rules: RuleSet, style: TableStyle) -> Scene {
     let mut room = SceneBuilder {
         frame: TableMeasures::of(table),
-        lamp,
         objects: Vec::new(),
     };
     room.balls(table, rules);
@@ -61,6 +60,7 @@ pub fn room(table: &Table, rules: RuleSet, style: TableStyle, lamp: LampHeight) 
             up: Vec3::Z,
             fov_x_deg: FOV_X_DEG as f32,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment {
             radiance: light * Vec3::new(0.4, 0.37, 0.33),
@@ -99,6 +99,11 @@ impl TableMeasures {
         }
     }
 
+    /// Half the length and width of the lamp.
+    fn lamp_half(&self) -> Vec2 {
+        LAMP_HALF_M * Vec2::new(self.scale, 1.0)
+    }
+
     /// On the far wall, over the bench.
     fn scoreboard(&self) -> Scoreboard {
         let wall_x = self.outer.x + room::ROOM_MARGIN_M;
@@ -114,7 +119,6 @@ impl TableMeasures {
 
 struct SceneBuilder {
     frame: TableMeasures,
-    lamp: LampHeight,
     objects: Vec<Object>,
 }
 
@@ -190,7 +194,7 @@ pub(super) const POCKET_DEPTH_M: f32 = 0.165;
 const APRON_M: f32 = 0.17;
 /// The lamp, and where the first picture is taken from, are laid out for this length.
 const NINE_FOOT_M: f64 = 2.54;
-/// Half the extent of a lamp, at a height of 1 m.
+/// Half the extent of the lamp of a table of nine feet.
 const LAMP_HALF_M: Vec2 = Vec2::new(1.02, 0.18);
 const SHADE_RIM_M: f32 = 0.03;
 /// A lamp's diffuser lies so far below the underside of its shade. A rim below it would be a bright

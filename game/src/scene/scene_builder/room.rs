@@ -8,42 +8,24 @@ use crate::camera::EYE_Z_M_MAX;
 use crate::scene::cue_stick::{CUE_NAME, CuePose};
 
 use super::{
-    APRON_M, LAMP_GAP_M, LAMP_HALF_M, POCKET_DEPTH_M, SHADE_HEIGHT_M, SHADE_RIM_M, SceneBuilder,
-    TableMeasures, around, beyond, corners,
+    APRON_M, LAMP_GAP_M, POCKET_DEPTH_M, SHADE_HEIGHT_M, SHADE_RIM_M, SceneBuilder, TableMeasures,
+    around, beyond, corners,
 };
 
-/// How high the lamp hangs. A higher one is larger, so that it lights the middle of the table alike.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LampHeight {
-    /// 1 m over the cloth.
-    Hung,
-    /// Above every eye, so that it hides nothing of a table that is seen from above, and aside, so that no rail mirrors it.
-    Raised,
-}
-
-impl LampHeight {
-    /// What a camera needs.
-    pub fn of(camera: &Camera) -> Self {
-        match f64::from(camera.eye.z) > EYE_Z_M_MAX + ROUNDING_M {
-            true => Self::Raised,
-            false => Self::Hung,
-        }
+/// The camera without the lamp before it, if its eye is above all that players look from: its near plane lies behind the lamp,
+/// but before the table.
+pub fn below_lamp(table: &Table, camera: Camera) -> Camera {
+    if f64::from(camera.eye.z) <= EYE_Z_M_MAX + ROUNDING_M {
+        return camera;
     }
-
-    fn center_m(self) -> Vec3 {
-        match self {
-            Self::Hung => Vec3::Z,
-            Self::Raised => Vec3::new(0.0, 5.6, 12.5),
-        }
-    }
-
-    /// Over those of a lamp 1 m over the cloth; what hangs aside lights less and is as much wider.
-    fn measures(self) -> Vec2 {
-        match self {
-            Self::Hung => Vec2::ONE,
-            Self::Raised => Vec2::new(12.5, 17.7),
-        }
-    }
+    let frame = TableMeasures::of(table);
+    let forward = (camera.target - camera.eye).normalize();
+    let depths = |half: Vec2, z: f32| {
+        corners().map(move |corner| forward.dot((corner * half).extend(z) - camera.eye))
+    };
+    let lamp = depths(frame.lamp_half() + SHADE_RIM_M, LAMP_Z_M).fold(0.0, f32::max);
+    let table = depths(frame.outer, frame.rail_height).fold(f32::INFINITY, f32::min);
+    camera.near_m((lamp + LAMP_CLEARANCE_M).min(table).max(0.0))
 }
 
 impl SceneBuilder {
@@ -75,9 +57,9 @@ impl SceneBuilder {
 
     /// An enamelled shade over the lamp, hung from the ceiling.
     pub(super) fn lampshade(&mut self) {
-        let center = self.lamp.center_m();
-        let half = self.lamp_half() + SHADE_RIM_M;
-        let (low, high) = (center.z + LAMP_GAP_M, center.z + SHADE_HEIGHT_M);
+        let center = LAMP_Z_M * Vec3::Z;
+        let half = self.frame.lamp_half() + SHADE_RIM_M;
+        let (low, high) = (LAMP_Z_M + LAMP_GAP_M, LAMP_Z_M + SHADE_HEIGHT_M);
         let slope = |side: Vec3| {
             let foot = center + Vec3::Z * 0.01 + side * half.dot(side.truncate().abs());
             beyond(foot, side + Vec3::Z * SHADE_SLOPE)
@@ -99,19 +81,15 @@ impl SceneBuilder {
 
     /// The lamp over the table.
     pub(super) fn lamp(&self) -> AreaLight {
-        let half = self.lamp_half();
+        let half = self.frame.lamp_half();
         AreaLight {
             name: "lamp".to_owned(),
-            center: self.lamp.center_m(),
+            center: LAMP_Z_M * Vec3::Z,
             half_u: Vec3::X * half.x,
             half_v: Vec3::NEG_Y * half.y,
             radiance: Vec3::new(17.0, 15.9, 14.0),
             ..AreaLight::new(1.0, 1.0)
         }
-    }
-
-    fn lamp_half(&self) -> Vec2 {
-        self.lamp.measures() * LAMP_HALF_M * Vec2::new(self.frame.scale, 1.0)
     }
 
     /// Floor, carpet, panelled walls with prints, and no ceiling: the environment comes in there.
@@ -248,6 +226,10 @@ pub(super) fn window(outer: Vec2) -> AreaLight {
     }
 }
 
+/// The lamp hangs so high over the cloth.
+const LAMP_Z_M: f32 = 1.0;
+/// From the lamp to a near plane behind it.
+const LAMP_CLEARANCE_M: f32 = 0.01;
 /// Of an eye at the greatest height below the lamp.
 const ROUNDING_M: f64 = 1e-3;
 const LEG_INSET_M: f32 = 0.2;

@@ -1,6 +1,6 @@
 use carom_tracer::film::trace_image;
 use carom_tracer::metrics::{flip, rel_mse};
-use carom_tracer::scalar::{Ray, intersect};
+use carom_tracer::scalar::{Ray, camera_ray, intersect};
 use carom_tracer::tonemap::srgb8;
 use carom_tracer::{CompiledScene, CpuTracer, ImageSize, RadianceImage, RenderSettings};
 use clap::ValueEnum as _;
@@ -14,12 +14,7 @@ use crate::scene::table_style::{Brightness, CueStyle};
 
 fn nine_foot() -> (Table, CompiledScene) {
     let table = Table::nine_foot();
-    let mut scene = room(
-        &table,
-        RuleSet::Free,
-        BallSet::Classic.into(),
-        LampHeight::Hung,
-    );
+    let mut scene = room(&table, RuleSet::Free, BallSet::Classic.into());
     scene
         .objects
         .retain(|object| !object.name.starts_with("ball") && object.name != CUE_NAME);
@@ -36,12 +31,7 @@ fn met(scene: &CompiledScene, origin: DVec3, direction: DVec3) -> DVec3 {
 #[test]
 fn every_set_of_balls_makes_a_scene_with_sixteen() {
     for set in BallSet::ALL {
-        let scene = room(
-            &Table::nine_foot(),
-            RuleSet::Free,
-            set.into(),
-            LampHeight::Hung,
-        );
+        let scene = room(&Table::nine_foot(), RuleSet::Free, set.into());
         scene.validate().unwrap();
         let balls = scene.objects.iter().filter(|o| o.name.starts_with("ball"));
         assert_eq!(balls.count(), 16, "{set:?}");
@@ -79,12 +69,7 @@ fn jaws_are_round_where_balls_meet_them() {
         Table::nine_foot(),
         Table::parse(include_str!("../../../../assets/tables/snooker.json")).unwrap(),
     ] {
-        let scene = room(
-            &table,
-            RuleSet::Free,
-            BallSet::Classic.into(),
-            LampHeight::Hung,
-        );
+        let scene = room(&table, RuleSet::Free, BallSet::Classic.into());
         let scene = CompiledScene::new(&scene).unwrap();
         let height = table.nose_height_m();
         let mut met_jaws = 0;
@@ -152,7 +137,7 @@ fn brightness_scales_the_picture_and_nothing_else() {
             brightness,
             ..TableStyle::default()
         };
-        let scene = room(&Table::nine_foot(), RuleSet::Free, style, LampHeight::Hung);
+        let scene = room(&Table::nine_foot(), RuleSet::Free, style);
         let scene = CompiledScene::new(&scene).unwrap();
         let settings = RenderSettings {
             samples: 4,
@@ -178,7 +163,7 @@ fn each_cue_has_woods_of_its_own() {
             cue,
             ..TableStyle::default()
         };
-        room(&Table::nine_foot(), RuleSet::Free, style, LampHeight::Hung).materials["cue"]
+        room(&Table::nine_foot(), RuleSet::Free, style).materials["cue"]
     };
     let cues: Vec<_> = CueStyle::value_variants()
         .iter()
@@ -200,12 +185,7 @@ fn more_samples_never_leave_more_error() {
         pixels.map(|light| srgb8(*light, EXPOSURE)).collect()
     };
     for set in [BallSet::Classic, BallSet::Glass, BallSet::Metal] {
-        let scene = room(
-            &Table::nine_foot(),
-            RuleSet::Free,
-            set.into(),
-            LampHeight::Hung,
-        );
+        let scene = room(&Table::nine_foot(), RuleSet::Free, set.into());
         let scene = CompiledScene::new(&scene).unwrap();
         let picture = |samples, denoise, seed| {
             let settings = RenderSettings {
@@ -238,25 +218,37 @@ fn more_samples_never_leave_more_error() {
 }
 
 #[test]
-fn no_rail_mirrors_the_lamp_in_the_plan() {
+fn the_plan_shows_all_of_the_table_and_nothing_of_the_lamp() {
+    let framing = Framing::whole(DVec2::new(1280.0, 720.0));
     for table in [
         Table::nine_foot(),
         Table::parse(include_str!("../../../../assets/tables/snooker.json")).unwrap(),
     ] {
-        let scene = room(
-            &table,
-            RuleSet::Free,
-            BallSet::Classic.into(),
-            LampHeight::Raised,
-        );
-        let lamp = &scene.area_lights[0];
-        let framing = Framing::whole(DVec2::new(1280.0, 720.0));
-        let eye = Viewpoint::overhead(&table, &framing).camera().eye;
-        let (low, high) = table.outline();
-        let half_y = (lamp.half_u + lamp.half_v).y.abs();
-        for y in [low.y, high.y] {
-            let mirrored_y = y as f32 + (y as f32 - eye.y) * (lamp.center.z / eye.z);
-            assert!(mirrored_y < lamp.center.y - half_y, "{}: {y}", table.name());
+        let scene = room(&table, RuleSet::Free, BallSet::Classic.into());
+        let plan = Viewpoint::overhead(&table, &framing).camera();
+        let mut compiled = CompiledScene::new(&scene).unwrap();
+        compiled.camera = below_lamp(&table, plan);
+        let size = ImageSize::new(64, 36);
+        let frame = compiled.camera_frame(size);
+        for (x, y) in (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y))) {
+            let film = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+            let ray = camera_ray(&frame, film, [0.5; 2]);
+            let hit = intersect(&compiled, &ray).unwrap();
+            assert!(hit.point.z < 0.2, "{}: {film:?}", table.name());
+        }
+        let forward = (plan.target - plan.eye).normalize();
+        let (_, outer) = table.outline();
+        let top = Vec3::new(outer.x as f32, outer.y as f32, table.rail_height_m() as f32);
+        for corner in [top, top * Vec3::new(-1.0, -1.0, 1.0)] {
+            let depth = forward.dot(corner - plan.eye);
+            assert!(compiled.camera.near_m < depth, "{}", table.name());
         }
     }
+}
+
+#[test]
+fn a_camera_under_the_lamp_has_no_near_plane() {
+    let table = Table::nine_foot();
+    let camera = room(&table, RuleSet::Free, BallSet::Classic.into()).camera;
+    assert_eq!(below_lamp(&table, camera), camera);
 }

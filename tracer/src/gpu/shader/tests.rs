@@ -294,7 +294,7 @@ fn layouts_in_rust() -> [Layout; 25] {
             left_center left left_half right right_center right_half),
         layout!(SphereLeaf, balls indices),
         layout!(BoxBound, center half),
-        layout!(CameraFrame, eye lens_steps corner lens_film dx dy),
+        layout!(CameraFrame, eye lens_steps corner lens_film dx near_m dy),
         layout!(SceneHeader, camera environment zero),
         layout!(DispatchData,
             tile_count block_count sample_begin sample_end samples first_half pixels

@@ -149,7 +149,7 @@ pub(super) fn surface_at(features: &Features) -> String {
     text += "    return Surface(vec3f(0.0), vec3f(0.0), vec3f(0.0), 0u, false);\n}\n";
     text + "fn surface_at(ray: Ray, hit: Hit, is_within: bool) -> Surface {\n    \
             var surface = bare_surface_at(ray, hit, is_within);\n    \
-            if (HAS_WOOD) { surface.albedo = textured(surface, texture_footprint * hit.t); }\n    \
+            if (HAS_WOOD) { surface.albedo = textured(surface, texture_footprint(hit.t)); }\n    \
             return surface;\n}\n"
 }
 

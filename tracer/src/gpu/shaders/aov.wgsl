@@ -49,8 +49,8 @@ fn first_hit(ray: Ray, block: u32) -> Aovs {
         return met;
     }
     let axis = normalize(cross(scene.header.camera.dx, scene.header.camera.dy));
-    met.inverse_depth = 1.0 / (hit.t * dot(ray.direction, axis));
-    set_texture_footprint(0u);
+    met.inverse_depth = 1.0 / fma(hit.t, dot(ray.direction, axis), scene.header.camera.near_m);
+    set_pixel_width(0u);
     let surface = surface_at(ray, hit, false);
     let wo = -ray.direction;
     // Rough coats reflect in the paths themselves: of theirs no mirror is asked.

@@ -56,7 +56,7 @@ fn triangle_shading_normal(index: u32, weights: vec3f, normal: vec3f, wo: vec3f,
     if (uvs != FLAT) {
         let corners = mesh.uvs[uvs];
         let uv = weights.x * corners.a + weights.y * corners.b + weights.z * corners.c;
-        texture_factors = textures_at(maps, uv, texture_footprint * t * corners.density);
+        texture_factors = textures_at(maps, uv, texture_footprint(t) * corners.density);
         if (maps.normal != NO_TEXTURE) {
             mapped = mapped_normal(maps, uv, corners, edge_b, edge_c, n_out);
         }

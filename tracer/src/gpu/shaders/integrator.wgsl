@@ -37,7 +37,7 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
         film -= camera.lens_film * lens;
     }
     let direction = camera.corner + film.x * camera.dx + film.y * camera.dy;
-    let ray = Ray(eye, direction / length(direction));
+    let ray = Ray(fma(vec3f(camera.near_m), direction, eye), direction / length(direction));
     note_density(SPECULAR);
     return Path(
         ray,
@@ -147,10 +147,15 @@ fn is_emission(path: Path) -> bool {
 }
 
 // How wide a pixel is at a distance of 1 m, for textures of what its camera rays meet; 0 for what paths meet later.
-var<private> texture_footprint: f32;
+var<private> pixel_width: f32;
 
-fn set_texture_footprint(depth: u32) {
-    texture_footprint = select(0.0, length(scene.header.camera.dx), depth == 0u);
+fn set_pixel_width(depth: u32) {
+    pixel_width = select(0.0, length(scene.header.camera.dx), depth == 0u);
+}
+
+// How wide a pixel is where its ray ends.
+fn texture_footprint(t: f32) -> f32 {
+    return pixel_width * (t + scene.header.camera.near_m);
 }
 
 // At the surface that the path's ray has met.
@@ -158,7 +163,7 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     let primitive = hit.primitive;
     let is_within = HAS_DIELECTRIC && (*path).start == (primitive | INSIDE);
     let depth = (*path).depth;
-    set_texture_footprint(depth);
+    set_pixel_width(depth);
     let surface = surface_at((*path).ray, hit, is_within);
     let wo = -(*path).ray.direction;
     let is_spread = (bitcast<u32>((*path).pdf) & SPREAD) != 0u;

@@ -38,7 +38,7 @@ fn triangle_shading_normal(index: u32, weights: vec3f, normal: vec3f, wo: vec3f,
     let corners = mesh.uvs[uvs];
     let uv = weights.x * corners.a + weights.y * corners.b + weights.z * corners.c;
     if (HAS_LAYER_FACTORS) {
-        layer_factors = layer_factors_at(maps, uv, texture_footprint * t * corners.density);
+        layer_factors = layer_factors_at(maps, uv, texture_footprint(t) * corners.density);
     }
     if (HAS_COAT_NORMALS && maps.has_coat_normal == 1u) {
         geometric_normal = normal;

@@ -108,7 +108,7 @@ fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
 
 // Surfaces that emit do so once for each path that meets them.
 fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
-    set_texture_footprint((*path).depth);
+    set_pixel_width((*path).depth);
     // Before the path's next density is noted.
     (*path).radiance += emission_of_hit(*path, hit);
     return plain_shade(path, hit);
@@ -120,7 +120,7 @@ fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 
     // What was scattered inside a body has not come to a surface.
     let is_last = state == DONE && (*path).depth == job.max_depth && met.primitive < AREA_LIGHT_FIRST;
     if (HAS_EMISSION && is_last) {
-        set_texture_footprint(job.max_depth);
+        set_pixel_width(job.max_depth);
         (*path).radiance += emission_of_hit(*path, met);
     }
     return state;

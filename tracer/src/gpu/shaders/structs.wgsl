@@ -99,6 +99,7 @@ struct CameraFrame {
     corner: vec3f,
     lens_film: f32,
     dx: vec3f,
+    near_m: f32,
     dy: vec3f,
 }
 

@@ -14,7 +14,7 @@ fn triangle_shading_normal(index: u32, weights: vec3f, normal: vec3f, wo: vec3f,
         let corners = mesh.uvs[uvs];
         let uv = weights.x * corners.a + weights.y * corners.b + weights.z * corners.c;
         if (image != NO_TEXTURE) {
-            transmission_factor = texture_at(image, uv, texture_footprint * t * corners.density).x;
+            transmission_factor = texture_at(image, uv, texture_footprint(t) * corners.density).x;
         }
     }
     return opaque_triangle_shading_normal(index, weights, normal, wo, t);

@@ -434,6 +434,7 @@ fn perspective_camera(perspective: &Perspective, world_from_node: DMat4) -> Came
         up: direction(DVec3::Y).as_vec3(),
         fov_x_deg: (2.0 * half_width.atan()).to_degrees() as f32,
         lens: Lens::default(),
+        near_m: 0.0,
     }
 }
 

@@ -36,6 +36,7 @@ fn scene() -> Scene {
             up: Vec3::Z,
             fov_x_deg: 60.0,
             lens: Lens::default(),
+            near_m: 0.0,
         },
         environment: Environment {
             radiance: Vec3::ONE,
@@ -97,6 +98,13 @@ fn cameras_that_see_nothing_are_refused() {
         assert_says(
             &refusal,
             &format!("the camera's focus_distance_m is {focus}: it must be from 0.001"),
+        );
+    }
+    for near in [-0.5, f32::NAN, f32::INFINITY] {
+        let refusal = refusal(|scene| scene.camera.near_m = near);
+        assert_says(
+            &refusal,
+            &format!("the camera's near_m is {near}: it must be from 0 to"),
         );
     }
     assert_says(
