@@ -115,7 +115,7 @@ fn announced_pose_count_reserves_no_memory() {
 #[test]
 fn a_scene_is_counted_while_it_is_read() {
     // Variant, hash, camera and environment; then 8,192 of a million materials with names of three bytes.
-    let start = [&[1][..], &[0; 32], &[0; 48], &[0; 12]].concat();
+    let start = [&[1][..], &[0; 32], &[0; 52], &[0; 12]].concat();
     let material = |index: u32| {
         let [a, b, c, _] = index.to_le_bytes().map(|byte| byte & 0x7f);
         [&[3, a, b, c, 0][..], &[0; 12]].concat()
