@@ -287,6 +287,7 @@ pub(super) mod tests {
     use super::super::Projection;
     use super::*;
     use crate::scene::cue_stick::cue_radius_m;
+    use crate::scene::scene_builder::below_lamp;
 
     pub(in super::super) fn view() -> Viewpoint {
         Viewpoint {
@@ -473,8 +474,17 @@ pub(super) mod tests {
                 let from = Viewpoint::overview(&table, bearing).adjusted(by);
                 let framing = Framing::whole(DVec2::new(16.0, 9.0));
                 let to = Viewpoint::overhead(&table, &framing).adjusted(by);
-                let eye = from.lerp(to, share).camera().eye;
-                prop_assert!(f64::from(eye.z) > EYE_Z_M_MIN - 1e-6, "{eye}");
+                let camera = from.lerp(to, share).camera();
+                let eye = camera.eye;
+                let height = EYE_Z_M_MIN - 1e-6..PLAN_EYE_Z_M + 1e-3;
+                prop_assert!(height.contains(&f64::from(eye.z)), "{eye}");
+                let near_m = below_lamp(&table, camera).near_m;
+                let forward = (camera.target - eye).normalize();
+                let top = table.outline().1.extend(table.rail_height_m()).as_vec3();
+                for side in [1.0, -1.0].map(|x| [Vec3::new(x, 1.0, 1.0), Vec3::new(x, -1.0, 1.0)]).concat() {
+                    let depth = forward.dot(side * top - eye);
+                    prop_assert!(near_m == 0.0 || near_m < depth, "the table is cut");
+                }
                 let (_, outer) = table.outline();
                 let eye = to.camera().eye;
                 let away_m = eye.truncate().as_dvec2().abs() - outer;

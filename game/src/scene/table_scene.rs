@@ -99,8 +99,8 @@ impl TableScene {
         &self.scene
     }
 
-    /// A frame's difference to the scene, without the lamp before an eye above it. Potted balls lie in their pockets; those that are off the table or
-    /// absent are left out of the picture, and so is a cue that nobody holds.
+    /// A frame's difference to the scene. Potted balls lie in their pockets; those that are off the table or absent are left out
+    /// of the picture, and so is a cue that nobody holds. A view from straight above leaves out the lamp.
     pub fn update(&self, camera: Camera, poses: &[BallPose], cue: Option<&CuePose>) -> SceneUpdate {
         let potted = potted_balls(&self.table, poses);
         let pose_of = |&(number, object): &(u8, u32)| {

@@ -380,8 +380,8 @@ pub struct MaterialData {
     pub metallic: f32,
     /// Spacing of sights, 0 for none, and their x in end rails and y in side rails, metres; 0 where there
     /// are no mitred rails. Of a cloth the x of its line and the radius of its D. Of bricks the albedo of their mortar. Of a
-    /// scoreboard y and z of its middle and the radius of its dials, of a print its middle, metres. Of glTF's material its alpha, the cutoff of
-    /// that and [`OPACITY_OPAQUE`], [`OPACITY_MASK`] or [`OPACITY_BLEND`].
+    /// scoreboard y and z of its middle and the radius of its dials, of a print its middle, metres. Of glTF's material its alpha,
+    /// the cutoff of that and [`OPACITY_OPAQUE`], [`OPACITY_MASK`] or [`OPACITY_BLEND`].
     pub sights: [f32; 3],
     /// Reciprocal of the size of wood's pattern, or of half a print's height; of a cloth the most that its base may reflect.
     pub scale: f32,

@@ -223,22 +223,29 @@ fn cloth_data(
 }
 
 fn textured(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
+    let two_tone = |albedo: Vec3, other: Vec3, pattern| MaterialData {
+        albedo: albedo.to_array(),
+        stripe_albedo: other.to_array(),
+        pattern,
+        ..coat
+    };
     match *texture {
         ProceduralTexture::Ball {
             albedo,
             stripe,
             number,
         } => MaterialData {
-            albedo: albedo.to_array(),
-            stripe_albedo: stripe.map_or(Vec3::ZERO, |stripe| stripe.albedo).to_array(),
             stripe_half_width: stripe.map_or(0.0, |stripe| stripe.half_width),
-            pattern: if number > 0 {
-                PATTERN_NUMBER
-            } else {
-                PATTERN_NONE
-            },
             number: u32::from(number),
-            ..coat
+            ..two_tone(
+                albedo,
+                stripe.map_or(Vec3::ZERO, |stripe| stripe.albedo),
+                if number > 0 {
+                    PATTERN_NUMBER
+                } else {
+                    PATTERN_NONE
+                },
+            )
         },
         ProceduralTexture::Wood {
             light,
@@ -247,47 +254,24 @@ fn textured(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
             sights,
             scale,
         } => MaterialData {
-            albedo: light.to_array(),
-            stripe_albedo: dark.to_array(),
-            pattern: PATTERN_WOOD,
             grain_axis: grain as u32,
             sights: sights.map_or([0.0; 3], |s| [s.spacing, s.end_x, s.side_y]),
             scale: 1.0 / scale,
-            ..coat
+            ..two_tone(light, dark, PATTERN_WOOD)
         },
-        ProceduralTexture::Cue { shaft, butt } => MaterialData {
-            albedo: shaft.to_array(),
-            stripe_albedo: butt.to_array(),
-            pattern: PATTERN_CUE,
-            ..coat
-        },
+        ProceduralTexture::Cue { shaft, butt } => two_tone(shaft, butt, PATTERN_CUE),
         ProceduralTexture::Planks { light, dark, grain } => MaterialData {
-            albedo: light.to_array(),
-            stripe_albedo: dark.to_array(),
-            pattern: PATTERN_PLANKS,
             grain_axis: grain as u32,
             scale: 1.0,
-            ..coat
+            ..two_tone(light, dark, PATTERN_PLANKS)
         },
-        ProceduralTexture::Bricks { .. }
-        | ProceduralTexture::Scoreboard { .. }
-        | ProceduralTexture::Print { .. } => on_wall(coat, texture),
-    }
-}
-
-/// What only walls have, with a texture.
-fn on_wall(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
-    match *texture {
         ProceduralTexture::Bricks {
             light,
             dark,
             mortar,
         } => MaterialData {
-            albedo: light.to_array(),
-            stripe_albedo: dark.to_array(),
-            pattern: PATTERN_BRICKS,
             sights: mortar.to_array(),
-            ..coat
+            ..two_tone(light, dark, PATTERN_BRICKS)
         },
         ProceduralTexture::Scoreboard {
             face,
@@ -295,11 +279,8 @@ fn on_wall(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
             center: [y, z],
             radius,
         } => MaterialData {
-            albedo: face.to_array(),
-            stripe_albedo: ink.to_array(),
-            pattern: PATTERN_SCOREBOARD,
             sights: [y, z, radius],
-            ..coat
+            ..two_tone(face, ink, PATTERN_SCOREBOARD)
         },
         ProceduralTexture::Print {
             sky,
@@ -307,14 +288,10 @@ fn on_wall(coat: MaterialData, texture: &ProceduralTexture) -> MaterialData {
             center,
             half_height,
         } => MaterialData {
-            albedo: sky.to_array(),
-            stripe_albedo: hills.to_array(),
-            pattern: PATTERN_PRINT,
             sights: center.to_array(),
             scale: 1.0 / half_height,
-            ..coat
+            ..two_tone(sky, hills, PATTERN_PRINT)
         },
-        _ => coat,
     }
 }
 

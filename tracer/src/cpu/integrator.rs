@@ -107,8 +107,8 @@ impl Prepared {
         }
     }
 
-    /// Inverse depth, along the camera's axis, of what a camera ray meets at a distance. Of a direction of length 1 along that axis
-    /// the length is `length`.
+    /// One over the depth along the camera's axis of what a camera ray meets `distance` beyond the near plane. The ray's direction,
+    /// scaled to 1 along that axis, has the length `length`.
     #[inline(always)]
     pub(super) fn inverse_depth<S: Simd>(&self, length: Float<S>, distance: Float<S>) -> Float<S> {
         length / (distance + length * self.camera.near_m)

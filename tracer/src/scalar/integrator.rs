@@ -20,8 +20,8 @@ use crate::sampling::{
 use crate::tracer::{TraceJob, TraceStats};
 use crate::{CompiledScene, RenderSettings, Tile};
 
-/// The ray from the near plane on through film position `(x, y)`, in pixels from the image's top left corner, and through the point of the lens
-/// that `lens` in the unit square is mapped to.
+/// The ray from the near plane on through film position `(x, y)`, in pixels from the image's top left corner, and through the
+/// point of the lens that `lens` in the unit square is mapped to.
 pub fn camera_ray(frame: &CameraFrame, [x, y]: [f64; 2], lens: [f64; 2]) -> Ray {
     let (dx, dy) = (vector(frame.dx), vector(frame.dy));
     let [u, v] = [lens[0].sqrt(), TAU * lens[1]];

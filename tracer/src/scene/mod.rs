@@ -87,7 +87,7 @@ pub struct Camera {
     #[serde(default)]
     pub lens: Lens,
     /// Distance of the near plane from the eye, along the view, in metres; 0 by default. What lies before it is not seen,
-    /// but lights, shades and is mirrored as ever.
+    /// but lights, shades and is mirrored as ever; solids that it cuts are open there.
     #[serde(default)]
     pub near_m: f32,
 }

@@ -12,8 +12,8 @@ use super::{
     around, beyond, corners,
 };
 
-/// The camera without the lamp before it, if its eye is above all that players look from: its near plane lies behind the lamp,
-/// but before the table.
+/// The camera without the lamp before it, if its eye is above all that players look from, where a near plane can lie behind all
+/// of the lamp and before all of the table: in steep views. From aside, above the lamp, that is seen as it hangs.
 pub fn below_lamp(table: &Table, camera: Camera) -> Camera {
     if f64::from(camera.eye.z) <= EYE_Z_M_MAX + ROUNDING_M {
         return camera;
@@ -25,7 +25,11 @@ pub fn below_lamp(table: &Table, camera: Camera) -> Camera {
     };
     let lamp = depths(frame.lamp_half() + SHADE_RIM_M, LAMP_Z_M).fold(0.0, f32::max);
     let table = depths(frame.outer, frame.rail_height).fold(f32::INFINITY, f32::min);
-    camera.near_m((lamp + LAMP_CLEARANCE_M).min(table).max(0.0))
+    let near_m = lamp + LAMP_CLEARANCE_M;
+    match near_m < table {
+        true => camera.near_m(near_m),
+        false => camera,
+    }
 }
 
 impl SceneBuilder {
