@@ -1,7 +1,6 @@
 //! A scene as flat plain-old-data arrays: the bytes that both back ends read.
 
 mod camera;
-#[cfg(feature = "gpu")]
 pub(crate) mod clusters;
 mod cone;
 mod construction;
@@ -24,7 +23,6 @@ use std::sync::OnceLock;
 use glam::{DVec3, Vec3};
 
 pub use self::camera::{CameraBasis, camera_frame};
-#[cfg(feature = "gpu")]
 use self::clusters::Clusters;
 use self::cone::Cone;
 pub use self::data::{
@@ -94,10 +92,8 @@ pub struct CompiledScene {
     /// Of each shape as it is now, once somebody has asked for it.
     bvhs: [OnceLock<Option<Bvh>>; ShapeKind::ALL.len()],
     /// Of the boxes.
-    #[cfg(feature = "gpu")]
     pub(crate) box_clusters: Clusters,
     /// Of the CSG boxes.
-    #[cfg(feature = "gpu")]
     pub(crate) csg_clusters: Clusters,
     /// The spheres as the scene has them: what an update starts from.
     base_spheres: Vec<SphereData>,
@@ -325,7 +321,6 @@ impl CompiledScene {
 }
 
 /// The bounds of primitives.
-#[cfg(feature = "gpu")]
 pub(crate) fn all_bounds<T>(all: &[T]) -> Vec<Bounds>
 where
     for<'a> Bounds: From<&'a T>,

@@ -1,22 +1,20 @@
 //! Clusters of boxes that lie together: rays that do not meet the bound of one meet none of its boxes.
 
-use std::ops::Range;
-
 use glam::Vec3;
 
 use crate::bvh::Bounds;
 
-/// How the boxes of a scene, few and in their order, are divided into single ones and clusters.
+/// How the boxes of a scene, if they are few, are divided into single ones and clusters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Clusters {
-    /// First box and length of each; those behind the last are empty.
-    ranges: [(u8, u8); Self::COUNT_MAX],
+    /// The boxes of each, a bit each; those behind the last are empty.
+    members: [u64; Self::COUNT_MAX],
 }
 
 impl Clusters {
     /// Single boxes alone.
     pub(crate) const NONE: Self = Self {
-        ranges: [(0, 0); Self::COUNT_MAX],
+        members: [0; Self::COUNT_MAX],
     };
     const COUNT_MAX: usize = 10;
     /// Boxes whose bounds a kernel tests together: none are in one cluster with those of another group.
@@ -25,85 +23,124 @@ impl Clusters {
     pub(crate) const GROUPS_MAX: usize = 2;
     /// The most boxes that are divided.
     const BOXES_MAX: usize = Self::GROUPS_MAX * Self::GROUP;
-    const LENGTH_MIN: usize = 3;
 
-    /// The division with the fewest tests of boxes and bounds for rays that leave `origin` in all directions; no clusters of
+    /// A division with few tests of boxes and bounds for rays that leave `origin` in all directions; no clusters of
     /// more than [`Clusters::BOXES_MAX`] boxes.
     pub(crate) fn new(boxes: &[Bounds], origin: Vec3) -> Self {
         if boxes.len() > Self::BOXES_MAX {
             return Self::NONE;
         }
-        // The best division of the first boxes: its cost, and where its last part begins.
-        let mut best = vec![(0.0, 0)];
-        for end in 1..=boxes.len() {
-            // Costs are tests per group of rays: 1 of a single box; of a cluster 1 of its bound, and
-            // those of its boxes in the share of groups that meet it.
-            let single = (best[end - 1].0 + 1.0, end - 1);
-            let cluster = |first: usize| {
-                let bound = union(&boxes[first..end]);
-                let walked = share_of_groups(bound, origin) * (end - first) as f32;
-                (best[first].0 + 1.0 + walked, first)
-            };
-            let group_first = (end - 1) / Self::GROUP * Self::GROUP;
-            let clusters = (group_first..(end + 1).saturating_sub(Self::LENGTH_MIN)).map(cluster);
-            best.push(clusters.fold(single, |a, b| if b.0 < a.0 { b } else { a }));
-        }
-        let mut ranges = Vec::new();
-        let mut end = boxes.len();
-        while end > 0 {
-            let first = best[end].1;
-            if end - first > 1 {
-                ranges.push((first as u8, (end - first) as u8));
-            }
-            end = first;
-        }
-        // The longest ones, if there are too many.
-        ranges.sort_by_key(|&(_, length)| std::cmp::Reverse(length));
-        ranges.truncate(Self::COUNT_MAX);
-        ranges.sort_unstable();
+        let groups = boxes.chunks(Self::GROUP).enumerate();
+        let mut found: Vec<u64> = groups
+            .flat_map(|(group, boxes)| {
+                let parts = merged(boxes, origin).into_iter();
+                parts.map(move |part| part.members << (group * Self::GROUP))
+            })
+            .filter(|members| members.count_ones() > 1)
+            .collect();
+        // The largest ones, if there are too many.
+        found.sort_by_key(|members| members.count_zeros());
+        found.truncate(Self::COUNT_MAX);
+        found.sort_unstable();
         let mut clusters = Self::NONE;
-        clusters.ranges[..ranges.len()].copy_from_slice(&ranges);
+        clusters.members[..found.len()].copy_from_slice(&found);
         clusters
     }
 
-    /// The boxes of each.
-    pub(crate) fn ranges(&self) -> impl Iterator<Item = Range<usize>> + '_ {
-        let ranges = self.ranges.iter().filter(|(_, length)| *length > 0);
-        ranges.map(|&(first, length)| usize::from(first)..usize::from(first) + usize::from(length))
+    /// The boxes of each, a bit each.
+    pub(crate) fn members(&self) -> impl Iterator<Item = u64> + '_ {
+        let members = self.members.iter().copied();
+        members.filter(|members| *members != 0)
     }
 
     /// How many there are.
     pub(crate) fn len(&self) -> usize {
-        self.ranges().count()
+        self.members().count()
     }
 
     /// Their bounds.
     pub(crate) fn bounds(&self, boxes: &[Bounds]) -> Vec<Bounds> {
-        self.ranges().map(|range| union(&boxes[range])).collect()
+        let bound = |members: u64| {
+            let is_member = |(index, _): &(usize, &Bounds)| members >> index & 1 == 1;
+            let own = boxes.iter().enumerate().filter(is_member);
+            let own = own.map(|(_, bounds)| *bounds);
+            own.reduce(union).expect("a cluster has boxes")
+        };
+        self.members().map(bound).collect()
     }
 }
 
-fn union(boxes: &[Bounds]) -> Bounds {
-    let all = boxes.iter().copied();
-    let union = |a: Bounds, b: Bounds| Bounds {
+/// Boxes with their common bound.
+#[derive(Clone, Copy)]
+struct Part {
+    /// A bit each.
+    members: u64,
+    bound: Bounds,
+    cost: f32,
+}
+
+impl Part {
+    /// With its tests per group of rays: 1 of a single box; of a cluster 1 of its bound, and those of its boxes in the
+    /// share of groups that meet it.
+    fn new(members: u64, bound: Bounds, origin: Vec3) -> Self {
+        let cost = match members.count_ones() {
+            1 => 1.0,
+            count => 1.0 + share_of_groups(bound, origin) * count as f32,
+        };
+        Self {
+            members,
+            bound,
+            cost,
+        }
+    }
+}
+
+/// Boxes merged pair by pair, each time those that save the most, until no two save anything.
+fn merged(boxes: &[Bounds], origin: Vec3) -> Vec<Part> {
+    let single = |(index, bounds): (usize, &Bounds)| Part::new(1 << index, *bounds, origin);
+    let mut parts: Vec<Part> = boxes.iter().enumerate().map(single).collect();
+    loop {
+        let mut best = (0.0, None);
+        for (i, a) in parts.iter().enumerate() {
+            for (j, b) in parts.iter().enumerate().skip(i + 1) {
+                let both = Part::new(a.members | b.members, union(a.bound, b.bound), origin);
+                let saved = a.cost + b.cost - both.cost;
+                if saved > best.0 {
+                    best = (saved, Some((i, j, both)));
+                }
+            }
+        }
+        let (_, Some((i, j, both))) = best else {
+            return parts;
+        };
+        parts[i] = both;
+        parts.swap_remove(j);
+    }
+}
+
+pub(crate) fn union(a: Bounds, b: Bounds) -> Bounds {
+    Bounds {
         min: a.min.min(b.min),
         max: a.max.max(b.max),
-    };
-    all.reduce(union).expect("a cluster has boxes")
+    }
 }
 
 /// The share of groups of rays from `origin` of which some ray meets a bound.
 fn share_of_groups(bound: Bounds, origin: Vec3) -> f32 {
     let to_nearest = origin.clamp(bound.min, bound.max).distance(origin);
-    let to_middle = (0.5 * (bound.min + bound.max)).distance(origin);
-    let distance = to_nearest.midpoint(to_middle);
+    let to_middle = 0.5 * (bound.min + bound.max) - origin;
     if to_nearest == 0.0 {
         return 1.0;
     }
+    let distance = to_nearest.midpoint(to_middle.length());
     let extent = bound.max - bound.min;
-    let area = 2.0 * extent.dot(Vec3::new(extent.y, extent.z, extent.x));
-    // A convex body shows a quarter of its surface on average (Cauchy).
-    let share = 0.25 * area / (4.0 * std::f32::consts::PI * distance * distance);
+    let faces = Vec3::new(
+        extent.y * extent.z,
+        extent.z * extent.x,
+        extent.x * extent.y,
+    );
+    let seen = faces.dot(to_middle.normalize().abs());
+    let share = seen / (4.0 * std::f32::consts::PI * distance * distance);
     // A group enters a cluster for any one of its rays.
     1.0 - (1.0 - share.min(1.0)).powi(RAYS_APART)
 }
@@ -139,15 +176,24 @@ mod tests {
         ];
         let boxes = boxes(&[near, far].concat(), 0.2);
         let clusters = Clusters::new(&boxes, Vec3::ZERO);
-        assert!(clusters.ranges().eq(std::iter::once(4..8)));
+        assert!(clusters.members().eq([0b1111_0000]));
         let bounds = clusters.bounds(&boxes);
         assert_eq!(bounds[0].min, Vec3::new(8.8, -0.2, -0.2));
         assert_eq!(bounds[0].max, Vec3::new(9.2, 1.7, 0.2));
     }
 
     #[test]
+    fn neighbours_are_a_cluster_in_whatever_order_they_are() {
+        let sides = [[9.0, 0.0, 0.0], [-9.0, 0.0, 0.0]];
+        let center = |i: u8| Vec3::from(sides[usize::from(i % 2)]) + 0.1 * f32::from(i);
+        let centers: Vec<_> = (0..8).map(|i| center(i).to_array()).collect();
+        let clusters = Clusters::new(&boxes(&centers, 0.2), Vec3::ZERO);
+        assert!(clusters.members().eq([0b0101_0101, 0b1010_1010]));
+    }
+
+    #[test]
     fn few_and_many_boxes_are_no_clusters() {
-        for count in [0, 1, 2, 65, 70] {
+        for count in [0, 1, 65, 70] {
             let all = boxes(&vec![[9.0, 0.0, 0.0]; count], 0.1);
             assert_eq!(Clusters::new(&all, Vec3::ZERO).len(), 0, "{count}");
         }
@@ -157,28 +203,23 @@ mod tests {
     fn boxes_that_are_tested_apart_are_in_no_cluster_together() {
         let all = boxes(&[[9.0, 0.0, 0.0]; 45], 0.1);
         let clusters = Clusters::new(&all, Vec3::ZERO);
-        assert!(clusters.ranges().eq([0..32, 32..45]));
+        let (first, second) = (u64::from(u32::MAX), ((1 << 13) - 1) << 32);
+        assert!(clusters.members().eq([first, second]));
     }
 
     #[test]
     fn there_are_at_most_as_many_clusters_as_fit() {
-        // Sixteen groups, by turns on either side of the origin.
+        // Sixteen heaps all round the origin.
         let center = |i: u8| {
-            let side = if (i / 4).is_multiple_of(2) {
-                20.0
-            } else {
-                -20.0
-            };
-            [side, 0.1 * f32::from(i), 0.0]
+            let (sin, cos) = (f32::from(i / 4) * std::f32::consts::TAU / 16.0).sin_cos();
+            [20.0 * cos, 20.0 * sin, 0.1 * f32::from(i % 4)]
         };
         let centers: Vec<_> = (0..64).map(center).collect();
         let clusters = Clusters::new(&boxes(&centers, 0.05), Vec3::ZERO);
         assert_eq!(clusters.len(), Clusters::COUNT_MAX);
-        let mut end = 0;
-        for range in clusters.ranges() {
-            assert!(range.start >= end && range.len() == 4, "{range:?}");
-            end = range.end;
+        for members in clusters.members() {
+            let heap = members.trailing_zeros() / 4;
+            assert_eq!(members, 0b1111 << (4 * heap), "{members:b}");
         }
-        assert!(end <= 64);
     }
 }

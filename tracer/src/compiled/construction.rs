@@ -3,9 +3,7 @@
 use bytemuck::Zeroable as _;
 use glam::{DVec3, Quat, Vec3, Vec3Swizzles as _};
 
-#[cfg(feature = "gpu")]
 use super::all_bounds;
-#[cfg(feature = "gpu")]
 use super::clusters::Clusters;
 use super::cone::Cone;
 use super::material::with_number_discs;
@@ -51,9 +49,7 @@ impl CompiledScene {
             primitives: Vec::with_capacity(scene.objects.len()),
             bvh_use: BvhUse::default(),
             bvhs: Default::default(),
-            #[cfg(feature = "gpu")]
             box_clusters: Clusters::NONE,
-            #[cfg(feature = "gpu")]
             csg_clusters: Clusters::NONE,
             base_spheres: Vec::new(),
             cones: Vec::new(),
@@ -74,13 +70,11 @@ impl CompiledScene {
             compiled.spheres[index].allows_refracted_nee = compiled.allows_refracted_nee(index);
         }
         compiled.base_spheres.clone_from(&compiled.spheres);
-        #[cfg(feature = "gpu")]
         compiled.find_clusters();
         Ok(compiled)
     }
 
     /// For rays from the middle of the spheres; without any, from what is looked at.
-    #[cfg(feature = "gpu")]
     fn find_clusters(&mut self) {
         let centers = self.spheres.iter().map(|ball| Vec3::from(ball.center));
         let middle = match self.spheres.len() {

@@ -12,6 +12,7 @@ use glam::Vec3;
 use super::lanes::{Float, LANES, Mask, Vec3x};
 use super::rays::{DIRECTION_MIN, Rays};
 use crate::bvh::{Bounds, SLACK};
+use crate::compiled::clusters::{Clusters, union};
 
 /// A box round all rays of a packet at each distance from their origins.
 pub(super) struct Beam {
@@ -29,10 +30,25 @@ struct Face {
     inverse: f32,
 }
 
-/// Bounds of primitives, by [`LANES`] of them: corners of the smallest coordinates, then of the largest.
+/// Bounds of primitives, by [`LANES`] of them.
 pub(super) struct BoundsGroups {
-    groups: Vec<[[f32; LANES]; 6]>,
-    count: usize,
+    groups: Vec<BoundsGroup>,
+}
+
+struct BoundsGroup {
+    /// Corners of the smallest coordinates, then of the largest.
+    bounds: [[f32; LANES]; 6],
+    /// Primitives that are in no cluster, a bit each.
+    single: u32,
+    clusters: Vec<BoundsCluster>,
+}
+
+/// Primitives of a group that lie together: rays that do not meet their common bound meet none of them.
+struct BoundsCluster {
+    min: [f32; 3],
+    max: [f32; 3],
+    /// A bit each.
+    members: u32,
 }
 
 impl Beam {
@@ -137,28 +153,23 @@ impl Face {
 impl BoundsGroups {
     /// `reach` is an upper bound of the coordinates of primitives and of rays' origins together, by which bounds are
     /// widened.
-    pub(super) fn new(bounds: impl IntoIterator<Item = Bounds>, reach: f32) -> Self {
-        let (mut groups, mut count) = (Vec::<[[f32; LANES]; 6]>::new(), 0);
-        for bounds in bounds {
-            let lane = count % LANES;
-            count += 1;
-            if lane == 0 {
-                // Nothing meets what is not there.
-                let (min, max) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
-                groups.push([min, min, min, max, max, max]);
-            }
-            let Some(group) = groups.last_mut() else {
-                continue; // the first has begun one
-            };
-            // Beams are tested in f32 too. Without slack a ray that grazes a face could meet what its
-            // beam has left out, and the picture would depend on which rays share a packet.
-            let (min, max) = (bounds.min - reach * SLACK, bounds.max + reach * SLACK);
-            for axis in 0..3 {
-                group[axis][lane] = min[axis];
-                group[axis + 3][lane] = max[axis];
-            }
+    pub(super) fn new(
+        bounds: impl IntoIterator<Item = Bounds>,
+        clusters: Clusters,
+        reach: f32,
+    ) -> Self {
+        // Beams are tested in f32 too. Without slack a ray that grazes a face could meet what its
+        // beam has left out, and the picture would depend on which rays share a packet.
+        let widened = |bounds: Bounds| Bounds {
+            min: bounds.min - reach * SLACK,
+            max: bounds.max + reach * SLACK,
+        };
+        let all: Vec<Bounds> = bounds.into_iter().map(widened).collect();
+        let groups = all.chunks(LANES).enumerate();
+        let groups = groups.map(|(index, of_group)| BoundsGroup::new(of_group, index, clusters));
+        Self {
+            groups: groups.collect(),
         }
-        Self { groups, count }
     }
 
     /// How many groups there are.
@@ -167,16 +178,79 @@ impl BoundsGroups {
         self.groups.len()
     }
 
-    /// Indices of the primitives of a group that the beam may meet, in order; of all without a beam.
+    /// Indices of the primitives of a group that the beam may meet, in order; without a beam those that one of the rays
+    /// may meet before its `limit`.
     #[inline(always)]
-    pub(super) fn met<S: Simd>(&self, simd: S, group: usize, beam: Option<&Beam>) -> Indices {
+    pub(super) fn met<S: Simd>(
+        &self,
+        simd: S,
+        group: usize,
+        rays: &Rays<S>,
+        beam: Option<&Beam>,
+        limit: Float<S>,
+    ) -> Indices {
         let first = group * LANES;
+        let group = &self.groups[group];
         let bits = match beam {
-            Some(beam) => beam.meets(simd, &self.groups[group]),
-            // Never a shift by 32: a group begins only when a primitive is put into it.
-            None => u32::MAX >> (32 - LANES.min(self.count - first)),
+            Some(beam) => beam.meets(simd, &group.bounds),
+            None => group.met_by_rays(simd, rays, limit),
         };
         Indices { first, bits }
+    }
+}
+
+impl BoundsGroup {
+    /// The `index`-th group of the primitives, of these bounds.
+    fn new(of_group: &[Bounds], index: usize, clusters: Clusters) -> Self {
+        // Nothing meets what is not there.
+        let (min, max) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+        let mut bounds = [min, min, min, max, max, max];
+        for (lane, one) in of_group.iter().enumerate() {
+            for axis in 0..3 {
+                bounds[axis][lane] = one.min[axis];
+                bounds[axis + 3][lane] = one.max[axis];
+            }
+        }
+        let mut group = Self {
+            bounds,
+            single: u32::MAX >> (u32::BITS as usize - of_group.len()),
+            clusters: Vec::new(),
+        };
+        for members in clusters.members() {
+            // A cluster may be in several groups.
+            let members = (members.checked_shr((index * LANES) as u32)).unwrap_or(0);
+            let members = members as u32 & group.single;
+            if members.count_ones() < 2 {
+                continue;
+            }
+            let own = Indices {
+                first: 0,
+                bits: members,
+            };
+            let bound = own.map(|lane| of_group[lane]).reduce(union);
+            let bound = bound.expect("a cluster has boxes");
+            group.single &= !members;
+            group.clusters.push(BoundsCluster {
+                min: bound.min.into(),
+                max: bound.max.into(),
+                members,
+            });
+        }
+        group
+    }
+
+    #[inline(always)]
+    fn met_by_rays<S: Simd>(&self, simd: S, rays: &Rays<S>, limit: Float<S>) -> u32 {
+        let mut bits = self.single;
+        for cluster in &self.clusters {
+            let (near, far) = rays.slabs(simd, cluster.min, cluster.max);
+            let enter = near.x.max(near.y).max(near.z).max(0.0);
+            let leave = far.x.min(far.y).min(far.z).min(limit);
+            if enter.simd_le(leave).any_true() {
+                bits |= cluster.members;
+            }
+        }
+        bits
     }
 }
 
@@ -312,24 +386,25 @@ mod tests {
             max: Vec3::new(x + 0.2, y + 0.2, 0.1),
         };
         let bounds = (0..40).map(|i| at((i / 4) as f32, (i % 4) as f32 - 0.1));
-        let groups = BoundsGroups::new(bounds, 20.0);
+        let groups = BoundsGroups::new(bounds, Clusters::NONE, 20.0);
         let ahead = Beam::between(
             [-1.0, 0.0, 0.0],
             Vec3::new(1.0, -0.01, 0.0),
             Vec3::new(1.0, 0.01, 0.0),
         );
         for level in CpuTracer::levels_available() {
-            let met = dispatch!(level, simd => {
-                let groups = &groups;
-                let met = (0..groups.len()).flat_map(|group| groups.met(simd, group, Some(&ahead)));
-                met.collect::<Vec<usize>>()
+            let [met, all] = [Some(&ahead), None].map(|beam| {
+                dispatch!(level, simd => {
+                    let groups = &groups;
+                    let x = Vec3x::splat(simd, [1.0, 0.0, 0.0]);
+                    let rays = Rays::new(simd, x, x, Word::splat(simd, NONE));
+                    let limit = Float::splat(simd, f32::INFINITY);
+                    let met = (0..groups.len())
+                        .flat_map(|group| groups.met(simd, group, &rays, beam, limit));
+                    met.collect::<Vec<usize>>()
+                })
             });
             assert_eq!(met, (0..40).step_by(4).collect::<Vec<_>>(), "{level:?}");
-            let all = dispatch!(level, simd => {
-                let groups = &groups;
-                let met = (0..groups.len()).flat_map(|group| groups.met(simd, group, None));
-                met.collect::<Vec<usize>>()
-            });
             assert_eq!(all, (0..40).collect::<Vec<_>>(), "{level:?}");
         }
     }

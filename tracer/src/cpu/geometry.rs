@@ -13,6 +13,7 @@ use super::rays::{INSIDE, Nearest, Rays};
 use super::shapes::{AlignedBox, Disc, PackedPrimitive, Rectangle, Shape, Sphere};
 use super::triangle::Triangles;
 use crate::bvh::{Bounds, Bvh};
+use crate::compiled::clusters::Clusters;
 use crate::compiled::{CompiledScene, KIND_DIELECTRIC, ShapeKind};
 
 /// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of CSG boxes, triangles
@@ -49,24 +50,44 @@ impl Geometry {
         let kind = ShapeKind::Sphere;
         // Thresholds are the CPU's own, as measured for each shape; GPUs have others for the same BVH.
         let bvh = scene.bvh(kind, Sphere::BVH_MIN);
-        let spheres = PrimitiveSet::of(&scene.spheres, first(kind), bvh, reach, |data| {
-            Some((Sphere::numbers(data, reach)?, is_dielectric(data.material)))
-        });
+        let spheres = PrimitiveSet::of(
+            &scene.spheres,
+            first(kind),
+            bvh,
+            Clusters::NONE,
+            reach,
+            |data| Some((Sphere::numbers(data, reach)?, is_dielectric(data.material))),
+        );
         let kind = ShapeKind::Box;
         let bvh = scene.bvh(kind, AlignedBox::BVH_MIN);
-        let boxes = PrimitiveSet::of(&scene.boxes, first(kind), bvh, reach, |data| {
-            Some((AlignedBox::numbers(data), is_dielectric(data.material)))
-        });
+        let boxes = PrimitiveSet::of(
+            &scene.boxes,
+            first(kind),
+            bvh,
+            scene.box_clusters,
+            reach,
+            |data| Some((AlignedBox::numbers(data), is_dielectric(data.material))),
+        );
         let kind = ShapeKind::Disc;
         let bvh = scene.bvh(kind, Disc::BVH_MIN);
-        let discs = PrimitiveSet::of(&scene.discs, first(kind), bvh, reach, |data| {
-            Some((Disc::numbers(data), false))
-        });
+        let discs = PrimitiveSet::of(
+            &scene.discs,
+            first(kind),
+            bvh,
+            Clusters::NONE,
+            reach,
+            |data| Some((Disc::numbers(data), false)),
+        );
         let kind = ShapeKind::Rectangle;
         let bvh = scene.bvh(kind, Rectangle::BVH_MIN);
-        let rectangles = PrimitiveSet::of(&scene.rectangles, first(kind), bvh, reach, |data| {
-            Some((Rectangle::numbers(data), false))
-        });
+        let rectangles = PrimitiveSet::of(
+            &scene.rectangles,
+            first(kind),
+            bvh,
+            Clusters::NONE,
+            reach,
+            |data| Some((Rectangle::numbers(data), false)),
+        );
         let csg_faces_first = first(ShapeKind::CsgFace);
         let triangles_first = first(ShapeKind::Triangle);
         let area_lights_first = triangles_first + scene.meshes.triangles.len() as u32;
@@ -83,6 +104,7 @@ impl Geometry {
             &scene.area_lights,
             area_lights_first,
             None,
+            Clusters::NONE,
             area_lights_reach,
             |light| Some((Rectangle::area_light_numbers(light), false)),
         );
@@ -92,7 +114,11 @@ impl Geometry {
             discs,
             rectangles,
             csg_boxes,
-            csg_bounds: BoundsGroups::new(scene.csg_boxes.iter().map(Bounds::from), reach),
+            csg_bounds: BoundsGroups::new(
+                scene.csg_boxes.iter().map(Bounds::from),
+                scene.csg_clusters,
+                reach,
+            ),
             triangles: Triangles::new(scene, triangles_first, reach),
             area_lights,
             area_lights_first,
@@ -117,7 +143,10 @@ impl Geometry {
         self.rectangles.nearest(simd, rays, beam, &mut nearest);
         // A CSG box tells of its faces itself: which one is met is known only at the end of its walk.
         for group in 0..self.csg_bounds.len() {
-            for index in self.csg_bounds.met(simd, group, beam) {
+            for index in self
+                .csg_bounds
+                .met(simd, group, rays, beam, nearest.distance)
+            {
                 let csg_box = &self.csg_boxes[index];
                 if let Some((hit, t, face)) = csg_box.intersect(simd, rays, nearest.distance) {
                     nearest.distance = hit.select(t, nearest.distance);
@@ -166,7 +195,7 @@ impl Geometry {
         self.rectangles
             .occlude(simd, rays, beam, distance, &mut dark);
         for group in 0..self.csg_bounds.len() {
-            for index in self.csg_bounds.met(simd, group, beam) {
+            for index in self.csg_bounds.met(simd, group, rays, beam, distance) {
                 let csg_box = &self.csg_boxes[index];
                 if let Some((hit, ..)) = csg_box.intersect(simd, rays, distance) {
                     dark |= hit;
@@ -196,6 +225,7 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
         all: &[D],
         first: u32,
         bvh: Option<&Bvh>,
+        clusters: Clusters,
         reach: f32,
         numbers: impl Fn(&D) -> Option<([f32; N], bool)>,
     ) -> Self
@@ -212,14 +242,14 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
             let each: Vec<_> = each.map(|one| Some(one?.0)).collect();
             return Self {
                 each: Vec::new(),
-                bounds: BoundsGroups::new([], reach),
+                bounds: BoundsGroups::new([], Clusters::NONE, reach),
                 bvh: Some(Bvh16::new(bvh, &each)),
             };
         }
         let (each, bounds): (Vec<_>, Vec<_>) = each.flatten().unzip();
         Self {
             each,
-            bounds: BoundsGroups::new(bounds, reach),
+            bounds: BoundsGroups::new(bounds, clusters, reach),
             bvh: None,
         }
     }
@@ -237,7 +267,7 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
         }
         let frame = F::frame(simd, rays);
         for group in 0..self.bounds.len() {
-            for index in self.bounds.met(simd, group, beam) {
+            for index in self.bounds.met(simd, group, rays, beam, nearest.distance) {
                 let one = &self.each[index];
                 let met = F::intersect(rays, &frame, &one.splat(simd), nearest.distance);
                 nearest.update(met, one.id);
@@ -260,7 +290,7 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
         }
         let frame = F::frame(simd, rays);
         for group in 0..self.bounds.len() {
-            for index in self.bounds.met(simd, group, beam) {
+            for index in self.bounds.met(simd, group, rays, beam, distance) {
                 let one = &self.each[index];
                 if let Some((hit, _)) = F::intersect(rays, &frame, &one.splat(simd), distance) {
                     *dark |= hit;
@@ -300,7 +330,10 @@ mod tests {
     use crate::sampling::uniforms;
     use crate::scalar::{Ray, intersect};
     use crate::simd::{Level, dispatch};
-    use crate::{Camera, CpuTracer, Environment, Lens, Material, Mesh, Object, Scene, Shape};
+    use crate::{
+        Camera, CpuTracer, CsgSolid, Environment, Lens, Material, Mesh, Object, Scene, Shape,
+        Subtraction,
+    };
 
     type Six = [[f32; LANES]; 6];
 
@@ -466,6 +499,67 @@ mod tests {
                 assert!(worst < 5e-4, "shape {which}, {level:?}: {worst:e}");
             }
         }
+    }
+
+    /// Boxes and CSG boxes in heaps round the origin.
+    fn heaps() -> Vec<Shape> {
+        let solid = |i: u32, is_csg: bool| {
+            let heap = Vec3::from(
+                [(0.0, 3.0), (3.0, 0.0), (-3.0, 1.0)]
+                    .map(|(x, y)| if is_csg { x + y } else { x - y }),
+            );
+            let (aside, size, _) = random(i);
+            let middle = heap * (1.0 + f32::from(u8::from(i.is_multiple_of(2)))) + 0.4 * aside;
+            let (min, max) = (middle - 0.1 - 0.1 * size, middle + 0.2);
+            match is_csg {
+                false => Shape::Box { min, max },
+                true => Shape::CsgBox {
+                    min,
+                    max,
+                    subtractions: vec![Subtraction {
+                        solid: CsgSolid::Box {
+                            min: middle - 0.05,
+                            max: max + 0.1,
+                        },
+                        material: None,
+                    }],
+                },
+            }
+        };
+        let boxes = (0..20).flat_map(|i| [solid(i, false), solid(i + 40, true)]);
+        boxes.collect()
+    }
+
+    #[test]
+    fn clusters_leave_out_nothing_that_rays_meet() {
+        let clustered = scene(&heaps(), Vec3::ONE);
+        assert!(clustered.box_clusters.len() > 1 && clustered.csg_clusters.len() > 1);
+        let mut one_by_one = clustered.clone();
+        (one_by_one.box_clusters, one_by_one.csg_clusters) = (Clusters::NONE, Clusters::NONE);
+        let (clustered, one_by_one) = (Geometry::new(&clustered), Geometry::new(&one_by_one));
+        let mut met = 0;
+        for packet in 0..4_000 {
+            let rays: Vec<_> = (0..LANES as u32)
+                .map(|lane| {
+                    let (origin, c, _) = random(packet * LANES as u32 + lane);
+                    let (towards, ..) = random(packet * LANES as u32 + lane + (1 << 20));
+                    (origin * 4.0 * c, towards)
+                })
+                .collect();
+            let six: Six = std::array::from_fn(|i| {
+                std::array::from_fn(|lane| {
+                    let (origin, direction) = rays[lane];
+                    if i < 3 { origin[i] } else { direction[i - 3] }
+                })
+            });
+            for level in CpuTracer::levels_available() {
+                let [expected, found] = [&one_by_one, &clustered]
+                    .map(|geometry| dispatch!(level, simd => nearest_hits(simd, geometry, &six)));
+                assert_eq!(found, expected, "{level:?}, packet {packet}");
+                met += found.1.iter().filter(|id| **id != NONE).count();
+            }
+        }
+        assert!(met > 5_000, "only {met} rays meet anything");
     }
 
     #[test]

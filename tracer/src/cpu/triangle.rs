@@ -13,6 +13,7 @@ use super::shapes::{PackedPrimitive, Primitives, Shape, join};
 use super::shared_edges::SharedEdges;
 use crate::CompiledScene;
 use crate::bvh::Bounds;
+use crate::compiled::clusters::Clusters;
 use crate::compiled::{
     AlphaTest, CompiledTextures, KIND_DIELECTRIC, MaterialData, ShapeKind, TriangleColors,
     TriangleData, TriangleUvs, corner_weights,
@@ -242,7 +243,7 @@ impl Triangles {
             let alpha_filter = AlphaFilter::new(scene, first);
             return Self {
                 each: each().collect(),
-                bounds: BoundsGroups::new(bounds, reach),
+                bounds: BoundsGroups::new(bounds, Clusters::NONE, reach),
                 shared_edges: match alpha_filter {
                     None => shared_edges(scene, first),
                     Some(_) => None,
@@ -259,7 +260,7 @@ impl Triangles {
         });
         Self {
             each: Vec::new(),
-            bounds: BoundsGroups::new([], reach),
+            bounds: BoundsGroups::new([], Clusters::NONE, reach),
             shared_edges: None,
             bvh: Some(bvh),
             alpha_filter: AlphaFilter::new(scene, first),
@@ -297,7 +298,7 @@ impl Triangles {
             || {
                 let axes = Triangle::frame(simd, rays);
                 for group in 0..self.bounds.len() {
-                    for index in self.bounds.met(simd, group, beam) {
+                    for index in self.bounds.met(simd, group, rays, beam, nearest.distance) {
                         let one = &self.each[index];
                         let triangle = one.splat(simd);
                         let mut met = Triangle::intersect(rays, &axes, &triangle, nearest.distance);
@@ -337,7 +338,7 @@ impl Triangles {
             || {
                 let axes = Triangle::frame(simd, rays);
                 for group in 0..self.bounds.len() {
-                    for index in self.bounds.met(simd, group, beam) {
+                    for index in self.bounds.met(simd, group, rays, beam, distance) {
                         let one = &self.each[index];
                         let triangle = one.splat(simd);
                         let met = Triangle::intersect(rays, &axes, &triangle, distance);

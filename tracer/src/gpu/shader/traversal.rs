@@ -1,6 +1,7 @@
 //! Traversal: how rays find the nearest of a scene's primitives, and what they meet there.
 
 use std::fmt::Write as _;
+use std::ops::Range;
 
 use crate::compiled::ShapeKind;
 use crate::compiled::clusters::Clusters;
@@ -65,30 +66,44 @@ pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
         let first = group * Clusters::GROUP;
         let literal = format!("{first}u");
         _ = writeln!(text, "    if (first == {literal}) {{");
-        let mut next = 0;
-        for (index, range) in clusters.ranges().enumerate() {
-            if range.start / Clusters::GROUP != group {
+        let end = (count - first).min(Clusters::GROUP);
+        let mut single = u64::from(u32::MAX >> (u32::BITS as usize - end)) << first;
+        for (index, members) in clusters.members().enumerate() {
+            if members.trailing_zeros() as usize / Clusters::GROUP != group {
                 continue;
             }
-            let range = range.start - first..range.end - first;
-            text += &each(&literal, next, &format!("{}u", range.start));
+            single &= !members;
             let bound = count + index;
             _ = writeln!(
                 text,
                 "    if (may_meet_box(prepared, scene.{name}_bounds[{bound}], t_max)) {{"
             );
-            next = range.end;
-            text += &each(&literal, range.start, &format!("{next}u"));
+            for run in runs(members >> first) {
+                text += &each(&literal, run.start, &format!("{}u", run.end));
+            }
             text += "    }\n";
         }
-        let end = (count - first).min(Clusters::GROUP);
-        text += &each(&literal, next, &format!("{end}u"));
+        for run in runs(single >> first) {
+            text += &each(&literal, run.start, &format!("{}u", run.end));
+        }
         text += "    return candidates;\n    }\n";
     }
     if groups > Clusters::GROUPS_MAX {
         text += &each("first", 0, &format!("min({count}u - first, 32u)"));
     }
     text + "    return candidates;\n}\n"
+}
+
+/// The bits of a mask that are set, by those that follow each other.
+fn runs(mut mask: u64) -> Vec<Range<usize>> {
+    let mut runs = Vec::new();
+    while mask != 0 {
+        let start = mask.trailing_zeros() as usize;
+        let end = start + (mask >> start).trailing_ones() as usize;
+        runs.push(start..end);
+        mask &= u64::MAX.checked_shl(end as u32).unwrap_or(0);
+    }
+    runs
 }
 
 /// The nearest surface along a ray, and whether anything is in the way of one to an area light.
