@@ -54,11 +54,13 @@ impl Clusters {
     }
 
     /// How many there are.
+    #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn len(&self) -> usize {
         self.members().count()
     }
 
     /// Their bounds.
+    #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn bounds(&self, boxes: &[Bounds]) -> Vec<Bounds> {
         let bound = |members: u64| {
             let is_member = |(index, _): &(usize, &Bounds)| members >> index & 1 == 1;
@@ -163,7 +165,7 @@ mod tests {
     #[test]
     fn distant_neighbours_are_a_cluster_and_what_is_round_the_origin_is_not() {
         let near = [
-            [1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0],
             [-1.0, 0.0, 0.0],
             [0.0, 1.0, 0.0],
             [0.0, -1.0, 0.0],
@@ -209,13 +211,13 @@ mod tests {
 
     #[test]
     fn there_are_at_most_as_many_clusters_as_fit() {
-        // Sixteen heaps all round the origin.
+        // Twice a heap at each corner of a cube round the origin.
         let center = |i: u8| {
-            let (sin, cos) = (f32::from(i / 4) * std::f32::consts::TAU / 16.0).sin_cos();
-            [20.0 * cos, 20.0 * sin, 0.1 * f32::from(i % 4)]
+            let corner = [0, 1, 2].map(|axis| if i / 4 >> axis & 1 == 1 { 2.0 } else { -2.0 });
+            (Vec3::from(corner) + 0.1 * f32::from(i % 4)).to_array()
         };
         let centers: Vec<_> = (0..64).map(center).collect();
-        let clusters = Clusters::new(&boxes(&centers, 0.05), Vec3::ZERO);
+        let clusters = Clusters::new(&boxes(&centers, 0.5), Vec3::ZERO);
         assert_eq!(clusters.len(), Clusters::COUNT_MAX);
         for members in clusters.members() {
             let heap = members.trailing_zeros() / 4;

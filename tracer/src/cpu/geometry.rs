@@ -95,19 +95,6 @@ impl Geometry {
         let csg_boxes = csg_boxes
             .map(|c| CsgBox::new(c, &scene.csg_faces, csg_faces_first))
             .collect();
-        let far = |bounds: Bounds| bounds.min.abs().max(bounds.max.abs()).element_sum();
-        let far = scene.area_lights.iter().map(|light| far(light.into()));
-        let area_lights_reach = far.fold(reach, |reach, far| reach.max(2.0 * far));
-        // Not by `reach`, which has no area lights in it; a light far outside of the scene rounds by its
-        // own coordinates.
-        let area_lights = PrimitiveSet::of(
-            &scene.area_lights,
-            area_lights_first,
-            None,
-            Clusters::NONE,
-            area_lights_reach,
-            |light| Some((Rectangle::area_light_numbers(light), false)),
-        );
         Self {
             spheres,
             boxes,
@@ -120,7 +107,7 @@ impl Geometry {
                 reach,
             ),
             triangles: Triangles::new(scene, triangles_first, reach),
-            area_lights,
+            area_lights: area_lights(scene, area_lights_first, reach),
             area_lights_first,
             has_dielectric: has_dielectric(scene),
         }
@@ -298,6 +285,19 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
             }
         }
     }
+}
+
+/// Of ids from `first` on.
+fn area_lights(scene: &CompiledScene, first: u32, reach: f32) -> PrimitiveSet<Rectangle, 12> {
+    let far = |bounds: Bounds| bounds.min.abs().max(bounds.max.abs()).element_sum();
+    let far = scene.area_lights.iter().map(|light| far(light.into()));
+    // Not by `reach`, which has no area lights in it; a light far outside of the scene rounds by its
+    // own coordinates.
+    let reach = far.fold(reach, |reach, far| reach.max(2.0 * far));
+    let all = &scene.area_lights;
+    PrimitiveSet::of(all, first, None, Clusters::NONE, reach, |light| {
+        Some((Rectangle::area_light_numbers(light), false))
+    })
 }
 
 fn has_dielectric(scene: &CompiledScene) -> bool {
@@ -530,12 +530,20 @@ mod tests {
         boxes.collect()
     }
 
+    fn middle(shape: &Shape) -> Vec3 {
+        match shape {
+            Shape::Box { min, max } | Shape::CsgBox { min, max, .. } => 0.5 * (*min + *max),
+            other => panic!("no heap has a {other:?}"),
+        }
+    }
+
     #[test]
     fn clusters_leave_out_nothing_that_rays_meet() {
         let clustered = scene(&heaps(), Vec3::ONE);
         assert!(clustered.box_clusters.len() > 1 && clustered.csg_clusters.len() > 1);
         let mut one_by_one = clustered.clone();
         (one_by_one.box_clusters, one_by_one.csg_clusters) = (Clusters::NONE, Clusters::NONE);
+        let middles: Vec<Vec3> = heaps().iter().map(middle).collect();
         let (clustered, one_by_one) = (Geometry::new(&clustered), Geometry::new(&one_by_one));
         let mut met = 0;
         for packet in 0..4_000 {
@@ -543,7 +551,14 @@ mod tests {
                 .map(|lane| {
                     let (origin, c, _) = random(packet * LANES as u32 + lane);
                     let (towards, ..) = random(packet * LANES as u32 + lane + (1 << 20));
-                    (origin * 4.0 * c, towards)
+                    let origin = origin * 4.0 * c;
+                    // Half of them aim near a box.
+                    let at = middles[(packet + 7 * lane) as usize % middles.len()];
+                    let direction = match lane % 2 {
+                        0 => towards,
+                        _ => (at + 0.2 * towards - origin).normalize(),
+                    };
+                    (origin, direction)
                 })
                 .collect();
             let six: Six = std::array::from_fn(|i| {
