@@ -8,6 +8,7 @@ mod fuzz;
 use std::path::Path;
 
 use fuzz::TARGETS;
+use rayon::iter::{IntoParallelIterator, IntoParallelRefIterator, ParallelIterator};
 
 /// Mutations of each input; fewer where each is a whole match.
 fn mutations(target: &str) -> u64 {
@@ -16,16 +17,16 @@ fn mutations(target: &str) -> u64 {
 
 #[test]
 fn regression_inputs_break_no_law() {
-    for (name, target, seeds) in TARGETS {
+    TARGETS.into_par_iter().for_each(|(name, target, seeds)| {
         let mut inputs = seeds();
         inputs.extend(regressions(name));
-        for input in &inputs {
+        inputs.par_iter().for_each(|input| {
             target(input);
             for seed in 0..mutations(name) {
                 target(&mutated(input, &inputs, seed));
             }
-        }
-    }
+        });
+    });
 }
 
 #[test]
