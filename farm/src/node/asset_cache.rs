@@ -1,9 +1,9 @@
-//! Cache of scenes' chunks in a folder: bounded, checked when it is read, shared by the nodes of a machine.
+//! Cache of scene chunks in a folder: bounded, verified on reading, shared by the nodes of a machine.
 //!
-//! A chunk is a file, named by the hash of its bytes and written whole, so nodes that share the folder need no
-//! agreement: whoever writes a chunk writes the same. When a file was last used stands in its time of modification;
-//! what was not used for longest goes first, and before it what was used in the future, by a clock that has been set
-//! since. A file that does not hash to its name is removed.
+//! A chunk is a file named by the hash of its contents and replaced atomically, so nodes that share the
+//! folder need no coordination: all write the same bytes under a name. The modification time of a file is
+//! its last use. Eviction is by least recent use, after files with a time in the future, which a clock has
+//! set that has been corrected since. A file whose contents do not match its name is removed.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Read as _, Write as _};
@@ -18,23 +18,23 @@ use carom_protocol::session::ChunkStore;
 use crate::lock::lock;
 use crate::whole_file::WholeFile;
 
-/// Chunks of scenes in a folder. Other files in there are left alone.
+/// Chunks of scenes in a folder. Other files in the folder are left alone.
 #[derive(Debug)]
 pub struct AssetCache {
     folder: PathBuf,
     bytes_max: u64,
-    /// Bytes written since the folder was last looked through.
+    /// Bytes written since the folder was last scanned.
     written: Mutex<u64>,
-    /// A full disk is told of once, not for each chunk.
+    /// Whether a failure has been logged: a full disk is reported once, not per chunk.
     has_failed: AtomicBool,
 }
 
 impl AssetCache {
-    /// A cache of at most `bytes_max` bytes in `folder`, which is made if it is not there. The bound holds for up to
-    /// eight nodes that share a folder; each one beyond may exceed it by a thirty-second.
+    /// Opens a cache of at most `bytes_max` bytes in `folder`, which is created if absent. The limit holds
+    /// for up to eight nodes that share a folder; each further one may exceed it by 1/32.
     ///
     /// # Errors
-    /// The system's, if the folder cannot be made, read or written.
+    /// The I/O error if the folder cannot be created, read or written.
     pub fn open(folder: impl Into<PathBuf>, bytes_max: u64) -> io::Result<Self> {
         let folder = folder.into();
         fs::create_dir_all(&folder)?;
@@ -52,8 +52,8 @@ impl AssetCache {
         Ok(cache)
     }
 
-    /// `carom/assets` in the user's folder for caches: `$XDG_CACHE_HOME` or `~/.cache` and the like, if the platform
-    /// has one.
+    /// `carom/assets` in the user's cache folder, `$XDG_CACHE_HOME` or `~/.cache` or the platform's
+    /// equivalent, if there is one.
     #[cfg(feature = "cli")]
     pub fn user_folder() -> Option<PathBuf> {
         use etcetera::BaseStrategy as _;
@@ -76,7 +76,8 @@ impl AssetCache {
         Ok(())
     }
 
-    /// Removes the chunks that were not used for longest until with so many bytes more three quarters are taken.
+    /// Removes the least recently used chunks until three quarters of the limit are taken, including
+    /// `bytes` to be written.
     fn evict(&self, bytes: u64, now: SystemTime) -> io::Result<()> {
         let latest = now + CLOCK_DIFFERENCE_MAX;
         let mut files = Vec::new();
@@ -94,11 +95,10 @@ impl AssetCache {
                 files.push((used, entry.path(), found.len()));
             }
         }
-        // By time first; `None`, for times in the future, comes before all others.
+        // By time; `None`, for times in the future, sorts before all others.
         files.sort();
         let all: u64 = files.iter().map(|(_, _, bytes)| bytes).sum();
-        // The quarter that is left is what eight nodes write, a thirty-second each, before they look
-        // again.
+        // The remaining quarter is what eight nodes write, 1/32 each, before they scan again.
         let most = self.bytes_max / 4 * 3;
         let mut excess = (all + bytes).saturating_sub(most);
         for (_, path, bytes) in files {
@@ -125,9 +125,9 @@ impl AssetCache {
 impl ChunkStore for AssetCache {
     fn read(&self, chunk: &ChunkKey) -> Option<Vec<u8>> {
         let path = self.path(chunk);
-        // Windows changes times of files alone that may be written.
+        // Opened for writing, as Windows changes the times only of such files.
         let mut file = OpenOptions::new().read(true).write(true).open(&path).ok()?;
-        // Of another length it is spoiled, or the key is wrong; if it comes, it is replaced.
+        // With another length it is corrupt, or the key is wrong; a new copy replaces it.
         if file.metadata().ok()?.len() != u64::from(chunk.bytes) {
             return None;
         }
@@ -143,7 +143,7 @@ impl ChunkStore for AssetCache {
 
     fn write(&self, chunk: &ChunkKey, bytes: &[u8]) {
         match self.try_write(chunk, bytes) {
-            // Another node is writing the same.
+            // Another node is writing the same chunk.
             Err(why) if why.kind() == ErrorKind::AlreadyExists => {}
             Err(why) if !self.has_failed.swap(true, Ordering::Relaxed) => tracing::warn!(
                 "parts of scenes are not kept in {}: {why}",
@@ -154,7 +154,7 @@ impl ChunkStore for AssetCache {
     }
 }
 
-/// Whether a file of that name is a chunk, or what a killed node has left of one.
+/// Whether a file name is that of a chunk, or of a partial chunk left by a killed node.
 fn is_of_cache(name: &str) -> bool {
     let name = name.strip_suffix(".partial").unwrap_or(name);
     let name = name.strip_prefix('.').unwrap_or(name);
@@ -165,9 +165,9 @@ fn is_of_cache(name: &str) -> bool {
 }
 
 const EXTENSION: &str = "chunk";
-/// How far the clock of a file server may be ahead of this machine's.
+/// Maximum by which a file server's clock may be ahead of this machine's.
 const CLOCK_DIFFERENCE_MAX: Duration = Duration::from_secs(3600);
-/// The folder is looked through when one of so many parts of it has been written.
+/// The folder is scanned each time that this part of its limit has been written.
 const SCAN_PARTS: u64 = 32;
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! Compilation of the scenes of requests, beside the device: one at a time by turns of the players, within a bound on
+//! Compilation of scenes on a thread beside the device: one at a time, players in turn, within a limit on
 //! the memory of all compiled scenes.
 //!
-//! A compressed texture of some kilobytes may take a hundred megabytes and a second to decode: neither may come out
-//! of the device's time, of which others wait for their part.
+//! A compressed texture of some kilobytes may take a hundred megabytes and a second to decode: neither may
+//! come out of the device time of other players.
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
@@ -17,7 +17,7 @@ use super::fair_queue::{FairQueue, PlayerId};
 use super::job::UncompiledJob;
 use crate::lock::lock;
 
-/// The scenes that a node has compiled, and the jobs whose scenes are to be.
+/// The compiled scenes of a node, and the jobs that wait for a compilation.
 pub(super) struct SceneCompiler {
     state: Mutex<CompilerState>,
     changed: Condvar,
@@ -25,7 +25,7 @@ pub(super) struct SceneCompiler {
 
 struct CompilerState {
     waiting: FairQueue<UncompiledJob>,
-    /// The one that was used last is the first.
+    /// Compiled scenes, the most recently used first.
     kept: VecDeque<KeptScene>,
     bytes_max: u64,
     closed: bool,
@@ -35,7 +35,7 @@ struct KeptScene {
     hash: SceneHash,
     scene: Arc<CompiledScene>,
     bytes: u64,
-    /// Who asked for it first.
+    /// The player that requested it first.
     player: PlayerId,
 }
 
@@ -60,22 +60,22 @@ impl Default for SceneCompiler {
 }
 
 impl SceneCompiler {
-    /// Bounds the memory of all compiled scenes.
+    /// Limits the memory of all compiled scenes, in bytes.
     pub(super) fn set_bytes_max(&self, bytes: u64) {
         lock(&self.state).bytes_max = bytes;
     }
 
-    /// How much of that a player may have.
+    /// The part of that limit that a player may use, in bytes.
     pub(super) fn player_bytes_max(&self) -> u64 {
         lock(&self.state).bytes_max / PLAYER_PARTS
     }
 
-    /// A scene that is compiled already.
+    /// A scene that is already compiled.
     pub(super) fn kept(&self, hash: SceneHash) -> Option<Arc<CompiledScene>> {
         lock(&self.state).take_kept(hash)
     }
 
-    /// Has the job's scene compiled.
+    /// Queues a job for the compilation of its scene.
     pub(super) fn push(&self, job: UncompiledJob) {
         let mut state = lock(&self.state);
         if !state.closed {
@@ -84,7 +84,7 @@ impl SceneCompiler {
         }
     }
 
-    /// Waits for a job whose scene is to be compiled; `None` when the node is dropped.
+    /// Waits for the next job to compile; `None` when the node is dropped.
     pub(super) fn next(&self) -> Option<UncompiledJob> {
         let mut state = lock(&self.state);
         loop {
@@ -101,7 +101,7 @@ impl SceneCompiler {
         }
     }
 
-    /// A job whose scene is to be compiled, if one waits.
+    /// The next job to compile, if one waits.
     #[cfg(test)]
     pub(super) fn try_next(&self) -> Option<UncompiledJob> {
         lock(&self.state).next()
@@ -163,8 +163,8 @@ impl CompilerState {
         Some(scene)
     }
 
-    /// Drops scenes that no request needs, those first that were not used for longest, until another of so many bytes
-    /// fits. The player of this process has its node to itself.
+    /// Drops unused scenes, the least recently used first, until another one of `bytes` fits. The player of
+    /// this process is not limited to its part.
     fn make_room(&mut self, bytes: u64, player: PlayerId) -> Result<(), RefusalReason> {
         let is_local = player == PlayerId::LOCAL;
         let share = self.bytes_max / PLAYER_PARTS;
@@ -190,9 +190,9 @@ impl CompilerState {
                 |kept: &KeptScene| !kept.is_in_use() && (own_fits || kept.player == player);
             match self.kept.iter().rposition(is_unused) {
                 Some(unused) => drop(self.kept.remove(unused)),
-                // As many scenes are in use as there are players with scenes of their own.
+                // More scenes than usual are in use, one or more per player.
                 None if fits => return Ok(()),
-                // Requests of other scenes have the memory until they are done.
+                // The memory is held by requests for other scenes until these are done.
                 None => return Err(RefusalReason::Busy),
             }
         }
@@ -204,8 +204,8 @@ impl CompilerState {
     }
 }
 
-/// What a scene will take once compiled, known before anything is decoded: texels with their smaller levels, triangles
-/// with their BVH, and the other objects.
+/// Memory of a scene once compiled, predicted before anything is decoded: texels with their mip levels (Σ
+/// 4⁻ⁱ = 4/3), triangles with their BVH, and the other objects.
 fn predicted_bytes(scene: &Scene) -> Result<u64, SceneError> {
     let texels = scene.texture_bytes()?;
     let triangles = scene.objects.iter().map(|object| match &object.shape {
@@ -222,11 +222,11 @@ fn invalid(why: &impl ToString) -> RefusalReason {
     RefusalReason::Invalid(why.to_string())
 }
 
-/// Memory of all compiled scenes of a node where nothing else is said.
+/// Default limit of the memory of all compiled scenes of a node, in bytes.
 pub(super) const SCENE_BYTES_MAX: u64 = 1 << 30;
-/// A player may have one of so many parts of it.
+/// A player may use one of so many parts of it.
 const PLAYER_PARTS: u64 = 2;
-/// Compiled scenes that a node keeps, but for those in use.
+/// Maximum number of compiled scenes, unless more are in use.
 const SCENES_KEPT_MAX: usize = 8;
 const TRIANGLE_BYTES: u64 = 256;
 const OBJECT_BYTES: u64 = 256;

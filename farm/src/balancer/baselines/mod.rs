@@ -15,7 +15,7 @@ pub use pull::Pull;
 
 use super::{Division, Shares, in_proportion};
 
-/// Shorter responses are below the resolution that durations are measured with.
+/// Lower limit of response times in seconds, about the resolution of the clock.
 const RESPONSE_SECS_MIN: f64 = 1e-6;
 
 /// The weight of each node; one that has none counts as the mean of the others.
@@ -30,7 +30,8 @@ fn known_or_mean(weights: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
     weights.map(|weight| weight.unwrap_or(mean)).collect()
 }
 
-/// In proportion to the weights, but nobody gets less than a tile: it would not be measured again.
+/// Shares in proportion to the weights, but at least a tile each: a node without work would not be measured
+/// again.
 fn at_least_a_tile(division: &Division<'_>, weights: &[f64]) -> Shares {
     let mut shares = in_proportion(division.work, weights);
     for share in &mut shares {
