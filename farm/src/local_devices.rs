@@ -1,4 +1,4 @@
-//! The tracers of this machine.
+//! Tracers of this machine's devices.
 
 use std::sync::Arc;
 
@@ -9,8 +9,8 @@ use carom_tracer::{GpuTracer, gpu::AdapterChoice};
 #[cfg(feature = "gpu")]
 use crate::multi_device::MultiDeviceTracer;
 
-/// All that this machine traces with: every real GPU that passes its probe, and the CPU with
-/// `threads` threads, 0 for one per core.
+/// All devices of this machine: every hardware GPU that passes its self-test, and the CPU with `threads`
+/// threads, 0 for one per core.
 ///
 /// # Errors
 /// [`Error::Device`] if the system refuses threads.
@@ -36,7 +36,7 @@ pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(MultiDeviceTracer::new(devices, absent)))
 }
 
-/// A real GPU that passes its probe.
+/// A hardware GPU that passes its self-test.
 ///
 /// # Errors
 /// [`Error::Device`] if there is none.
@@ -45,7 +45,7 @@ pub(crate) fn gpu() -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(GpuTracer::new(&AdapterChoice::Gpu)?))
 }
 
-/// Without the feature `gpu` this machine traces with its CPU alone.
+/// Without the feature `gpu`, the CPU alone.
 #[cfg(not(feature = "gpu"))]
 pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     cpu(threads)

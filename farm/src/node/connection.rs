@@ -57,7 +57,7 @@ pub trait PacketHandler {
     /// Handles the progress of a scene's assembly, in place of its packets.
     ///
     /// # Errors
-    /// The rule that the other side broke.
+    /// The protocol rule that the peer broke.
     fn handle_scene(
         &mut self,
         progress: Result<SceneProgress, carom_protocol::Error>,
@@ -90,7 +90,7 @@ pub trait PacketHandler {
     }
 }
 
-/// The transport's end of a client's session.
+/// Transport's end of a client's session.
 pub struct NodeConnection {
     client: Arc<ClientConnection>,
     queue: Arc<JobQueue>,

@@ -121,7 +121,7 @@ impl Node {
 }
 
 impl Drop for Node {
-    /// Ends the workers, but waits for a hanging device no longer than [`WORKERS_TIMEOUT`].
+    /// Ends the workers, but waits for a hanging device no longer than a second.
     fn drop(&mut self) {
         self.queue.close(WORKERS_TIMEOUT);
     }

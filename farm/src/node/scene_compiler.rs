@@ -107,7 +107,7 @@ impl SceneCompiler {
         lock(&self.state).next()
     }
 
-    /// Compiles a job's scene, or says why not.
+    /// Compiles a job's scene. An error is the reason for refusing the job.
     pub(super) fn compile(&self, job: &UncompiledJob) -> Result<Arc<CompiledScene>, RefusalReason> {
         let (hash, player) = (job.request.scene, job.client.player);
         let begun = Instant::now();
@@ -117,7 +117,7 @@ impl SceneCompiler {
             if let Some(scene) = state.take_kept(hash) {
                 return Ok(scene);
             }
-            // The room stays free while the lock is not held: one thread alone compiles.
+            // The room stays free while the lock is released, as only one thread compiles.
             state.make_room(predicted, player)?;
         }
         // Without the lock, as compiling a large scene takes long.
@@ -140,7 +140,7 @@ impl SceneCompiler {
         lock(&self.state).waiting.retain(|job| !is_cancelled(job));
     }
 
-    /// Drops everything; no job is handed out any more.
+    /// Drops all jobs and scenes; no job is handed out any more.
     pub(super) fn close(&self) {
         let mut state = lock(&self.state);
         state.closed = true;
