@@ -23,7 +23,7 @@ use crate::lock::lock;
 use crate::submission::{Priority, SceneHandle, Submission};
 use crate::submitter::Submitter;
 
-/// A picture that is being accumulated.
+/// A picture while its samples accumulate.
 #[derive(Clone, Debug)]
 pub struct AccumulatedRender {
     spec: FrameSpec,
@@ -45,7 +45,7 @@ pub struct AccumulatedRender {
 pub struct SampleBatch {
     /// Mean of the samples, in linear light.
     pub frame: Frame,
-    /// Samples of each pixel.
+    /// Samples per pixel.
     pub samples: u32,
 }
 
@@ -185,7 +185,7 @@ impl AccumulatedRender {
         &self.spec
     }
 
-    /// Samples of the next frame.
+    /// Samples per pixel of the next frame.
     fn next_samples(&self) -> u32 {
         let FrameSpec { size, settings, .. } = &self.spec;
         let left = settings.samples.saturating_sub(self.next_sample);

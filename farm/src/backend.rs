@@ -65,7 +65,7 @@ pub struct OpenBackend {
 /// Opens one back end, or all that this machine has; the log names the missing ones.
 ///
 /// # Errors
-/// That of the requested back end, if it cannot be opened.
+/// The error of the requested back end, if it cannot be opened.
 pub fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<OpenBackend>, Error> {
     if let Some(backend) = wanted {
         let tracer = backend.open(threads)?;
@@ -85,7 +85,7 @@ pub fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<OpenBacke
 /// has reached its full clock, after some 0.1 s.
 ///
 /// # Errors
-/// Those of `work`.
+/// The errors of `work`.
 pub fn wake<E>(tracer: &dyn Tracer, mut work: impl FnMut() -> Result<(), E>) -> Result<(), E> {
     work()?;
     let begun = Instant::now();
@@ -95,6 +95,7 @@ pub fn wake<E>(tracer: &dyn Tracer, mut work: impl FnMut() -> Result<(), E>) -> 
     Ok(())
 }
 
+/// Duration of the warm-up of a GPU.
 const WAKING: Duration = Duration::from_millis(300);
 
 /// The devices of a node.
@@ -109,10 +110,10 @@ pub enum NodeBackend {
 }
 
 impl NodeBackend {
-    /// Opens the back end; 0 threads are one per core.
+    /// Opens the back end; 0 threads means one per core.
     ///
     /// # Errors
-    /// No such device, or one that fails its probe.
+    /// No such device, or one that fails its self-test.
     pub fn open(self, threads: usize) -> Result<Arc<dyn Tracer>, Error> {
         match self {
             Self::Auto => local_devices::auto(threads),

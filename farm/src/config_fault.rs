@@ -22,7 +22,7 @@ pub enum ConfigFault {
     Line {
         /// The file.
         path: PathBuf,
-        /// Counted from 1.
+        /// Line number, counted from 1.
         line: usize,
         /// The beginning of the line.
         excerpt: String,

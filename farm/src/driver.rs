@@ -243,6 +243,7 @@ impl Driver {
         self.board_stale = true;
         match input {
             DriverInput::Link(node, link, events) => {
+                // Events of a dropped link may still be in the channel when its index has a new node.
                 let is_current = self.link_ids[node.0] == link;
                 for event in events.into_iter().filter(|_| is_current) {
                     let is_lost = matches!(event, LinkEvent::Lost { .. });

@@ -82,7 +82,7 @@ pub enum Error {
         /// The parser's reason.
         reason: String,
     },
-    /// Every user of the machine can read a key.
+    /// A key is readable by every user of the machine.
     #[error(
         "{}: every user of this machine can read this key (its mode is {mode:o}, 600 is right): run \
          `chmod 600 {}`, and renew it if somebody may have",

@@ -24,7 +24,7 @@ pub enum FarmEvent {
     },
     /// A frame is complete.
     Frame {
-        /// Which.
+        /// Id of the frame.
         id: FrameId,
         /// Its statistics.
         stats: Box<FrameStats>,

@@ -44,7 +44,7 @@ struct RemoteNodes {
 }
 
 impl RemoteNodes {
-    /// `None` if there are no remote nodes.
+    /// Opens what the remote nodes of a configuration need; `None` if it has none.
     ///
     /// # Errors
     /// Faults of the configuration or of the credentials.

@@ -161,7 +161,7 @@ pub struct LiveFrame {
     pub id: FrameId,
     /// Size in pixels.
     pub size: ImageSize,
-    /// Samples of each pixel.
+    /// Samples per pixel.
     pub samples: u32,
     /// Its statistics.
     pub stats: FrameStats,
@@ -287,7 +287,7 @@ impl LiveView {
     /// Sets the size in pixels, as when a window is resized.
     ///
     /// # Errors
-    /// [`Error::Tracer`] if there are none or too many.
+    /// [`Error::Tracer`] if there are no pixels or too many.
     pub fn resize(&mut self, width: u32, height: u32) -> Result<(), Error> {
         self.change(|_, size| *size = ImageSize::new(width, height))
     }

@@ -13,7 +13,7 @@ use crate::multi_device::MultiDeviceTracer;
 /// threads, 0 for one per core.
 ///
 /// # Errors
-/// [`Error::Device`] if the system refuses threads.
+/// [`Error::Device`] if the CPU's threads cannot be started.
 #[cfg(feature = "gpu")]
 pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     let cpu = cpu(threads)?;
@@ -62,7 +62,7 @@ pub(crate) fn gpu() -> Result<Arc<dyn Tracer>, Error> {
 /// The CPU with `threads` threads, 0 for one per core.
 ///
 /// # Errors
-/// [`Error::Device`] if the system refuses threads.
+/// [`Error::Device`] if the threads cannot be started.
 pub(crate) fn cpu(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(CpuTracer::with_threads(threads)?))
 }

@@ -15,12 +15,12 @@ use crate::Error;
 /// Format of log lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LogFormat {
-    /// For people at a terminal.
+    /// Plain text, for terminals.
     #[default]
     Plain,
     /// Each line begins with the time (RFC 3339, UTC).
     Time,
-    /// Each line is an object with `timestamp`.
+    /// Each line is a JSON object with `timestamp`.
     Json,
 }
 

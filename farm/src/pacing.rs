@@ -50,6 +50,7 @@ impl LeadTime {
     fn quantile(&self, share: f64) -> Option<f64> {
         let mut sorted: Vec<f64> = self.recent_secs.iter().copied().collect();
         sorted.sort_by(f64::total_cmp);
+        // The order statistic at the rank rounded up, so that small samples err towards longer times.
         let last = sorted.len().checked_sub(1)?;
         Some(sorted[(last as f64 * share).ceil() as usize])
     }

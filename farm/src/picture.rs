@@ -14,7 +14,7 @@ use crate::error::Error;
 use crate::lock::lock;
 use crate::whole_file::WholeFile;
 
-/// A picture that a farm has traced.
+/// A picture that a farm has traced, as its sample sums.
 #[derive(Clone, Debug)]
 pub struct Picture {
     film: Film,

@@ -27,7 +27,7 @@ pub(crate) struct Submitter {
     in_flight: VecDeque<(FrameId, bool)>,
     /// The last frame that every node has refused, until [`Submitter::check_nodes`] reports it.
     refusal: Option<FrameRefusal>,
-    /// Since when [`Submitter::check_nodes`] has seen no node that could trace.
+    /// Since when [`Submitter::check_nodes`] has found no node that could trace.
     idle_since: Option<Instant>,
     /// Whether that has been logged.
     idle_reported: bool,
@@ -232,6 +232,8 @@ impl Submitter {
             self.in_flight.remove(place);
         }
         if has_deadline {
+            // At its deadline, a frame ends the earlier ones with deadlines: the coordinator has dropped
+            // them.
             let comes = |(id, has_deadline): &(FrameId, bool)| *id >= frame.id || !has_deadline;
             self.in_flight.retain(comes);
         }

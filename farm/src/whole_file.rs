@@ -54,7 +54,7 @@ impl WholeFile {
         };
         try_lock(&file)?;
         if !is_file_at(&file, &partial)? {
-            return Err(claimed()); // between the two lines before, by somebody who took it for abandoned
+            return Err(claimed()); // it was taken for abandoned between its creation and its lock
         }
         Ok(Self {
             path: path.to_owned(),
@@ -96,7 +96,7 @@ impl WholeFile {
     /// leave a name without contents.
     ///
     /// # Errors
-    /// The system's.
+    /// The I/O error.
     pub fn sync(&self) -> io::Result<()> {
         self.file.sync_all()
     }

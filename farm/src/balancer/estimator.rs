@@ -82,6 +82,7 @@ impl Estimator {
         let (fixed, work_secs) = Self::split(seen);
         let pace = work_secs / seen.work;
         self.usual_work = seen.work.max(USUAL_KEPT * self.usual_work);
+        // A request of little work says little about the pace, and weighs less in proportion.
         let weight = seen.work / self.usual_work;
         // A request that waited behind another one shows only the answer's latency, which is less than A.
         if seen.queue_secs <= 0.0 || self.fixed.is_none() {

@@ -1,7 +1,7 @@
 //! Balancers, which divide a frame's work among nodes: pure arithmetic, one algorithm per file.
 //!
 //! ```text
-//! outcomes of runs ──learn──▶ Balancer ──divide──▶ work per node ──▶ contiguous runs of tiles
+//! outcomes of requests ─learn─▶ Balancer ──divide──▶ work per node ──▶ contiguous runs of tiles
 //! ```
 //!
 //! ```

@@ -35,7 +35,7 @@ pub enum ShareFault {
     },
 }
 
-/// See the [module](self).
+/// Adapter of the [module](self).
 #[derive(Default)]
 pub(super) struct OwnBalancer {
     balancer: Option<Box<dyn Balancer + Send>>,

@@ -94,6 +94,7 @@ impl WaterFilling {
                 None if mean_speed > 0.0 => (mean_fixed, 1.0 / mean_speed),
                 None => (0.0, 1.0),
             };
+            // Bounded by what it can do in a frame's period and by what it has proven, but at least a tile.
             let in_period = busy_secs_max / secs_per_work;
             let proven = (GROWTH_MAX * candidate.proven_work).max(probe);
             CostModel {

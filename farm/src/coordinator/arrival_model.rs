@@ -62,7 +62,7 @@ impl ArrivalModel {
     pub(super) fn observe_whole(&mut self, request: &OpenRequest) {
         self.usual_work = request.work.max(USUAL_KEPT * self.usual_work);
         if request.work < 0.5 * self.usual_work {
-            return; // a small request comes at once whatever its node does
+            return; // a small request comes in one burst on any node
         }
         let share = (request.burst_max / request.work).min(1.0);
         if self.burst_work == 0.0 {

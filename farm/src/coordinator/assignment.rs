@@ -140,6 +140,7 @@ impl Assigner {
                 continue;
             }
             if frame.is_assigned && frame.id.is_background() {
+                // A pooled frame's lost tiles go back to its pool.
                 frame.count_lost(&unassigned);
                 frame.pool.extend(unassigned);
                 for node in &eligible {
@@ -185,6 +186,7 @@ impl Assigner {
                 }
             }
         }
+        // The algorithm may have changed since the pool was filled: its tiles are then unassigned.
         if !self.is_pooled(frame) {
             frame.pool.clear();
         }
@@ -359,6 +361,7 @@ impl Assigner {
         if request.is_check {
             return;
         }
+        // A probe is one tile, whose weight would vanish against the node's earlier requests.
         if request.is_probe {
             workload.estimator.expect_little();
         }
@@ -367,7 +370,7 @@ impl Assigner {
             workload.arrivals.observe_whole(request);
         }
         if request.frame.is_background() {
-            return; // its tiles say nothing of those that are divided by predictions
+            return; // background frames do not use the predictions
         }
         if let Some(cost) = workload.estimator.delivered() {
             // The total is the time that the estimator counts as work; the node's own report only
@@ -410,6 +413,7 @@ fn left_out(nodes: &NodeTable, scene: SceneHash, shares: &[NodeShare]) -> Vec<No
 /// only this shows whether they have become faster.
 fn probe(now: f64, frame: &mut FrameInFlight, shares: &[NodeShare], dispatcher: &mut Dispatcher) {
     let units = frame.passes.all().count;
+    // Bounds the work of probes to a fixed share of the frame.
     let mut probes = units.div_ceil(PROBE_TILES);
     for (index, _) in shares.iter().filter(|(_, tiles)| tiles.is_empty()) {
         if probes == 0 {
@@ -454,6 +458,7 @@ fn portion(nodes: &NodeTable, index: NodeIndex, frame: &mut FrameInFlight) -> Op
         let fair = pool / (2 * open.max(1)) as f64;
         (outstanding < Pull::credit(estimate, most)).then(|| fair.clamp(tile, most))?
     } else {
+        // Flow control by credit: enough work to bridge the round trip, less what is outstanding.
         let free = Pull::credit(estimate, tile) - outstanding;
         (free > 0.0).then(|| Pull::portion(pool, open, tile).min(free))?
     };

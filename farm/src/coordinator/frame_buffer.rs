@@ -111,6 +111,7 @@ impl FrameBuffer {
     pub(super) fn pixels(&self) -> Pixels {
         match &self.content {
             BufferContent::Pixels(Pixels::Srgb8(pixels)) => {
+                // Missing pixels still have alpha 0.
                 let opaque = |&[r, g, b, _]: &[u8; 4]| [r, g, b, 255];
                 Pixels::Srgb8(pixels.iter().map(opaque).collect())
             }

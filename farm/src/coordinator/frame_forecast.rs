@@ -90,6 +90,7 @@ impl FrameForecast {
             };
             if can_help(node) && (node.is_trusted() || !has_trusted) {
                 helpers.push(index);
+                // Help begins after the node's own queue, as far as that is served before this frame.
                 let comes = now + cost.fixed_secs + workload.delay.secs(frame.id);
                 let begin = begins_after(&forecasts, frame.id, comes);
                 help.push(CostModel {

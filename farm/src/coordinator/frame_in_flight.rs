@@ -26,7 +26,7 @@ pub(super) struct FrameInFlight {
     pub(super) submitted: f64,
     /// Whether links must not reduce the precision of its pixels.
     pub(super) is_exact: bool,
-    /// Absent once it is finished.
+    /// The tiles that have arrived; absent once it is finished.
     pub(super) buffer: Option<FrameBuffer>,
     /// Whether its tiles have been assigned for the first time.
     pub(super) is_assigned: bool,

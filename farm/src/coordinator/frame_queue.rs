@@ -31,6 +31,7 @@ impl FrameQueue {
         let overlaps = self.unfinished().any(is_interactive);
         let interval = self.last_submit.map(|last| frame.submitted - last);
         self.last_submit = Some(frame.submitted);
+        // Frames that do not overlap leave the nodes idle in between: no period bounds their work.
         self.period_secs = match (overlaps, interval, self.period_secs) {
             (false, ..) => None,
             (true, Some(new), Some(old)) => Some(old + PERIOD_GAIN * (new - old)),
@@ -92,7 +93,7 @@ impl FrameQueue {
         frames.filter(|frame| frame.buffer.is_some())
     }
 
-    /// The oldest frame that no node will trace.
+    /// The refusal of the oldest frame that no node will trace, if there is one.
     pub(super) fn hopeless(&mut self, now: f64, nodes: &NodeTable) -> Option<FrameRefusal> {
         self.unfinished_mut().find_map(|frame| {
             let (id, scene) = (frame.id, frame.scene.hash());

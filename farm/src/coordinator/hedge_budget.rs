@@ -25,6 +25,7 @@ impl HedgeBudget {
 
     /// Spends the work of a duplicated tile, of the reserve first if it is gravely late.
     pub(super) fn spend(&mut self, work: f64, is_grave: bool) {
+        // What the reserve does not cover comes from the usual bucket, which may go negative.
         let reserved = if is_grave {
             work.min(self.reserve.work)
         } else {

@@ -5,8 +5,8 @@
 //! ```text
 //! submit ─▶ FrameQueue ─▶ Assigner ─▶ Dispatcher ─▶ nodes ─▶ tiles ─▶ FrameBuffer ─▶ frame, in order
 //!                            ▲            ▲                    │
-//!                            │            └──── tiles that are late ◀────┐
-//!                            └── tiles that nobody holds ◀── lost, refused, silent: Recovery
+//!                            │            └────── late tiles ◀───────────┐
+//!                            └─ unassigned tiles ◀─── lost, refused, silent: Recovery
 //! ```
 //!
 //! Architecture invariant: a tile enters a frame only from a node that it was requested from, the first
@@ -173,6 +173,7 @@ impl Coordinator {
         let now = now.as_secs_f64();
         let grid = TileGrid::new(spec.size, tile_edge);
         let (passes, work) = self.assigner.predict(id, grid, spec.settings.samples);
+        // Background frames are not hedged, so they fill no budget.
         if !id.is_background() {
             self.recovery.budget.add_frame(work.of(passes.all()));
         }
@@ -241,6 +242,7 @@ impl Coordinator {
         match event {
             ClientEvent::Welcome(info) => {
                 node.open(now, info);
+                // Frames in flight may be of other scenes than the current one.
                 let unfinished = self.frames.unfinished().map(|frame| &frame.scene);
                 for scene in unfinished.chain(&self.scene) {
                     self.dispatcher.send_scene(index, scene);
@@ -308,6 +310,7 @@ impl Coordinator {
             self.ping(secs, index);
             let others_take_over = self.dispatcher.nodes.others_take_over();
             let node = &mut self.dispatcher.nodes[index];
+            // Tiles may have been waiting for a node whose back-off has ended.
             self.has_unassigned |= node.resume(secs);
             self.has_unassigned |= node.time_out(secs, others_take_over);
             self.dispatcher.nodes.arm(index);

@@ -167,6 +167,7 @@ impl NodeEntry {
     /// Backs off after a refusal: exponentially if `why` names a fault of the node or its device, else
     /// briefly, as the node was only busy.
     pub(super) fn back_off(&mut self, now: f64, why: Option<String>) {
+        // Exponential back-off; the shift is clamped against overflow.
         let secs = match why {
             Some(_) => (PAUSE_SECS * f64::from(1 << self.failures.min(10))).min(PAUSE_SECS_MAX),
             None => BUSY_PAUSE_SECS,

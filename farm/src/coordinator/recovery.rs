@@ -3,9 +3,9 @@
 //!
 //! ```text
 //! lost    connection ends       ─▶ its requests are forgotten    ┐
-//! refused RequestRefused        ─▶ Recovery::refuse, a pause     ├▶ nobody holds their tiles
+//! refused RequestRefused        ─▶ Recovery::refuse, a back-off  ├▶ their tiles are unassigned
 //! silent  NodeEntry::time_out   ─▶ its requests count as lost    ┘  ─▶ Recovery::reassign_lost
-//! late    Recovery::evaluate    ─▶ the same tiles of others too, within the HedgeBudget
+//! late    Recovery::evaluate    ─▶ the same tiles from others too, within the HedgeBudget
 //! ```
 //!
 //! A frame is evaluated when a message is late or shows lateness, not only when the frame is: by then, what
@@ -102,6 +102,7 @@ impl Recovery {
         if frame.buffer.is_none() || !nodes.hedged || frame.id.is_background() {
             return;
         }
+        // A node that has delivered nothing is timed as the average of the others.
         let newcomer = nodes.newcomer();
         // The emptier the budget, the larger the margin: hedges that the budget cannot pay for are not
         // searched for.
@@ -214,6 +215,7 @@ impl Recovery {
         }
         let (margin, dear) = (frame.margin_secs(1.0), frame.margin_secs(price));
         let mut grave_secs = GRAVE_SHARE * frame.planned_secs;
+        // A plan made from guesses is no measure of what is late: the possible duration is.
         if frame.is_guessed && forecast.finish() > frame.submitted + VERY_LONG_SECS {
             let possible_secs = forecast.level - frame.submitted;
             grave_secs = grave_secs.min(GRAVE_FACTOR * possible_secs);

@@ -113,6 +113,7 @@ pub(super) fn passes_for(
     let fastest = speeds.iter().copied().fold(0.0, f64::max);
     // Nodes without an estimate count as equal to the fastest.
     let unknown = (candidates.len() - speeds.len()) as f64;
+    // The farm's speed in units of its fastest node: with that many passes, its share is one pass.
     let parts = if fastest > 0.0 {
         speeds.iter().sum::<f64>() / fastest + unknown
     } else {

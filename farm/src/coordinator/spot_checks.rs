@@ -208,6 +208,7 @@ impl SpotChecks {
             let estimate = nodes[*node].workload.estimate();
             estimate.map_or(0.0, |estimate| 1.0 / estimate.secs_per_work)
         };
+        // Roulette-wheel selection in proportion to speed; the first node if none is known.
         let all: f64 = others.iter().map(speed).sum();
         let mut left = all * self.draw() as f64 / u64::MAX as f64;
         let chosen = others.iter().find(|node| {

@@ -112,6 +112,7 @@ impl Workload {
         let Some(request) = self.requests.get_mut(&id) else {
             return was_silent;
         };
+        // Without the frame, the work is estimated by the share of the request's tiles.
         let share = f64::from(tiles.count) / f64::from(request.tiles.count);
         let work = frame_work.unwrap_or(request.work * share);
         if frame_work.is_some() {
@@ -228,6 +229,8 @@ impl Workload {
         let mut waiting: Vec<(&RequestId, &OpenRequest)> = wanted.collect();
         waiting.sort_by_key(|(_, request)| request.frame);
         let mut forecast: Vec<RequestForecast> = Vec::with_capacity(waiting.len());
+        // Simulates the node's queue: `served_next` picks the request that the node would turn to, which
+        // then delays all others by its outstanding work.
         let (mut pace, mut soonest) = (cost.secs_per_work, f64::NEG_INFINITY);
         while !waiting.is_empty() {
             let before = forecast.last().map(RequestForecast::finish);
@@ -282,6 +285,7 @@ impl Workload {
     /// Requests that the node should not have reached yet are not lost.
     pub(super) fn time_out(&mut self, now: f64, hedged: bool, device: DeviceKind) -> Option<u64> {
         self.silence_due(hedged, device).filter(|due| *due <= now)?;
+        // Hedged, only the frames whose own deadline has passed are lost; otherwise everything is.
         let ends = self.timeouts_by_frame().filter(|_| hedged);
         let is_lost = |request: &OpenRequest| match &ends {
             Some(ends) => ends.get(&request.frame).is_none_or(|end| *end <= now),

@@ -27,7 +27,7 @@ pub(super) struct FilmIdentity {
     frames: u32,
     /// Description for users.
     words: String,
-    /// Whether the film was finished.
+    /// Whether the film is finished, so that its frames may be replaced.
     done: bool,
 }
 

@@ -32,7 +32,7 @@ pub fn watch_spot_notice(stop: StopHandle) -> Result<(), Error> {
     Ok(())
 }
 
-/// An instance metadata service.
+/// Client of an instance metadata service.
 #[derive(Debug)]
 struct MetadataService(HttpService);
 

@@ -104,6 +104,7 @@ impl DeviceModels {
         if self.goes_together() {
             return water_fill(work, &costs).shares;
         }
+        // Alone: the device with the earliest finish for all the work, among those that have been timed.
         let known = |&place: &usize| self.devices[usable[place]].estimate().is_some();
         let finish = |place: usize| costs[place].fixed_secs + costs[place].secs_per_work * work;
         let best = (0..usable.len())

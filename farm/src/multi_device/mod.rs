@@ -86,6 +86,8 @@ impl MultiDeviceTracer {
         }
         let is_ready = |&index: &usize| self.devices[index].tracer.is_ready(scene, &job.settings);
         let (ready, unready): (Vec<_>, Vec<_>) = usable.iter().partition(|index| is_ready(index));
+        // While kernels compile, a ready device traces alone; with none ready, all have to wait for their
+        // own.
         let is_meanwhile = !ready.is_empty() && !unready.is_empty();
         let begun = Instant::now();
         let mut stats = TraceStats::default();
@@ -404,7 +406,7 @@ fn cut(tiles: &[Tile], shares: &[f64]) -> Vec<Range<usize>> {
         begin = end;
     }
     if let Some(last) = runs.iter_mut().rev().find(|run| run.start < run.end) {
-        last.end = tiles.len(); // rounding
+        last.end = tiles.len(); // rounding may leave tiles over
     }
     runs
 }

@@ -40,7 +40,7 @@ impl AssetCache {
         fs::create_dir_all(&folder)?;
         match WholeFile::claim(&folder.join("writable")) {
             Err(why) if why.kind() != ErrorKind::AlreadyExists => return Err(why),
-            _ => {} // written by another node at this moment, or by this one
+            _ => {} // claimed by another node, or this one, at this moment: then it is writable
         }
         let cache = Self {
             folder,
@@ -131,13 +131,13 @@ impl ChunkStore for AssetCache {
         if file.metadata().ok()?.len() != u64::from(chunk.bytes) {
             return None;
         }
-        let _ = file.set_modified(SystemTime::now()); // at worst it goes too early
+        let _ = file.set_modified(SystemTime::now()); // a failure only makes it look older
         let mut bytes = vec![0; chunk.bytes as usize];
         if file.read_exact(&mut bytes).is_ok() && ChunkKey::of(&bytes) == *chunk {
             return Some(bytes);
         }
         tracing::warn!("{} is spoiled, and is removed", path.display());
-        let _ = fs::remove_file(&path); // if it cannot be, it is read in vain once more
+        let _ = fs::remove_file(&path); // on failure, it is only read in vain again
         None
     }
 

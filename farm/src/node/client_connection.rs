@@ -1,4 +1,4 @@
-//! The workers' end of a client's session with the node.
+//! Workers' end of a client's session with the node.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,7 +28,7 @@ pub(super) enum TileSharing {
     InMemory,
 }
 
-/// The workers' end of a client's session.
+/// Workers' end of a client's session.
 pub(super) struct ClientConnection {
     pub(super) player: PlayerId,
     pub(super) sharing: TileSharing,

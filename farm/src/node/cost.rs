@@ -15,7 +15,7 @@ pub(super) struct Cost {
     pub(super) secs_per_sample: f64,
     /// Maximum samples measured at once.
     pub(super) samples_max: f64,
-    /// Probes since the last slice.
+    /// Number of probes since the last slice.
     pub(super) probes: u32,
 }
 

@@ -73,6 +73,7 @@ impl<J> FairQueue<J> {
             .iter_mut()
             .filter(|share| !share.jobs.is_empty());
         let next = waiting.min_by(|a, b| a.used_secs.total_cmp(&b.used_secs))?;
+        // The virtual time of start-time fair queueing: the start tag of the slice in service.
         self.served_secs = next.used_secs;
         Some(&mut next.jobs)
     }

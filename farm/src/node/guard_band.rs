@@ -24,6 +24,7 @@ pub(super) fn guarded_pixels_of_run(grid: TileGrid, run: TileRange) -> usize {
     let (mut pixels, mut first) = (0, run.first);
     while first < run.end() {
         let (column, left) = (first % grid.columns(), run.end() - first);
+        // From a row's start, all complete rows form one rectangle; otherwise the rest of the row does.
         let rows = if column == 0 {
             left / grid.columns()
         } else {

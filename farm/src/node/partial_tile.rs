@@ -67,6 +67,7 @@ impl PartialTile {
             height: all.height - rows,
             ..all
         };
+        // `below` last, so that a begun column is finished before the next one.
         let rest = [right, below].into_iter().filter(|rest| rest.pixels() > 0);
         self.left.extend(rest);
         Tile {

@@ -139,6 +139,7 @@ impl JobQueue {
         let jobs = state.jobs.jobs_mut(job.client.player);
         let queued = jobs.iter_mut().find(|queued| Arc::ptr_eq(&queued.job, job));
         match queued {
+            // In reverse, so that the ranges keep their order at the front.
             Some(queued) => tiles
                 .into_iter()
                 .rev()
@@ -219,6 +220,7 @@ impl JobQueue {
         }
         state
             .running
+            // The stop flag identifies the turn.
             .retain(|running| !Arc::ptr_eq(&running.stop, &turn.stop));
     }
 
@@ -280,6 +282,7 @@ impl JobQueue {
     pub(super) fn busy_since(&self, begun: Instant) -> Duration {
         let now = Instant::now();
         let mut last_done = lock(&self.last_done);
+        // A GPU's two workers overlap: each counts only the time since the other's last result.
         let from = last_done.map_or(begun, |last| last.max(begun));
         *last_done = Some(now);
         now.saturating_duration_since(from)
@@ -346,6 +349,8 @@ impl QueueState {
         }
         let fitting = SLICE_SECS / secs_per_sample.max(1e-12);
         let is_whole = fitting >= job.samples(TileRange { count: 1, ..next });
+        // Dividing a denoised tile repeats its guard bands, which only pays where another player would
+        // wait.
         let divides = !is_whole && (!job.is_denoised() || self.is_shared(job.client.player));
         let fitting = fitting.min(samples_max);
         let pixels = match is_whole {

@@ -89,6 +89,7 @@ impl RateModel {
         for index in useful(&rates) {
             if rates[index] <= rate {
                 return before.map_or(0.0, |finer| {
+                    // Linear interpolation between the two precisions that enclose the rate.
                     let share = (rates[finer] - rate) / (rates[finer] - rates[index]);
                     finer as f64 + share * (index - finer) as f64
                 });
@@ -136,6 +137,7 @@ fn prior(index: usize, changing: f64) -> f64 {
 
 /// The precisions that save bytes over every finer one.
 fn useful(rates: &[f64; PRECISIONS]) -> impl Iterator<Item = usize> + '_ {
+    // Scanned from fine to coarse: a coarser precision that saves nothing over a finer one is dominated.
     let mut least = f64::INFINITY;
     (0..PRECISIONS).filter(move |index| {
         let saves = rates[*index] < USEFUL_BELOW * least;

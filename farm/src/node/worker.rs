@@ -142,6 +142,8 @@ fn trace(
     if !is_cancelled && !left.is_empty() {
         let is_part_done = slice.part_is_done.load(Ordering::Relaxed);
         let is_stopped = turn.stop.load(Ordering::Relaxed) && !is_part_done;
+        // A stopped slice of several tiles is simply queued again; a single tile or part must become
+        // smaller, or may be retried if it is an indivisible block.
         let lone = part.or((tiles.count == 1).then_some(slice.tiles[0]));
         if is_stopped && lone.is_some_and(|part| !may_resume(job, tiles.first, part)) {
             match job.is_denoised() {
@@ -415,7 +417,7 @@ impl<'a> ActiveSlice<'a> {
         let mut group = lock(&self.groups[index]);
         let slot = &mut group.pixels[tile % GROUP_TILES];
         if slot.is_some() {
-            return None; // a tracer that delivers a tile twice: the first one counts
+            return None; // the tracer has delivered the tile twice: the first copy counts
         }
         *slot = Some(pixels);
         group.missing -= 1;

@@ -1,4 +1,4 @@
-//! Stages of a tile's latency.
+//! Breakdown of a tile's latency into stages.
 
 use serde::Serialize;
 

@@ -82,6 +82,8 @@ impl Balancer for Ab {
             _ => return Equal.divide(division),
         };
         let tiles = division.work / division.tile_work;
+        // T solves Σ (T − A) / B = W over all nodes, also those with A ≥ T, whose negative shares are cut
+        // off afterwards.
         let speed: f64 = costs.iter().map(|(_, b)| 1.0 / b).sum();
         let head_start: f64 = costs.iter().map(|(a, b)| a / b).sum();
         let finish = (tiles + head_start) / speed;

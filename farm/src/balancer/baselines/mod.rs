@@ -1,5 +1,5 @@
-//! Algorithms that [`super::WaterFilling`] is compared with: those of the 2016 distributed ray
-//! tracer, the rule of Blender Cycles, and guided self-scheduling.
+//! Baselines for [`super::WaterFilling`]: the algorithms of the 2016 distributed ray tracer, the rule of
+//! Blender Cycles, and guided self-scheduling.
 
 mod ab;
 mod cycles;
@@ -18,7 +18,7 @@ use super::{Division, Shares, in_proportion};
 /// Lower limit of response times in seconds, about the resolution of the clock.
 const RESPONSE_SECS_MIN: f64 = 1e-6;
 
-/// The weight of each node; one that has none counts as the mean of the others.
+/// The weight of each node; an unknown one counts as the mean of the known ones.
 fn known_or_mean(weights: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
     let weights: Vec<_> = weights.collect();
     let known: Vec<f64> = weights.iter().flatten().copied().collect();
