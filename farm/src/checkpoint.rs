@@ -93,6 +93,7 @@ impl Checkpoint {
             return;
         }
         if let Err(why) = self.write(film) {
+            // Retried after another period, not with each frame.
             self.written = Instant::now();
             if !self.warned {
                 tracing::warn!("the render goes on without a checkpoint: {why}");

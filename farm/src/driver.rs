@@ -314,6 +314,7 @@ impl Driver {
     fn listed(&mut self, directory: usize, nodes: Vec<ListedNode>) {
         let new = self.roster.update(directory, nodes);
         self.drop_left();
+        // Taken out because `call` borrows all of `self`.
         let Some(client) = self.client.take() else {
             return;
         };

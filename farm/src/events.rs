@@ -80,6 +80,7 @@ impl EventSender {
 
     /// Sends an event for each node whose state differs from `before`.
     pub(crate) fn compare(&self, before: &[NodeStatus], now: &[NodeStatus]) -> bool {
+        // By name: the bytes of a transfer or the seconds to a retry are not a change of state.
         let word = |node: &NodeStatus| node.state.word();
         let changed = now.iter().enumerate().filter(|(index, node)| {
             let before = before.get(*index).map(word);

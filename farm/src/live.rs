@@ -459,6 +459,8 @@ impl LiveRun {
             if has_changed && is_shown {
                 break;
             }
+            // After a change, a view without drafts only completes its first frame: nothing more is
+            // submitted while one is in flight.
             let is_waiting = render.samples_in_flight() == 0;
             if is_paused && is_shown {
                 if is_waiting {

@@ -28,6 +28,7 @@ pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
             }
         }
     }
+    // Failed GPUs are passed on, so that the tracer's name reports them.
     if devices.is_empty() && absent.is_empty() {
         tracing::info!("tracing on the CPU: there is no GPU");
         return Ok(cpu);

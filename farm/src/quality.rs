@@ -236,6 +236,7 @@ impl Quality {
         let secs = |stop: usize| self.secs(QUALITY_LEVELS[stop], window).unwrap_or(0.0);
         let coarsest = coarsest(window);
         if secs(self.stop) > target_secs * LATE && self.stop > coarsest {
+            // Directly down to the finest level that fits.
             let fits = |stop: &usize| secs(*stop) <= target_secs;
             self.stop = (coarsest..self.stop).rev().find(fits).unwrap_or(coarsest);
             self.roomy = 0;
@@ -251,6 +252,7 @@ impl Quality {
         if self.roomy >= self.patience {
             self.stop = next;
             self.roomy = 0;
+            // Successful steps up slowly undo the doublings.
             self.patience = (self.patience - 1).max(PATIENCE_MIN);
         }
     }

@@ -213,6 +213,8 @@ impl SceneFile {
         #[cfg(feature = "gltf")]
         if let Some(animated) = &self.animated {
             let to = AnimationTime::At(animation, secs);
+            // Where an update of the base cannot express the change, the scene at `to` becomes the new
+            // base.
             let update = animated.update(self.base.1, to)?;
             if let Some(update) = update.filter(|update| update.poses.len() <= POSES_MAX) {
                 return Ok((Arc::clone(&self.base.0), update));

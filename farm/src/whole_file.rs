@@ -42,6 +42,8 @@ impl WholeFile {
     /// Claims a file under a hidden name of the caller's choice: claims under different names do not
     /// exclude each other.
     pub(crate) fn claim_as(path: &Path, partial: PathBuf) -> io::Result<Self> {
+        // Exclusive creation keeps other writers out; the lock tells a live writer's file from one that a
+        // killed process has left.
         let file = match create_new(&partial) {
             Err(why) if why.kind() == ErrorKind::AlreadyExists => {
                 remove_abandoned(&partial)?;
@@ -106,6 +108,7 @@ impl WholeFile {
     /// # Errors
     /// The I/O error, or [`ErrorKind::NotFound`] if the hidden file was removed meanwhile.
     pub fn commit(self) -> io::Result<()> {
+        // The rename goes by path, which must not name another writer's file.
         if !is_file_at(&self.file, &self.partial)? {
             return Err(io::Error::new(
                 ErrorKind::NotFound,
@@ -166,7 +169,9 @@ fn remove_abandoned(path: &Path) -> io::Result<()> {
         Err(why) if why.kind() == ErrorKind::NotFound => return Ok(()),
         file => file?,
     };
+    // A live writer holds the lock; the system has released that of a killed one.
     try_lock(&file)?;
+    // Another claimant may have replaced it since it was opened.
     match is_file_at(&file, path)? {
         true => fs::remove_file(path),
         false => Err(claimed()),

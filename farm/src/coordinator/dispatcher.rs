@@ -111,6 +111,7 @@ impl Dispatcher {
         let passes = frame.passes;
         let samples = u64::from(frame.spec.settings.samples);
         let tile_samples = u64::from(passes.grid.edge).pow(2) * samples;
+        // The protocol's limits of a request, in tiles.
         let most = (REQUEST_SAMPLES_MAX / tile_samples.max(1))
             .clamp(1, u64::from(REQUEST_TILES_MAX)) as u32;
         // The link sends nothing if the node holds it; repeated because a node keeps only the scenes used

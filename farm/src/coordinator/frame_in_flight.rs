@@ -150,6 +150,7 @@ impl FrameInFlight {
         arrival: &TileArrival<'_>,
     ) -> Option<(u32, LatencySplit)> {
         let tiles = arrival.tiles;
+        // Tiles show that the node can trace this frame.
         self.refusals.forget(node);
         let fresh = self.buffer.as_mut()?.fill(tiles, arrival.pixels);
         let arrived_secs = now - self.submitted;

@@ -77,6 +77,7 @@ impl FrameRefusals {
             self.hopeless_since = None;
             return None;
         }
+        // Nodes that are being connected to may still trace it.
         let is_away = nodes
             .iter()
             .any(|(index, node)| !node.is_gone() && reason(index, node).is_none());

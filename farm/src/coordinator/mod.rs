@@ -387,6 +387,7 @@ impl Coordinator {
         let node = &mut self.dispatcher.nodes[index];
         let workload = &mut node.workload;
         self.has_unassigned |= workload.receive(now, id, tiles, busy_secs, frame_work);
+        // The node's very first tiles give a provisional cost, without which no arrival can be predicted.
         if node.workload.delivered().is_none() {
             node.observe_first(id);
             self.recovery
@@ -501,6 +502,7 @@ impl Coordinator {
 
     /// Closes a request; one that was refused may leave tiles that are requested from no node.
     fn close(&mut self, now: f64, index: NodeIndex, id: RequestId) {
+        // Before the request is removed below.
         self.assigner.learn(&mut self.dispatcher.nodes, index, id);
         self.spot_checks.close(index, id);
         self.has_unassigned |= self.dispatcher.nodes[index].close(now, id);

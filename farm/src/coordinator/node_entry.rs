@@ -117,6 +117,7 @@ impl NodeEntry {
         self.scenes.clear();
         self.scene_progress = None;
         self.scenes_refused.clear();
+        // The learned costs survive, as it is most likely the same node when it returns.
         self.lost_tiles += self.workload.clear();
         self.pause = None;
         self.leaving = false;
@@ -230,6 +231,7 @@ impl NodeEntry {
         };
         self.lost_tiles += request.lost_tiles();
         let leaves_tiles = request.counts() && request.tiles_received < request.tiles.count;
+        // An answer ends silence, an incomplete request leaves tiles, and a full queue gains room.
         self.workload.hear(now, id, request.frame) || leaves_tiles || !had_room
     }
 
@@ -374,6 +376,7 @@ impl NodeEntry {
             retry_secs: retry_at.map(|at| (at - now).ceil().max(1.0) as u64),
         };
         let scene_refusal = scene.and_then(|scene| self.scene_refusal(scene));
+        // The first that applies: a lost connection outweighs a refused scene, and that a back-off.
         match (&self.connection, scene_refusal, &self.pause) {
             (ConnectionState::Connecting { lost: None }, ..) => return NodeState::Starting,
             (ConnectionState::Connecting { lost: Some(why) }, ..) => {

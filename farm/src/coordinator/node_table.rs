@@ -97,6 +97,7 @@ impl NodeTable {
             }
             self.timers.pop();
             let entry = &mut self.entries[index.0];
+            // Entries that have been superseded are skipped (lazy deletion).
             if entry.armed == Some(at) {
                 entry.armed = None;
                 return Some(index);

@@ -119,6 +119,8 @@ impl OpenRequest {
 
     /// When its missing work begins to be delivered, on the client's clock, if nothing else is before it.
     pub(super) fn begins(&self, cost: Estimate) -> f64 {
+        // Before the first message, the request's own latency or the end of its predecessors counts;
+        // afterwards the work follows the last message.
         match self.tiles_received {
             0 => (self.issued + cost.fixed_secs + self.delay_secs).max(self.others_until),
             _ => self.last_heard,

@@ -91,6 +91,8 @@ impl FilmFrames {
             size,
             range,
         };
+        // A whole film that is marked as finished is traced anew. For a part the hash alone counts, as a
+        // process of another part may have marked it.
         let is_part = range != FrameRange::ALL;
         match frames.before()? {
             Some(before)
@@ -204,6 +206,7 @@ impl FilmFrames {
         let path = path.as_ref();
         let format = FilmFormat::of(path)?;
         let (size, frames, rate) = (self.size, self.frames(), frames_per_sec);
+        // Carries an error out of the closure, which can only return I/O errors.
         let mut failure = None;
         let written = WholeFile::replace(path, |file| {
             let mut file = BufWriter::new(file);

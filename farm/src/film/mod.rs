@@ -337,6 +337,7 @@ impl FilmRun {
                 .submit_through(&mut self.submitter, &frame.scene)?;
         }
         loop {
+            // A frame is started once all samples of those before it have been submitted.
             let has_to_wait = |frame: &FilmFrame| frame.render.next_frame().is_some();
             let scenes: BTreeSet<_> = self.tracing.iter().map(|of| of.scene.hash()).collect();
             if self.tracing.iter().any(has_to_wait)

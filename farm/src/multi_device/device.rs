@@ -48,6 +48,7 @@ impl Device {
         }
         let tracer = Arc::clone(&self.tracer);
         let (scene, tile, size) = (scene.clone(), job.tiles[0], job.size);
+        // One sample of one tile: only the compilation of the kernels matters.
         let settings = RenderSettings {
             samples: 1,
             ..job.settings
@@ -136,6 +137,7 @@ impl Device {
     pub(super) fn fail(&self, why: &Error) {
         let why = why.to_string();
         let mut fault = lock(&self.fault);
+        // A fault stays until the next success, so that repeated failures double the rest.
         let rest = match &*fault {
             Some(before) => (2 * before.rest).min(REST_MAX),
             None => {

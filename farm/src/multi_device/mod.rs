@@ -106,6 +106,8 @@ impl MultiDeviceTracer {
             self.parts(&work, &usable)
         };
         let together = parts.len() > 1;
+        // Each round passes what failed devices have left to another one, until nothing is left or no
+        // device is usable.
         while !parts.is_empty() {
             stats = sum(stats, self.trace_parts(&work, &mut parts)?);
             let left: Vec<usize> = parts.into_iter().flat_map(|part| part.tiles).collect();
@@ -114,6 +116,7 @@ impl MultiDeviceTracer {
             }
             parts = vec![self.retrace_failed(left)?];
         }
+        // A job that waited for a compilation, or was cancelled, does not show how long such jobs take.
         if !is_meanwhile && !job.cancelled.load(Ordering::Relaxed) {
             let secs = begun.elapsed().as_secs_f64();
             lock(&self.models)
@@ -147,6 +150,8 @@ impl MultiDeviceTracer {
             settled.all(|is_prepared| is_prepared)
         };
         let is_cancelled = || work.job.cancelled.load(Ordering::Relaxed);
+        // A watcher interrupts the trace once the other devices are prepared; `finished` ends the watcher
+        // if the trace ends first.
         let [interrupted, finished] = [(), ()].map(|()| AtomicBool::new(false));
         let mut part = DeviceShare {
             device,
@@ -372,6 +377,7 @@ impl Tracer for MultiDeviceTracer {
     ) -> Result<(), Error> {
         for index in self.usable() {
             let device = &self.devices[index];
+            // Collected first: a device that fails midway must not have passed anything to the sink.
             let found = Mutex::new(Vec::new());
             let keep = |tile| lock(&found).push(tile);
             match device.tracer.aovs(scene, job, &keep) {

@@ -58,6 +58,7 @@ impl NodeJob {
 
     /// Counts tiles as finished. Returns whether they were the last.
     pub(super) fn finish(&self, tiles: u32) -> bool {
+        // AcqRel: whoever finishes the last tile sees what other workers have done for theirs.
         self.unfinished.fetch_sub(tiles, Ordering::AcqRel) == tiles
     }
 

@@ -123,6 +123,7 @@ impl SceneCompiler {
         // Without the lock, as compiling a large scene takes long.
         let compiled = CompiledScene::new(&job.scene);
         let mut state = lock(&self.state);
+        // This queue is fair in compilation time, separately from the device's.
         state.waiting.charge(player, begun.elapsed().as_secs_f64());
         let scene = Arc::new(compiled.map_err(|why| invalid(&why))?);
         state.kept.push_front(KeptScene {

@@ -398,6 +398,8 @@ impl<'a> ActiveSlice<'a> {
         let pixels = |tile: &Tile| tile.pixels() as f64;
         let finished: f64 = self.finished().map(pixels).sum();
         let all: f64 = self.tiles.iter().map(pixels).sum();
+        // A stopped slice has at least begun its first tile: without this floor its cost would be
+        // unbounded.
         let begun = match self.tiles.len() {
             1 => STOPPED_SHARE * all,
             _ => pixels(&self.tiles[0]),
