@@ -301,7 +301,7 @@ mod tests {
         AccumulatedRender::new(spec, Priority::Interactive)
     }
 
-    /// Samples of each frame.
+    /// Samples per pixel of each frame.
     fn frames(mut render: AccumulatedRender, passes: u32) -> Vec<u32> {
         render.passes = Some(passes);
         std::iter::from_fn(|| {

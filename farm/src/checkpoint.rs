@@ -256,7 +256,7 @@ mod tests {
         std::os::unix::fs::symlink("/dev/zero", &checkpoint.path).unwrap();
         let why = checkpoint.resume().unwrap_err().to_string();
         assert!(why.contains("no plain file"), "{why}");
-        // What lies under the hidden name is somebody else's.
+        // A file under the hidden name may belong to somebody else.
         let own = folder.path().join("own");
         std::fs::write(&own, "own").unwrap();
         let hidden = folder.path().join(".a.exr.checkpoint.partial");

@@ -192,7 +192,7 @@ mod tests {
         })
     }
 
-    /// A scene of so many objects: of 12,000 travels in chunks.
+    /// A scene of `objects` objects: with 12,000 it is sent in chunks.
     fn scene(objects: usize) -> Arc<EncodedScene> {
         let mut scene = Scene::new();
         for _ in 0..objects {

@@ -209,7 +209,7 @@ mod tests {
     fn a_little_lateness_is_made_up_for_over_several_moments_and_much_at_once() {
         const PERIOD: f64 = 1.0 / 60.0;
         let mut schedule = FrameSchedule::default();
-        // The first is asked for half a period later than it should be.
+        // The first is requested half a period later than it should be.
         let (mut clock, mut asked) = (-3.5 * PERIOD, vec![]);
         for _ in 0..10 {
             asked.extend(schedule.next(clock, 5.0 * PERIOD, PERIOD, 9.0));

@@ -300,7 +300,7 @@ mod tests {
 
     const WINDOW: ImageSize = ImageSize::new(1280, 720);
 
-    /// A farm of `speed` paths per second, whose filter takes as long as so many of them.
+    /// A farm of `speed` paths per second, whose denoiser takes as long as `filter_paths` per pixel.
     #[derive(Clone, Copy)]
     struct Load {
         speed: f64,
@@ -327,7 +327,7 @@ mod tests {
         }
     }
 
-    /// Plays pictures on farms, each of which has that load.
+    /// Plays pictures on farms of the given loads.
     fn play_loads(quality: &mut Quality, loads: impl Iterator<Item = Load>) -> Vec<QualityLevel> {
         let picture = |load: Load| {
             let level = quality.level();
@@ -448,7 +448,7 @@ mod tests {
         }
     }
 
-    /// The filter costs a GPU next to nothing and some processors more than is thought.
+    /// The denoiser costs a GPU next to nothing, and some CPUs more than assumed.
     #[test]
     fn it_rests_whatever_the_filter_costs() {
         for filter_paths in [0.1, 2.0, 9.0] {

@@ -287,7 +287,7 @@ mod tests {
         let path = folder.path().join("a.exr");
         let mut first = claim(&path);
         first.write_all(b"first").unwrap();
-        // A program that knows no locks clears away.
+        // A program that does not use locks removes the file.
         fs::remove_file(partial(&path)).unwrap();
         let mut second = claim(&path);
         first.commit().unwrap_err();

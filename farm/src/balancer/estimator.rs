@@ -312,7 +312,7 @@ mod tests {
         assert!(finish(liar) > 0.95 * finish(honest_node));
     }
 
-    /// Of as many nodes: how far estimates are off, over how far they say that they may be.
+    /// Over many nodes, the actual errors of estimates match their standard errors.
     #[test]
     fn errors_are_as_large_as_estimates_are_off() {
         let noise = |i| 2.0 * f64::from(carom_tracer::sampling::uniforms(i, 0, 0, 0)[0]) - 1.0;

@@ -182,7 +182,7 @@ mod tests {
         FrameInFlight::new(submitted, FrameId(id), spec, scene, passes, work)
     }
 
-    /// Lets tiles of a frame come.
+    /// Delivers tiles of a frame.
     fn deliver(queue: &mut FrameQueue, id: u64, first: u32, count: u32) {
         deliver_from(queue, NodeIndex(0), id, first, count);
     }
@@ -298,7 +298,7 @@ mod tests {
         let part = queue.take_due(1.5, due).unwrap();
         assert_eq!(part.pixels, Pixels::Linear(vec![[0.0; 3], [1.0; 3]]));
         assert_eq!((part.missing.len(), part.stats.late_tiles), (1, 1));
-        // It comes again when it is whole, even before frames that are not shown yet.
+        // It is delivered again when it is complete, even before frames that have not been shown.
         deliver(&mut queue, 1, 0, 1);
         assert!(
             queue

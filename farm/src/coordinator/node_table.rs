@@ -212,7 +212,7 @@ mod tests {
     fn nodes_are_due_in_order_and_once() {
         let mut table = NodeTable::new(true);
         let nodes = [open(&mut table), open(&mut table)];
-        // Pings are due at once; the pause of one node ends later.
+        // Pings are due at once; the back-off of one node ends later.
         assert_eq!(table[nodes[0]].ping(0.0), Some(1));
         table[nodes[0]].back_off(2.0, None);
         nodes.iter().for_each(|node| table.arm(*node));

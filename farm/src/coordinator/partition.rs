@@ -321,7 +321,7 @@ mod tests {
                 let finish = model.fixed_secs + model.secs_per_work * work;
                 prop_assert!(work == 0.0 || finish <= partition.finish_secs * (1.0 + 1e-6));
             }
-            // No node alone, taken as far as whole tiles go, is much better than all together.
+            // No single node, up to whole tiles, is much faster than all together.
             let alone = models.iter().map(|model| model.fixed_secs + model.margin_secs + model.secs_per_work * map.of(grid.all()));
             prop_assert!(partition.finish_secs <= alone.fold(f64::INFINITY, f64::min) * 1.01 + 1e-9);
         }

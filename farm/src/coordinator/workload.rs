@@ -421,7 +421,7 @@ mod tests {
     const PACE: f64 = 0.001;
     const GPU: DeviceKind = DeviceKind::Gpu;
 
-    /// A workload with a known cost that has been asked for ten tiles each, of `frames`, at `issued`.
+    /// A workload of known cost with requests for ten tiles each, as pairs of frame and time of issue.
     fn workload(asked: &[(u64, f64)]) -> Workload {
         let mut workload = Workload::default();
         workload.estimator.observe(&Observation {
@@ -451,13 +451,13 @@ mod tests {
     #[test]
     fn reissued_tiles_of_older_frame_run_first() {
         let mut workload = workload(&[(1, 0.0), (1, 0.0), (1, 0.0), (0, 0.002)]);
-        // It arrives when the first is being traced, which is ended.
+        // It arrives while the first is being traced, which is finished before it.
         assert_eq!(order(&workload, 0.002), [0, 3, 1, 2]);
         let [first, again, ..] = workload.forecast(0.002, None)[..] else {
             unreachable!()
         };
         assert!((again.begin - first.finish()).abs() < 1e-12);
-        // A message of the first tells that the others have waited.
+        // A message of the first shows that the others have waited.
         workload.hear(0.015, RequestId(0), FrameId(1));
         let mut others = workload.requests.values().skip(1);
         assert!(others.all(|request| request.others_until == 0.015));
@@ -498,7 +498,7 @@ mod tests {
         assert_eq!(workload.time_out(first - 1e-6, true, GPU), None);
         assert_eq!(workload.time_out(first + 1e-6, true, GPU), Some(20));
         assert_eq!(lost(&workload), [true, true, false]);
-        // Work that it is asked for while it is silent is not relied on.
+        // Work requested during silence is not relied on.
         let more = workload.requests[&RequestId(2)].clone();
         workload.add(first, RequestId(3), more);
         assert_eq!(lost(&workload), [true, true, false, true]);
@@ -521,7 +521,7 @@ mod tests {
     fn early_messages_make_forecasts_earlier() {
         let mut workload = workload(&[(0, 0.0), (1, 0.0)]);
         workload.delay.observe(FrameId(0), -0.003, false);
-        // Frame 0 ends at 20 ms; asked for at 12, more of it is there just before that.
+        // Frame 0 ends at 20 ms; more of it, requested at 12 ms, could begin at 19 ms, just before that.
         let asked = 0.012;
         let begins = asked + FIXED_SECS - 0.003 + workload.wait_secs(asked, FrameId(0));
         assert!((begins - 0.020).abs() < 1e-12, "{begins}");

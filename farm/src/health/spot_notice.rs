@@ -101,7 +101,7 @@ mod tests {
 
     use super::*;
 
-    /// A service that demands tokens and gives notice at the second question.
+    /// A service that demands tokens and gives notice at the second request.
     fn stub() -> SocketAddr {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();

@@ -2,8 +2,9 @@
 //!
 //! A chunk is a file named by the hash of its contents and replaced atomically, so nodes that share the
 //! folder need no coordination: all write the same bytes under a name. The modification time of a file is
-//! its last use. Eviction is by least recent use, after files with a time in the future, which a clock has
-//! set that has been corrected since. A file whose contents do not match its name is removed.
+//! its last use. The least recently used files are evicted first, preceded by those with a time in the
+//! future, left by a clock that has been corrected since. A file whose contents do not match its name is
+//! removed.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Read as _, Write as _};
@@ -242,14 +243,14 @@ mod tests {
         };
         (0..10).for_each(|index| last_used(index, now + year));
         (10..20).for_each(|index| last_used(index, now));
-        // Half of the chunks are to go.
+        // Half of the chunks are to be evicted.
         cache.evict(14_000, now).unwrap();
         let is_there = |index: &u8| cache.path(&chunk(*index).0).exists();
         assert_eq!(
             (0..20).filter(is_there).collect::<Vec<_>>(),
             (10..20).collect::<Vec<_>>()
         );
-        // By a clock that is a year behind all of them are of the future.
+        // By a clock that is a year behind, all of them are in the future.
         cache.evict(14_000, now - year).unwrap();
         assert_eq!((0..20).filter(is_there).count(), 10);
     }
@@ -268,7 +269,7 @@ mod tests {
             assert!(!has(&cache, 3));
             assert_eq!(path.exists(), stays);
         }
-        // Who names a right chunk with a wrong length harms nobody.
+        // A correct hash with a wrong length must do no harm.
         cache.write(&key, &bytes);
         let lie = ChunkKey { bytes: 999, ..key };
         assert_eq!(cache.read(&lie), None);

@@ -343,7 +343,7 @@ mod tests {
 
     /// A frame as it was sent.
     struct SentFrame {
-        /// Of what the link carries in a frame.
+        /// Bytes as a share of what the link carries in a frame.
         share: f64,
         /// Seconds that its last tile waits.
         wait: f64,
@@ -473,7 +473,7 @@ mod tests {
         assert!(turns < 5, "{turns} steps down");
     }
 
-    /// Nothing waits yet, as the first window takes it all.
+    /// Nothing waits yet, as the first congestion window takes it all.
     #[test]
     fn the_start_offers_what_the_path_is_known_to_carry() {
         for (megabits, is_coarser) in [(20.0, true), (100.0, false)] {

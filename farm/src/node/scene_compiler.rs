@@ -287,12 +287,12 @@ mod tests {
             why.contains("201 MiB of memory, of at most 200 MiB"),
             "{why}"
         );
-        // Its own scenes go first, though another's was not used for longer.
+        // Its own scenes are dropped first, though another player's was used less recently.
         state.kept.swap(0, 1);
         state.make_room(100 * MIB, far).unwrap();
         let left: Vec<u8> = state.kept.iter().map(|kept| kept.hash.0[0]).collect();
         assert_eq!(left, [0]);
-        // What requests need stays.
+        // Scenes that requests use stay.
         state.kept.push_front(kept(2, 150 * MIB, far));
         let in_use = Arc::clone(&state.kept[0].scene);
         assert_eq!(state.make_room(100 * MIB, far), Err(RefusalReason::Busy));

@@ -132,9 +132,9 @@ mod tests {
 
     #[test]
     fn the_ideal_of_two_nodes_is_where_both_end_together() {
-        // Both could begin after 1 ms; one makes a tile a millisecond, the other ten.
+        // Both could begin after 1 ms; one makes a tile per millisecond, the other ten.
         let stats = frame(&[(0, 10, 0.011, 0.010), (1, 10, 0.002, 0.001)]);
-        // 20 tiles at 11 a millisecond.
+        // 20 tiles at 11 per millisecond.
         assert!((stats.ideal_secs() - (0.001 + 20.0 / 11_000.0)).abs() < 1e-12);
         assert_eq!(stats.straggler(), Some(NodeIndex(0)));
     }

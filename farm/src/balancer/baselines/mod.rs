@@ -57,7 +57,7 @@ mod tests {
         })
     }
 
-    /// A frame of so much work, whose time does not count.
+    /// A frame of `work`; its period does not matter.
     pub(super) fn division(work: f64, tile_work: f64, candidates: &[Candidate]) -> Division<'_> {
         Division {
             work,
