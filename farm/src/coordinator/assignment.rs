@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! frame ─▶ candidates ─▶ balancer ─▶ shares ─▶ partition ─▶ requests of decreasing size
+//! ```
 //!
 //! Tiles that are assigned a second time, because their node was lost or is late, are left to
 //! [`super::recovery`].

@@ -431,7 +431,7 @@ const PAUSE_SECS_MAX: f64 = 5.0;
 /// Back-off in seconds after a node has reported a full queue.
 const BUSY_PAUSE_SECS: f64 = 0.02;
 /// Seconds since its last message for which an idle node is still shown as rendering, so that the status
-/// does not flicker between frames.
+/// does not flicker between frames, 60 per second.
 const WORK_SECS: f64 = 1.0;
 /// Maximum number of refused scenes remembered per connection.
 const SCENES_REFUSED_MAX: usize = 16;

@@ -2,9 +2,9 @@
 //! finer as the link turns out to carry more. Pure; `now` is an argument.
 //!
 //! The level is a continuous position between the precisions. A link's capacity is known only while it is
-//! saturated, so a lower load probes it in steps: towards finer pixels until most of the known bandwidth is
-//! used, further at intervals, and back at the first sign of a queue, which doubles the interval until the
-//! next probe.
+//! saturated, so an unsaturated one is probed in steps: towards finer pixels until most of the known
+//! bandwidth is used, further at intervals, and back at the first sign of a queue, which doubles the
+//! interval until the next probe.
 
 use std::time::Duration;
 
@@ -219,8 +219,8 @@ const OVERLOAD_INTERVAL: Duration = Duration::from_millis(5);
 const STANDING_WAIT_SECS: f64 = 0.006;
 /// Duration of the start phase: ten round trips of the longest playable paths.
 const START: Duration = Duration::from_millis(500);
-/// Coarsest level forced in the start phase, when it is not known how the pixels compress: of noise, JPEG
-/// 90 takes more bytes than quantised pixels, JPEG 75 few.
+/// Finest level for a link that is overloaded in the start phase, when it is not known how the pixels
+/// compress: of noise, JPEG 90 takes more bytes than quantised pixels, JPEG 75 few.
 const START_LEVEL: f64 = PixelPrecision::Lossy75 as usize as f64;
 /// Time after a change during which tiles encoded before it are still being sent.
 const SETTLING: Duration = Duration::from_millis(50);
