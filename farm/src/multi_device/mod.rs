@@ -11,7 +11,8 @@
 //! the reason, so that a fallback is visible wherever the device is named.
 //!
 //! A device that is not ready, such as a GPU whose kernels for a scene are not compiled, is prepared in a
-//! separate thread with a tile of the job while a ready one traces; the rest of the job is then divided.
+//! separate thread with a tile of the job while a ready one traces; what is left of the job then goes to
+//! the first usable device.
 
 mod device;
 mod device_model;
