@@ -294,7 +294,8 @@ impl FilmRun {
             Ok(()) => Ok(self.kept),
             Err(why) => {
                 if self.kept.kept() == 0 && self.film.range == FrameRange::ALL {
-                    // The folder was only just created; what cannot be removed does no harm.
+                    // No frame is finished, so the folder is of no use; what cannot be removed does no
+                    // harm.
                     let _ = self.kept.remove();
                 }
                 Err(why)
