@@ -1,13 +1,12 @@
-//! Progressive renderer: one picture of many samples by a whole farm, as frames of other samples
-//! each, summed in linear light.
+//! Progressive renderer: one picture of many samples, traced by the farm as frames of different samples and
+//! summed in linear light.
 //!
 //! ```text
 //! next_frame ──▶ farm ──▶ accept ──▶ SampleBatch ──add_to──▶ Film
 //! ```
 //!
-//! It waits for nothing and owns no farm, so that several renders, and frames of other kinds, share
-//! one: [`Priority`] says who comes first. [`crate::Still`] and [`crate::Live`] run it on threads of
-//! their own.
+//! It does not block and owns no farm, so that several renders, and frames of other kinds, share one,
+//! ordered by [`Priority`]. [`crate::Still`] and [`crate::Live`] run it on their own threads.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
@@ -24,36 +23,36 @@ use crate::lock::lock;
 use crate::submission::{Priority, SceneHandle, Submission};
 use crate::submitter::Submitter;
 
-/// A picture that is being accumulated.
+/// A picture while its samples accumulate.
 #[derive(Clone, Debug)]
 pub struct AccumulatedRender {
     spec: FrameSpec,
     priority: Priority,
     frame_samples: Option<u32>,
-    /// At most so many frames in flight.
+    /// Maximum number of frames in flight.
     frames_max: usize,
     samples_done: u32,
-    /// The first sample that no frame has been asked for.
+    /// The first sample that has not been requested.
     next_sample: u32,
-    /// Frames of this render, with the samples of each.
+    /// Frames of this render in flight, with the samples of each.
     in_flight: Vec<(FrameId, u32)>,
-    /// How often the farm traces each tile of a frame: known with the first.
+    /// Passes of the farm per frame: known after the first.
     passes: Option<u32>,
 }
 
-/// A frame of some of a render's samples.
+/// A frame with some of a render's samples.
 #[derive(Clone, Debug)]
 pub struct SampleBatch {
-    /// Their mean, in linear light.
+    /// Mean of the samples, in linear light.
     pub frame: Frame,
-    /// Samples of each pixel.
+    /// Samples per pixel.
     pub samples: u32,
 }
 
 impl AccumulatedRender {
-    /// A render of which nothing has been asked for. The samples of `spec` are those of the whole
-    /// picture, and its format is a linear one. Denoised, they come in as few frames as can be, each
-    /// of which is filtered by itself.
+    /// A render of which nothing has been requested. The samples of `spec` are those of the whole picture,
+    /// and its format is linear. With denoising, the samples come in as few frames as possible, each of
+    /// which is denoised by itself.
     pub fn new(spec: FrameSpec, priority: Priority) -> Self {
         Self {
             spec,
@@ -67,7 +66,7 @@ impl AccumulatedRender {
         }
     }
 
-    /// Goes on where a film holds the first `samples_done` samples of each pixel.
+    /// Resumes a render of which a film holds the first `samples_done` samples of each pixel.
     #[must_use]
     pub fn resume(self, samples_done: u32) -> Self {
         Self {
@@ -77,22 +76,22 @@ impl AccumulatedRender {
         }
     }
 
-    /// Asks for this many samples of each pixel at a time from now on. More cost time until the next
-    /// progress, fewer cost bytes; without it as many as suit the picture's size.
+    /// Sets the samples per pixel and frame from now on. More delay the next progress, fewer cost bytes;
+    /// the default depends on the picture's size.
     pub fn set_frame_samples(&mut self, samples: u32) {
         self.frame_samples = Some(samples.max(1));
     }
 
-    /// Keeps at most so many frames in flight from now on: more hide the time that pixels travel, and make
-    /// each wait for those before it.
+    /// Limits the frames in flight from now on: more hide the transfer time of pixels, and make each wait
+    /// for those before it.
     pub(crate) fn set_frames_max(&mut self, frames: usize) {
         self.frames_max = frames;
     }
 
-    /// The next frame to submit; none while enough are in flight, or if all have been asked for.
+    /// The next frame to submit; `None` while enough are in flight, or if all have been requested.
     pub fn next_frame(&self) -> Option<FrameSpec> {
-        // The first frame tells in how many passes the farm traces: each is sent, and frames of several
-        // are to be as many times larger.
+        // The first frame shows in how many passes the farm traces: each pass is transmitted, so later
+        // frames are larger by that factor. Until then only one is in flight.
         let in_flight_max = match (self.priority, self.passes, self.frame_samples) {
             (Priority::Interactive, None, None) => 1,
             (Priority::Interactive, ..) => usize::MAX,
@@ -110,17 +109,17 @@ impl AccumulatedRender {
         })
     }
 
-    /// Notes that [`AccumulatedRender::next_frame`] has been submitted.
+    /// Records that [`AccumulatedRender::next_frame`] has been submitted.
     pub fn submitted(&mut self, id: FrameId) {
         let samples = self.next_samples();
         self.in_flight.push((id, samples));
         self.next_sample += samples;
     }
 
-    /// Submits as many frames as the farm takes now.
+    /// Submits as many frames as the farm accepts now.
     ///
     /// # Errors
-    /// Those of [`crate::Farm::submit_with`], but for [`Error::FramesInFlight`].
+    /// Those of [`crate::Farm::submit_with`], except [`Error::FramesInFlight`].
     pub(crate) fn submit_through(
         &mut self,
         submitter: &mut Submitter,
@@ -141,12 +140,12 @@ impl AccumulatedRender {
         Ok(())
     }
 
-    /// Whether a frame is one of this render's that are in flight.
+    /// Whether a frame in flight belongs to this render.
     pub fn owns(&self, id: FrameId) -> bool {
         self.in_flight.iter().any(|(frame, _)| *frame == id)
     }
 
-    /// Takes in a frame that the render owns; nothing comes of others.
+    /// Accepts a frame of this render; `None` for others.
     pub fn accept(&mut self, frame: Frame) -> Option<SampleBatch> {
         let mut frames = self.in_flight.iter();
         let place = frames.position(|(id, _)| *id == frame.id)?;
@@ -156,37 +155,37 @@ impl AccumulatedRender {
         Some(SampleBatch { frame, samples })
     }
 
-    /// Takes back what is in flight, which frees the nodes.
+    /// Cancels the frames in flight, which frees the nodes.
     pub(crate) fn cancel(&mut self, submitter: &mut Submitter) {
-        // Frames come in the order in which they were submitted: what is in flight are the last samples
-        // that were asked for, and none behind them has come.
+        // Frames are delivered in the order of submission: those in flight hold the last requested samples,
+        // so that `next_sample` can go back by theirs.
         for (id, samples) in self.in_flight.drain(..) {
             submitter.cancel(id);
             self.next_sample -= samples;
         }
     }
 
-    /// Samples of each pixel that have come.
+    /// Samples per pixel that have arrived.
     pub const fn samples_done(&self) -> u32 {
         self.samples_done
     }
 
-    /// Samples of each pixel that are being traced.
+    /// Samples per pixel that are in flight.
     pub(crate) fn samples_in_flight(&self) -> u32 {
         self.in_flight.iter().map(|(_, samples)| samples).sum()
     }
 
-    /// Whether all samples have come.
+    /// Whether all samples have arrived.
     pub const fn is_done(&self) -> bool {
         self.samples_done >= self.spec.settings.samples
     }
 
-    /// The picture that is rendered.
+    /// The specification of the whole picture.
     pub const fn spec(&self) -> &FrameSpec {
         &self.spec
     }
 
-    /// Samples of the next frame.
+    /// Samples per pixel of the next frame.
     fn next_samples(&self) -> u32 {
         let FrameSpec { size, settings, .. } = &self.spec;
         let left = settings.samples.saturating_sub(self.next_sample);
@@ -221,9 +220,9 @@ impl SampleBatch {
     }
 }
 
-/// Samples of a frame of a picture, whose tiles are traced `passes` times each: each pass is sent, so
-/// that there are as many times fewer frames. Of pictures that are denoised there are as few as can
-/// be: the filter does more with more samples.
+/// Samples per pixel of a frame of a picture whose tiles are traced `passes` times each: as each pass is
+/// transmitted, there are fewer frames by that factor. Denoised pictures use as few frames as possible, as
+/// the denoiser works better on all samples together.
 fn frame_samples(size: ImageSize, settings: &RenderSettings, passes: u32) -> u32 {
     let (pixels, spp) = (size.pixels(), settings.samples);
     let fewest = FRAME_SAMPLES_MIN.div_ceil(pixels);
@@ -233,14 +232,14 @@ fn frame_samples(size: ImageSize, settings: &RenderSettings, passes: u32) -> u32
     u32::try_from(samples.saturating_mul(passes as usize)).unwrap_or(u32::MAX)
 }
 
-/// Albedo, normal and depth of each pixel of a picture of `scene`, row-major, for the AOVs of its
-/// file: a matter of moments, which this machine's processor can spare.
+/// Albedo, normal and depth of each pixel of a picture of `scene`, row-major, for the AOVs of its file.
+/// Traced on this machine's CPU, as it takes only moments.
 ///
 /// # Errors
 /// [`Error::Tracer`] if the update does not fit the scene.
 pub fn trace_aovs(scene: &Scene, spec: &FrameSpec) -> Result<Vec<Aovs>, Error> {
     let ImageSize { width, height } = spec.size;
-    // Row by row, so that they come together without being moved.
+    // In rows, so that they can be concatenated without rearranging.
     let rows: Vec<Tile> = (0..height)
         .map(|y| Tile {
             x: 0,
@@ -269,16 +268,16 @@ pub fn trace_aovs(scene: &Scene, spec: &FrameSpec) -> Result<Vec<Aovs>, Error> {
     Ok(hits.concat())
 }
 
-/// A picture comes as so many frames of other samples, so that there is progress to show;
+/// Number of frames of a picture, for progress in between.
 const FRAMES: u32 = 16;
-/// but a frame of fewer samples is more transport than tracing,
+/// Minimum pixel samples of a frame: a smaller one is more transport than tracing.
 const FRAME_SAMPLES_MIN: usize = 1 << 21;
-/// and one of more is long to repeat when a node is lost. The bounds depend on the picture alone,
-/// so that it is the same bit for bit whoever traces it.
+/// Maximum pixel samples of a frame: a larger one takes long to repeat when a node is lost. The bounds
+/// depend on the picture alone, so that it is bit-identical on any farm.
 const FRAME_SAMPLES_MAX: usize = 1 << 26;
-/// Frames in flight of a render in the background: one is traced while pixels of another travel.
+/// Frames in flight of a background render: one is traced while pixels of another travel.
 const BACKGROUND_FRAMES_MAX: usize = 2;
-/// Camera rays of a pixel of an AOV: their outlines are smooth then.
+/// Maximum samples per pixel of AOVs: enough for smooth outlines.
 const AOV_SAMPLES_MAX: u32 = 16;
 
 #[cfg(test)]
@@ -302,7 +301,7 @@ mod tests {
         AccumulatedRender::new(spec, Priority::Interactive)
     }
 
-    /// Samples of each frame.
+    /// Samples per pixel of each frame.
     fn frames(mut render: AccumulatedRender, passes: u32) -> Vec<u32> {
         render.passes = Some(passes);
         std::iter::from_fn(|| {

@@ -1,4 +1,4 @@
-//! The back ends that a command line can name.
+//! Back ends that can be named on a command line.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -37,10 +37,10 @@ impl Backend {
         }
     }
 
-    /// Opens the back end; 0 threads are one per core.
+    /// Opens the back end; 0 threads means one per core.
     ///
     /// # Errors
-    /// No such device, or one that fails its probe.
+    /// No such device, or one that fails its self-test.
     pub fn open(self, threads: usize) -> Result<Arc<dyn Tracer>, Error> {
         Ok(match self {
             Self::Cpu => Arc::new(CpuTracer::with_threads(threads)?),
@@ -54,7 +54,7 @@ impl Backend {
     }
 }
 
-/// A back end that is ready to trace.
+/// An opened back end.
 pub struct OpenBackend {
     /// Its kind.
     pub backend: Backend,
@@ -62,10 +62,10 @@ pub struct OpenBackend {
     pub tracer: Arc<dyn Tracer>,
 }
 
-/// Opens one back end, or all that this machine has; the log names the others.
+/// Opens one back end, or all that this machine has; the log names the missing ones.
 ///
 /// # Errors
-/// That of the requested back end, if it cannot be opened.
+/// The error of the requested back end, if it cannot be opened.
 pub fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<OpenBackend>, Error> {
     if let Some(backend) = wanted {
         let tracer = backend.open(threads)?;
@@ -81,11 +81,11 @@ pub fn open_all(wanted: Option<Backend>, threads: usize) -> Result<Vec<OpenBacke
     Ok(opened)
 }
 
-/// Warms a device up: runs `work` once, which compiles kernels, and on a GPU repeats it until an
-/// idle one has reached its full clock, some 0.1 s.
+/// Warms a device up: runs `work` once, which compiles kernels, and on a GPU repeats it until an idle one
+/// has reached its full clock, after some 0.1 s.
 ///
 /// # Errors
-/// Those of `work`.
+/// The errors of `work`.
 pub fn wake<E>(tracer: &dyn Tracer, mut work: impl FnMut() -> Result<(), E>) -> Result<(), E> {
     work()?;
     let begun = Instant::now();
@@ -95,6 +95,7 @@ pub fn wake<E>(tracer: &dyn Tracer, mut work: impl FnMut() -> Result<(), E>) -> 
     Ok(())
 }
 
+/// Duration of the warm-up of a GPU.
 const WAKING: Duration = Duration::from_millis(300);
 
 /// The devices of a node.
@@ -109,10 +110,10 @@ pub enum NodeBackend {
 }
 
 impl NodeBackend {
-    /// Opens the back end; 0 threads are one per core.
+    /// Opens the back end; 0 threads means one per core.
     ///
     /// # Errors
-    /// No such device, or one that fails its probe.
+    /// No such device, or one that fails its self-test.
     pub fn open(self, threads: usize) -> Result<Arc<dyn Tracer>, Error> {
         match self {
             Self::Auto => local_devices::auto(threads),

@@ -1,4 +1,4 @@
-//! The names of the ways to divide frames: what settings, command lines and results call them.
+//! Names of the ways to divide frames, as used in settings, command lines and results.
 
 use std::fmt;
 use std::str::FromStr;
@@ -12,32 +12,30 @@ use crate::Error;
 pub enum Algorithm {
     /// `equal`: the same number of tiles for each node.
     Equal,
-    /// `naive`: in proportion to each node's last speed, tiles by response time.
+    /// `naive`: in proportion to each node's last speed, its tiles by its response time.
     Naive,
     /// `naive_mean`: the same with the mean of all its speeds so far.
     NaiveMean,
-    /// `naive_frozen`: the same with the mean of its first 60 speeds, for ever.
+    /// `naive_frozen`: the same with the mean of its first 60 speeds.
     NaiveFrozen,
-    /// `ab`: y = A + B·x with averages over the whole run, after 60 frames of
-    /// [`Algorithm::Equal`].
+    /// `ab`: y = A + B·x with averages over all requests, after 60 frames of [`Algorithm::Equal`].
     Ab,
-    /// `ab_exponential`: the same with averages that forget.
+    /// `ab_exponential`: the same with exponential averages.
     AbExponential,
-    /// `cycles`: each share is moved by a part of its distance from the mean time, until all times
-    /// are within two per cent of it.
+    /// `cycles`: each node's time moves a part of its distance towards the mean, until all times are within
+    /// two per cent of it.
     Cycles,
-    /// `pull`: nodes hold a few tiles, as many as the round trip needs, and get more as they
-    /// deliver.
+    /// `pull`: nodes hold as many tiles as the round trip needs, and pull more as they deliver.
     Pull,
-    /// `water_filling`: y = A + B·w with filtered A and B, the earliest common finish.
+    /// `water_filling`: y = A + B·w with filtered A and B, divided for the earliest common finish.
     #[default]
     WaterFilling,
-    /// `own`: the application's, which [`crate::Farm::set_balancer`] is given. It cannot be chosen by
+    /// `own`: the application's balancer, set by [`crate::Farm::set_balancer`]. It cannot be chosen by
     /// name.
     Own,
 }
 
-/// What of a frame is divided.
+/// Dimension in which a frame is divided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Distribution {
@@ -45,27 +43,27 @@ pub enum Distribution {
     /// network once.
     #[default]
     Tiles,
-    /// `samples`: each node traces other samples of the whole picture, merged as they come: whatever
-    /// is there early is the whole picture with more noise, and a node that is lost costs noise until
-    /// others have traced its samples. Costs the bytes of the picture once for each node, at most 16
-    /// times. Frames that cannot be merged (sRGB, denoised, of one sample) are divided by tiles.
+    /// `samples`: each node traces different samples of the whole picture, merged as they arrive: a partial
+    /// result is the whole picture with more noise, and a lost node costs noise until others have traced
+    /// its samples. Transfers the picture once per pass, at most 16 times. Frames that cannot be merged
+    /// (sRGB, denoised, or with one sample) are divided by tiles.
     Samples,
 }
 
-/// An algorithm, with or without hedging. Its name is the algorithm's, with `_hedged` at the end
-/// if it is.
+/// An algorithm, with or without hedging. Its name is the algorithm's, followed by `_hedged` if it is
+/// hedged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Balancing {
-    /// Divides frames.
+    /// Algorithm that divides frames.
     pub algorithm: Algorithm,
-    /// Whether tiles that are late are asked of other nodes too. Costs under 2 % of the work
-    /// again; without it a frame waits for its slowest node.
+    /// Whether late tiles are requested from other nodes too. This repeats under 2 % of the work; without
+    /// it a frame waits for its slowest node.
     pub hedged: bool,
 }
 
 impl Algorithm {
-    /// All that can be chosen by name, the simplest first.
+    /// All algorithms that can be chosen by name, the simplest first.
     pub const ALL: [Self; 9] = [
         Self::Equal,
         Self::Naive,
@@ -78,7 +76,7 @@ impl Algorithm {
         Self::WaterFilling,
     ];
 
-    /// What it is called everywhere.
+    /// The name in settings, command lines and results.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Equal => "equal",
@@ -94,7 +92,7 @@ impl Algorithm {
         }
     }
 
-    /// With hedging.
+    /// This algorithm with hedging.
     pub const fn hedged(self) -> Balancing {
         Balancing {
             algorithm: self,
@@ -102,7 +100,7 @@ impl Algorithm {
         }
     }
 
-    /// Without.
+    /// This algorithm without hedging.
     pub const fn unhedged(self) -> Balancing {
         Balancing {
             algorithm: self,
@@ -112,7 +110,7 @@ impl Algorithm {
 }
 
 impl Balancing {
-    /// All of them: each algorithm without and with hedging.
+    /// All combinations: each algorithm without and with hedging.
     pub fn all() -> impl Iterator<Item = Self> {
         let both = |algorithm: Algorithm| [algorithm.unhedged(), algorithm.hedged()];
         Algorithm::ALL.into_iter().flat_map(both)
@@ -127,10 +125,10 @@ impl Default for Balancing {
 }
 
 impl Distribution {
-    /// Both.
+    /// Both distributions.
     pub const ALL: [Self; 2] = [Self::Tiles, Self::Samples];
 
-    /// What it is called everywhere.
+    /// The name in settings, command lines and results.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Tiles => "tiles",
@@ -189,5 +187,5 @@ impl From<Balancing> for String {
     }
 }
 
-/// The end of a name.
+/// Suffix of the names of hedged algorithms.
 const HEDGED: &str = "_hedged";

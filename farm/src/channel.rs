@@ -1,10 +1,11 @@
-//! Channel between threads that can be waited for together with other sources: by polling with a
-//! waker.
+//! Channel between threads whose receiver polls with a waker, so that it can be awaited together with other
+//! sources.
 //!
-//! It is bounded by those who send. Commands of a coordinator: a scene, a ping a second, and for each of
-//! `REQUESTS_QUEUED_MAX` open requests a request and its cancellation. Packets of a node: the answers to
-//! as many requests, of which its session holds no more bytes than [`carom_protocol::limits`] allow. A
-//! sender that waited instead would stop the coordinator for one slow link.
+//! It is unbounded in itself and bounded by its senders. Commands of a coordinator: a scene, a ping a
+//! second, and for each of `REQUESTS_QUEUED_MAX` open requests a request and its cancellation. Packets of a
+//! node: the answers to as many requests, of which its session holds no more bytes than
+//! [`carom_protocol::limits`] allow. A sender that blocked instead would stop the coordinator for one slow
+//! link.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -12,10 +13,10 @@ use std::task::{Context, Poll, Waker};
 
 use crate::lock::lock;
 
-/// Puts messages in.
+/// Sending end.
 pub(crate) struct Sender<T>(Arc<Mutex<State<T>>>);
 
-/// Takes messages out.
+/// Receiving end.
 pub(crate) struct Receiver<T>(Arc<Mutex<State<T>>>);
 
 struct State<T> {
@@ -24,7 +25,7 @@ struct State<T> {
     waker: Option<Waker>,
 }
 
-/// A new queue.
+/// Creates a channel.
 pub(crate) fn channel<T>() -> (Sender<T>, Receiver<T>) {
     let state = Arc::new(Mutex::new(State {
         queue: VecDeque::new(),
@@ -35,7 +36,7 @@ pub(crate) fn channel<T>() -> (Sender<T>, Receiver<T>) {
 }
 
 impl<T> Sender<T> {
-    /// Adds a message; `false` if nobody can receive it.
+    /// Adds a message. Returns whether the receiver still exists.
     pub(crate) fn send(&self, message: T) -> bool {
         let mut state = lock(&self.0);
         let open = !state.closed;
@@ -56,7 +57,7 @@ impl<T> Drop for Sender<T> {
 }
 
 impl<T> Receiver<T> {
-    /// The next message; `None` when the sender is gone and all have been taken.
+    /// The next message; `None` when the sender is gone and all messages have been taken.
     pub(crate) fn poll_recv(&self, cx: &mut Context<'_>) -> Poll<Option<T>> {
         let mut state = lock(&self.0);
         if let Some(message) = state.queue.pop_front() {
@@ -65,8 +66,7 @@ impl<T> Receiver<T> {
         if state.closed {
             return Poll::Ready(None);
         }
-        // Under the same lock as the look before: no message can come in between without finding the
-        // waker.
+        // Under the same lock as the check before: a message that is sent afterwards finds the waker.
         state.waker = Some(cx.waker().clone());
         Poll::Pending
     }
@@ -80,7 +80,7 @@ impl<T> Drop for Receiver<T> {
     }
 }
 
-/// Wakes the receiver after the lock is released, so that it does not wait for it.
+/// Wakes the receiver after releasing the lock, so that it does not block on it.
 fn wake<T>(mut state: MutexGuard<'_, State<T>>) {
     let waker = state.waker.take();
     drop(state);

@@ -24,7 +24,7 @@ pub(crate) struct Checkpoint {
     header: CheckpointHeader,
     period: Duration,
     written: Instant,
-    /// Whether a user has been told that none can be written.
+    /// Whether a failure to write has been logged.
     warned: bool,
 }
 
@@ -60,8 +60,8 @@ impl Checkpoint {
         Ok(Some((film, samples_done)))
     }
 
-    /// The bytes of the file, no more than a checkpoint of this picture has, whatever the file says of its
-    /// length: pipes and devices have none.
+    /// The bytes of the file, limited to the maximum size of this picture's checkpoint whatever the
+    /// reported length: pipes and devices report none.
     fn read(&self) -> io::Result<Vec<u8>> {
         if !std::fs::metadata(&self.path)?.is_file() {
             return Err(io::Error::other("this is no plain file"));
@@ -85,14 +85,15 @@ impl Checkpoint {
         }
     }
 
-    /// Writes the film if the last checkpoint is old enough. A render does not end over a checkpoint
-    /// that cannot be written: the first time a warning is logged.
+    /// Writes the film if the last checkpoint is old enough. A failure does not end the render: the first
+    /// one is logged as a warning.
     pub(crate) fn offer(&mut self, film: &Film, samples_done: u32) {
         self.header.samples_done = samples_done;
         if self.written.elapsed() < self.period {
             return;
         }
         if let Err(why) = self.write(film) {
+            // Retried after another period, not with each frame.
             self.written = Instant::now();
             if !self.warned {
                 tracing::warn!("the render goes on without a checkpoint: {why}");
@@ -101,11 +102,11 @@ impl Checkpoint {
         }
     }
 
-    /// Writes the film where there is room, beside the picture or in the folder of temporary files,
-    /// and returns the file.
+    /// Writes the film to the checkpoint's place, or to the temporary folder if that fails, and returns the
+    /// file.
     ///
     /// # Errors
-    /// [`Error::File`] if it can be written nowhere.
+    /// [`Error::File`] if neither place can be written.
     pub(crate) fn rescue(&mut self, film: &Film) -> Result<PathBuf, Error> {
         self.header.samples_done = self.header.settings.samples;
         let path = self.path.clone();
@@ -148,12 +149,12 @@ impl Checkpoint {
     }
 }
 
-/// Of a scene in the state that it is drawn in, in hexadecimal.
+/// Hash of a scene in the state that is traced, in hexadecimal.
 fn picture_hash(SceneHash(scene): SceneHash, update: &SceneUpdate) -> String {
     let hash = if *update == SceneUpdate::default() {
         blake3::Hash::from_bytes(scene)
     } else {
-        // What Rust prints of a number tells it from all others.
+        // Rust's shortest round-trip format of a float identifies its value.
         blake3::hash(format!("{scene:?} {update:?}").as_bytes())
     };
     hash.to_hex().to_string()
@@ -255,7 +256,7 @@ mod tests {
         std::os::unix::fs::symlink("/dev/zero", &checkpoint.path).unwrap();
         let why = checkpoint.resume().unwrap_err().to_string();
         assert!(why.contains("no plain file"), "{why}");
-        // What lies under the hidden name is somebody else's.
+        // A file under the hidden name may belong to somebody else.
         let own = folder.path().join("own");
         std::fs::write(&own, "own").unwrap();
         let hidden = folder.path().join(".a.exr.checkpoint.partial");

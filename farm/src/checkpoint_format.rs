@@ -5,16 +5,16 @@ use carom_tracer::film::Film;
 use carom_tracer::{ImageSize, RenderSettings};
 use serde::{Deserialize, Serialize};
 
-/// The identity of a checkpoint's picture, and its progress.
+/// Identity of a checkpoint's picture, and its progress.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CheckpointHeader {
-    /// The version of the file format.
+    /// Version of the file format.
     version: u32,
-    /// The scene's hash, in hexadecimal.
+    /// Hash of the scene, in hexadecimal.
     scene: String,
     /// Columns and rows.
     pub size: ImageSize,
-    /// Of the whole picture.
+    /// Settings of the whole picture.
     pub settings: RenderSettings,
     /// Samples per pixel in the sums.
     pub samples_done: u32,
@@ -22,11 +22,11 @@ pub struct CheckpointHeader {
 
 const VERSION: u32 = 1;
 const HASH_BYTES: usize = 32;
-/// Bytes of the line of JSON: some 500.
+/// Maximum bytes of the JSON line, which has some 500.
 const HEADER_BYTES_MAX: usize = 16 << 10;
 const DAMAGED: &str = "this checkpoint is damaged";
 
-/// The most bytes that a checkpoint of a picture of this size has.
+/// Maximum bytes of a checkpoint of a picture of this size.
 pub const fn bytes_max(size: ImageSize) -> usize {
     HEADER_BYTES_MAX + Film::bytes_of(size) + HASH_BYTES
 }
@@ -46,7 +46,7 @@ impl CheckpointHeader {
     /// The bytes of a checkpoint.
     ///
     /// # Errors
-    /// None is known: those of the JSON library.
+    /// Those of the JSON library; none is known.
     pub fn encode(&self, film: &Film) -> serde_json::Result<Vec<u8>> {
         let mut content = serde_json::to_vec(self)?;
         content.push(b'\n');
@@ -57,7 +57,7 @@ impl CheckpointHeader {
     /// The film in the bytes of a checkpoint of this header's picture, and its samples per pixel.
     ///
     /// # Errors
-    /// What is wrong with the bytes.
+    /// The fault of the bytes.
     pub fn decode(&self, bytes: &[u8]) -> Result<(Film, u32), &'static str> {
         let content = bytes.len().checked_sub(HASH_BYTES).ok_or(DAMAGED)?;
         let (content, hash) = bytes.split_at(content);
@@ -76,7 +76,7 @@ impl CheckpointHeader {
             return Err("this checkpoint is of another scene, size or number of samples");
         }
         let film = Film::from_bytes(self.size, &film[1..]).ok_or(DAMAGED)?;
-        // The hash has no key: anybody can make one of sums that no render has.
+        // The hash is not keyed, so sums that no render produces are possible and must be rejected.
         match film.samples_max() <= u64::from(samples_done) {
             true => Ok((film, samples_done)),
             false => Err(DAMAGED),
@@ -84,7 +84,7 @@ impl CheckpointHeader {
     }
 }
 
-/// A header and a film's bytes, and after them their hash.
+/// Appends the BLAKE3 hash of a header and a film's bytes to them.
 pub fn with_hash(mut content: Vec<u8>) -> Vec<u8> {
     let hash = blake3::hash(&content);
     content.extend(hash.as_bytes());

@@ -12,45 +12,44 @@ use crate::directory::NodeSource;
 use crate::whole_file::read_limited;
 use crate::{Balancing, Distribution, Error};
 
-/// Configuration of a [`crate::Farm`]: command lines, `farm.toml` and applications fill it.
+/// Configuration of a [`crate::Farm`], filled by command lines, `farm.toml` and applications.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FarmConfig {
     /// The node inside this process.
     pub local: LocalNode,
-    /// CPU threads of the node inside this process, 0 to 1024; 0 is one a core, which is fastest. Fewer leave cores to
-    /// other programs: `carom-farm bench trace --scaling` has the speed of each number.
+    /// CPU threads of the node inside this process, 0 to 1024; 0 is one per core, which is fastest. Fewer
+    /// leave cores to other programs: `carom-farm bench trace --scaling` measures the speed of each number.
     pub threads: u16,
-    /// Nodes elsewhere, as `host:port`, and [directories](crate::directory) of nodes: `dns:host:port`
-    /// has a node at each address of the host, `file:path` one in each line.
+    /// Remote nodes, as `host:port`, and [directories](crate::directory) of nodes: `dns:host:port` has a
+    /// node at each address of the host, `file:path` one per line.
     pub nodes: Vec<String>,
-    /// Folder with the farm's `ca.pem`, `player.pem` and `player.key`, as `carom-farm init` makes
-    /// it; needed as soon as there are `nodes`.
+    /// Folder with the farm's `ca.pem`, `player.pem` and `player.key`, as created by `carom-farm init`;
+    /// needed if there are `nodes`.
     pub credentials: PathBuf,
-    /// How tiles are divided, and whether late ones are asked for again.
+    /// How tiles are divided, and whether late ones are hedged.
     pub balancer: Balancing,
-    /// What is divided: tiles, or samples of whole pictures where pictures can be merged.
+    /// What is divided: tiles, or samples of whole pictures where these can be merged.
     pub distribution: Distribution,
-    /// Pixels along a tile's edge, 8 to 128. Higher costs balance, lower costs bytes: tiles of 16
+    /// Edge of a tile in pixels, 8 to 128. Larger tiles balance worse, smaller ones cost bytes: tiles of 16
     /// compress 16–33 % worse than whole pictures, of 64 3–4 %.
     pub tile_edge: u16,
-    /// How exactly sRGB pixels of remote nodes come: the finest that the link carries in this range.
-    /// A finer end costs bytes (`carom-bench codec` has the figures), a coarser one lets a slow
-    /// link keep up. Nodes in this process are exact.
+    /// Precision range of sRGB pixels of remote nodes: the finest that the link carries is used. A finer
+    /// end costs bytes (`carom-bench codec` has the figures), a coarser end lets a slow link keep up. Nodes
+    /// in this process are exact.
     pub precision: PrecisionRange,
-    /// Frames that may be in flight, 1 to 8: an application that asks for a frame each 1/60 s over
-    /// a round trip of 46 ms has 5. Higher costs memory, lower leaves nodes idle while pixels
-    /// travel.
+    /// Maximum frames in flight, 1 to 8: an application that submits a frame each 1/60 s over a round trip
+    /// of 46 ms has 5 in flight. More cost memory, fewer leave nodes idle during transfers.
     pub frames_in_flight: usize,
-    /// After how many seconds without an answer of any node [`crate::Farm::check_nodes`] gives up; 0
-    /// is never. By default ten if no connection is left, and a minute if a node may be starting.
+    /// Seconds without an answer of any node after which [`crate::Farm::check_nodes`] gives up; 0 is never.
+    /// The default is ten if no connection is left, and sixty if a node may be starting.
     pub timeout_secs: Option<u32>,
 }
 
 impl FarmConfig {
-    /// The configuration of this place: [`FarmConfig::FILE`] in the working folder if there is one, or
-    /// the default; with the nodes that the environment variable [`FarmConfig::NODES_VARIABLE`] names,
-    /// `host:port`s with commas between them, in place of its own.
+    /// The configuration of the current environment: [`FarmConfig::FILE`] in the working folder if it
+    /// exists, or the default; nodes in the environment variable [`FarmConfig::NODES_VARIABLE`],
+    /// comma-separated, replace its own.
     ///
     /// # Errors
     /// As [`FarmConfig::load`].
@@ -70,13 +69,13 @@ impl FarmConfig {
         Ok(config)
     }
 
-    /// The usual name of a configuration's file.
+    /// Default file name of a configuration.
     pub const FILE: &str = "farm.toml";
-    /// The environment variable that names nodes.
+    /// Environment variable with the nodes.
     pub const NODES_VARIABLE: &str = "CAROM_NODES";
 
-    /// Reads a `farm.toml`: the fields of this struct, those left out as in `Default`. A relative
-    /// [`FarmConfig::credentials`] or path of a directory is taken from the file's own folder.
+    /// Reads a `farm.toml` with the fields of this struct; omitted ones have their defaults. A relative
+    /// [`FarmConfig::credentials`] or path of a directory is relative to the file's folder.
     ///
     /// # Errors
     /// [`Error::Config`] with the file and, if it could be read, the line that is wrong.
@@ -108,9 +107,9 @@ impl FarmConfig {
     }
 }
 
-/// Bytes of a wrong line that a message repeats.
+/// Maximum bytes of a faulty line in a message.
 const EXCERPT_BYTES_MAX: usize = 60;
-/// Bytes of a configuration: 1024 nodes with the longest names have a quarter.
+/// Maximum bytes of a configuration: 1024 nodes with the longest names need a quarter.
 const FILE_BYTES_MAX: u64 = 1 << 20;
 
 impl Default for FarmConfig {
@@ -133,16 +132,16 @@ impl Default for FarmConfig {
     }
 }
 
-/// What the node inside the client's process traces with.
+/// Device of the node inside the client's process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LocalNode {
-    /// Every real GPU that passes its probe, and the CPU where it helps or they fail.
+    /// Every hardware GPU that passes its self-test, and the CPU where it helps or they fail.
     #[default]
     Auto,
-    /// SIMD on every core.
+    /// The CPU with SIMD.
     Cpu,
-    /// One real GPU; an error if there is none.
+    /// One hardware GPU; an error if there is none.
     Gpu,
     /// No node in this process.
     None,

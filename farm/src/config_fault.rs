@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// What is wrong with a configuration.
+/// Fault of a configuration.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigFault {
@@ -22,7 +22,7 @@ pub enum ConfigFault {
     Line {
         /// The file.
         path: PathBuf,
-        /// Counted from 1.
+        /// Line number, counted from 1.
         line: usize,
         /// The beginning of the line.
         excerpt: String,
@@ -36,9 +36,9 @@ pub enum ConfigFault {
         field: &'static str,
         /// Its value.
         value: usize,
-        /// The least that is allowed.
+        /// The minimum.
         min: usize,
-        /// The greatest.
+        /// The maximum.
         max: usize,
     },
     /// The coarsest precision is finer than the finest.
@@ -47,9 +47,9 @@ pub enum ConfigFault {
     /// There are more nodes than a farm may have.
     #[error("there are {count} nodes: at most {max} are allowed")]
     TooManyNodes {
-        /// With the one that was to be added.
+        /// The number, including the one to be added.
         count: usize,
-        /// The most.
+        /// The maximum.
         max: usize,
     },
 }

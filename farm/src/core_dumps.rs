@@ -1,7 +1,7 @@
-//! Core dumps: a dump of a process that has read a key would hold it.
+//! Prevention of core dumps, which would contain the keys that the process has read.
 
-/// Forbids dumps of this process, whichever command it runs: all read keys, and `token` holds the
-/// authority's for as long as thirty days.
+/// Disables core dumps of this process, whichever command it runs: all read keys, and `token` holds the
+/// authority's for up to thirty days.
 #[cfg(unix)]
 pub(crate) fn forbid() {
     use rustix::process::{Resource, Rlimit, setrlimit};

@@ -1,4 +1,4 @@
-//! Thread of the coordinator: gives the state machine its clock, its links and its caller.
+//! Thread of the coordinator: provides the state machine with its clock, its links and its caller.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
@@ -23,9 +23,9 @@ use crate::node::Node;
 use crate::node_status::{LOCAL_ADDRESS, NodeIndex};
 use crate::{Balancing, Distribution, FarmConfig, Frame, FrameSpec, NodeState, NodeStatus};
 
-/// Message to the thread. The queue is bounded by those who send: a link hands on no more than the
-/// answers to `REQUESTS_QUEUED_MAX` open requests, [`crate::Farm`] counts the frames in flight, and the
-/// rest are calls of the application, each of which the thread handles in microseconds.
+/// Message to the coordinator's thread. The channel is bounded by its senders: a link passes on no more
+/// than the answers to `REQUESTS_QUEUED_MAX` open requests, [`crate::Farm`] limits the frames in flight,
+/// and the rest are calls of the application, each of which the thread handles in microseconds.
 pub(crate) enum DriverInput {
     Link(NodeIndex, LinkId, Vec<LinkEvent>),
     Scene(Arc<EncodedScene>),
@@ -42,42 +42,42 @@ pub(crate) enum DriverInput {
     Balancer(Box<dyn Balancer + Send>),
     Distribution(Distribution),
     AddLocal(Arc<dyn Tracer>),
-    /// With what to call it, if it is the first.
+    /// Name and address of a node, with the network client if it is the first remote node.
     AddRemote(String, NodeAddress, Option<Client>),
-    /// With what to call its nodes, if they are the first.
+    /// A directory, with the network client if its nodes are the first remote ones.
     AddDirectory(Box<dyn Directory>, Option<Client>),
-    /// The answer of a directory.
+    /// Index of a directory and the nodes that it lists.
     Listed(usize, Vec<ListedNode>),
-    /// The tracer that [`Driver::add_local_later`] has been waiting for.
+    /// The tracer opened by [`Driver::add_local_later`].
     Local(NodeIndex, Result<Arc<dyn Tracer>, carom_tracer::Error>),
     Watch(EventSender),
-    /// Of a client that wants to know whether there is a thread.
+    /// Sent by a client to test whether the thread still runs.
     Nothing,
     Stop,
 }
 
-/// What becomes of a frame.
+/// Outcome of a submitted frame.
 pub(crate) type FrameReply = Result<Frame, FrameRefusal>;
 
-/// A link among all that a driver has had: events of one that was dropped are void, though another node
+/// Number of a link, unique per driver: late events of a dropped link are recognised although another node
 /// has its index.
 type LinkId = u64;
 
-/// What the thread shows of its work.
+/// State that the thread publishes.
 #[derive(Debug, Default)]
 pub(crate) struct FarmBoard {
     pub(crate) nodes: Vec<NodeStatus>,
-    /// Frames that are not finished: tiles that are there, and all.
+    /// Unfinished frames, with the tiles that have arrived and all tiles.
     pub(crate) frames: Vec<(FrameId, u32, u32)>,
 }
 
-/// Where a frame goes.
+/// Receiver of a frame.
 struct Route {
     replies: Sender<FrameReply>,
     has_deadline: bool,
 }
 
-/// Everything that the thread owns.
+/// State of the coordinator's thread.
 pub(crate) struct Driver {
     coordinator: Coordinator,
     links: Vec<DriverLink>,
@@ -87,7 +87,7 @@ pub(crate) struct Driver {
     directories: Vec<DirectoryWatch>,
     tile_edge: u16,
     started: Instant,
-    /// Of remote nodes.
+    /// Precision range of remote nodes.
     precision: PrecisionRange,
     inputs: Sender<DriverInput>,
     receiver: Receiver<DriverInput>,
@@ -96,21 +96,21 @@ pub(crate) struct Driver {
     board_stale: bool,
     routes: BTreeMap<FrameId, Route>,
     watchers: Vec<EventSender>,
-    /// Tracers that are being opened.
+    /// Number of tracers that are being opened.
     opening: usize,
-    /// After the links, which end first.
+    /// Declared after the links, so that it is dropped after them.
     client: Option<Client>,
 }
 
 enum DriverLink {
     Memory {
         link: MemoryLink,
-        /// Dropped after the link, whose thread uses it: fields are dropped in the order of declaration.
-        /// Ends its workers, and waits a second for them.
+        /// Declared after the link, whose thread uses it: fields are dropped in order of declaration. Its
+        /// drop ends the workers and waits for them up to a second.
         _node: Arc<Node>,
     },
     Remote(NodeLink),
-    /// A tracer that is still being opened, or could not be.
+    /// The tracer is still being opened, or could not be.
     None,
 }
 
@@ -156,7 +156,7 @@ impl Driver {
         self.links[index.0] = self.memory_link(index, tracer);
     }
 
-    /// Adds a local node whose tracer takes a while to open.
+    /// Adds a local node whose tracer `open` opens on another thread.
     pub(crate) fn add_local_later(
         &mut self,
         open: impl FnOnce() -> Result<Arc<dyn Tracer>, carom_tracer::Error> + Send + 'static,
@@ -165,12 +165,12 @@ impl Driver {
         self.opening += 1;
         let inputs = self.inputs.clone();
         std::thread::spawn(move || {
-            // A farm that has lost its patience needs no tracer.
+            // A farm that has ended needs no tracer.
             let _ = inputs.send(DriverInput::Local(index, open()));
         });
     }
 
-    /// Calls the nodes that a directory lists from now on.
+    /// Connects to the nodes that a directory lists, from now on.
     pub(crate) fn add_directory(&mut self, directory: Box<dyn Directory>) {
         let index = self.roster.add_directory();
         let inputs = self.inputs.clone();
@@ -181,13 +181,13 @@ impl Driver {
         }
     }
 
-    /// Keeps the network threads of remote links.
+    /// Takes ownership of the network client of remote links.
     pub(crate) fn keep(&mut self, client: Client) {
         self.client = Some(client);
     }
 
-    /// Runs until it is told to stop, and until no tracer is being opened any more: a driver must
-    /// not be set up in a process that is exiting meanwhile.
+    /// Runs until it is stopped and no tracer is being opened any more: a graphics driver must not be
+    /// initialised while the process exits.
     pub(crate) fn run(mut self) {
         self.run_until_stop();
         let deadline = Instant::now() + OPENING_PATIENCE;
@@ -243,6 +243,7 @@ impl Driver {
         self.board_stale = true;
         match input {
             DriverInput::Link(node, link, events) => {
+                // Events of a dropped link may still be in the channel when its index has a new node.
                 let is_current = self.link_ids[node.0] == link;
                 for event in events.into_iter().filter(|_| is_current) {
                     let is_lost = matches!(event, LinkEvent::Lost { .. });
@@ -308,10 +309,12 @@ impl Driver {
         }
     }
 
-    /// Calls nodes that are new in a directory, and drops links to nodes that have left it.
+    /// Connects to nodes that are new in a directory, and drops links to nodes that have left all
+    /// directories.
     fn listed(&mut self, directory: usize, nodes: Vec<ListedNode>) {
         let new = self.roster.update(directory, nodes);
         self.drop_left();
+        // Taken out because `call` borrows all of `self`.
         let Some(client) = self.client.take() else {
             return;
         };
@@ -330,7 +333,7 @@ impl Driver {
         self.client = Some(client);
     }
 
-    /// Stops calling nodes that have left all directories, as soon as they are not connected.
+    /// Stops connecting to nodes that have left all directories, once they are not connected.
     fn drop_left(&mut self) {
         let left = self.roster.left();
         if left.is_empty() {
@@ -353,7 +356,7 @@ impl Driver {
         self.add_link(index)
     }
 
-    /// A place for a node that has no link yet.
+    /// Prepares the link entry of a node, with a new link number.
     fn add_link(&mut self, index: NodeIndex) -> NodeIndex {
         if index.0 == self.links.len() {
             self.links.push(DriverLink::None);
@@ -364,7 +367,7 @@ impl Driver {
         index
     }
 
-    /// Calls a remote node from now on.
+    /// Adds a remote node and starts its link, which keeps connecting to it.
     pub(crate) fn call(
         &mut self,
         client: &Client,
@@ -392,7 +395,7 @@ impl Driver {
         move |events| drop(inputs.send(DriverInput::Link(index, link, events)))
     }
 
-    /// How long to wait for the next input; `None` for ever.
+    /// How long to wait for the next input; `None` without limit.
     fn patience(&self) -> Option<Duration> {
         let refresh = self.board_stale.then(|| self.board_at + STATUS_AGE_MAX);
         let due = self
@@ -421,7 +424,7 @@ impl Driver {
             .retain_mut(|watcher| watcher.compare(&before.nodes, &board.nodes));
     }
 
-    /// Hands a frame to whoever has submitted it; a later one may have ended those before it.
+    /// Sends a frame to its submitter. A deadline ends the earlier frames with deadlines.
     fn deliver(&mut self, frame: Frame) {
         let id = frame.id;
         let is_whole = frame.missing.is_empty();
@@ -432,7 +435,7 @@ impl Driver {
             return;
         };
         let has_deadline = route.has_deadline;
-        // Nobody waits for it any more if the client is gone.
+        // The submitter may be gone.
         let _ = route.replies.send(Ok(frame));
         if is_whole {
             self.routes.remove(&id);
@@ -443,16 +446,16 @@ impl Driver {
         }
     }
 
-    /// Ends the link to a node, whose events are void from now on.
+    /// Drops the link to a node and voids its further events.
     fn hang_up(&mut self, node: NodeIndex) {
         self.links[node.0] = DriverLink::None;
         self.link_ids[node.0] = VOID;
     }
 
-    /// Tells whoever has submitted a frame that it will not come.
+    /// Tells the submitter of a frame that it will not be delivered.
     fn refuse(&mut self, refusal: FrameRefusal) {
         if let Some(route) = self.routes.remove(&refusal.frame) {
-            // Nobody waits for it any more if the client is gone.
+            // The submitter may be gone.
             let _ = route.replies.send(Err(refusal));
         }
     }
@@ -463,7 +466,7 @@ impl Driver {
 }
 
 impl DriverLink {
-    /// A command that cannot be delivered is void: the link is gone and says so.
+    /// Sends a command; it is dropped if the link is gone, which reports its loss separately.
     fn send(&self, command: LinkCommand) {
         let sent = match self {
             Self::Memory { link, .. } => link.send(command),
@@ -476,8 +479,8 @@ impl DriverLink {
     }
 }
 
-/// What no node can guess. Without the system's random numbers spot checks would fall on tiles that
-/// nodes can foretell, which is no reason not to render.
+/// A key that no node can guess. Without the system's random numbers, nodes can predict spot checks, which
+/// is no reason not to render.
 fn secret_key() -> [u8; 32] {
     #[cfg_attr(
         not(feature = "net"),
@@ -491,9 +494,9 @@ fn secret_key() -> [u8; 32] {
     key
 }
 
-/// No link.
+/// The number of no link.
 const VOID: LinkId = 0;
-/// How long a tracer may take to open when the farm is dropped; a GPU needs 0.1 to 1.2 s.
+/// How long a dropped farm waits for a tracer that is being opened; a GPU needs 0.1 to 1.2 s.
 const OPENING_PATIENCE: Duration = Duration::from_secs(3);
-/// How old [`crate::Farm::nodes`] may be.
+/// Maximum age of [`crate::Farm::nodes`].
 const STATUS_AGE_MAX: Duration = Duration::from_millis(20);

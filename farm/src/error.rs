@@ -1,4 +1,4 @@
-//! The errors of a farm: each variant names who is at fault and carries the values that are wrong.
+//! Errors of a farm: each variant names who is at fault and carries the faulty values.
 
 use std::fmt;
 use std::io;
@@ -13,24 +13,24 @@ use crate::coordinator::FrameRefusal;
 use crate::net::peer::{CertificateFault, DisconnectReason, HANDSHAKE_TIMEOUT, NoPlace, Role};
 use crate::node_status::NodeStatus;
 
-/// A result whose error is one of a farm.
+/// Result with [`Error`] as the default error.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Errors of the public API. A node that fails is no error: its work goes elsewhere and
-/// [`crate::Farm::nodes`] says why.
+/// Error of the public API. A failing node is not an error: its work is reassigned, and
+/// [`crate::Farm::nodes`] states why.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The scene, the update or the settings are the caller's mistake, or the local device fails.
+    /// The scene, the update or the settings are invalid, or the local device fails.
     #[error(transparent)]
     Tracer(#[from] carom_tracer::Error),
     /// The configuration cannot be read, or a value of it is out of range.
     #[error(transparent)]
     Config(#[from] ConfigFault),
-    /// A name is none of a closed set: the names of the set.
+    /// A name is not in a closed set: the names of the set.
     #[error("it must be {0}")]
     Choice(&'static str),
-    /// No balancer is called so.
+    /// No balancer has this name.
     #[error(
         "there is no balancer `{name}`: it must be one of {known}, with `{hedged}` at the end for \
          one that asks again for late tiles"
@@ -40,10 +40,10 @@ pub enum Error {
         name: String,
         /// The names of all algorithms.
         known: String,
-        /// The end of the names of those that hedge.
+        /// Suffix of the names of hedged balancers.
         hedged: &'static str,
     },
-    /// Nodes elsewhere were named in a build that cannot call them.
+    /// Remote nodes were named in a build without networking.
     #[error(
         "nodes elsewhere cannot be called: this program was built without carom-farm's feature `net`"
     )]
@@ -72,7 +72,7 @@ pub enum Error {
         /// The system's reason.
         source: io::Error,
     },
-    /// A file of the credentials does not hold what its name says.
+    /// A file of the credentials does not contain what its name says.
     #[error("{}: this is not a PEM {item}: {reason}", path.display())]
     CredentialsPem {
         /// The file.
@@ -82,7 +82,7 @@ pub enum Error {
         /// The parser's reason.
         reason: String,
     },
-    /// Every user of the machine can read a key.
+    /// A key is readable by every user of the machine.
     #[error(
         "{}: every user of this machine can read this key (its mode is {mode:o}, 600 is right): run \
          `chmod 600 {}`, and renew it if somebody may have",
@@ -95,7 +95,7 @@ pub enum Error {
         /// The permissions of its file.
         mode: u32,
     },
-    /// This side's own certificate is not what its role needs.
+    /// This side's own certificate does not fit its role.
     #[error("{}the certificate {fault}", prefix(path.as_deref()))]
     Certificate {
         /// Its file; absent if it is in memory only.
@@ -109,7 +109,7 @@ pub enum Error {
     /// A certificate cannot be created.
     #[error("cannot create a certificate: {0}")]
     CertificateCreation(String),
-    /// The folder for a new farm holds one already.
+    /// The folder for a new farm already holds one.
     #[error(
         "{} exists: this folder already holds a farm, and a new authority would lock out all its \
          nodes. Choose another folder with --dir, or delete the old farm yourself",
@@ -121,10 +121,10 @@ pub enum Error {
     MemberExists {
         /// Its key or certificate.
         evidence: String,
-        /// What the command that was refused can do instead.
+        /// What the refused command can do instead.
         advice: &'static str,
     },
-    /// Nobody holds a valid certificate of this name.
+    /// No valid certificate has this name.
     #[error(
         "`{}` has no valid certificate to revoke: certificates were issued to {}",
         name.escape_debug(),
@@ -145,7 +145,7 @@ pub enum Error {
     /// A `farm://host:port#token` cannot be parsed.
     #[error("this is not a farm's address: {0}, as `carom-farm token` prints it")]
     JoinUrl(&'static str),
-    /// The holder of the authority does not certify this node.
+    /// The holder of the authority refuses to certify this node.
     #[error("the farm's authority refused: {}", printable(_0, SENTENCE_BYTES_MAX))]
     EnrolmentRefused(String),
     /// The folder for a new node holds the farm's authority.
@@ -185,10 +185,10 @@ pub enum Error {
     /// The name of a node's host has no address.
     #[error("the name `{0}` has no address")]
     NameWithoutAddress(String),
-    /// A directory does not say which nodes there are.
+    /// A directory cannot list its nodes.
     #[error("{directory}: {}", printable(reason, SENTENCE_BYTES_MAX))]
     Directory {
-        /// The directory, as it was named.
+        /// The directory, as given.
         directory: String,
         /// The reason.
         reason: String,
@@ -199,7 +199,7 @@ pub enum Error {
          port through"
     )]
     NoAnswer(SocketAddr),
-    /// Another link of this farm has the node at this address, under another name.
+    /// Another link of this farm is connected to the node at this address, under another name.
     #[error("{address} is the same node as {node}: name it once")]
     SameNode {
         /// The address that both names led to.
@@ -207,7 +207,7 @@ pub enum Error {
         /// The other name.
         node: String,
     },
-    /// A node's address is not one that a connection can be opened to.
+    /// A node's address cannot be connected to.
     #[error("cannot connect to {address}: {reason}")]
     Unreachable {
         /// The address.
@@ -215,13 +215,13 @@ pub enum Error {
         /// The QUIC library's reason.
         reason: String,
     },
-    /// No address of a node's host led to a connection: the errors, one for each.
+    /// No address of a node's host led to a connection: one error for each.
     #[error("{}", join(_0))]
     NoAddressConnects(Vec<Error>),
-    /// The other side's certificate is not accepted.
+    /// The peer's certificate is not accepted.
     #[error("its certificate {0}")]
     PeerCertificate(CertificateFault),
-    /// The other side does not accept this side's certificate.
+    /// The peer does not accept this side's certificate.
     #[error("the {by} refused the connection: our certificate {fault}")]
     CertificateRefused {
         /// The other side.
@@ -229,7 +229,7 @@ pub enum Error {
         /// The fault.
         fault: CertificateFault,
     },
-    /// The two sides have no application protocol in common.
+    /// The two sides have no common application protocol.
     #[error("the two sides speak different protocols: update the older one")]
     ProtocolMismatch,
     /// The TLS handshake failed for a reason other than a certificate.
@@ -242,31 +242,32 @@ pub enum Error {
         HANDSHAKE_TIMEOUT.as_secs()
     )]
     HandshakeTimeout,
-    /// A player opened the control stream and did not send the greeting.
+    /// A player opened the control stream but did not send the greeting.
     #[error(
         "the player sent no greeting within {} s: call again, with a program of this protocol's version",
         HANDSHAKE_TIMEOUT.as_secs()
     )]
     NoGreeting,
-    /// Handshakes of other addresses took all places.
+    /// The handshake was evicted in favour of handshakes from other addresses.
     #[error(
         "its handshake gave way to others: too many are under way, most of them from its address"
     )]
     HandshakeEvicted,
-    /// A player connected and opened no control stream.
+    /// A player connected but opened no control stream.
     #[error(
         "the player opened no control stream within {} s: call again, with a program of this protocol's \
          version",
         HANDSHAKE_TIMEOUT.as_secs()
     )]
     NoControlStream,
-    /// The address of a player's connection changed more often than a NAT or a person has it change.
+    /// The address of a player's connection changed more often than a NAT or a roaming user would change
+    /// it.
     #[error("its address changes too often")]
     MovesTooOften,
-    /// A player was turned away because the node has no place for it.
+    /// A player was refused because the node has no place for it.
     #[error("refused: {0}")]
     NodeFull(NoPlace),
-    /// The other side ended the connection, or is gone.
+    /// The peer ended the connection, or is gone.
     #[error("the {peer} {reason}")]
     Disconnected {
         /// The other side.
@@ -283,10 +284,10 @@ pub enum Error {
     /// The application has dropped the farm that a link belongs to.
     #[error("the farm has shut down")]
     FarmClosed,
-    /// The other side broke a rule of the session.
+    /// The peer broke a rule of the session.
     #[error(transparent)]
     Protocol(#[from] carom_protocol::Error),
-    /// The other side ended the control stream without closing the connection.
+    /// The peer ended the control stream without closing the connection.
     #[error("the control stream ended")]
     ControlStreamEnded,
     /// A stream failed in a way that QUIC does not allow.
@@ -300,22 +301,22 @@ pub enum Error {
         /// The QUIC library's reason.
         reason: String,
     },
-    /// The other side sent a datagram or stream that forward error correction cannot use.
+    /// The peer sent a datagram or stream that forward error correction cannot use.
     #[error("tiles cannot be decoded: {0}")]
     ErrorCorrection(String),
     /// A task of this process panicked.
     #[error("a task failed: {0}")]
     Task(String),
-    /// As many frames are in flight as the configuration allows: poll first.
+    /// As many frames are in flight as the configuration allows: take one first.
     #[error("{in_flight} frames are in flight already: take one with poll_frame first")]
     FramesInFlight {
-        /// How many.
+        /// Number of frames in flight.
         in_flight: usize,
     },
     /// No node is connected.
     #[error("no node has answered for {} s: {}", since.as_secs(), states(nodes, *since))]
     NoNodes {
-        /// For how long that has been so.
+        /// Duration of that state.
         since: Duration,
         /// The nodes, with the reason of each.
         nodes: Vec<NodeStatus>,
@@ -327,19 +328,19 @@ pub enum Error {
         _0.reasons()
     )]
     FrameRefused(FrameRefusal),
-    /// The system gives no thread.
+    /// The system cannot start a thread.
     #[error("the system gives no thread: {0}")]
     Thread(io::Error),
-    /// A thread of a render has ended without a result.
+    /// A thread of a render has panicked.
     #[error("the thread of a render has ended: its panic was reported above")]
     RenderThread,
     /// A render was cancelled.
     #[error("the render was cancelled after {samples_done} samples per pixel")]
     Cancelled {
-        /// Samples of each pixel that had come.
+        /// Samples per pixel that had arrived.
         samples_done: u32,
     },
-    /// The name of a picture's file ends in none that is written.
+    /// The name of a picture's file has an unsupported extension.
     #[error("{}: the name must end in {ENDINGS}", _0.display())]
     PictureFormat(PathBuf),
     /// A file of a render cannot be read or written.
@@ -353,12 +354,12 @@ pub enum Error {
     /// A film was cancelled.
     #[error("the film was cancelled after {frames_done} of {frames} frames")]
     FilmCancelled {
-        /// Frames that are kept.
+        /// Finished frames.
         frames_done: u32,
         /// Frames of its range.
         frames: u32,
     },
-    /// A folder holds some frames of another film.
+    /// A folder holds frames of another, unfinished film.
     #[error(
         "{} holds {held} frames of an unfinished film of another kind ({other}): its own command \
          goes on with it; delete the folder, or name another, for this one ({own})",
@@ -367,14 +368,14 @@ pub enum Error {
     UnfinishedFilm {
         /// The folder.
         folder: PathBuf,
-        /// How many frames it holds.
+        /// Number of frames that it holds.
         held: usize,
-        /// The film that they are of.
+        /// Description of their film.
         other: String,
-        /// The film that was asked for.
+        /// Description of the requested film.
         own: String,
     },
-    /// A folder holds a frame that no film has kept there.
+    /// A folder holds a frame that belongs to no film there.
     #[error(
         "{} is in the way, and no film has put it there: move it away, or name another folder",
         _0.display()
@@ -388,14 +389,14 @@ pub enum Error {
         /// Its fault.
         reason: String,
     },
-    /// The name of a film's file ends in none that is written.
+    /// The name of a film's file has an unsupported extension.
     #[error(
         "{}: the name of a film must end in .y4m (then `ffmpeg -i film.y4m film.mp4` makes other \
          kinds of it) or in .png for an animation",
         _0.display()
     )]
     FilmFormat(PathBuf),
-    /// A text is no range of frames.
+    /// A text is not a range of frames.
     #[error(
         "`{}` is no range of frames: give the first and the last, counted from 0, as in 0-9",
         _0.escape_debug()
@@ -404,20 +405,20 @@ pub enum Error {
     /// A film ends before a range of its frames begins.
     #[error("a film of {frames} frames has none in a range that begins with frame {first}")]
     NoFrameOfRange {
-        /// The first of the range, counted from 0.
+        /// First frame of the range, counted from 0.
         first: u32,
-        /// All of the film.
+        /// Number of frames of the film.
         frames: u32,
     },
     /// A film has more frames than a folder may hold.
     #[error("a film of {frames} frames is too long: at most {max} are traced at once")]
     FilmLength {
-        /// Its frames.
+        /// Number of its frames.
         frames: usize,
-        /// The bound.
+        /// The maximum.
         max: u32,
     },
-    /// A file that a render would go on from is of another one, or damaged.
+    /// The file that a render would resume from belongs to another one, or is damaged.
     #[error("{}: {reason}; delete it, or choose another name", path.display())]
     Resume {
         /// The file.
@@ -430,7 +431,7 @@ pub enum Error {
     NoScene,
 }
 
-/// The sentence, which is what `main` prints of an error that it returns.
+/// The same as `Display`, as `main` prints the `Debug` form of an error that it returns.
 impl fmt::Debug for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(self, f)
@@ -438,7 +439,7 @@ impl fmt::Debug for Error {
 }
 
 impl Error {
-    /// What the system says of a socket.
+    /// An error of a socket.
     #[cfg(feature = "net")]
     pub(crate) fn socket(address: impl fmt::Display + Copy) -> impl Fn(io::Error) -> Self + Copy {
         move |source| Self::Socket {
@@ -447,7 +448,7 @@ impl Error {
         }
     }
 
-    /// Why a directory does not say which nodes there are.
+    /// An error of a directory.
     pub(crate) fn directory(name: impl fmt::Display, why: impl fmt::Display) -> Self {
         Self::Directory {
             directory: name.to_string(),
@@ -455,7 +456,7 @@ impl Error {
         }
     }
 
-    /// What the system says of a file of a render.
+    /// An error of a file of a render.
     pub(crate) fn file(path: &Path) -> impl Fn(io::Error) -> Self + Copy {
         move |source| Self::File {
             path: path.to_path_buf(),
@@ -463,8 +464,8 @@ impl Error {
         }
     }
 
-    /// Whether the caller's arguments, or files that they name, are wrong, so that trying again
-    /// without changing them is futile.
+    /// Whether the caller's arguments, or files that they name, are at fault, so that a retry without a
+    /// change is futile.
     pub fn is_invalid_input(&self) -> bool {
         match self {
             Self::Tracer(error) => !matches!(error, carom_tracer::Error::Device { .. }),
@@ -501,7 +502,7 @@ impl Error {
     }
 }
 
-/// Endings of pictures' names.
+/// Supported extensions of pictures.
 #[cfg(feature = "image-io")]
 const ENDINGS: &str = ".png, .exr or .jpg";
 #[cfg(not(feature = "image-io"))]

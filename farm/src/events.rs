@@ -1,4 +1,4 @@
-//! Events of a farm as a stream: nodes that come and go, frames that are finished.
+//! Event stream of a farm: nodes that come and go, frames that are finished.
 
 use std::sync::mpsc::{self, Receiver, SyncSender, TrySendError};
 use std::time::Duration;
@@ -9,37 +9,37 @@ use crate::frame::Frame;
 use crate::node_status::{NodeIndex, NodeState, NodeStatus};
 use crate::stats::FrameStats;
 
-/// Something that has happened.
+/// An event of a farm.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum FarmEvent {
-    /// A node is in another state than before.
+    /// A node has changed its state.
     Node {
-        /// Which.
+        /// Index of the node.
         node: NodeIndex,
         /// Its address, or `local`.
         address: String,
-        /// Its state now.
+        /// Its new state.
         state: NodeState,
     },
-    /// A frame is whole.
+    /// A frame is complete.
     Frame {
-        /// Which.
+        /// Id of the frame.
         id: FrameId,
-        /// How it was made.
+        /// Its statistics.
         stats: Box<FrameStats>,
     },
 }
 
-/// The events of a farm since [`crate::Farm::events`]. Those that nobody takes are kept up to
-/// [`FarmEvents::QUEUE_MAX`]; further ones are dropped.
+/// Events of a farm since [`crate::Farm::events`]. Up to [`FarmEvents::QUEUE_MAX`] are queued; further ones
+/// are dropped.
 #[derive(Debug)]
 pub struct FarmEvents {
     events: Receiver<FarmEvent>,
 }
 
 impl FarmEvents {
-    /// The most events that wait to be taken.
+    /// Maximum number of queued events.
     pub const QUEUE_MAX: usize = 1024;
 
     pub(crate) fn new() -> (EventSender, Self) {
@@ -52,7 +52,7 @@ impl FarmEvents {
         self.events.try_recv().ok()
     }
 
-    /// The next event; waits for it, but not longer than `patience`.
+    /// Waits for the next event, at most for `patience`.
     pub fn wait(&self, patience: Duration) -> Option<FarmEvent> {
         self.events.recv_timeout(patience).ok()
     }
@@ -67,7 +67,7 @@ impl Iterator for FarmEvents {
     }
 }
 
-/// The farm's end of a stream. Its calls return whether anybody listens.
+/// Sending end of the stream. Its methods return whether the receiver still exists.
 pub(crate) struct EventSender(SyncSender<FarmEvent>);
 
 impl EventSender {
@@ -78,8 +78,9 @@ impl EventSender {
         })
     }
 
-    /// Says which nodes are in another state than `before`.
+    /// Sends an event for each node whose state differs from `before`.
     pub(crate) fn compare(&self, before: &[NodeStatus], now: &[NodeStatus]) -> bool {
+        // By name: the bytes of a transfer or the seconds to a retry are not a change of state.
         let word = |node: &NodeStatus| node.state.word();
         let changed = now.iter().enumerate().filter(|(index, node)| {
             let before = before.get(*index).map(word);

@@ -1,4 +1,4 @@
-//! The handle of an application: plain calls that never block.
+//! Application's handle to a farm: plain calls that do not block unless they say so.
 
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
@@ -21,34 +21,33 @@ use crate::{
     SceneHandle, Submission, local_devices,
 };
 
-/// Many nodes as one tracer.
+/// Many nodes used as one tracer.
 ///
-/// A thread of its own runs the coordinator; calls hand it messages. Frames wait while there is no
-/// node that can trace them, and [`Farm::nodes`] says why. Dropping the farm ends everything that
-/// it has started.
+/// A separate thread runs the coordinator; calls send it messages. Frames wait while no node can trace
+/// them, and [`Farm::nodes`] states why. Dropping the farm ends everything that it has started.
 pub struct Farm {
     inputs: mpsc::Sender<DriverInput>,
     submitter: Submitter,
     thread: Option<JoinHandle<()>>,
     credentials: PathBuf,
-    /// Whether nodes can be called.
+    /// Whether the coordinator has a network client.
     calls: bool,
     scene: Option<SceneHandle>,
 }
 
-/// What remote nodes are called with.
+/// Network client and addresses of the remote nodes of a configuration.
 struct RemoteNodes {
     client: Client,
-    /// Each with the text that names it.
+    /// Addresses with the text that names each.
     addresses: Vec<(String, NodeAddress)>,
     directories: Vec<Box<dyn Directory>>,
 }
 
 impl RemoteNodes {
-    /// `None` if there are no remote nodes.
+    /// Opens what the remote nodes of a configuration need; `None` if it has none.
     ///
     /// # Errors
-    /// What is wrong with the configuration or with the credentials.
+    /// Faults of the configuration or of the credentials.
     fn of(config: &FarmConfig) -> Result<Option<Self>, Error> {
         validate(config)?;
         if config.nodes.is_empty() {
@@ -81,15 +80,15 @@ impl RemoteNodes {
 }
 
 impl Farm {
-    /// Starts the local node and calls the remote ones; waits for neither.
+    /// Starts the local node and connects to the remote ones, without waiting for either.
     ///
     /// # Errors
-    /// [`Error::Config`] if a value is out of range, [`Error::NodeAddress`] if an address cannot be
-    /// parsed, an error of the credentials or [`Error::Socket`] if there are remote nodes and they cannot be
-    /// called, [`Error::Tracer`] if [`LocalNode::Gpu`] is asked for and there is none.
+    /// [`Error::Config`] if a value is out of range, [`Error::NodeAddress`] if an address cannot be parsed,
+    /// an error of the credentials or [`Error::Socket`] if there are remote nodes and no connections can be
+    /// made, [`Error::Tracer`] if [`LocalNode::Gpu`] is requested and there is none.
     pub fn new(config: FarmConfig) -> Result<Self, Error> {
-        // Before any device is opened: a program that ends over a mistake while a driver is being
-        // loaded in another thread is ended by the driver.
+        // Before any device is opened: a process that exits over a configuration error while another thread
+        // loads a graphics driver may be killed by that driver.
         let remotes = RemoteNodes::of(&config)?;
         let mut driver = Driver::new(&config);
         let threads = usize::from(config.threads);
@@ -102,8 +101,8 @@ impl Farm {
         Self::start(&config, driver, remotes)
     }
 
-    /// The farm of this place, see [`FarmConfig::discover`]: without any set-up all devices of this
-    /// machine.
+    /// The farm of the current environment, see [`FarmConfig::discover`]: without any set-up, all devices
+    /// of this machine.
     ///
     /// # Errors
     /// As [`FarmConfig::discover`] and [`Farm::new`].
@@ -111,8 +110,8 @@ impl Farm {
         Self::new(FarmConfig::discover()?)
     }
 
-    /// In-process nodes on given tracers, beside the remote nodes of `config`, whose
-    /// [`FarmConfig::local`] is not looked at: for tests, benches and devices of one's own.
+    /// A farm with in-process nodes on the given tracers, beside the remote nodes of `config`;
+    /// [`FarmConfig::local`] is ignored. For tests, benches and custom devices.
     ///
     /// # Errors
     /// As [`Farm::new`].
@@ -157,22 +156,22 @@ impl Farm {
         })
     }
 
-    /// Draws `scene` from the next frame on.
+    /// Traces `scene` from the next frame on.
     ///
     /// # Errors
-    /// [`Error::Tracer`] with the first rule that the scene breaks, [`Error::Protocol`] if it has more than 128 MiB; the
-    /// scene before stays.
+    /// [`Error::Tracer`] with the first rule that the scene breaks, [`Error::Protocol`] if it has more than
+    /// 128 MiB; the previous scene then stays.
     pub fn set_scene(&mut self, scene: &Scene) -> Result<(), Error> {
         self.scene = Some(self.send_scene(scene)?);
         Ok(())
     }
 
-    /// The scene that was set last.
+    /// The scene set last.
     pub fn scene(&self) -> Option<&SceneHandle> {
         self.scene.as_ref()
     }
 
-    /// Asks for a picture, of the highest priority and without a deadline.
+    /// Submits a frame of the highest priority, without a deadline.
     ///
     /// # Errors
     /// As [`Farm::submit_with`].
@@ -180,13 +179,13 @@ impl Farm {
         self.submit_with(spec, Submission::default())
     }
 
-    /// Asks for a picture on terms of one's own. Frames of different priorities are counted apart.
+    /// Submits a frame on the given terms. Frames of different priorities are counted separately.
     ///
     /// # Errors
     /// [`Error::FramesInFlight`] if as many frames of its priority as the configuration allows, or
-    /// [`FRAMES_IN_FLIGHT_MAX`] in the background, have been submitted and not been taken,
-    /// [`Error::NoScene`] before the first scene, [`Error::Tracer`] if the update does not fit the
-    /// scene or a value is out of range.
+    /// [`FRAMES_IN_FLIGHT_MAX`] background frames, have been submitted and not been taken,
+    /// [`Error::NoScene`] before the first scene, [`Error::Tracer`] if the update does not fit the scene or
+    /// a value is out of range.
     pub fn submit_with(
         &mut self,
         spec: FrameSpec,
@@ -197,65 +196,62 @@ impl Farm {
         self.submitter.submit(spec, submission, scene)
     }
 
-    /// The next finished frame in the order of submission, of those of equal priority, if there is one
-    /// now; or one whose deadline has passed.
+    /// The next finished frame, in the order of submission within a priority, if there is one now; or one
+    /// whose deadline has passed.
     pub fn poll_frame(&mut self) -> Option<Frame> {
         self.submitter.poll_frame()
     }
 
-    /// The next frame, for programs without a loop of their own: waits until it is finished, but
-    /// not longer than `patience`, and not at all if none is in flight.
+    /// The next frame, for programs without a main loop: waits until it is finished, at most for
+    /// `patience`, and not at all if none is in flight.
     pub fn wait_frame(&mut self, patience: Duration) -> Option<Frame> {
         self.submitter.wait_frame(patience)
     }
 
-    /// Drops all frames before `id`, also finished ones that have not been taken, but for those in the
-    /// background.
+    /// Drops all interactive frames before `id`, including finished ones that have not been taken.
     pub fn cancel_before(&mut self, id: FrameId) {
         self.submitter.cancel_before(id);
     }
 
-    /// Drops one frame.
+    /// Drops a frame.
     pub fn cancel(&mut self, id: FrameId) {
         self.submitter.cancel(id);
     }
 
-    /// Frames that have been submitted and neither been taken whole nor cancelled, but for those in the
-    /// background.
+    /// Number of interactive frames that have been submitted and neither been taken complete nor cancelled.
     pub fn in_flight(&self) -> usize {
         self.submitter.in_flight()
     }
 
-    /// How the nodes are, local ones first; at most 20 ms old.
+    /// Status of the nodes, local ones first; at most 20 ms old.
     pub fn nodes(&self) -> Vec<NodeStatus> {
         self.submitter.nodes()
     }
 
-    /// Gives up on nodes, for programs that wait for them: to be called now and then while no frame
-    /// comes. After three seconds without a node a warning is logged that says why.
+    /// Checks for nodes, for programs that wait for them: to be called now and then while no frame comes.
+    /// After three seconds without a node, a warning with the reasons is logged.
     ///
     /// # Errors
-    /// [`Error::NoNodes`] when none has answered for [`FarmConfig::timeout_secs`];
-    /// [`Error::FrameRefused`] once after every node has refused a frame, which is not in flight any
-    /// more then.
+    /// [`Error::NoNodes`] when none has answered for [`FarmConfig::timeout_secs`]; [`Error::FrameRefused`]
+    /// once after every node has refused a frame, which is no longer in flight then.
     pub fn check_nodes(&mut self) -> Result<(), Error> {
         self.submitter.check_nodes()
     }
 
-    /// What happens from now on: nodes that come and go, frames that are finished.
+    /// Events from now on: nodes that come and go, frames that are finished.
     pub fn events(&self) -> FarmEvents {
         let (sender, events) = FarmEvents::new();
         self.send(DriverInput::Watch(sender));
         events
     }
 
-    /// Divides frames in another way from the next one on.
+    /// Sets the balancing of the frames from the next one on.
     pub fn set_balancing(&mut self, balancing: Balancing) {
         self.send(DriverInput::Balancing(balancing));
     }
 
-    /// Divides frames by an algorithm of one's own from the next one on, and asks again for late tiles;
-    /// [`Farm::set_balancing`] with [`crate::Algorithm::Own`] goes on without that.
+    /// Divides frames with an application's own algorithm from the next one on, with hedging;
+    /// [`Farm::set_balancing`] with an unhedged [`crate::Algorithm::Own`] turns the hedging off.
     pub fn set_balancer(&mut self, balancer: impl Balancer + Send + 'static) {
         self.send(DriverInput::Balancer(Box::new(balancer)));
     }
@@ -265,12 +261,13 @@ impl Farm {
         self.send(DriverInput::Distribution(distribution));
     }
 
-    /// Calls another node, or those of a directory, named as in [`FarmConfig::nodes`], while the farm is running; it takes part once it answers.
+    /// Connects to another node, or those of a directory, named as in [`FarmConfig::nodes`], while the farm
+    /// is running; it takes part once it answers.
     ///
     /// # Errors
-    /// [`Error::NodeAddress`] if the address cannot be parsed, [`Error::Config`] if there are as many
-    /// nodes as a farm may have, an error of the credentials or [`Error::Socket`] if this is the first remote node and none can be
-    /// called.
+    /// [`Error::NodeAddress`] if the address cannot be parsed, [`Error::Config`] if there are as many nodes
+    /// as a farm may have, an error of the credentials or [`Error::Socket`] if this is the first remote
+    /// node and no connections can be made.
     pub fn add_node(&mut self, node: &str) -> Result<(), Error> {
         let address = match node.parse()? {
             NodeSource::Node(address) => address,
@@ -282,19 +279,18 @@ impl Farm {
         Ok(())
     }
 
-    /// Calls the nodes that a directory lists, from now on and as they come; they take part once they
-    /// answer.
+    /// Connects to the nodes that a directory lists, now and later; they take part once they answer.
     ///
     /// # Errors
-    /// An error of the credentials or [`Error::Socket`] if these are the first remote nodes and none
-    /// can be called.
+    /// An error of the credentials or [`Error::Socket`] if these are the first remote nodes and no
+    /// connections can be made.
     pub fn add_directory(&mut self, directory: Box<dyn Directory>) -> Result<(), Error> {
         let client = self.first_client()?;
         self.send(DriverInput::AddDirectory(directory, client));
         Ok(())
     }
 
-    /// The network side, unless the coordinator has it.
+    /// A new network client, unless the coordinator has one.
     fn first_client(&mut self) -> Result<Option<Client>, Error> {
         if self.calls {
             return Ok(None);
@@ -310,12 +306,12 @@ impl Farm {
         self.send(DriverInput::AddLocal(tracer));
     }
 
-    /// A client of this farm whose frames are its own.
+    /// A submitter to this farm that sees only its own frames.
     pub(crate) fn submitter(&self) -> Submitter {
         self.submitter.another()
     }
 
-    /// Hands a scene to the nodes, for frames that name it.
+    /// Announces a scene to the nodes, for frames that name it.
     pub(crate) fn announce(&self, scene: &Scene) -> Result<SceneHandle, Error> {
         scene.validate_visible()?;
         match &self.scene {
@@ -378,7 +374,7 @@ fn validate(config: &FarmConfig) -> Result<(), Error> {
     Ok(())
 }
 
-/// CPU threads of the node in this process: more than machines have cores, and fewer than a system refuses.
+/// Maximum CPU threads of the local node: more than machines have cores, and fewer than systems refuse.
 const THREADS_MAX: usize = 1024;
-/// Pixels along the edge of the smallest tiles: smaller ones are more message than picture.
+/// Minimum tile edge in pixels: of smaller tiles, the message overhead outweighs the pixels.
 const TILE_EDGE_MIN: usize = 8;

@@ -1,4 +1,4 @@
-//! Frames as an application asks for them and gets them.
+//! Frames as an application submits and receives them.
 
 use carom_protocol::{FrameId, PixelFormat};
 use carom_tracer::{ImageSize, RenderSettings, SceneUpdate, Tile};
@@ -10,35 +10,35 @@ use crate::stats::FrameStats;
 pub struct FrameSpec {
     /// Camera and poses.
     pub update: SceneUpdate,
-    /// Pixels.
+    /// Size in pixels.
     pub size: ImageSize,
     /// Samples, maximum depth and seed.
     pub settings: RenderSettings,
-    /// How pixels come back.
+    /// Format of the returned pixels.
     pub format: PixelFormat,
 }
 
 /// A finished frame.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// What [`crate::Farm::submit`] returned.
+    /// The id returned by [`crate::Farm::submit`].
     pub id: FrameId,
-    /// Pixels across and down.
+    /// Size in pixels.
     pub size: ImageSize,
     /// The pixels, row-major from the top left.
     pub pixels: Pixels,
-    /// Tiles that were not whole when the picture had to be shown: their pixels are black or, where
-    /// samples are divided, the mean of those that were there. The picture comes again when it is
-    /// whole, unless a later one has had to be shown by then.
+    /// Tiles that were incomplete at the deadline: their pixels are black or, where samples are divided,
+    /// the mean of those that had arrived. The frame is delivered again once complete, unless a later one
+    /// has reached its deadline by then.
     pub missing: Vec<Tile>,
-    /// How it was made.
+    /// Its statistics.
     pub stats: FrameStats,
 }
 
-/// Pixels in the format that was asked for.
+/// Pixels in the requested format.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pixels {
-    /// [`PixelFormat::Srgb8`], and 255 for opaque: as a window's texture takes them.
+    /// [`PixelFormat::Srgb8`] with an opaque alpha of 255, as a window's texture takes them.
     Srgb8(Vec<[u8; 4]>),
     /// [`PixelFormat::LinearF16`] and [`PixelFormat::LinearF32`].
     Linear(Vec<[f32; 3]>),

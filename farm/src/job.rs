@@ -1,4 +1,4 @@
-//! Work on a thread of its own, which can be watched, cancelled and waited for.
+//! Work on its own thread, which can be watched, cancelled and waited for.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -7,22 +7,22 @@ use std::thread::JoinHandle;
 use crate::error::Error;
 use crate::lock::lock;
 
-/// A still or a film that is being traced. Dropped, it is cancelled.
+/// A still or a film that is being traced. Dropping it cancels it.
 #[derive(Debug)]
 pub struct Job<T, P> {
     thread: Option<JoinHandle<Result<T, Error>>>,
     canceller: Canceller,
     progress: Arc<Mutex<P>>,
-    /// Samples of a still, or frames of a film, that an interrupted job had left.
+    /// Samples of a still, or frames of a film, from an interrupted job.
     pub(crate) resumed: u32,
 }
 
-/// Cancels a still or a film from another thread.
+/// Handle that cancels a still or a film from another thread.
 #[derive(Clone, Debug, Default)]
 pub struct Canceller(Arc<AtomicBool>);
 
 impl Canceller {
-    /// Ends the work: who waits for it gets [`Error::Cancelled`] or [`Error::FilmCancelled`].
+    /// Cancels the work: [`Job::wait`] returns [`Error::Cancelled`] or [`Error::FilmCancelled`].
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -33,7 +33,7 @@ impl Canceller {
 }
 
 impl<T: Send + 'static, P: Clone> Job<T, P> {
-    /// Starts `run`, which looks at its argument now and then and keeps `progress` up to date.
+    /// Starts `run`, which must check its argument regularly and keep `progress` up to date.
     ///
     /// # Errors
     /// [`Error::Thread`].
@@ -55,7 +55,7 @@ impl<T: Send + 'static, P: Clone> Job<T, P> {
         })
     }
 
-    /// How far it is.
+    /// The current progress.
     pub fn progress(&self) -> P {
         lock(&self.progress).clone()
     }
@@ -65,13 +65,12 @@ impl<T: Send + 'static, P: Clone> Job<T, P> {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Ends the work. What was traced is kept: finished frames of a film, and of a still the checkpoint that was asked
-    /// for.
+    /// Cancels the work. Finished frames of a film are kept, and the checkpoint of a still if it has one.
     pub fn cancel(&self) {
         self.canceller.cancel();
     }
 
-    /// To cancel the work while another thread waits for it.
+    /// A handle that cancels the work while another thread waits for it.
     pub fn canceller(&self) -> Canceller {
         self.canceller.clone()
     }

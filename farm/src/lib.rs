@@ -5,8 +5,8 @@
 //!      ◀─poll_frame─   Film    ◀────tiles───────
 //! ```
 //!
-//! A picture on this machine, with or without a GPU and with no node set up; name `host:port`s in a
-//! `farm.toml` ([`FarmConfig`]) and it is traced on all of them together.
+//! The example traces a picture on this machine, with or without a GPU and without any set-up; with the
+//! `host:port`s of nodes in a `farm.toml` ([`FarmConfig`]), it is traced on all of them together.
 //!
 //! ```
 //! use carom_farm::prelude::*;
@@ -20,10 +20,10 @@
 //! # }
 //! ```
 //!
-//! [`Still`] is one picture, [`Film`] many in a row, [`Live`] a view that follows its camera. Underneath,
-//! [`Farm::submit`] takes single frames.
-//! Submitting never waits, several frames are in flight at once, and nodes may come, slow down or
-//! die meanwhile: see [`Farm`]. How work is divided is in [`balancer`]; the [`guide`] goes by subject.
+//! [`Still`] is one picture, [`Film`] many in sequence, [`Live`] a view that follows its camera. At a lower
+//! level, [`Farm::submit`] takes single frames. Submitting does not block, several frames are in flight at
+//! once, and nodes may join, slow down or fail meanwhile: see [`Farm`]. The division of work is in
+//! [`balancer`]; the [`guide`] is organised by subject.
 
 mod accumulated_render;
 #[cfg(feature = "cli")]

@@ -1,17 +1,17 @@
-//! Link of the coordinator to a node: commands in, events out, the same over memory and QUIC.
+//! Link of the coordinator to a node: commands in, events out, with one interface over memory and QUIC.
 //!
 //! ```text
 //! coordinator ──LinkCommand──▶ link ──Packet──▶ NodeConnection, in this process or behind a socket
 //!             ◀──LinkEvent──        ◀─Packet───
 //! ```
 //!
-//! A link keeps calling its node until it is dropped. Each connection begins with
-//! [`LinkEvent::Connecting`] and, if it is made, [`ClientEvent::Welcome`], and ends with
-//! [`LinkEvent::Lost`]; commands that were meant for an earlier connection are dropped. Packets
-//! become events, and pixels are decoded, on the link's own thread: [`crate::net::NodeLink`] over
-//! QUIC, [`crate::memory_link::MemoryLink`] in this process. Events are handed on together, as they come: to wake a thread for each
-//! took more time than to decode it. Over memory the session and the packets are the same, but that
-//! pixels pass as they are: playing on one machine takes the path that a farm takes.
+//! A link keeps connecting to its node until it is dropped. Each attempt begins with
+//! [`LinkEvent::Connecting`], followed by [`ClientEvent::Welcome`] if it succeeds, and ends with
+//! [`LinkEvent::Lost`]; commands for an earlier connection are dropped. Packets become events, and pixels
+//! are decoded, on the link's own thread: [`crate::net::NodeLink`] over QUIC,
+//! [`crate::memory_link::MemoryLink`] in this process. Events are passed on in batches, as waking a thread
+//! for each took longer than decoding it. Over memory, session and packets are the same except that pixels
+//! are not encoded: a single machine uses the code path of a farm.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -21,7 +21,7 @@ use carom_protocol::{
     EncodedScene, FrameId, PrecisionRange, Reason, Refusal, RefusalReason, RequestId, TraceRequest,
 };
 
-/// What the coordinator asks of a node; each is a call of [`ClientSession`].
+/// Command to a node; each is a call of [`ClientSession`].
 #[derive(Clone, Debug)]
 pub enum LinkCommand {
     /// [`ClientSession::set_scene`].
@@ -38,25 +38,25 @@ pub enum LinkCommand {
     Leave,
 }
 
-/// What becomes of a node.
+/// Event of a node's link.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LinkEvent {
-    /// It is being called.
+    /// An attempt to connect begins.
     Connecting,
-    /// What it says, decoded. The first of a connection is [`ClientEvent::Welcome`].
+    /// A decoded event of the session. The first of a connection is [`ClientEvent::Welcome`].
     Session(ClientEvent),
-    /// How long the tiles of the next event took to decode, by the client's clock.
+    /// Time that decoding the tiles of the next event took, by the client's clock.
     Decoded {
-        /// Whose tiles.
+        /// Request that the tiles belong to.
         request: RequestId,
-        /// From packet to pixels.
+        /// Duration from packet to pixels.
         took: Duration,
     },
-    /// It is gone, with all its runs and scenes; it is called again after a pause.
+    /// The connection is lost, with all its requests and scenes.
     Lost {
-        /// A sentence.
+        /// Reason, as a sentence.
         why: String,
-        /// The pause; absent if it is not called again.
+        /// Pause before the next attempt; absent if there is none.
         retry: Option<Duration>,
     },
 }
@@ -65,16 +65,16 @@ pub enum LinkEvent {
 pub struct LinkSession<F> {
     session: ClientSession,
     precision: PrecisionRange,
-    /// Not handed on yet.
+    /// Events that have not been passed on.
     events: Vec<LinkEvent>,
-    /// How long those took to decode.
+    /// Time that decoding these took.
     decoding: Duration,
     hand_on: F,
 }
 
 impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
-    /// The session of a connection that has just been made, over which sRGB tiles come as exactly
-    /// as `precision` has it, unless a request wants exact ones; its greeting waits to be sent. `hand_on` gets events, one or more.
+    /// The session of a new connection, with its greeting queued. sRGB tiles come with the given precision,
+    /// unless a request demands exact ones. `hand_on` receives events in batches of at least one.
     pub fn new(precision: PrecisionRange, hand_on: F) -> Self {
         Self {
             session: ClientSession::new(),
@@ -85,7 +85,7 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
         }
     }
 
-    /// Puts a command into packets. What cannot be asked is refused here as the node would.
+    /// Encodes a command into packets. A request that cannot be sent is refused here, as the node would.
     pub fn command(&mut self, command: LinkCommand) {
         let session = &mut self.session;
         let done = match command {
@@ -107,11 +107,11 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
         }
     }
 
-    /// Takes a packet from the node. What it says is handed on by [`LinkSession::flush`], which must
-    /// follow when no more packets are there, or here when many have been decoded.
+    /// Handles a packet from the node. Its events are passed on by [`LinkSession::flush`], which must
+    /// follow when no more packets are available, or here once much has been decoded.
     ///
     /// # Errors
-    /// What rule the node broke: the connection must end.
+    /// The protocol rule that the node broke: the connection must end.
     pub fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error> {
         let begun = Instant::now();
         for event in self.session.handle(packet)? {
@@ -128,7 +128,7 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
         Ok(())
     }
 
-    /// Hands on what has been heard, if anything.
+    /// Passes on the collected events, if any.
     pub fn flush(&mut self) {
         self.decoding = Duration::ZERO;
         if !self.events.is_empty() {
@@ -148,7 +148,7 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
         let (frame, id) = (request.frame, request.id);
         if let Err(why) = self.session.trace(request) {
             let why = match why {
-                // Others had its place at the node: its chunks are sent, which has been told.
+                // The node has evicted the scene, and its chunks are being sent, which has been reported.
                 carom_protocol::Error::Unsendable { reason, .. }
                     if reason == Reason::SCENE_NOT_HELD =>
                 {
@@ -163,7 +163,7 @@ impl<F: FnMut(Vec<LinkEvent>)> LinkSession<F> {
     }
 }
 
-/// Tiles that took so long to decode wait no longer for others.
+/// Decoding time of a batch after which it is passed on at once.
 const DECODING_MAX: Duration = Duration::from_micros(200);
 
 #[cfg(test)]
@@ -192,7 +192,7 @@ mod tests {
         })
     }
 
-    /// A scene of so many objects: of 12,000 travels in chunks.
+    /// A scene of `objects` objects: with 12,000 it is sent in chunks.
     fn scene(objects: usize) -> Arc<EncodedScene> {
         let mut scene = Scene::new();
         for _ in 0..objects {

@@ -1,4 +1,4 @@
-//! Live pictures: a view that follows its camera and its objects, and gathers samples while nothing
+//! Live pictures: a view that follows its camera and objects, and accumulates samples while nothing
 //! changes.
 
 use std::collections::VecDeque;
@@ -24,7 +24,7 @@ use crate::stats::FrameStats;
 use crate::submission::{Priority, SceneHandle};
 use crate::submitter::Submitter;
 
-/// A live picture to begin.
+/// Description of a live picture, see [`Farm::live`].
 ///
 /// ```
 /// # use carom_farm::prelude::*;
@@ -56,7 +56,7 @@ pub struct Live {
 type FrameCallback = Box<dyn FnMut() + Send>;
 
 impl Live {
-    /// A view of so many pixels.
+    /// A view of `width` × `height` pixels.
     pub fn new(width: u32, height: u32) -> Self {
         Self {
             size: ImageSize::new(width, height),
@@ -71,8 +71,8 @@ impl Live {
         }
     }
 
-    /// With so many samples per pixel in each frame: higher is smoother while things move, and slower
-    /// in proportion. Default: 1.
+    /// Sets the samples per pixel of each frame: more are smoother in motion, and proportionally slower.
+    /// Default: 1.
     #[must_use]
     pub fn samples_per_frame(self, samples_per_frame: u32) -> Self {
         Self {
@@ -81,30 +81,30 @@ impl Live {
         }
     }
 
-    /// Gathering so many samples per pixel while nothing changes. Default: 1024.
+    /// Sets the samples per pixel to accumulate while nothing changes. Default: 1024.
     #[must_use]
     pub fn samples(mut self, samples: u32) -> Self {
         self.settings.samples = samples;
         self
     }
 
-    /// With paths of at most so many scattering events, see [`RenderSettings::max_depth`].
+    /// Sets the maximum number of scattering events per path, see [`RenderSettings::max_depth`].
     #[must_use]
     pub fn max_depth(mut self, max_depth: u32) -> Self {
         self.settings.max_depth = max_depth;
         self
     }
 
-    /// 8-bit pixels show radiance times this. Default: 1.
+    /// Sets the factor of radiance for 8-bit pixels. Default: 1.
     #[must_use]
     pub fn exposure(self, exposure: f32) -> Self {
         Self { exposure, ..self }
     }
 
-    /// With drafts while things change: denoised, and of as few pixels as it takes to come as often as
-    /// is preferred, see [`crate::quality`]. Once nothing changes, samples gather at the full size, in
-    /// larger frames where they are quick, and take the draft's place when there are [`Live::DRAFT_SAMPLES`]. Default: none, so that a change
-    /// shows with the first samples of the full size.
+    /// Shows drafts while things change: denoised, and with as few pixels as needed to reach the preferred
+    /// frame rate, see [`crate::quality`]. Once nothing changes, samples accumulate at the full size, in
+    /// larger frames where they are fast, and replace the draft from [`Live::DRAFT_SAMPLES`] on. Default:
+    /// no drafts, so that a change shows with the first samples at full size.
     #[must_use]
     pub fn drafts(self, preference: QualityPreference) -> Self {
         Self {
@@ -113,11 +113,11 @@ impl Live {
         }
     }
 
-    /// Samples per pixel with which a picture is better than the draft of it.
+    /// Samples per pixel from which a picture is better than its draft.
     pub const DRAFT_SAMPLES: u32 = 8;
 
-    /// Calls this from the view's thread whenever [`LiveView::latest`] has something new, an error or
-    /// a picture: to wake a loop of events.
+    /// Sets a callback that the view's thread calls whenever [`LiveView::latest`] has something new, a
+    /// picture or an error: to wake an event loop.
     #[must_use]
     pub fn on_frame(self, callback: impl FnMut() + Send + 'static) -> Self {
         Self {
@@ -127,14 +127,14 @@ impl Live {
     }
 }
 
-/// A live picture. Its calls never wait; dropped, it ends.
+/// A live picture. Its calls never wait; it ends when dropped.
 pub struct LiveView {
     settings: RenderSettings,
     shared: Arc<Shared>,
     job: Job<(), ()>,
 }
 
-/// What the view's owner and its thread share.
+/// State shared by a view's owner and its thread.
 struct Shared {
     state: Mutex<LiveState>,
     changed: Condvar,
@@ -144,26 +144,26 @@ struct LiveState {
     scene: SceneHandle,
     update: SceneUpdate,
     size: ImageSize,
-    /// Counts changes of the three.
+    /// Number of changes of `scene`, `update` or `size`.
     version: u64,
     is_paused: bool,
-    /// Of drafts, if there are any.
+    /// Quality control of drafts, if they are enabled.
     quality: Option<Quality>,
     latest: Option<Picture>,
     frames: VecDeque<LiveFrame>,
     error: Option<Error>,
 }
 
-/// A frame that a view was made of, for statistics.
+/// A frame of a view, for statistics.
 #[derive(Clone, Debug)]
 pub struct LiveFrame {
-    /// Its number in the farm.
+    /// Its id in the farm.
     pub id: FrameId,
-    /// Pixels across and down.
+    /// Size in pixels.
     pub size: ImageSize,
-    /// Samples of each pixel.
+    /// Samples per pixel.
     pub samples: u32,
-    /// How it was made.
+    /// Its statistics.
     pub stats: FrameStats,
 }
 
@@ -174,7 +174,7 @@ impl Shared {
 }
 
 impl Farm {
-    /// Begins a live picture, on a thread of its own.
+    /// Starts a live picture on its own thread.
     ///
     /// # Errors
     /// [`Error::Tracer`] with the first rule that the scene or the view breaks, [`Error::Thread`].
@@ -222,7 +222,7 @@ impl Farm {
 }
 
 impl LiveView {
-    /// Looks through this camera from now on.
+    /// Sets the camera from now on.
     ///
     /// # Errors
     /// [`Error::Tracer`] with the rule that the camera breaks; the view stays as it was.
@@ -230,7 +230,7 @@ impl LiveView {
         self.change(|update, _| update.camera = Some(camera))
     }
 
-    /// Shows an object elsewhere from now on: `position` in metres, `rotation` a unit quaternion.
+    /// Sets an object's pose from now on: `position` in metres, `rotation` a unit quaternion.
     ///
     /// # Errors
     /// [`Error::Tracer`] if the handle is of another scene, the object cannot move or a value is out
@@ -247,7 +247,7 @@ impl LiveView {
         self.pose(pose)
     }
 
-    /// Shows an object, or leaves it out, where the scene has it.
+    /// Shows or hides an object, at its pose in the scene.
     ///
     /// # Errors
     /// As [`LiveView::move_to`].
@@ -256,7 +256,7 @@ impl LiveView {
         self.pose(ObjectPose { visible, ..pose })
     }
 
-    /// Shows this state of the scene from now on: what is not in `update` is as the scene has it.
+    /// Sets the state of the scene from now on: what `update` does not contain is as in the scene.
     ///
     /// # Errors
     /// [`Error::Tracer`] with the rule that the update breaks; the view stays as it was.
@@ -264,7 +264,7 @@ impl LiveView {
         self.change(|before, _| *before = update)
     }
 
-    /// Shows this state of another scene from now on, of the farm that the view is of.
+    /// Switches to another scene in the given state, on the view's own farm.
     ///
     /// # Errors
     /// [`Error::Tracer`] with the first rule that the scene or the update breaks; the view stays as it was.
@@ -284,18 +284,18 @@ impl LiveView {
         Ok(())
     }
 
-    /// Traces so many pixels from now on, as when a window has another size.
+    /// Sets the size in pixels, as when a window is resized.
     ///
     /// # Errors
-    /// [`Error::Tracer`] if there are none or too many.
+    /// [`Error::Tracer`] if there are no pixels or too many.
     pub fn resize(&mut self, width: u32, height: u32) -> Result<(), Error> {
         self.change(|_, size| *size = ImageSize::new(width, height))
     }
 
-    /// The newest picture, if there is one that has not been taken.
+    /// The newest picture, if it has not been taken.
     ///
     /// # Errors
-    /// What has ended the view, once: [`Error::NoNodes`] if no node has answered for
+    /// The error that has ended the view, once: [`Error::NoNodes`] if no node has answered for
     /// [`crate::FarmConfig::timeout_secs`], [`Error::FrameRefused`] if every node refuses a frame,
     /// [`Error::FarmClosed`] if the farm has been dropped.
     pub fn latest(&mut self) -> Result<Option<Picture>, Error> {
@@ -306,32 +306,30 @@ impl LiveView {
         }
     }
 
-    /// Gathers no more samples while `paused`, so that others have the farm; changes are shown even so.
+    /// Stops accumulating samples while `paused`, to leave the farm to others; changes are still shown.
     pub fn set_paused(&mut self, paused: bool) {
         self.shared.lock().is_paused = paused;
         self.shared.changed.notify_all();
     }
 
-    /// Gives up something else first in drafts, if there are any.
+    /// Sets the quality preference of drafts, if they are enabled.
     pub fn set_quality_preference(&mut self, preference: QualityPreference) {
         if let Some(quality) = &mut self.shared.lock().quality {
             quality.set_quality_preference(preference);
         }
     }
 
-    /// Quality of the next draft, and what is known of the others' cost; none without
-    /// [`Live::drafts`].
+    /// Quality of the next draft, and the learned costs; `None` without [`Live::drafts`].
     pub fn quality(&self) -> Option<Quality> {
         self.shared.lock().quality.clone()
     }
 
-    /// The frames that have come since the last call, the oldest first: at most
-    /// [`LiveView::FRAMES_MAX`], those before are dropped.
+    /// The frames since the last call, oldest first; only the last [`LiveView::FRAMES_MAX`] are kept.
     pub fn frames(&mut self) -> Vec<LiveFrame> {
         self.shared.lock().frames.drain(..).collect()
     }
 
-    /// Frames that wait for [`LiveView::frames`]: those of a second.
+    /// Maximum number of frames kept for [`LiveView::frames`]: about a second's.
     pub const FRAMES_MAX: usize = 64;
 
     fn pose(&mut self, pose: ObjectPose) -> Result<(), Error> {
@@ -341,7 +339,7 @@ impl LiveView {
         })
     }
 
-    /// Changes what is seen, if the result fits the scene.
+    /// Changes the update and size, if the result is valid for the scene.
     fn change(&self, change: impl FnOnce(&mut SceneUpdate, &mut ImageSize)) -> Result<(), Error> {
         let mut state = self.shared.lock();
         let (mut update, mut size) = (state.update.clone(), state.size);
@@ -365,7 +363,7 @@ impl Drop for LiveView {
     }
 }
 
-/// What the thread of a view works on.
+/// State of a view's thread.
 struct LiveRun {
     submitter: Submitter,
     scene: SceneHandle,
@@ -381,7 +379,7 @@ impl LiveRun {
         }
     }
 
-    /// One picture after the other, each as long as nothing changes.
+    /// Traces one picture after the other, each until something changes.
     fn follow(&mut self, cancelled: &Canceller) -> Result<(), Error> {
         while !cancelled.is_cancelled() {
             let (version, spec) = {
@@ -401,7 +399,7 @@ impl LiveRun {
         Ok(())
     }
 
-    /// Shows a picture of the quality that comes in time.
+    /// Traces and shows a draft at the quality that meets the frame time.
     fn draft(&mut self, spec: &FrameSpec, cancelled: &Canceller) -> Result<(), Error> {
         let level = self.shared.lock().quality.as_ref().map(Quality::level);
         let Some(level) = level else { return Ok(()) };
@@ -432,8 +430,8 @@ impl LiveRun {
         Ok(())
     }
 
-    /// Adds samples up until all are there or something changes. Without drafts the first frame is
-    /// shown even so: a view that is moved all the time must not stand still.
+    /// Accumulates samples until all have arrived or something changes. Without drafts, the first frame is
+    /// always shown: a view that moves all the time must not stand still.
     fn gather(
         &mut self,
         version: u64,
@@ -461,6 +459,8 @@ impl LiveRun {
             if has_changed && is_shown {
                 break;
             }
+            // After a change, a view without drafts only completes its first frame: nothing more is
+            // submitted while one is in flight.
             let is_waiting = render.samples_in_flight() == 0;
             if is_paused && is_shown {
                 if is_waiting {
@@ -476,8 +476,9 @@ impl LiveRun {
             if render.samples_done() >= shown_from {
                 self.show(&film);
             }
-            // What changes next is seen in a draft: until then, larger frames are less transport.
-            // Frames of before the last doubling are still on their way: each size is doubled once.
+            // The next change shows as a draft anyway, so larger frames, with less transport, may be in
+            // flight. Frames issued before the last doubling are still arriving: only one of the current
+            // size doubles it again.
             let is_quick = frame.samples == frame_samples && frame.stats.busy_secs < QUICK_SECS;
             if has_draft && is_quick {
                 render.set_frames_max(usize::MAX);
@@ -489,7 +490,7 @@ impl LiveRun {
         Ok(())
     }
 
-    /// Adds the next frame up, if one comes soon.
+    /// Adds the next frame to the film, if one comes within the poll interval.
     fn accept(
         &mut self,
         render: &mut AccumulatedRender,
@@ -521,19 +522,19 @@ impl LiveRun {
         self.announce();
     }
 
-    /// Waits a while, but no longer than until something changes.
+    /// Waits for a change, at most for [`REST_INTERVAL`].
     fn wait_for_change(&self) {
         let state = self.shared.lock();
-        // What has changed, or that nothing has, is for the caller to see.
+        // The caller checks what has changed, if anything.
         drop(self.shared.changed.wait_timeout(state, REST_INTERVAL));
     }
 
-    /// Waits until something changes.
+    /// Waits until something changes or the view is cancelled.
     fn rest(&self, version: u64, cancelled: &Canceller) {
         let mut state = self.shared.lock();
         while state.version == version && !cancelled.is_cancelled() {
-            // A change is made under the lock and wakes this at once. Cancelling is not: its call may
-            // come between the look above and the wait, which then ends by itself.
+            // A change is made under the lock and wakes this at once. A cancellation may come between the
+            // check and the wait, which then ends by its timeout.
             let waited = self.shared.changed.wait_timeout(state, REST_INTERVAL);
             (state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         }
@@ -555,13 +556,13 @@ fn spec(update: &SceneUpdate, size: ImageSize, settings: RenderSettings) -> Fram
     }
 }
 
-/// Frames that keep a node busy for less are doubled.
+/// Busy seconds of a frame below which the samples per frame are doubled.
 const QUICK_SECS: f64 = 0.03;
-/// Frames in flight that are not quick: one is traced while pixels of another travel.
+/// Maximum frames in flight while they are slow: one is traced while pixels of another travel.
 const SLOW_FRAMES_MAX: usize = 2;
-/// Samples of a pixel in a frame that has been doubled.
+/// Maximum samples per pixel of a frame after doublings.
 const FRAME_SAMPLES_MAX: u32 = 64;
-/// How long to wait for a frame before looking at what has changed.
+/// Timeout of a wait for a frame, after which changes are checked.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
-/// How long a view that is finished sleeps at most: a change wakes it.
+/// Timeout of a finished view's wait; a change wakes it earlier.
 const REST_INTERVAL: Duration = Duration::from_millis(200);

@@ -1,4 +1,4 @@
-//! The tracers of this machine.
+//! Tracers of this machine's devices.
 
 use std::sync::Arc;
 
@@ -9,11 +9,11 @@ use carom_tracer::{GpuTracer, gpu::AdapterChoice};
 #[cfg(feature = "gpu")]
 use crate::multi_device::MultiDeviceTracer;
 
-/// All that this machine traces with: every real GPU that passes its probe, and the CPU with
-/// `threads` threads, 0 for one per core.
+/// All devices of this machine: every hardware GPU that passes its self-test, and the CPU with `threads`
+/// threads, 0 for one per core.
 ///
 /// # Errors
-/// [`Error::Device`] if the system refuses threads.
+/// [`Error::Device`] if the CPU's threads cannot be started.
 #[cfg(feature = "gpu")]
 pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     let cpu = cpu(threads)?;
@@ -28,6 +28,7 @@ pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
             }
         }
     }
+    // Failed GPUs are passed on, so that the tracer's name reports them.
     if devices.is_empty() && absent.is_empty() {
         tracing::info!("tracing on the CPU: there is no GPU");
         return Ok(cpu);
@@ -36,7 +37,7 @@ pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(MultiDeviceTracer::new(devices, absent)))
 }
 
-/// A real GPU that passes its probe.
+/// A hardware GPU that passes its self-test.
 ///
 /// # Errors
 /// [`Error::Device`] if there is none.
@@ -45,7 +46,7 @@ pub(crate) fn gpu() -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(GpuTracer::new(&AdapterChoice::Gpu)?))
 }
 
-/// Without the feature `gpu` this machine traces with its CPU alone.
+/// Without the feature `gpu`, the CPU alone.
 #[cfg(not(feature = "gpu"))]
 pub(crate) fn auto(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     cpu(threads)
@@ -62,7 +63,7 @@ pub(crate) fn gpu() -> Result<Arc<dyn Tracer>, Error> {
 /// The CPU with `threads` threads, 0 for one per core.
 ///
 /// # Errors
-/// [`Error::Device`] if the system refuses threads.
+/// [`Error::Device`] if the threads cannot be started.
 pub(crate) fn cpu(threads: usize) -> Result<Arc<dyn Tracer>, Error> {
     Ok(Arc::new(CpuTracer::with_threads(threads)?))
 }

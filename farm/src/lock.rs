@@ -1,5 +1,5 @@
-//! Locks of mutexes whose poison is passed over: a panic has been reported where it happened, and what it left is
-//! used as it is.
+//! Locking that ignores poisoning: a panic has been reported where it happened, and the state that it left
+//! is used as it is.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

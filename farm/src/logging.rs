@@ -1,4 +1,4 @@
-//! Log lines of the programs on standard error.
+//! Log output of the programs on standard error.
 
 use std::io::IsTerminal as _;
 use std::str::FromStr;
@@ -12,15 +12,15 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 
 use crate::Error;
 
-/// The form of the lines that a program writes.
+/// Format of log lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LogFormat {
-    /// For people at a terminal.
+    /// Plain text, for terminals.
     #[default]
     Plain,
     /// Each line begins with the time (RFC 3339, UTC).
     Time,
-    /// Each line is an object with `timestamp`.
+    /// Each line is a JSON object with `timestamp`.
     Json,
 }
 
@@ -38,7 +38,7 @@ impl FromStr for LogFormat {
     }
 }
 
-/// The time now, as RFC 3339 has it.
+/// The current time in RFC 3339 format.
 pub fn timestamp() -> String {
     let mut text = String::new();
     // Writing to memory does not fail.
@@ -46,14 +46,14 @@ pub fn timestamp() -> String {
     text
 }
 
-/// Writes log lines with the time to standard error from now on, as [`init_with_format`].
+/// Starts logging to standard error as [`init_with_format`] with [`LogFormat::Plain`].
 pub fn init(default: &str) {
     init_with_format(default, LogFormat::Plain);
 }
 
-/// Writes log lines with the time to standard error from now on: those that the variable `RUST_LOG`
-/// names, in the syntax of [`Targets`] (`info`; `carom_farm=debug,warn`), or without it those of
-/// `default`. A variable that cannot be read is reported there, and not followed.
+/// Starts logging to standard error: what the variable `RUST_LOG` selects, in the syntax of [`Targets`]
+/// (`info`; `carom_farm=debug,warn`), or else what `default` selects. An invalid variable is reported and
+/// ignored.
 pub fn init_with_format(default: &str, format: LogFormat) {
     let parsed = |text: String| {
         let filter = text.parse::<Targets>();
@@ -76,7 +76,7 @@ pub fn init_with_format(default: &str, format: LogFormat) {
     }
 }
 
-/// Colour is for terminals: codes in a file or a pipe are noise. <https://no-color.org>
+/// Whether to use colour: only on terminals, and not if `NO_COLOR` is set. <https://no-color.org>
 fn shows_colour() -> bool {
     std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|set| set.is_empty())
 }

@@ -1,7 +1,7 @@
-//! The program `carom-farm`: a farm's credentials, its nodes, pictures without the game, and
-//! measurements of a machine.
+//! Program `carom-farm`: a farm's credentials, its nodes, pictures without the game, and measurements of a
+//! machine.
 //!
-//! Exit codes: 0 success, 1 a failure while running, 2 invalid arguments or files, 130 interrupted.
+//! Exit codes: 0 success, 1 failure while running, 2 invalid arguments or files, 130 interrupted.
 
 mod commands;
 mod core_dumps;
@@ -12,7 +12,7 @@ use carom_farm::logging::LogFormat;
 use clap::{Command, CommandFactory as _, FromArgMatches as _, Parser};
 use mimalloc::MiMalloc;
 
-/// With glibc's allocator an answer of 64 KiB over a loopback takes a quarter more time.
+/// With glibc's allocator, an answer of 64 KiB over loopback takes a quarter longer.
 #[global_allocator]
 static ALLOCATOR: MiMalloc = MiMalloc;
 
@@ -41,7 +41,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Lets the rule of each number refuse negative ones, which else are taken for unknown flags.
+/// Lets each number's own parser reject negative values, which clap would otherwise report as unknown
+/// flags.
 fn with_negative_numbers(command: Command) -> Command {
     let command = command.mut_args(|arg| {
         let takes_values = arg.get_action().takes_values();

@@ -1,5 +1,5 @@
-//! Link to a node in this process: the packets of a connection, carried by a thread. They are those of any
-//! link, but that pixels pass as they are.
+//! Link to a node in this process: a thread carries the packets of a connection. They are those of any
+//! link, except that pixels are not encoded.
 
 use std::sync::Arc;
 use std::task::{Context, Poll, Wake, Waker};
@@ -13,13 +13,13 @@ use crate::node::{Node, NodeConnection, PacketHandler as _};
 
 /// A link to a node in this process.
 pub(crate) struct MemoryLink {
-    /// Taken when dropped, which ends the thread.
+    /// Set to `None` on drop, which ends the thread.
     commands: Option<channel::Sender<LinkCommand>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl MemoryLink {
-    /// Connects to `node`. `events` is called on the link's thread, with one or more.
+    /// Connects to `node`. `events` is called on the link's thread with batches of at least one.
     pub(crate) fn new(
         node: &Arc<Node>,
         mut events: impl FnMut(Vec<LinkEvent>) + Send + 'static,
@@ -40,7 +40,7 @@ impl MemoryLink {
         }
     }
 
-    /// Asks something of the node. `false` if the link has ended.
+    /// Sends a command. Returns whether the link is still alive.
     pub(crate) fn send(&self, command: LinkCommand) -> bool {
         self.commands
             .as_ref()
@@ -57,7 +57,7 @@ impl Drop for MemoryLink {
     }
 }
 
-/// Carries packets between a session and a node until one of them ends; says why.
+/// Carries packets between a session and a node until either ends; returns the reason.
 fn carry(
     commands: channel::Receiver<LinkCommand>,
     mut connection: NodeConnection,
@@ -88,8 +88,8 @@ fn carry(
         }
         if idle {
             session.flush();
-            // A wake since the last look has left its token: then this returns at once, and nothing is
-            // missed.
+            // A wake-up since the last check has left its token, so that this returns at once and nothing
+            // is missed.
             std::thread::park();
         }
     }

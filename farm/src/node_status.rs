@@ -1,4 +1,4 @@
-//! Nodes as a farm reports them: index, state, learned speed and latency.
+//! Status of nodes as a farm reports it: index, state, learned speed and latency.
 
 use std::fmt;
 use std::time::Duration;
@@ -7,19 +7,19 @@ use carom_protocol::{NodeInfo, NodeLoad};
 
 use crate::stats::LatencySplit;
 
-/// A node of a farm: its place in [`crate::Farm::nodes`].
+/// Index of a node in [`crate::Farm::nodes`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeIndex(pub usize);
 
-/// A node as the coordinator sees it.
+/// Status of a node as the coordinator sees it.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct NodeStatus {
     /// Its address, or `local`.
     pub address: String,
-    /// What it said of itself; absent until it has.
+    /// Its own description; absent before it has sent it.
     pub info: Option<NodeInfo>,
-    /// Where it stands.
+    /// Its state.
     pub state: NodeState,
     /// Learned fixed cost of a request, A, in seconds.
     pub fixed_secs: f64,
@@ -31,24 +31,23 @@ pub struct NodeStatus {
     pub speed_error: f64,
     /// Tiles delivered since it joined.
     pub tiles: u64,
-    /// Tiles that it was asked for and that it refused, or that were lost with its connection or
-    /// asked of others because it had fallen silent.
+    /// Requested tiles that it refused, or that were lost with its connection or reassigned because it had
+    /// fallen silent.
     pub lost_tiles: u64,
-    /// Tiles of it that others have traced again and that were compared.
+    /// Its tiles that others have traced again for comparison.
     pub checked_tiles: u64,
-    /// That its pixels differ from another node's while nobody knows who is right, as the end of a
-    /// sentence.
+    /// An undecided disagreement of its pixels with another node's, as the end of a sentence.
     pub doubt: Option<String>,
-    /// Last round trip of a ping, if there was one.
+    /// Round-trip time of the last ping, if there was one.
     pub round_trip: Option<Duration>,
-    /// Where the time of its last tile went.
+    /// Latency breakdown of its last tile.
     pub split: LatencySplit,
-    /// What its other players had of its device when it last answered a ping.
+    /// Load by other players, as of its last answer to a ping.
     pub load: NodeLoad,
 }
 
 impl NodeStatus {
-    /// A node of which nothing is known but its address.
+    /// The status of a node of which only the address is known.
     pub fn new(address: impl Into<String>) -> Self {
         Self {
             address: address.into(),
@@ -56,8 +55,8 @@ impl NodeStatus {
         }
     }
 
-    /// Its state as a predicate to somebody who has waited for it for so long: with what to check, if it has
-    /// not answered.
+    /// Its state as a predicate for a user who has waited for `waited`, with what to check if it has not
+    /// answered.
     pub fn sentence_after(&self, waited: Duration) -> String {
         let secs = waited.as_secs();
         match self.state {
@@ -73,43 +72,43 @@ impl NodeStatus {
     }
 }
 
-/// What stands for the address of the node in this process.
+/// Placeholder for the address of the node in this process.
 pub(crate) const LOCAL_ADDRESS: &str = "local";
 
-/// Where a node stands, in the words that players, `carom-farm status` and the node itself use.
+/// State of a node, in the words that players, `carom-farm status` and the node itself use.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum NodeState {
-    /// Its device is being opened, or it is being called for the first time.
+    /// Its device is being opened, or it is being connected to for the first time.
     #[default]
     Starting,
-    /// It waits for a player: only a node says that, of itself.
+    /// It waits for a player: reported only by a node about itself.
     Listening,
     /// Connected, and this farm has no scene yet.
     Paired,
     /// Connected, without this farm's scene yet.
     Syncing {
-        /// Bytes of the scene that it has.
+        /// Bytes of the scene that it has received.
         bytes: u64,
-        /// Bytes of the scene; 0 until it is asked which it lacks.
+        /// Total bytes of the scene; 0 until it has been asked what it lacks.
         of: u64,
     },
     /// Holds the scene.
     Ready,
     /// Holds the scene and has had work within the last second.
     Rendering,
-    /// Ends, and is asked for nothing more.
+    /// Shuts down, and gets no more requests.
     Draining,
-    /// Gone, or of no use for now.
+    /// Lost, or unusable for now.
     Lost {
-        /// A sentence.
+        /// Reason, as a sentence.
         why: String,
-        /// When it is tried again, in whole seconds from now, rounded up; absent while it is, and if nobody knows.
+        /// Whole seconds until the next attempt, rounded up; absent during an attempt, and if unknown.
         retry_secs: Option<u64>,
     },
 }
 
 impl NodeState {
-    /// One word.
+    /// The state's name.
     pub const fn word(&self) -> &'static str {
         match self {
             Self::Starting => "starting",
@@ -123,7 +122,7 @@ impl NodeState {
         }
     }
 
-    /// What that means, as the end of a sentence that begins with the node's name.
+    /// Its meaning, as a predicate to the node's name.
     pub fn sentence(&self) -> String {
         match self {
             Self::Starting => "is being called, or opens its device".into(),
@@ -142,19 +141,19 @@ impl NodeState {
         }
     }
 
-    /// Whether it can be asked for pictures of this farm's scene.
+    /// Whether pictures of this farm's scene can be requested from it.
     pub const fn is_ready(&self) -> bool {
         matches!(self, Self::Ready | Self::Rendering)
     }
 }
 
-/// A part in percent, rounded down; 0 of nothing.
+/// A share in percent, rounded down; 0 if there is no total.
 fn percent(bytes: u64, of: u64) -> u64 {
     100 * bytes / of.max(1)
 }
 
-/// Its word, with how much of the scene it has, and for a lost node why it is and when it is tried
-/// again.
+/// The state's name, with the share of the scene that has been received, and for a lost node the reason and
+/// the next attempt.
 impl fmt::Display for NodeState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())?;

@@ -1,19 +1,19 @@
-//! Frame pacing ahead of time: the moment of a shot to ask for next, and the frame to show now.
+//! Frame pacing ahead of time: which moment of a shot to request next, and which frame to show now.
 //!
-//! After the stroke nothing changes a shot, so pictures are asked for ahead of time and shown when
-//! their moment comes. The farm's latency then does not delay what is seen.
+//! After the stroke nothing changes a shot, so its pictures are requested ahead of time and shown at their
+//! moment. The farm's latency then does not delay the display.
 
 use std::collections::VecDeque;
 
-/// How far ahead to ask: what 95 of the last hundred pictures took at most. A picture that takes
-/// longer by less than a period is late by less than that.
+/// Lead time of requests: the 95th percentile of the last hundred pictures' latencies. A picture that
+/// exceeds it by less than a period is late by less than that.
 #[derive(Clone, Debug, Default)]
 pub struct LeadTime {
     recent_secs: VecDeque<f64>,
 }
 
 impl LeadTime {
-    /// Takes in that a picture came `secs` after it had been asked for.
+    /// Records that a picture arrived `secs` after its request.
     pub fn observe(&mut self, secs: f64) {
         self.recent_secs.push_back(secs);
         if self.recent_secs.len() > PICTURES_REMEMBERED {
@@ -21,27 +21,27 @@ impl LeadTime {
         }
     }
 
-    /// Ask for the picture of this many seconds from now, at most [`LeadTime::SECS_MAX`].
+    /// Seconds ahead of which to request a picture, at most [`LeadTime::SECS_MAX`].
     pub fn secs(&self) -> f64 {
         self.quantile(0.95)
             .unwrap_or(FIRST_LEAD_SECS)
             .min(Self::SECS_MAX)
     }
 
-    /// How long after a click the stroke falls: when the first picture in which something has moved, one
-    /// of `period_secs` later, has just time to come in three of four cases. To wait until it has in nearly
-    /// all would delay most strokes by a refresh, and the others are no later so.
+    /// Delay of the stroke after a click, in seconds: the first picture with motion, one of `period_secs`
+    /// after the stroke, then arrives in time in three of four cases. Waiting for nearly all cases would
+    /// delay most strokes by a refresh, without making the others earlier.
     pub fn stroke_delay_secs(&self, period_secs: f64) -> f64 {
         let usual_secs = self.quantile(0.75).unwrap_or(FIRST_LEAD_SECS);
         (usual_secs.min(Self::SECS_MAX) - period_secs).max(0.0)
     }
 
-    /// How many pictures to have in flight so that one comes each `period_secs`, at most `max`: as
-    /// many periods as the fastest of the last pictures took. Slower ones waited for others, and
-    /// more in flight would make all wait.
+    /// Number of pictures to keep in flight for one per `period_secs`, at most `max`: as many periods as
+    /// the fastest of the last pictures took, plus one. Slower ones were queued behind others, and more in
+    /// flight would delay all.
     pub fn pictures_in_flight(&self, period_secs: f64, max: usize) -> usize {
-        // By the fastest: the mean grows with the pictures in flight, and following it would be a loop
-        // that never ends.
+        // By the fastest: the mean grows with the pictures in flight, so that following it would be
+        // positive feedback.
         let fastest_secs = self.quantile(0.0).unwrap_or(FIRST_LEAD_SECS);
         let periods = (fastest_secs / period_secs).ceil() as usize;
         (periods + 1).clamp(2, max.max(2))
@@ -50,30 +50,32 @@ impl LeadTime {
     fn quantile(&self, share: f64) -> Option<f64> {
         let mut sorted: Vec<f64> = self.recent_secs.iter().copied().collect();
         sorted.sort_by(f64::total_cmp);
+        // The order statistic at the rank rounded up, so that small samples err towards longer times.
         let last = sorted.len().checked_sub(1)?;
         Some(sorted[(last as f64 * share).ceil() as usize])
     }
 
-    /// Moments further ahead would be drawn with a camera that the player may still move.
+    /// Maximum lead in seconds: moments further ahead would be traced with a camera that the player may
+    /// still move.
     pub const SECS_MAX: f64 = 0.6;
 }
 
 const PICTURES_REMEMBERED: usize = 100;
-/// Before the first picture has come.
+/// Assumed latency before the first picture.
 const FIRST_LEAD_SECS: f64 = 0.07;
 
-/// The moments to ask for: as close together as `period`, each after the last. The first is a period after
-/// the stroke: that of the stroke itself is on show. Where a moment comes less than a period before it
-/// is nearly sure to be ready, the next are a little further apart until they are; where more, the
-/// next is one that is.
+/// Schedule of the moments to request, one `period` apart. The first is a period after the stroke, whose
+/// own moment is already shown. Where a moment is less than a period too close to arrive in time, the
+/// following ones are spaced slightly wider until they do; where it is more, the next moment is one that
+/// does.
 #[derive(Clone, Debug, Default)]
 pub struct FrameSchedule {
     asked_secs: Option<f64>,
 }
 
 impl FrameSchedule {
-    /// The next moment to ask for at `clock_secs` (the moment on show), and notes it as asked.
-    /// Nothing once the end itself has been asked for.
+    /// The next moment to request at `clock_secs` (the moment on display), which counts as requested.
+    /// `None` if it is too far ahead, or once the end itself has been requested.
     pub fn next(
         &mut self,
         clock_secs: f64,
@@ -85,13 +87,13 @@ impl FrameSchedule {
         if self.asked_secs.is_some_and(|asked| asked >= end_secs) {
             return None;
         }
-        // A moment too far ahead would be drawn with a camera that the player may still move.
+        // A moment too far ahead would be traced with a camera that the player may still move.
         if after_last > clock_secs + lead_secs + AHEAD_PERIODS_MAX * period_secs {
             return None;
         }
         let late_secs = (clock_secs + lead_secs - after_last).max(0.0);
-        // Small lateness is made up by spreading the next moments a little, which is not seen; a large
-        // one by leaving moments out.
+        // Small lateness is made up by spreading the following moments invisibly, large lateness by
+        // skipping moments.
         let step_secs = match late_secs < period_secs {
             true => late_secs.min(CATCH_UP * period_secs),
             false => late_secs,
@@ -106,7 +108,7 @@ impl FrameSchedule {
 #[derive(Clone, Debug)]
 pub struct PresentationQueue<T> {
     waiting: VecDeque<(f64, T)>,
-    /// Pictures that were passed over because a later one was due: the farm or the window was slow.
+    /// Pictures skipped because a later one was due: the farm or the window was slow.
     pub skipped: u64,
 }
 
@@ -120,8 +122,8 @@ impl<T> Default for PresentationQueue<T> {
 }
 
 impl<T> PresentationQueue<T> {
-    /// Keeps a picture of the moment `at_secs`, in place of an earlier one of the same; moments
-    /// never fall.
+    /// Adds a picture of the moment `at_secs`, replacing an earlier one of the same moment; moments must
+    /// not decrease.
     pub fn push(&mut self, at_secs: f64, picture: T) {
         let again = |(at, _): &mut (f64, T)| *at == at_secs;
         if self.waiting.back_mut().is_some_and(again) {
@@ -147,22 +149,22 @@ impl<T> PresentationQueue<T> {
         due
     }
 
-    /// When the next picture is due.
+    /// Moment of the next picture.
     pub fn next_secs(&self) -> Option<f64> {
         self.waiting.front().map(|(at, _)| *at)
     }
 
-    /// Forgets what waits.
+    /// Drops all waiting pictures.
     pub fn clear(&mut self) {
         self.waiting.clear();
     }
 }
 
-/// How many pictures beyond the lead may be asked for.
+/// Periods beyond the lead that may be requested.
 const AHEAD_PERIODS_MAX: f64 = 2.0;
-/// By what part of a period moments may be further apart to make up for late ones.
+/// Maximum extra spacing of moments that make up for lateness, as a share of the period.
 const CATCH_UP: f64 = 0.25;
-/// More pictures than a farm has in flight never wait for long.
+/// Maximum number of waiting pictures: more than a farm has in flight.
 const WAITING_MAX: usize = 32;
 
 #[cfg(test)]
@@ -207,7 +209,7 @@ mod tests {
     fn a_little_lateness_is_made_up_for_over_several_moments_and_much_at_once() {
         const PERIOD: f64 = 1.0 / 60.0;
         let mut schedule = FrameSchedule::default();
-        // The first is asked for half a period later than it should be.
+        // The first is requested half a period later than it should be.
         let (mut clock, mut asked) = (-3.5 * PERIOD, vec![]);
         for _ in 0..10 {
             asked.extend(schedule.next(clock, 5.0 * PERIOD, PERIOD, 9.0));

@@ -1,4 +1,4 @@
-//! Finished pictures, and their files.
+//! Finished pictures and their files.
 
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::error::Error;
 use crate::lock::lock;
 use crate::whole_file::WholeFile;
 
-/// A picture that a farm has traced.
+/// A picture that a farm has traced, as its sample sums.
 #[derive(Clone, Debug)]
 pub struct Picture {
     film: Film,
@@ -38,18 +38,18 @@ impl Picture {
         Self { checkpoint, ..self }
     }
 
-    /// The same, of which 8-bit pixels and files show radiance times this.
+    /// Sets the factor of radiance for 8-bit pixels and files.
     #[must_use]
     pub fn with_exposure(self, exposure: f32) -> Self {
         Self { exposure, ..self }
     }
 
-    /// Pixels across and down.
+    /// Size in pixels.
     pub fn size(&self) -> ImageSize {
         self.film.size()
     }
 
-    /// Samples of each pixel.
+    /// Samples per pixel.
     pub fn samples(&self) -> u32 {
         u32::try_from(self.film.samples_min()).unwrap_or(u32::MAX)
     }
@@ -64,17 +64,17 @@ impl Picture {
         self.film.image()
     }
 
-    /// Sums of the samples.
+    /// The film with the sample sums.
     pub const fn film(&self) -> &Film {
         &self.film
     }
 
-    /// Albedo, normal and depth of each pixel, row by row; empty unless they were asked for.
+    /// Albedo, normal and depth of each pixel, row by row; empty unless requested.
     pub fn layers(&self) -> &[Aovs] {
         &self.layers
     }
 
-    /// 8-bit sRGB and 255 of each pixel, row by row from the top left.
+    /// 8-bit sRGB with an alpha of 255, row by row from the top left.
     pub fn rgba8(&self) -> Vec<[u8; 4]> {
         let opaque = |&pixel: &[f32; 3]| {
             let [r, g, b] = srgb8(pixel, self.exposure);
@@ -83,10 +83,10 @@ impl Picture {
         self.image().pixels.iter().map(opaque).collect()
     }
 
-    /// The bytes of a PNG file of 8-bit sRGB, for who sends them elsewhere.
+    /// The bytes of a PNG file of 8-bit sRGB.
     ///
     /// # Errors
-    /// [`Error::File`] if memory is too small for it.
+    /// [`Error::File`] if encoding fails.
     pub fn png(&self) -> Result<Vec<u8>, Error> {
         let mut bytes = Vec::new();
         let written = self.encode_png(&mut bytes);
@@ -94,8 +94,8 @@ impl Picture {
         written.map(|()| bytes)
     }
 
-    /// Writes the picture: as 8-bit sRGB if the name ends in `.png` or `.jpg`, as 32-bit linear
-    /// radiance with the layers that there are if it ends in `.exr`. Half a file is never seen.
+    /// Writes the picture: as 8-bit sRGB if the name ends in `.png` or `.jpg`, as 32-bit linear radiance
+    /// with the available layers if it ends in `.exr`. The file appears only when it is complete.
     ///
     /// # Errors
     /// [`Error::PictureFormat`] for another name, [`Error::File`] if the file cannot be written.
@@ -117,12 +117,12 @@ impl Picture {
         lock(checkpoint).remove()
     }
 
-    /// Writes the checkpoint of [`crate::Still::checkpoint`] with all samples, for a picture that could
-    /// not be saved: in its place, or where there is no room in the folder of temporary files. Returns
-    /// the file; none if there is no checkpoint.
+    /// Writes the checkpoint of [`crate::Still::checkpoint`] with all samples, for a picture that could not
+    /// be saved: in its place, or in the temporary folder if that fails. Returns the file; `None` without a
+    /// checkpoint.
     ///
     /// # Errors
-    /// [`Error::File`] if it can be written nowhere.
+    /// [`Error::File`] if neither place can be written.
     pub fn rescue(&self) -> Result<Option<PathBuf>, Error> {
         let Some(checkpoint) = &self.checkpoint else {
             return Ok(None);
@@ -130,10 +130,10 @@ impl Picture {
         lock(checkpoint).rescue(&self.film).map(Some)
     }
 
-    /// The bytes of a file of the format, for who has opened it.
+    /// Writes a file of the format to an open destination.
     ///
     /// # Errors
-    /// The writer's, or a sentence with what the format cannot hold.
+    /// The writer's, or one that names what the format cannot hold.
     pub fn encode(&self, format: FileFormat, to: impl Write + Seek) -> io::Result<()> {
         let mut to = BufWriter::new(to);
         match format {
@@ -159,13 +159,13 @@ impl Picture {
     }
 }
 
-/// The format of a picture's file.
+/// Format of a picture's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FileFormat {
-    /// 8-bit sRGB without loss.
+    /// 8-bit sRGB, lossless.
     Png,
-    /// 8-bit sRGB with little loss.
+    /// 8-bit sRGB, high-quality lossy.
     #[cfg(feature = "image-io")]
     Jpeg,
     /// 32-bit linear floats.
@@ -174,7 +174,7 @@ pub enum FileFormat {
 }
 
 impl FileFormat {
-    /// What a file's name says.
+    /// The format of a file name's extension.
     ///
     /// # Errors
     /// [`Error::PictureFormat`] unless it ends in `.png` or, with the feature `image-io`, in `.exr`,
@@ -192,10 +192,10 @@ impl FileFormat {
     }
 }
 
-/// A PNG of `rgb`, sRGB bytes row by row.
+/// Writes a PNG of `rgb`, sRGB bytes row by row.
 ///
 /// # Errors
-/// The system's reason, or that `rgb` is of another size.
+/// The writer's, or that `rgb` does not match the size.
 pub(crate) fn write_png(
     to: impl Write,
     size: ImageSize,
@@ -207,7 +207,7 @@ pub(crate) fn write_png(
     Ok(writer.finish()?)
 }
 
-/// An encoder of sRGB bytes.
+/// A PNG encoder for sRGB bytes.
 pub(crate) fn png_encoder<W: Write>(
     to: W,
     size: ImageSize,
@@ -221,7 +221,7 @@ pub(crate) fn png_encoder<W: Write>(
     encoder
 }
 
-/// Loss that is not seen, at some 2 bits a pixel.
+/// Visually lossless, at some 2 bits per pixel.
 #[cfg(feature = "image-io")]
 const JPEG_QUALITY: u8 = 92;
 

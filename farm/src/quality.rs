@@ -1,5 +1,4 @@
-//! Quality levels of moving pictures, and the control that chooses the one that holds the frame
-//! time.
+//! Quality levels of moving pictures, and the control loop that selects one to hold the frame time.
 
 use carom_tracer::{ImageSize, RenderSettings};
 
@@ -45,19 +44,19 @@ impl Resolution {
     }
 }
 
-/// What a moving picture is made of.
+/// Resolution and samples of a moving picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QualityLevel {
-    /// Pixels along an edge, as a share of the window's.
+    /// Edge length relative to the window's.
     pub scale: f64,
-    /// Paths per pixel.
+    /// Paths per traced pixel.
     pub samples: u32,
     /// Whether it is denoised.
     pub denoise: bool,
 }
 
 impl QualityLevel {
-    /// What a pixel of the window takes, in paths.
+    /// Cost per pixel of the window, in paths.
     pub fn cost(self) -> f64 {
         self.scale * self.scale * paths(self.samples, self.denoise)
     }
@@ -68,13 +67,14 @@ impl QualityLevel {
     }
 }
 
-/// Paths' worth of a pixel.
+/// Cost per traced pixel in paths, including the denoiser.
 fn paths(samples: u32, denoise: bool) -> f64 {
     f64::from(samples) + if denoise { FILTER_PATHS } else { 0.0 }
 }
 
-/// From the coarsest to the finest, each at 1.3 to 2.3 times the cost of the one before. All are denoised: a picture of
-/// few samples that is not is a mosaic. Those before [`COARSEST`] are for large windows.
+/// Levels from the coarsest to the finest, each at 1.3 to 2.3 times the cost of the one before. All are
+/// denoised, as a picture of few samples is too noisy otherwise. Those before [`COARSEST`] are for large
+/// windows.
 pub const QUALITY_LEVELS: [QualityLevel; 13] = [
     denoised(0.112, 1),
     denoised(0.16, 1),
@@ -91,40 +91,40 @@ pub const QUALITY_LEVELS: [QualityLevel; 13] = [
     denoised(1.0, 16),
 ];
 
-/// The coarsest of [`QUALITY_LEVELS`] in windows of up to 1280 × 720: 426 × 240.
+/// Index of the coarsest level for windows of up to 1280 × 720: 426 × 240.
 const COARSEST: usize = 3;
-/// What moving pictures of larger windows have at least.
+/// Minimum number of pixels of moving pictures in larger windows.
 const PIXELS_MIN: usize = 426 * 240;
 
-/// The coarsest of [`QUALITY_LEVELS`] that a window is shown. A farm too slow for it makes fewer pictures a second, and
-/// those between them are reprojected.
+/// Index of the coarsest level for a window. A farm that is too slow for it makes fewer pictures per
+/// second, and those in between are reprojected.
 fn coarsest(window: ImageSize) -> usize {
     let is_enough = |level: &QualityLevel| level.size(window).pixels() >= PIXELS_MIN;
     let enough = QUALITY_LEVELS[..COARSEST].iter().position(is_enough);
     enough.unwrap_or(COARSEST)
 }
 
-/// Chooses a [`QualityLevel`], and how often there is a picture, from how long pictures really took.
+/// Controller that selects a [`QualityLevel`] and the frame period from how long pictures actually took.
 ///
-/// It learns what a path costs the farm, in noisy and in denoised pictures (a fixed cost of each
-/// picture is spread over its paths), and moves along [`QUALITY_LEVELS`]: down at once when the next picture
-/// would be late, up one stop only after several pictures that leave clear room, and a stop that had
-/// to be left is not tried again before a pause that doubles each time.
+/// It learns the cost of a path on the farm, for noisy and for denoised pictures (a picture's fixed cost is
+/// spread over its paths), and moves along [`QUALITY_LEVELS`]: down at once when the next picture would be
+/// late, up one level only after several pictures with clear headroom. Each step down doubles the number of
+/// such pictures required.
 #[derive(Clone, Debug)]
 pub struct Quality {
     preference: QualityPreference,
-    /// In place of a choice.
+    /// Fixed level in place of the selection.
     fixed: Option<QualityLevel>,
     period_secs: f64,
     stop: usize,
-    /// Of noisy and of denoised pictures.
+    /// Cost of noisy and of denoised pictures.
     secs_per_path: [Option<f64>; 2],
     roomy: u32,
     patience: u32,
 }
 
 impl Default for Quality {
-    /// Begins coarse, so that the first picture comes at once.
+    /// Begins with a coarse level, so that the first picture comes at once.
     fn default() -> Self {
         Self {
             preference: QualityPreference::default(),
@@ -139,12 +139,12 @@ impl Default for Quality {
 }
 
 impl Quality {
-    /// What is given up first.
+    /// The quality preference.
     pub fn preference(&self) -> QualityPreference {
         self.preference
     }
 
-    /// Gives up something else first, from the next picture on.
+    /// Sets the quality preference from the next picture on.
     pub fn set_quality_preference(&mut self, preference: QualityPreference) {
         self.preference = preference;
         self.period_secs = match preference {
@@ -154,12 +154,12 @@ impl Quality {
         };
     }
 
-    /// Makes moving pictures of this level, as many a second as the farm can: for measurements.
+    /// Fixes the level, at as many pictures per second as the farm can make: for measurements.
     pub fn fix(&mut self, level: QualityLevel) {
         self.fixed = Some(level);
     }
 
-    /// Takes in that a picture of `pixels` with `settings` kept the farm busy for `busy_secs`.
+    /// Learns that a picture of `pixels` with `settings` kept the farm busy for `busy_secs`.
     pub fn observe(
         &mut self,
         pixels: usize,
@@ -171,8 +171,8 @@ impl Quality {
             busy_secs.max(1e-6) / (pixels as f64 * paths(settings.samples, settings.denoise));
         let kind = usize::from(settings.denoise);
         match self.secs_per_path[kind] {
-            // A farm that is faster or slower is so for both kinds of pictures.
-            // The mean of costs, not of speeds: one slow picture weighs more than one fast one.
+            // A change of the farm's speed applies to both kinds of pictures. The mean of costs, not of
+            // speeds: one slow picture weighs more than one fast one.
             Some(old) => {
                 let change = 1.0 + SMOOTHING * (cost / old - 1.0);
                 for known in self.secs_per_path.iter_mut().flatten() {
@@ -185,7 +185,7 @@ impl Quality {
         self.choose(window);
     }
 
-    /// Seconds that a picture of `level` will take; absent before the first picture.
+    /// Predicted seconds of a picture of `level`; `None` before the first picture.
     pub fn secs(&self, level: QualityLevel, window: ImageSize) -> Option<f64> {
         let [noisy, denoised] = self.secs_per_path;
         let known = if level.denoise {
@@ -196,13 +196,13 @@ impl Quality {
         Some(level.cost() * window.pixels() as f64 * known?)
     }
 
-    /// Seconds from one moving picture to the next: 60 a second where the farm can make them fine
-    /// enough, else 30; as long as one takes where all are of a fixed level.
+    /// Seconds between moving pictures: 1/60 where the farm can make them fine enough, else 1/30; for a
+    /// fixed level, as long as one takes.
     pub fn period_secs(&self) -> f64 {
         self.period_secs
     }
 
-    /// What the next moving picture should be.
+    /// Level of the next moving picture.
     pub fn level(&self) -> QualityLevel {
         self.fixed.unwrap_or(QUALITY_LEVELS[self.stop])
     }
@@ -210,7 +210,7 @@ impl Quality {
     /// Paths per pixel that fit into `secs` at full resolution, at least 1.
     pub fn samples_within(&self, secs: f64, window: ImageSize) -> u32 {
         let one = self.secs(noisy(1.0, 1), window);
-        // A cast of what is too large saturates.
+        // The cast saturates.
         one.map_or(1, |one| ((secs / one) as u32).clamp(1, 64))
     }
 
@@ -223,7 +223,7 @@ impl Quality {
             return;
         }
         let secs = self.secs(SMOOTH_LEVEL, window).unwrap_or(0.0);
-        // Between the two bounds the period stays, so that it does not change with every picture.
+        // Hysteresis: between the two bounds the period stays.
         if secs > SMOOTH_PERIOD_SECS * LATE {
             self.period_secs = STEADY_PERIOD_SECS;
         } else if secs <= SMOOTH_PERIOD_SECS * ROOMY {
@@ -236,6 +236,7 @@ impl Quality {
         let secs = |stop: usize| self.secs(QUALITY_LEVELS[stop], window).unwrap_or(0.0);
         let coarsest = coarsest(window);
         if secs(self.stop) > target_secs * LATE && self.stop > coarsest {
+            // Directly down to the finest level that fits.
             let fits = |stop: &usize| secs(*stop) <= target_secs;
             self.stop = (coarsest..self.stop).rev().find(fits).unwrap_or(coarsest);
             self.roomy = 0;
@@ -251,6 +252,7 @@ impl Quality {
         if self.roomy >= self.patience {
             self.stop = next;
             self.roomy = 0;
+            // Successful steps up slowly undo the doublings.
             self.patience = (self.patience - 1).max(PATIENCE_MIN);
         }
     }
@@ -271,23 +273,23 @@ const fn denoised(scale: f64, samples: u32) -> QualityLevel {
     }
 }
 
-/// What the denoiser takes of a processor for a pixel, in paths; a GPU's is learned.
+/// Cost of the denoiser on a CPU per pixel, in paths; a GPU's is learned.
 const FILTER_PATHS: f64 = 2.0;
 
-/// Where the farm cannot keep [`SMOOTH_PERIOD_SECS`]: in between, an application can move pictures by
-/// [`carom_tracer::reproject`].
+/// Period where the farm cannot keep [`SMOOTH_PERIOD_SECS`]: an application can move the pictures in
+/// between with [`carom_tracer::reproject`].
 pub const STEADY_PERIOD_SECS: f64 = 1.0 / 30.0;
-/// For those who would rather see fewer and finer ones.
+/// Period of [`QualityPreference::Fine`].
 const FINE_PERIOD_SECS: f64 = 1.0 / 15.0;
-/// A common display's rate.
+/// Period of a common display.
 pub const SMOOTH_PERIOD_SECS: f64 = 1.0 / 60.0;
-/// Coarser pictures than this are not worth having twice as many of.
+/// Coarsest level for which twice the frame rate is worth having.
 const SMOOTH_LEVEL: QualityLevel = denoised(0.375, 4);
-/// Weight of the newest picture: half of a change is learned in three pictures.
+/// Gain of the cost filter: half of a change is learned in three pictures.
 const SMOOTHING: f64 = 0.2;
-/// Over the target by this much, the picture gets coarser.
+/// Factor over the target from which the picture gets coarser.
 const LATE: f64 = 1.15;
-/// Under the target by this much, the picture may get finer.
+/// Share of the target below which the picture may get finer.
 const ROOMY: f64 = 0.85;
 const PATIENCE_MIN: u32 = 3;
 const PATIENCE_MAX: u32 = 48;
@@ -298,7 +300,7 @@ mod tests {
 
     const WINDOW: ImageSize = ImageSize::new(1280, 720);
 
-    /// A farm of `speed` paths per second, whose filter takes as long as so many of them.
+    /// A farm of `speed` paths per second, whose denoiser takes as long as `filter_paths` per pixel.
     #[derive(Clone, Copy)]
     struct Load {
         speed: f64,
@@ -325,7 +327,7 @@ mod tests {
         }
     }
 
-    /// Plays pictures on farms, each of which has that load.
+    /// Plays pictures on farms of the given loads.
     fn play_loads(quality: &mut Quality, loads: impl Iterator<Item = Load>) -> Vec<QualityLevel> {
         let picture = |load: Load| {
             let level = quality.level();
@@ -446,7 +448,7 @@ mod tests {
         }
     }
 
-    /// The filter costs a GPU next to nothing and some processors more than is thought.
+    /// The denoiser costs a GPU next to nothing, and some CPUs more than assumed.
     #[test]
     fn it_rests_whatever_the_filter_costs() {
         for filter_paths in [0.1, 2.0, 9.0] {

@@ -15,15 +15,15 @@ use carom_tracer::{AreaLight, Camera, Material, Mesh, Scene, SceneUpdate};
 
 use crate::error::Error;
 
-/// Endings of the names of files that [`open_scene`] opens, in lower case.
+/// File name extensions that [`open_scene`] supports, in lower case.
 pub const SCENE_FILES: [&str; 5] = ["json", "gltf", "glb", "obj", "ply"];
 
-/// The scene of a file, by the ending of its name: JSON as [`carom_tracer::scene::file`] has it, also
-/// without an ending, glTF 2.0, or a mesh (OBJ with its materials, which has y upright, or PLY with its colours, which has z),
-/// in grey where it has neither, under a sky and a lamp, with the camera so far away that all of it is seen.
+/// Opens the scene of a file by its extension: JSON as in [`carom_tracer::scene::file`], also without an
+/// extension; glTF 2.0; or a mesh (OBJ with its materials, y up, or PLY with its colours, z up), grey where
+/// it has neither, under a sky and a lamp, with the camera far enough away to see all of it.
 ///
 /// # Errors
-/// [`Error::Tracer`] with the file and what is wrong in it, or that its name ends otherwise.
+/// [`Error::Tracer`] with the file and its fault, or its unsupported extension.
 pub fn open_scene(path: impl AsRef<Path>) -> Result<Scene, Error> {
     let path = path.as_ref();
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
@@ -48,8 +48,8 @@ pub fn open_scene(path: impl AsRef<Path>) -> Result<Scene, Error> {
     Ok(scene)
 }
 
-/// A scene file that has been read, and its animations, if it is one of glTF 2.0 and has any: the scene of any time without
-/// reading it again.
+/// A scene file that has been read, with the animations of glTF 2.0: gives the scene at any time without
+/// reading the file again.
 ///
 /// ```no_run
 /// # fn main() -> carom_farm::Result<()> {
@@ -70,7 +70,7 @@ pub struct SceneFile {
     #[cfg(feature = "gltf")]
     animated: Option<Arc<AnimatedScene>>,
     rest: Arc<Scene>,
-    /// The scene that updates refer to, and the time that it is of.
+    /// The scene that updates refer to, and its time.
     #[cfg(feature = "gltf")]
     base: (Arc<Scene>, AnimationTime),
 }
@@ -80,7 +80,7 @@ pub struct SceneFile {
 pub struct SceneAnimation {
     /// Its name; may be empty.
     pub name: String,
-    /// From its start to its last key frame in seconds, at least 0.
+    /// Seconds from its start to its last key frame, at least 0.
     pub duration_secs: f64,
 }
 
@@ -139,7 +139,7 @@ impl SceneFile {
         Vec::new()
     }
 
-    /// One of [`SceneFile::cameras`] by its index: at so many seconds of an animation, or without one.
+    /// One of [`SceneFile::cameras`] by its index, at a time of an animation in seconds, or without one.
     ///
     /// # Errors
     /// [`Error::Tracer`] if there is no such camera or animation, the time is not finite, or the camera sees nothing then.
@@ -157,7 +157,8 @@ impl SceneFile {
         Err(carom_tracer::Error::Format { path, message }.into())
     }
 
-    /// What tells the scene, also that of any time, from those of other files, for [`crate::Film::of_states`].
+    /// A key that identifies the scene at all times among those of other files, for
+    /// [`crate::Film::of_states`].
     pub fn key(&self) -> String {
         let SceneHash(rest) = SceneHash::of(&self.rest);
         #[cfg(feature = "gltf")]
@@ -167,10 +168,11 @@ impl SceneFile {
         format!("{rest:?}")
     }
 
-    /// The index of the animation of a name, or else of a number, the first being 0; without either that of the first.
+    /// The index of an animation by its name, or else by its number, the first being 0; without a name,
+    /// that of the first.
     ///
     /// # Errors
-    /// [`Error::Tracer`] with the animations that the file has.
+    /// [`Error::Tracer`] with the animations of the file.
     pub fn find_animation(&self, name: Option<&str>) -> Result<usize, Error> {
         #[cfg(feature = "gltf")]
         if let (Some(animated), Some(name)) = (&self.animated, name) {
@@ -184,7 +186,7 @@ impl SceneFile {
         }
     }
 
-    /// The scene at so many seconds of an animation; before its start as at its start, after its end as at its end.
+    /// The scene at `secs` of an animation, clamped to its start and end.
     ///
     /// # Errors
     /// [`Error::Tracer`] if there is no such animation, the time is not finite, or the scene cannot be drawn then.
@@ -197,9 +199,9 @@ impl SceneFile {
         Err(self.without_animation())
     }
 
-    /// The scene at so many seconds of an animation, as an update of a scene that stays the same from call to call for as
-    /// long as updates can tell the difference: they move up to 64 objects and the camera. What a skin, morph targets or
-    /// a scale deform, and a light that moves, takes another scene.
+    /// The scene at `secs` of an animation, as an update of a scene that stays the same from call to call
+    /// as long as updates can express the difference: they move up to 64 objects and the camera.
+    /// Deformation by a skin, morph targets or a scale, and a moving light, need another scene.
     ///
     /// # Errors
     /// As [`SceneFile::scene_at`].
@@ -211,6 +213,8 @@ impl SceneFile {
         #[cfg(feature = "gltf")]
         if let Some(animated) = &self.animated {
             let to = AnimationTime::At(animation, secs);
+            // Where an update of the base cannot express the change, the scene at `to` becomes the new
+            // base.
             let update = animated.update(self.base.1, to)?;
             if let Some(update) = update.filter(|update| update.poses.len() <= POSES_MAX) {
                 return Ok((Arc::clone(&self.base.0), update));
@@ -234,7 +238,8 @@ impl SceneFile {
     }
 }
 
-/// A copy shares what has been read; the updates of its [`SceneFile::seek`] begin with the scene without animations.
+/// The clone shares what has been read; the updates of its [`SceneFile::seek`] start from the scene without
+/// animations.
 impl Clone for SceneFile {
     fn clone(&self) -> Self {
         Self {
@@ -255,7 +260,7 @@ fn is_gltf(path: &Path) -> bool {
     ending.is_some_and(|ending| ["gltf", "glb"].contains(&ending.to_ascii_lowercase().as_str()))
 }
 
-/// A mesh by itself, white if it has colours.
+/// A single mesh; if it has vertex colours, with a white material.
 fn colored(mesh: Mesh) -> ObjScene {
     let material = (!mesh.colors.is_empty()).then(|| Material::grey(1.0));
     let part = ObjPart {
@@ -269,7 +274,7 @@ fn colored(mesh: Mesh) -> ObjScene {
     }
 }
 
-/// Meshes in the middle of the picture, lit from the upper left. Those without a name have the file's.
+/// A scene of meshes in the middle of the picture, lit from the upper left. Unnamed meshes get `name`.
 fn scene_of_meshes(name: &str, mut meshes: ObjScene, up: Vec3) -> Scene {
     let bounds = meshes.parts.iter().flat_map(|part| &part.mesh.positions);
     let bounds = bounds.copied();
@@ -278,7 +283,7 @@ fn scene_of_meshes(name: &str, mut meshes: ObjScene, up: Vec3) -> Scene {
     });
     let center = 0.5 * (min + max);
     let radius = (0.5 * (max - min)).length().max(RADIUS_MIN_M);
-    // Meshes with y upright have their front at +z, those with z upright at −y.
+    // By convention, meshes with y up face +z, those with z up face −y.
     let front = if up == Vec3::Y { Vec3::Z } else { Vec3::NEG_Y };
     let right = up.cross(front);
     let toward = |aside: f32, above: f32| (front + aside * right + above * up).normalize();
@@ -299,15 +304,15 @@ fn scene_of_meshes(name: &str, mut meshes: ObjScene, up: Vec3) -> Scene {
     scene
 }
 
-/// Bytes of a mesh's name that messages show.
+/// Maximum bytes of a mesh's name.
 const NAME_BYTES_MAX: usize = 64;
-/// A mesh that is smaller, or a single point, is seen from as far as one of this radius.
+/// Minimum radius in metres for the placement of camera and lamp, for tiny meshes and single points.
 const RADIUS_MIN_M: f32 = 1e-3;
-/// Distance of the camera, whose view is 26° high at 16:9, in radii of what it sees all of.
+/// Distance of the camera, whose vertical field of view is 26° at 16:9, in radii of the bounding sphere.
 const VIEW_RADII: f32 = 4.5;
 const LAMP_RADII: f32 = 3.5;
 const LAMP_EDGE_RADII: f32 = 1.75;
-/// Sky and lamp together show white as nearly white.
+/// Radiance of lamp and sky, chosen so that white appears nearly white.
 const LAMP_RADIANCE: [f32; 3] = [10.0, 9.6, 9.0];
 const SKY_RADIANCE: [f32; 3] = [0.36, 0.4, 0.44];
 

@@ -1,4 +1,4 @@
-//! Stills: one picture of many samples, traced by a whole farm.
+//! Stills: one picture of many samples, traced by the whole farm.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
@@ -20,7 +20,7 @@ use crate::stats::FrameStats;
 use crate::submission::{Priority, SceneHandle};
 use crate::submitter::Submitter;
 
-/// A still to trace.
+/// Description of a still, see [`Farm::still`].
 ///
 /// ```
 /// # use carom_farm::prelude::*;
@@ -50,7 +50,7 @@ pub struct Still {
 type ProgressCallback = Box<dyn FnMut(&StillProgress) + Send>;
 
 impl Still {
-    /// A picture of so many pixels, of 64 samples each.
+    /// A picture of `width` × `height` pixels at 64 samples each.
     pub fn new(width: u32, height: u32) -> Self {
         Self::of(FrameSpec {
             update: SceneUpdate::default(),
@@ -63,7 +63,7 @@ impl Still {
         })
     }
 
-    /// The picture of a frame, whatever its format.
+    /// The picture of a frame specification, whose format is ignored.
     pub fn of(spec: FrameSpec) -> Self {
         Self {
             spec: FrameSpec {
@@ -79,86 +79,88 @@ impl Still {
         }
     }
 
-    /// With so many samples per pixel, see [`RenderSettings::samples`].
+    /// Sets the samples per pixel, see [`RenderSettings::samples`].
     #[must_use]
     pub fn samples(mut self, samples: u32) -> Self {
         self.spec.settings.samples = samples;
         self
     }
 
-    /// With paths of at most so many scattering events, see [`RenderSettings::max_depth`].
+    /// Sets the maximum number of scattering events per path, see [`RenderSettings::max_depth`].
     #[must_use]
     pub fn max_depth(mut self, max_depth: u32) -> Self {
         self.spec.settings.max_depth = max_depth;
         self
     }
 
-    /// With other random numbers.
+    /// Sets the seed of the random numbers.
     #[must_use]
     pub fn seed(mut self, seed: u32) -> Self {
         self.spec.settings.seed = seed;
         self
     }
 
-    /// Denoised, guided by albedo, normal and depth.
+    /// Denoises, guided by albedo, normal and depth.
     #[must_use]
     pub fn denoise(mut self) -> Self {
         self.spec.settings.denoise = true;
         self
     }
 
-    /// Seen by another camera than the scene's.
+    /// Sets a camera in place of the scene's.
     #[must_use]
     pub fn camera(mut self, camera: Camera) -> Self {
         self.spec.update.camera = Some(camera);
         self
     }
 
-    /// Of the scene with some of its objects elsewhere.
+    /// Sets an update of the scene, such as poses of its objects.
     #[must_use]
     pub fn update(mut self, update: SceneUpdate) -> Self {
         self.spec.update = update;
         self
     }
 
-    /// Files of 8 bits show radiance times this. Default: 1.
+    /// Sets the factor of radiance in 8-bit files. Default: 1.
     #[must_use]
     pub fn exposure(mut self, exposure: f32) -> Self {
         self.exposure = exposure;
         self
     }
 
-    /// With albedo, normal and depth, which EXR files keep as layers.
+    /// Adds albedo, normal and depth, which EXR files store as layers.
     #[must_use]
     pub fn layers(mut self) -> Self {
         self.has_layers = true;
         self
     }
 
-    /// Traced where nothing interactive waits.
+    /// Gives the picture background priority: it is traced where nothing interactive waits.
     #[must_use]
     pub fn background(mut self) -> Self {
         self.priority = Priority::Background;
         self
     }
 
-    /// Asked for so many samples at a time. More cost time until the next progress, fewer cost bytes;
-    /// by default as many as suit the size.
+    /// Sets the samples per pixel of a frame. More delay the next progress, fewer cost bytes; the default
+    /// depends on the size.
     #[must_use]
     pub fn frame_samples(mut self, samples: u32) -> Self {
         self.frame_samples = Some(samples);
         self
     }
 
-    /// Kept in a file at most every `period`, and when the job is cancelled or fails; goes on from the file
-    /// if there is one. Once the picture is saved the file is of no use: [`Picture::remove_checkpoint`].
+    /// Checkpoints the job to a file at most every `period`, and when it is cancelled or fails; resumes
+    /// from the file if it exists. Once the picture is saved the file is no longer needed:
+    /// [`Picture::remove_checkpoint`].
     #[must_use]
     pub fn checkpoint(mut self, path: impl Into<PathBuf>, period: Duration) -> Self {
         self.checkpoint = Some((path.into(), period));
         self
     }
 
-    /// Calls this from the job's thread after each frame, and some ten times a second while tiles come.
+    /// Sets a callback that the job's thread calls after each frame, and some ten times a second while
+    /// tiles arrive.
     #[must_use]
     pub fn on_progress(mut self, callback: impl FnMut(&StillProgress) + Send + 'static) -> Self {
         self.on_progress = Some(Box::new(callback));
@@ -166,26 +168,26 @@ impl Still {
     }
 }
 
-/// How far a still is.
+/// Progress of a still.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct StillProgress {
-    /// Samples of each pixel that have come.
+    /// Samples per pixel that have arrived.
     pub samples_done: u32,
-    /// Samples of each pixel of the whole picture.
+    /// Samples per pixel of the whole picture.
     pub samples: u32,
-    /// Tiles that have come of the frames that are being traced.
+    /// Tiles that have arrived of the frames in flight.
     pub tiles_done: u32,
-    /// Tiles of the frames that are being traced.
+    /// All tiles of the frames in flight.
     pub tiles: u32,
-    /// Samples of each pixel of the frames that are being traced.
+    /// Samples per pixel of the frames in flight.
     pub samples_in_flight: u32,
-    /// Statistics of the frame that has just come; absent between frames.
+    /// Statistics of the frame that has just arrived; absent in between.
     pub frame: Option<FrameStats>,
 }
 
 impl StillProgress {
-    /// Share of the work that is done, 0 to 1.
+    /// Finished share of the work, from 0 to 1.
     pub fn fraction(&self) -> f64 {
         let partly = f64::from(self.tiles_done) / f64::from(self.tiles.max(1));
         let samples = f64::from(self.samples_done) + partly * f64::from(self.samples_in_flight);
@@ -193,7 +195,7 @@ impl StillProgress {
     }
 }
 
-/// A still that is being traced. Dropped, it is cancelled.
+/// A still that is being traced. Dropping it cancels it.
 pub type StillJob = Job<Picture, StillProgress>;
 
 impl Farm {
@@ -205,11 +207,11 @@ impl Farm {
         self.still(scene, still)?.wait()
     }
 
-    /// Begins to trace a picture, on a thread of its own.
+    /// Starts to trace a picture on its own thread.
     ///
     /// # Errors
-    /// [`Error::Tracer`] with the first rule that the scene or the still breaks, [`Error::Resume`] if
-    /// there is a checkpoint of another picture, [`Error::Thread`].
+    /// [`Error::Tracer`] with the first rule that the scene or the still breaks, [`Error::Resume`] if the
+    /// checkpoint is damaged or of another picture, [`Error::Thread`].
     pub fn still(&mut self, scene: &Scene, still: Still) -> Result<StillJob, Error> {
         let scene = self.announce(scene)?;
         scene.check(&still.spec)?;
@@ -246,13 +248,13 @@ impl Farm {
 }
 
 impl StillJob {
-    /// Samples of each pixel that a checkpoint held at the start.
+    /// Samples per pixel that a checkpoint held at the start.
     pub const fn resumed_samples(&self) -> u32 {
         self.resumed
     }
 }
 
-/// What the thread of a job works on.
+/// State of a still job's thread.
 struct StillRun {
     submitter: Submitter,
     render: AccumulatedRender,
@@ -322,7 +324,7 @@ impl StillRun {
         *lock(&self.progress) = progress;
     }
 
-    /// Keeps what was traced until `why`, which it returns.
+    /// Writes the checkpoint of an interrupted job, and returns `why` it ended.
     fn interrupt(&mut self, why: Error) -> Result<Error, Error> {
         let has_samples = self.render.samples_done() > 0;
         if let (Some(checkpoint), true) = (&mut self.checkpoint, has_samples) {
@@ -332,5 +334,5 @@ impl StillRun {
     }
 }
 
-/// How long to wait for a frame before looking at what else there is.
+/// Timeout of a wait for a frame, after which other work is checked.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);

@@ -14,38 +14,38 @@ use crate::lock::lock;
 /// Order in which frames are served.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Priority {
-    /// In the order of submission, before all others.
+    /// In order of submission, before all background frames.
     #[default]
     Interactive,
-    /// Traced where nothing interactive waits, some milliseconds of a node at a time: what is refined
-    /// or written to files beside an interactive view.
+    /// Traced where nothing interactive waits, some milliseconds of a node at a time: for refinement, or
+    /// files written beside an interactive view.
     Background,
 }
 
 /// Terms on which a frame is submitted.
 #[derive(Clone, Debug, Default)]
 pub struct Submission {
-    /// Its place among other frames.
+    /// Its priority among other frames.
     pub priority: Priority,
-    /// Time from now by which it has to be shown. Then it comes as it is, with [`crate::Frame::missing`]
-    /// tiles, and again when it is whole. As soon as it has had to be shown, earlier ones with
-    /// deadlines do not come any more. Frames in the background have none.
+    /// Time from the submission by which it must be shown. It is then delivered as it is, with
+    /// [`crate::Frame::missing`] tiles, and again once complete. From then on, earlier frames with
+    /// deadlines are no longer delivered. Background frames have none.
     pub deadline: Option<Duration>,
-    /// Whether pixels come exactly, however slow a link is: for files. Otherwise sRGB pixels come as
-    /// [`crate::FarmConfig::precision`] has it.
+    /// Whether pixels are transmitted exactly, however slow a link is: for files. Otherwise sRGB pixels
+    /// have the precision of [`crate::FarmConfig::precision`].
     pub exact: bool,
-    /// Its scene; absent, the one that was set last.
+    /// Its scene; absent, the one set last.
     pub scene: Option<SceneHandle>,
 }
 
-/// A scene that a farm has been given: frames of it can be submitted also after
-/// [`crate::Farm::set_scene`] has been called with another.
+/// A scene that a farm holds: its frames can be submitted even after [`crate::Farm::set_scene`] has been
+/// called with another.
 #[derive(Clone, Debug)]
 pub struct SceneHandle {
     pub(crate) scene: Arc<Scene>,
-    /// What nodes are sent of it.
+    /// Its encoding for the nodes.
     pub(crate) encoded: Arc<EncodedScene>,
-    /// Only to check updates with.
+    /// Compiled form, for the validation of updates.
     compiled: Arc<Mutex<CompiledScene>>,
 }
 
@@ -63,7 +63,7 @@ impl SceneHandle {
         self.encoded.hash()
     }
 
-    /// The first rule that a frame of the scene breaks.
+    /// Validates a frame of the scene. The error is the first rule that it breaks.
     pub(crate) fn check(&self, spec: &FrameSpec) -> Result<(), Error> {
         spec.size.validate()?;
         spec.settings.validate()?;

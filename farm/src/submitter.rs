@@ -1,5 +1,5 @@
-//! Client of the coordinator's thread: submits frames and gets them back. A farm has one of its own,
-//! and so has each render that runs on it; none sees the frames of another.
+//! Client of the coordinator's thread: submits frames and receives them. A farm has its own, and so has
+//! each render that runs on it; none sees the frames of another.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
@@ -14,7 +14,7 @@ use crate::driver::{DriverInput, FarmBoard, FrameReply};
 use crate::lock::lock;
 use crate::{Error, Frame, FrameSpec, NodeState, NodeStatus, Priority, SceneHandle, Submission};
 
-/// See the [module](self).
+/// Handle for submitting frames, see the [module](self).
 pub(crate) struct Submitter {
     inputs: Sender<DriverInput>,
     board: Arc<Mutex<FarmBoard>>,
@@ -23,17 +23,17 @@ pub(crate) struct Submitter {
     frames: Receiver<FrameReply>,
     frames_in_flight_max: usize,
     timeout_secs: Option<u32>,
-    /// Submitted, and neither taken whole nor cancelled; and whether they have a deadline.
+    /// Frames submitted and neither taken complete nor cancelled, and whether they have a deadline.
     in_flight: VecDeque<(FrameId, bool)>,
-    /// The last frame that every node has refused, until [`Submitter::check_nodes`] tells.
+    /// The last frame that every node has refused, until [`Submitter::check_nodes`] reports it.
     refusal: Option<FrameRefusal>,
-    /// Since when [`Submitter::check_nodes`] has seen no node that could trace.
+    /// Since when [`Submitter::check_nodes`] has found no node that could trace.
     idle_since: Option<Instant>,
-    /// Whether that has been said.
+    /// Whether that has been logged.
     idle_reported: bool,
 }
 
-/// The next ids of all clients, by priority: they rise in the order in which frames are submitted.
+/// The next ids of all clients by priority, increasing in the order of submission.
 struct FrameIds {
     interactive: FrameId,
     background: FrameId,
@@ -100,7 +100,7 @@ impl Submitter {
         }
         scene.check(&spec)?;
         let deadline = submission.deadline.filter(|_| !is_background);
-        // Held until the frame is on its way: the coordinator expects ids in their order.
+        // Locked until the frame is sent: the coordinator expects increasing ids.
         let mut ids = lock(&self.ids);
         let next = match submission.priority {
             Priority::Interactive => &mut ids.interactive,
@@ -157,7 +157,7 @@ impl Submitter {
 
     pub(crate) fn cancel(&mut self, id: FrameId) {
         self.in_flight.retain(|(frame, _)| *frame != id);
-        // A farm that has ended traces nothing more.
+        // A farm that has ended traces nothing anyway.
         let _ = self.inputs.send(DriverInput::Cancel(id));
     }
 
@@ -171,7 +171,7 @@ impl Submitter {
         board.nodes.clone()
     }
 
-    /// Tiles of this client's frames that are there, and all of them.
+    /// Tiles of this client's frames that have arrived, and all of them.
     pub(crate) fn tiles_in_flight(&self) -> (u32, u32) {
         let board = lock(&self.board);
         let own = |id: &FrameId| self.in_flight.iter().any(|(frame, _)| frame == id);
@@ -179,7 +179,7 @@ impl Submitter {
         frames.fold((0, 0), |(done, all), (_, more, of)| (done + more, all + of))
     }
 
-    /// As [`crate::Farm::check_nodes`]; and [`Error::FarmClosed`] if the farm has ended.
+    /// As [`crate::Farm::check_nodes`], plus [`Error::FarmClosed`] if the farm has ended.
     pub(crate) fn check_nodes(&mut self) -> Result<(), Error> {
         if let Some(refusal) = self.refusal.take() {
             return Err(Error::FrameRefused(refusal));
@@ -194,7 +194,7 @@ impl Submitter {
             self.idle_reported = false;
             return Ok(());
         }
-        // One that is merely silent is still connected, and may be at a long tile.
+        // A node that is only silent is still connected, and may be tracing a long tile.
         let is_gone =
             |node: &NodeStatus| node.info.is_none() && matches!(node.state, NodeState::Lost { .. });
         let patience = match (self.timeout_secs, nodes.iter().all(is_gone)) {
@@ -225,13 +225,15 @@ impl Submitter {
             }
         };
         self.idle_since = None;
-        // A frame that is not in flight was cancelled while it was on its way here.
+        // A frame that is not in flight has been cancelled while it was being delivered.
         let place = self.in_flight.iter().position(|(id, _)| *id == frame.id)?;
         let (_, has_deadline) = self.in_flight[place];
         if frame.missing.is_empty() {
             self.in_flight.remove(place);
         }
         if has_deadline {
+            // At its deadline, a frame ends the earlier ones with deadlines: the coordinator has dropped
+            // them.
             let comes = |(id, has_deadline): &(FrameId, bool)| *id >= frame.id || !has_deadline;
             self.in_flight.retain(comes);
         }
@@ -239,7 +241,7 @@ impl Submitter {
     }
 }
 
-/// What nobody waits for any more is not traced.
+/// Cancels the frames that nobody will take.
 impl Drop for Submitter {
     fn drop(&mut self) {
         while let Some((id, _)) = self.in_flight.front().copied() {
@@ -248,9 +250,9 @@ impl Drop for Submitter {
     }
 }
 
-/// How long to wait for a first node: a GPU takes a second to start, a call some seconds to fail.
+/// Timeout for the first node: a GPU takes a second to start, a failing connection some seconds.
 const START_PATIENCE: Duration = Duration::from_secs(60);
-/// A user who waits longer than this is told what for.
+/// Wait after which the reasons are logged.
 const REPORT_AFTER: Duration = Duration::from_secs(3);
-/// How long to wait for nodes when no connection is left.
+/// Timeout for nodes when no connection is left.
 const LOST_PATIENCE: Duration = Duration::from_secs(10);

@@ -1,8 +1,8 @@
-//! Token bucket: bounds a mean rate and lets bursts through.
+//! Token bucket: limits a mean rate and lets bursts through.
 
 use std::time::{Duration, Instant};
 
-/// A bucket that fills by `per_sec` up to `burst`.
+/// A bucket that fills at `per_sec` tokens per second up to `burst`. It may be overdrawn.
 #[derive(Debug)]
 pub(crate) struct TokenBucket {
     tokens: f64,
@@ -38,10 +38,10 @@ impl TokenBucket {
         free
     }
 
-    /// Whether nothing that was taken is missing any more.
+    /// Whether the bucket is full again.
     pub(crate) fn is_full(&mut self, now: Instant) -> bool {
         self.fill(now);
-        // Exactly, as `fill` ends at `burst` itself.
+        // Exact comparison, as `fill` clamps to `burst` itself.
         self.tokens == self.burst
     }
 

@@ -1,15 +1,15 @@
-//! Files that are whole: written under a hidden name, which one writer holds at a time, and renamed; or read
-//! with a bound.
+//! Atomic file writes: under a hidden name, which one writer holds at a time, then renamed. Also bounded
+//! reads.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind, Read as _, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// A claim on a file: nobody else that claims it can write it until this is dropped. What was in its
-/// place stays there until [`WholeFile::commit`].
+/// Exclusive claim on a file: no other claimant can write it until this is dropped. Its previous contents
+/// stay in place until [`WholeFile::commit`].
 ///
-/// The hidden name `.NAME.partial` is new for each claim, so that no link that lies there is followed and
-/// no file of that name is written over; what a killed process has left under it is replaced.
+/// The hidden file `.NAME.partial` is created anew for each claim, so that no link of that name is followed
+/// and no file overwritten; what a killed process has left there is replaced.
 ///
 /// ```
 /// # fn main() -> std::io::Result<()> {
@@ -25,22 +25,25 @@ use std::path::{Path, PathBuf};
 pub struct WholeFile {
     path: PathBuf,
     partial: PathBuf,
-    /// Locked while the claim lasts; what a killed process leaves behind is not.
+    /// Locked during the claim; the lock of a killed process is released by the system.
     file: File,
 }
 
 impl WholeFile {
-    /// Claims the file, which need not be there yet.
+    /// Claims a file, which need not exist.
     ///
     /// # Errors
-    /// [`ErrorKind::AlreadyExists`] if somebody else has claimed it; the system's if its folder cannot be
-    /// written.
+    /// [`ErrorKind::AlreadyExists`] if another process or thread has claimed it; an I/O error if its folder
+    /// cannot be written.
     pub fn claim(path: &Path) -> io::Result<Self> {
         Self::claim_as(path, partial(path))
     }
 
-    /// Claims the file under a hidden name of the caller's choice: who chooses another one may claim it too.
+    /// Claims a file under a hidden name of the caller's choice: claims under different names do not
+    /// exclude each other.
     pub(crate) fn claim_as(path: &Path, partial: PathBuf) -> io::Result<Self> {
+        // Exclusive creation keeps other writers out; the lock tells a live writer's file from one that a
+        // killed process has left.
         let file = match create_new(&partial) {
             Err(why) if why.kind() == ErrorKind::AlreadyExists => {
                 remove_abandoned(&partial)?;
@@ -53,7 +56,7 @@ impl WholeFile {
         };
         try_lock(&file)?;
         if !is_file_at(&file, &partial)? {
-            return Err(claimed()); // between the two lines before, by somebody who took it for abandoned
+            return Err(claimed()); // it was taken for abandoned between its creation and its lock
         }
         Ok(Self {
             path: path.to_owned(),
@@ -62,7 +65,7 @@ impl WholeFile {
         })
     }
 
-    /// Claims the file, writes it and commits it.
+    /// Claims a file, writes it and commits it.
     ///
     /// # Errors
     /// As [`WholeFile::claim`] and [`WholeFile::commit`], or the writer's.
@@ -72,40 +75,40 @@ impl WholeFile {
         file.commit()
     }
 
-    /// The name that it will have.
+    /// The final path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The name that it has until then, for a program that writes it: one that opens it again, without
-    /// removing it.
+    /// The hidden path, for a program that writes the file by opening it again without removing it.
     pub fn partial_path(&self) -> &Path {
         &self.partial
     }
 
-    /// Empties it, to write it from its start.
+    /// Truncates the file, to write it from the start.
     ///
     /// # Errors
-    /// The system's.
+    /// The I/O error.
     pub fn restart(&mut self) -> io::Result<()> {
         self.file.set_len(0)?;
         self.file.seek(SeekFrom::Start(0)).map(drop)
     }
 
-    /// Waits until the bytes are on the disk, so that a power cut after [`WholeFile::commit`] leaves no name
-    /// without content.
+    /// Waits until the contents are on the disk, so that a power cut after [`WholeFile::commit`] does not
+    /// leave a name without contents.
     ///
     /// # Errors
-    /// The system's.
+    /// The I/O error.
     pub fn sync(&self) -> io::Result<()> {
         self.file.sync_all()
     }
 
-    /// Gives it its name, in place of what has it.
+    /// Renames the file to its final path, replacing what is there.
     ///
     /// # Errors
-    /// The system's, and [`ErrorKind::NotFound`] if the hidden file was removed meanwhile.
+    /// The I/O error, or [`ErrorKind::NotFound`] if the hidden file was removed meanwhile.
     pub fn commit(self) -> io::Result<()> {
+        // The rename goes by path, which must not name another writer's file.
         if !is_file_at(&self.file, &self.partial)? {
             return Err(io::Error::new(
                 ErrorKind::NotFound,
@@ -137,14 +140,14 @@ impl Seek for WholeFile {
 
 impl Drop for WholeFile {
     fn drop(&mut self) {
-        // After a commit somebody else may have claimed the name already.
+        // After a commit, another writer may already have claimed the name.
         if is_file_at(&self.file, &self.partial).unwrap_or(false) {
             let _ = fs::remove_file(&self.partial);
         }
     }
 }
 
-/// `a/b.exr` becomes `a/.b.exr.partial`: names of different files differ.
+/// `a/b.exr` becomes `a/.b.exr.partial`: injective, so that different files have different hidden names.
 fn partial(path: &Path) -> PathBuf {
     let mut name = std::ffi::OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
@@ -156,7 +159,7 @@ fn create_new(path: &Path) -> io::Result<File> {
     OpenOptions::new().write(true).create_new(true).open(path)
 }
 
-/// Removes what a killed process has left behind; a link or a pipe is none of ours.
+/// Removes what a killed process has left behind; a link or a pipe is not ours.
 fn remove_abandoned(path: &Path) -> io::Result<()> {
     let opened = fs::symlink_metadata(path).and_then(|found| match found.is_file() {
         true => OpenOptions::new().write(true).open(path),
@@ -166,14 +169,16 @@ fn remove_abandoned(path: &Path) -> io::Result<()> {
         Err(why) if why.kind() == ErrorKind::NotFound => return Ok(()),
         file => file?,
     };
+    // A live writer holds the lock; the system has released that of a killed one.
     try_lock(&file)?;
+    // Another claimant may have replaced it since it was opened.
     match is_file_at(&file, path)? {
         true => fs::remove_file(path),
         false => Err(claimed()),
     }
 }
 
-/// A file system without locks has none held.
+/// Locks the file without waiting. On a file system without locks, it counts as unlocked by others.
 fn try_lock(file: &File) -> io::Result<()> {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Err(claimed()),
@@ -193,7 +198,7 @@ fn in_the_way(path: &Path) -> io::Error {
     io::Error::other(format!("{} is no plain file: remove it", path.display()))
 }
 
-/// Whether the open file still has the name.
+/// Whether `path` still names the open file.
 #[cfg(unix)]
 fn is_file_at(file: &File, path: &Path) -> io::Result<bool> {
     use std::os::unix::fs::MetadataExt as _;
@@ -205,14 +210,14 @@ fn is_file_at(file: &File, path: &Path) -> io::Result<bool> {
     }
 }
 
-/// Locks are mandatory there: nobody else opens what is locked.
+/// Locks are mandatory on such systems: no other process opens a locked file.
 #[cfg(not(unix))]
 fn is_file_at(_file: &File, path: &Path) -> io::Result<bool> {
     path.try_exists()
 }
 
-/// The text of a file, of which no more is read than a byte past the limit, whatever the file says of its
-/// length: devices and pipes have none.
+/// The text of a file. At most one byte beyond the limit is read, whatever the reported length: devices and
+/// pipes report none.
 pub(crate) fn read_limited(path: &Path, bytes_max: u64) -> io::Result<String> {
     let mut text = String::new();
     let bytes = File::open(path)?
@@ -282,7 +287,7 @@ mod tests {
         let path = folder.path().join("a.exr");
         let mut first = claim(&path);
         first.write_all(b"first").unwrap();
-        // A program that knows no locks clears away.
+        // A program that does not use locks removes the file.
         fs::remove_file(partial(&path)).unwrap();
         let mut second = claim(&path);
         first.commit().unwrap_err();

@@ -1,11 +1,11 @@
-//! Cost model of a node: y = A + B·w, from what it reports and what the client's clock allows.
+//! Cost model of a node, y = A + B·w, from what it reports and what the client's clock confirms.
 //!
-//! A and B cannot be told apart from y alone while w hardly changes (a recursive least-squares
-//! fit diverged). So the node reports how long it was busy: B = busy / w, A = y − queue − busy.
-//! The report is advisory: what neither it nor the measured round trip explains counts as work,
-//! because transfer grows with work too, so that a node gains nothing by claiming to be quick.
+//! A and B cannot be separated from y alone while w hardly changes (the regression is ill-conditioned, and
+//! recursive least squares diverges). So the node reports how long it was busy: B = busy / w, A = y − queue
+//! − busy. The report is not trusted: time that neither it nor the measured round trip explains counts as
+//! work, as transfer grows with work too, so that a node gains nothing by claiming to be fast.
 
-/// Learned cost of work on a node: y = A + B·w.
+/// Learned cost of work w on a node: y = A + B·w.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     /// A: seconds that a request takes however small it is.
@@ -14,68 +14,67 @@ pub struct Estimate {
     pub secs_per_work: f64,
 }
 
-/// How far an [`Estimate`] may be off: a standard error of each part, from how much the answers
-/// scatter around it.
+/// Standard errors of an [`Estimate`], from the scatter of the observations around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimateError {
-    /// Of A, in seconds.
+    /// Standard error of A, in seconds.
     pub fixed_secs: f64,
-    /// Of B, as a share of it.
+    /// Standard error of B, relative to B.
     pub pace: f64,
 }
 
-/// A run as the estimator sees it.
+/// Observation of one request.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
-    /// Work that came, above 0.
+    /// Work that arrived, above 0.
     pub work: f64,
-    /// Seconds from the request to the last of it.
+    /// Seconds from the request to the last tile.
     pub response_secs: f64,
     /// Seconds that the request waited behind earlier ones.
     pub queue_secs: f64,
-    /// Seconds that the node says it worked.
+    /// Seconds that the node reports to have been busy.
     pub busy_secs: f64,
-    /// The measured round trip; absent until there is one.
+    /// Measured round-trip time in seconds; absent until there is one.
     pub round_trip_secs: Option<f64>,
 }
 
-/// Filter of the cost of one node.
+/// Filtered cost of one node.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Estimator {
     fixed: Option<f64>,
     fixed_surprise: f64,
-    /// Mean square of how far off A was.
+    /// Mean square of the errors of A, in square seconds.
     fixed_scatter: Option<f64>,
-    /// From all that is known, lateness too: what work is divided by.
+    /// From all observations including lateness: divides work.
     pace: Pace,
-    /// From work that came: what it is waited for by. Lateness must not count here, or a node
-    /// that never answers would be waited for twice as long each time.
+    /// From arrived work only: predicts arrivals. Lateness must not count here, or the timeout of a node
+    /// that never answers would double each time.
     delivered: Pace,
     proven_work: f64,
-    /// The most work of the last runs.
+    /// Decaying maximum of the work per request.
     usual_work: f64,
-    /// Whether all that is known comes from the first tiles of the first run.
+    /// Whether all estimates come from the first tiles of the first request.
     provisional: bool,
 }
 
-/// Filters B in proportion: a node twice as fast is as surprising as one half as fast.
+/// Filter of B in its logarithm: a node twice as fast is as surprising as one half as fast.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pace {
     secs_per_work: Option<f64>,
     surprise: f64,
-    /// Mean square of how far off it was, as a share.
+    /// Mean square of its logarithmic errors.
     scatter: Option<f64>,
 }
 
 impl Estimator {
-    /// Takes note of the first tiles of a node's first run. They may be far cheaper or dearer than
-    /// the others: what comes of the whole run replaces them.
+    /// Learns from the first tiles of a node's first request. Their cost may be far from the average: the
+    /// observation of the whole request replaces them.
     pub fn observe_first(&mut self, seen: &Observation) {
         self.observe(seen);
         self.provisional = true;
     }
 
-    /// Takes note of work that came.
+    /// Learns from work that has arrived.
     pub fn observe(&mut self, seen: &Observation) {
         if std::mem::take(&mut self.provisional) {
             *self = Self::default();
@@ -83,13 +82,14 @@ impl Estimator {
         let (fixed, work_secs) = Self::split(seen);
         let pace = work_secs / seen.work;
         self.usual_work = seen.work.max(USUAL_KEPT * self.usual_work);
+        // A request of little work says little about the pace, and weighs less in proportion.
         let weight = seen.work / self.usual_work;
-        // A request that waited behind another shows only the answer's way, which is less than A.
+        // A request that waited behind another one shows only the answer's latency, which is less than A.
         if seen.queue_secs <= 0.0 || self.fixed.is_none() {
             self.observe_fixed(fixed);
         }
-        // What comes within the allowance would support any speed that its node claims; from twice
-        // that on, what is timed here is off by a factor of two at most.
+        // Within the allowance, the client's clock supports any speed that a node claims, so the step up is
+        // limited; beyond twice the allowance, the timed part is off by a factor of two at most.
         let is_timed = seen.response_secs - seen.queue_secs > 2.0 * Self::allowance(seen);
         let error_min = if is_timed {
             f64::NEG_INFINITY
@@ -103,25 +103,24 @@ impl Estimator {
         self.proven_work = self.proven_work.max(seen.work);
     }
 
-    /// Seconds that counted as work.
+    /// Seconds of an observation that count as work.
     pub fn work_secs(seen: &Observation) -> f64 {
         Self::split(seen).1
     }
 
-    /// Seconds that are fixed cost, and seconds that are work.
+    /// Splits an observation into seconds of fixed cost and seconds of work.
     fn split(seen: &Observation) -> (f64, f64) {
         let response = seen.response_secs.max(0.0);
         let busy = seen.busy_secs.clamp(0.0, response);
-        // What the client has timed and neither the queue nor the node's report explains. Up to the round
-        // trip it is the way; beyond that it counts as work, so that a node that reports too little gains
-        // nothing.
+        // Time that neither the queue nor the report explains. Up to the allowance it is latency; beyond
+        // that it counts as work, so that a node that reports too little gains nothing.
         let unexplained = (response - seen.queue_secs.max(0.0) - busy).max(0.0);
         let fixed = unexplained.min(Self::allowance(seen));
         (fixed, busy + unexplained - fixed)
     }
 
-    /// Seconds that may be fixed cost, from what the client has timed. A request that has waited was
-    /// on its way meanwhile: only the answer's way is left.
+    /// Maximum fixed cost in seconds that the client's clock supports. A request that waited in the queue
+    /// was transferred meanwhile: only the answer's latency is left.
     fn allowance(seen: &Observation) -> f64 {
         match seen.round_trip_secs {
             None => f64::INFINITY,
@@ -130,25 +129,25 @@ impl Estimator {
         }
     }
 
-    /// Lets the next run count in full, however small it is.
+    /// Lets the next observation count in full, however little work it is.
     pub fn expect_little(&mut self) {
         self.usual_work = 0.0;
     }
 
-    /// Takes note that `work` had not come after `secs`, of which the request may have waited
-    /// `queue_secs`: the node is at least as slow as that. `missed` says that nothing at all had
-    /// come, which is most likely far from the bound.
+    /// Learns that `work` had not arrived after `secs`, of which the request may have waited `queue_secs`:
+    /// the node is at least as slow as that. `missed` says that nothing at all had arrived, so that the
+    /// true pace is probably far from the bound.
     pub fn observe_late(&mut self, work: f64, secs: f64, queue_secs: f64, missed: bool) {
         let spent = secs - queue_secs - self.fixed.unwrap_or(0.0);
         let factor = if missed { MISSED_FACTOR } else { 1.0 };
         let pace = factor * spent / work;
-        // A bound from below: it can only tell that the node is slower than believed.
+        // A lower bound of the pace can only show that the node is slower than believed.
         if pace > self.pace.secs_per_work.unwrap_or(SECS_PER_WORK_MIN) {
             self.pace.observe(pace, 1.0, 0.0);
         }
     }
 
-    /// The cost to divide work by; absent until something has come or been missed.
+    /// The cost by which to divide work; `None` until something has arrived or been missed.
     pub fn estimate(&self) -> Option<Estimate> {
         Some(Estimate {
             fixed_secs: self.fixed.unwrap_or(0.0),
@@ -156,9 +155,9 @@ impl Estimator {
         })
     }
 
-    /// How far [`Estimator::estimate`] may be off; absent until work has come twice.
+    /// Standard errors of [`Estimator::estimate`]; `None` until work has arrived twice.
     pub fn error(&self) -> Option<EstimateError> {
-        // Of a mean that forgets with gain g, for errors that do not depend on each other.
+        // Variance of an exponential moving average with gain g over independent errors: σ²·g / (2 − g).
         let share = GAIN / (2.0 - GAIN);
         Some(EstimateError {
             fixed_secs: (share * self.fixed_scatter?).sqrt(),
@@ -166,7 +165,7 @@ impl Estimator {
         })
     }
 
-    /// The cost of work that came; absent until some has.
+    /// The cost by which to predict arrivals; `None` until work has arrived.
     pub fn delivered(&self) -> Option<Estimate> {
         Some(Estimate {
             fixed_secs: self.fixed.unwrap_or(0.0),
@@ -174,12 +173,12 @@ impl Estimator {
         })
     }
 
-    /// The most work that came in one run.
+    /// The most work that arrived for one request.
     pub fn proven_work(&self) -> f64 {
         self.proven_work
     }
 
-    /// A rises slowly: one late packet is no longer way.
+    /// Updates A, which rises slowly: one late packet does not mean a longer path.
     fn observe_fixed(&mut self, fixed: f64) {
         let Some(known) = self.fixed else {
             self.fixed = Some(fixed);
@@ -187,8 +186,8 @@ impl Estimator {
         };
         let error = fixed - known;
         let surprising = error.abs() > SURPRISE * known + JITTER_SECS;
-        // Two surprises of one sign in a row: a filter alone would take many requests to follow a real
-        // change, and one outlier alone must not move it.
+        // Two large errors of the same sign in a row are a real change, which the filter alone would take
+        // many requests to follow; a single outlier must not move it.
         let changed = surprising && error * self.fixed_surprise > 0.0;
         let gain = match (changed, error > 0.0) {
             (true, _) => 1.0,
@@ -202,8 +201,8 @@ impl Estimator {
 }
 
 impl Pace {
-    /// `weight` is up to 1: what came of little work tells little. An error, as a logarithm, counts
-    /// as no less than `error_min`.
+    /// Updates B. `weight`, up to 1, is smaller for less work, whose timing is noisier. The logarithmic
+    /// error counts as no less than `error_min`.
     fn observe(&mut self, seen: f64, weight: f64, error_min: f64) {
         let Some(known) = self.secs_per_work else {
             self.secs_per_work = Some(seen);
@@ -213,15 +212,15 @@ impl Pace {
         let surprising = error.abs() > SURPRISE && weight > SURPRISE;
         let changed = surprising && error * self.surprise > 0.0;
         let gain = if changed { 1.0 } else { GAIN * weight };
-        // Filtered as a logarithm: halving and doubling are errors of one size, and the pace stays above
-        // 0.
+        // Filtered in the logarithm: halving and doubling are errors of equal size, and the pace stays
+        // positive.
         self.secs_per_work = Some(known * (gain * error).exp());
         self.scatter = Some(mean_square(self.scatter, error, weight));
         self.surprise = if surprising { error } else { 0.0 };
     }
 }
 
-/// Takes an error of a weight into a mean that forgets.
+/// Exponential moving average of squared errors.
 fn mean_square(known: Option<f64>, error: f64, weight: f64) -> f64 {
     let square = error * error;
     known.map_or(square, |mean| {
@@ -229,26 +228,26 @@ fn mean_square(known: Option<f64>, error: f64, weight: f64) -> f64 {
     })
 }
 
-/// Share of an error that is believed at once.
+/// Gain of the filters.
 const GAIN: f64 = 0.25;
-/// The same of its square: squares scatter more.
+/// Gain of the mean squares, which scatter more.
 const GAIN_SCATTER: f64 = 0.1;
-/// The same for a fixed cost that seems to have grown.
+/// Gain for a fixed cost that seems to have grown.
 const GAIN_FIXED_UP: f64 = 0.1;
-/// Two errors in a row of this size and one sign are a change, and believed wholly.
+/// Two errors in a row of at least this relative size and the same sign are a change, and taken over in
+/// full.
 const SURPRISE: f64 = 0.25;
-/// The most that a node is believed to have become faster by what the client cannot time, as a
-/// logarithm: twice.
+/// Maximum speed-up per observation that the client's clock cannot confirm, as a logarithm: a factor of 2.
 const SPEED_UP_MAX: f64 = std::f64::consts::LN_2;
-/// What is left of the usual work with each smaller run.
+/// Decay of the usual work per smaller request.
 const USUAL_KEPT: f64 = 0.95;
-/// Seconds that packets may be late without being news.
+/// Seconds of latency jitter that are expected.
 const JITTER_SECS: f64 = 2e-3;
-/// The same where the message before has been late as well.
+/// The same for a request that waited in the queue, where the message before was delayed as well.
 const QUEUED_JITTER_SECS: f64 = 0.2e-3;
-/// How much slower than the bound a node is taken to be that has delivered nothing in time.
+/// Assumed pace, relative to the lower bound, of a node that has delivered nothing in time.
 const MISSED_FACTOR: f64 = 2.0;
-/// A thousand gigasamples a second: nothing is faster.
+/// Lower limit of the pace: 10¹² samples per second, faster than any device.
 const SECS_PER_WORK_MIN: f64 = 1e-12;
 
 #[cfg(test)]
@@ -313,7 +312,7 @@ mod tests {
         assert!(finish(liar) > 0.95 * finish(honest_node));
     }
 
-    /// Of as many nodes: how far estimates are off, over how far they say that they may be.
+    /// Over many nodes, the actual errors of estimates match their standard errors.
     #[test]
     fn errors_are_as_large_as_estimates_are_off() {
         let noise = |i| 2.0 * f64::from(carom_tracer::sampling::uniforms(i, 0, 0, 0)[0]) - 1.0;

@@ -1,7 +1,7 @@
 //! Balancers, which divide a frame's work among nodes: pure arithmetic, one algorithm per file.
 //!
 //! ```text
-//! outcomes of runs ──learn──▶ Balancer ──divide──▶ work per node ──▶ contiguous runs of tiles
+//! outcomes of requests ─learn─▶ Balancer ──divide──▶ work per node ──▶ contiguous runs of tiles
 //! ```
 //!
 //! ```
@@ -25,9 +25,9 @@
 //! # }
 //! ```
 //!
-//! Work is a number: predicted pixel samples, so that a tile that is known to be dear may count
-//! for more. Every algorithm learns from every run, whichever of them divides, so that a switch
-//! takes effect with what is known already.
+//! Work is measured in predicted pixel samples of average cost, so that an expensive tile counts for more.
+//! Every algorithm learns from every request, whichever of them divides, so that a switch takes effect with
+//! what is already known.
 
 mod baselines;
 mod estimator;
@@ -45,13 +45,13 @@ use crate::node_status::NodeIndex;
 /// A node that can take part in a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
-    /// Which node.
+    /// Index of the node.
     pub node: NodeIndex,
-    /// What has been learned of it; absent for a node that has not delivered yet.
+    /// Learned cost; absent for a node that has not delivered yet.
     pub estimate: Option<Estimate>,
-    /// Seconds that a request waits there for earlier ones.
+    /// Seconds that a request waits there behind earlier ones.
     pub wait_secs: f64,
-    /// The most work that the client has seen it deliver for one frame; 0 if none.
+    /// Maximum work that it has delivered for one frame, as seen by the client; 0 if none.
     pub proven_work: f64,
     /// See [`CostModel::unmonitored_work`].
     pub unmonitored_work: f64,
@@ -62,54 +62,54 @@ pub struct Candidate {
 /// A frame to divide.
 #[derive(Clone, Copy, Debug)]
 pub struct Division<'a> {
-    /// The frame's work.
+    /// Work of the whole frame.
     pub work: f64,
-    /// The work of a tile, on average.
+    /// Mean work of a tile.
     pub tile_work: f64,
-    /// Seconds between frames while several are in flight; infinite while they come one by one.
+    /// Seconds between frames while several are in flight; infinite while they do not overlap.
     pub period_secs: f64,
-    /// Who may take part, at least one.
+    /// Nodes that may take part, at least one.
     pub candidates: &'a [Candidate],
 }
 
-/// How a run went, by the client's clock but for `busy_secs`.
+/// Outcome of a request, timed by the client's clock except for `busy_secs`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RequestOutcome {
-    /// Who traced.
+    /// Node that traced it.
     pub node: NodeIndex,
-    /// Tiles that came, of which there is at least one.
+    /// Number of tiles that arrived, at least 1.
     pub tiles: u32,
-    /// Their work.
+    /// Work of these tiles.
     pub work: f64,
-    /// Seconds from the request to the last of them: y.
+    /// y: seconds from the request to the last tile.
     pub response_secs: f64,
-    /// Seconds that the node says it worked for them, at most `response_secs`.
+    /// Seconds that the node reports to have been busy, at most `response_secs`.
     pub busy_secs: f64,
 }
 
-/// How a frame is to be divided.
+/// Division of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shares {
-    /// The work of each candidate, in their order: nothing negative, and the sum is the frame's.
-    /// Whole tiles are dealt as near to it as may be.
+    /// Work of each candidate, in their order: non-negative, with the frame's work as the sum. It is
+    /// approximated with whole tiles.
     Work(Vec<f64>),
-    /// The vessel that each candidate is, in their order: whole tiles are dealt so that the last
-    /// one is through as early as may be.
+    /// Cost model of each candidate, in their order: whole tiles are assigned so that the last finishes as
+    /// early as possible.
     ByCostModel(Vec<CostModel>),
-    /// Candidates take tiles as they can: see [`Pull`].
+    /// Candidates pull tiles from a pool: see [`Pull`].
     Pool,
 }
 
-/// An algorithm that divides frames: [`crate::Farm::set_balancer`] takes one of an application's own.
+/// Algorithm that divides frames. [`crate::Farm::set_balancer`] takes an application's own.
 pub trait Balancer {
     /// Divides a frame.
     fn divide(&mut self, division: &Division<'_>) -> Shares;
 
-    /// Takes note of a run, if the algorithm learns from them.
+    /// Learns from a request's outcome; by default nothing.
     fn learn(&mut self, _outcome: &RequestOutcome) {}
 }
 
-/// All algorithms, side by side.
+/// All algorithms, each with its own state.
 #[derive(Debug)]
 pub struct Balancers {
     equal: Equal,
@@ -136,7 +136,7 @@ impl Default for Balancers {
 }
 
 impl Balancers {
-    /// The one that `algorithm` names.
+    /// The balancer of `algorithm`.
     pub fn get_mut(&mut self, algorithm: Algorithm) -> &mut dyn Balancer {
         match algorithm {
             Algorithm::Equal => &mut self.equal,
@@ -152,12 +152,12 @@ impl Balancers {
         }
     }
 
-    /// Takes in the one that [`Algorithm::Own`] names.
+    /// Sets the balancer of [`Algorithm::Own`].
     pub fn set_own(&mut self, balancer: Box<dyn Balancer + Send>) {
         self.own = own::OwnBalancer::new(balancer);
     }
 
-    /// Lets all of them take note of a run.
+    /// Lets all of them learn from a request's outcome.
     pub fn learn(&mut self, outcome: &RequestOutcome) {
         for algorithm in Algorithm::ALL {
             self.get_mut(algorithm).learn(outcome);
@@ -166,7 +166,7 @@ impl Balancers {
     }
 }
 
-/// `work` in proportion to `weights`; in equal parts if none is above 0.
+/// Divides `work` in proportion to `weights`; into equal parts if their sum is not positive and finite.
 fn in_proportion(work: f64, weights: &[f64]) -> Vec<f64> {
     let sum: f64 = weights.iter().sum();
     if sum > 0.0 && sum.is_finite() {

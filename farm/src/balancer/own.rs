@@ -1,45 +1,45 @@
-//! Balancer of an application's own: what it divides is checked, and where it makes no sense all nodes
-//! get the same.
+//! Adapter for an application's own balancer: checks its shares, and divides equally where they are
+//! invalid.
 
 use std::fmt;
 
 use super::{Balancer, Division, Equal, RequestOutcome, Shares};
 
-/// A fault of a balancer's shares.
+/// Fault in the shares of a balancer.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShareFault {
-    /// There are not as many shares as candidates.
+    /// The numbers of shares and candidates differ.
     #[error("it returned {shares} shares for {candidates} candidates")]
     Count {
-        /// Shares.
+        /// Number of shares.
         shares: usize,
-        /// Candidates.
+        /// Number of candidates.
         candidates: usize,
     },
-    /// A share is negative, infinite or no number.
+    /// A share is negative, infinite or NaN.
     #[error("the share of candidate {candidate} is {work}: it must be a finite number from 0 up")]
     Share {
         /// Index of the candidate.
         candidate: usize,
-        /// Its work, or its seconds for a unit of work.
+        /// Its work; for a cost model, its seconds for one unit of work.
         work: f64,
     },
-    /// The shares do not make up the frame.
+    /// The shares do not add up to the frame's work.
     #[error("the shares add up to {sum}, and the frame's work is {work}")]
     Sum {
-        /// Of the shares.
+        /// Sum of the shares.
         sum: f64,
-        /// The frame's work.
+        /// Work of the frame.
         work: f64,
     },
 }
 
-/// See the [module](self).
+/// Adapter of the [module](self).
 #[derive(Default)]
 pub(super) struct OwnBalancer {
     balancer: Option<Box<dyn Balancer + Send>>,
-    /// Whether a fault has been said.
+    /// Whether a fault has been logged.
     reported: bool,
 }
 
@@ -109,7 +109,7 @@ fn check(division: &Division<'_>, shares: &Shares) -> Result<(), ShareFault> {
     Ok(())
 }
 
-/// Share of a frame's work by which the sum of the shares may be off.
+/// Relative tolerance for the sum of the shares.
 const SUM_ERROR_MAX: f64 = 1e-6;
 
 #[cfg(test)]

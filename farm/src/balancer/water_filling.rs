@@ -1,9 +1,10 @@
-//! The earliest common finish: nodes are filled like vessels whose floors are their fixed costs.
+//! Division for the earliest common finish: nodes are filled like vessels whose floors are their fixed
+//! costs.
 //!
-//! Minimise T subject to Σ xᵢ = W and Aᵢ + Bᵢ·xᵢ ≤ T wherever xᵢ > 0. The optimum leaves out
-//! exactly the nodes with Aᵢ ≥ T, and T = (W + Σ Aᵢ/Bᵢ) / Σ 1/Bᵢ over the others. With bounds
-//! xᵢ ≤ cᵢ the level rises along a polyline whose corners are known, so that the optimum is still
-//! found by one sweep in O(n log n).
+//! Minimise T subject to Σ xᵢ = W and Aᵢ + Bᵢ·xᵢ ≤ T wherever xᵢ > 0. The optimum leaves out exactly the
+//! nodes with Aᵢ ≥ T, and T = (W + Σ Aᵢ/Bᵢ) / Σ 1/Bᵢ over the others. With bounds xᵢ ≤ cᵢ the work done by
+//! T is a piecewise linear function with known corners, so that one sweep still finds the optimum in O(n
+//! log n).
 
 use super::{Balancer, Candidate, Division, Shares, in_proportion};
 
@@ -11,24 +12,24 @@ use super::{Balancer, Candidate, Division, Shares, in_proportion};
 #[derive(Debug, Default)]
 pub struct WaterFilling;
 
-/// Cost of work x on a node: y = A + B·x seconds for x up to `work_max`, a vessel of water-allocation.
+/// Cost of work x on a node: y = A + B·x seconds for x up to `work_max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CostModel {
-    /// Seconds until the first work could come.
+    /// A: seconds until the first work could arrive.
     pub fixed_secs: f64,
-    /// Seconds per unit of work, above 0.
+    /// B: seconds per unit of work, above 0.
     pub secs_per_work: f64,
-    /// The most work that it may get, above 0, perhaps infinite.
+    /// Maximum work, above 0, possibly infinite.
     pub work_max: f64,
-    /// Of work up to `unmonitored_work` nothing is heard before its end, when it is too late to ask
-    /// others: whole tiles are dealt so that it ends earlier than the rest by `margin_secs`.
+    /// A share up to this much work ends before its first message could start a hedge in time: it is
+    /// planned to end `margin_secs` earlier than the others.
     pub unmonitored_work: f64,
     /// See `unmonitored_work`.
     pub margin_secs: f64,
 }
 
 impl CostModel {
-    /// y = A + B·x for any x.
+    /// The model y = A + B·x without a bound or margin.
     pub const fn new(fixed_secs: f64, secs_per_work: f64) -> Self {
         Self {
             fixed_secs,
@@ -39,15 +40,14 @@ impl CostModel {
         }
     }
 
-    /// The same for x up to `work_max`.
+    /// The same model bounded to x up to `work_max`.
     pub const fn with_work_max(self, work_max: f64) -> Self {
         Self { work_max, ..self }
     }
 
-    /// The most work that is through at `finish_secs`.
+    /// The most work that is finished at `finish_secs`; negative if none can be.
     pub fn room(&self, finish_secs: f64) -> f64 {
-        // Work that is over before anything is heard of it gets a margin instead of a hedge: nobody could
-        // help in time.
+        // A share that ends before a hedge could help gets a margin instead.
         let room = ((finish_secs - self.fixed_secs) / self.secs_per_work).min(self.work_max);
         if room > self.unmonitored_work {
             return room;
@@ -56,22 +56,21 @@ impl CostModel {
     }
 }
 
-/// Work divided over [`CostModel`]s.
+/// Division of work over [`CostModel`]s.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Allocation {
-    /// Seconds until the last one finishes.
+    /// When the last one finishes, in seconds on the clock of the models' `fixed_secs`.
     pub finish_secs: f64,
-    /// The work of each.
+    /// Work of each model, in their order.
     pub shares: Vec<f64>,
 }
 
 impl WaterFilling {
     /// The cost models of `division`'s candidates.
     ///
-    /// A node may get no more than `GROWTH_MAX` times what it has been seen to deliver, and, with
-    /// frames pipelined, a little less than it can do in a frame's period, or its queue would grow. One
-    /// that has delivered nothing is taken to be as fast as the others on average and gets a
-    /// quarter of an equal share.
+    /// A node gets no more than `GROWTH_MAX` times what it has been seen to deliver and, with frames
+    /// pipelined, a little less than it can do in a frame's period, or its queue would grow. One that has
+    /// delivered nothing is assumed as fast as the others on average and gets a quarter of an equal share.
     pub fn cost_models(division: &Division<'_>) -> Vec<CostModel> {
         let candidates = division.candidates;
         let known: Vec<_> = candidates.iter().filter_map(|node| node.estimate).collect();
@@ -82,10 +81,12 @@ impl WaterFilling {
             .sum::<f64>()
             / count;
         let mean_fixed = known.iter().map(|model| model.fixed_secs).sum::<f64>() / count;
-        // The bound of a node that has delivered nothing: a quarter of an equal share.
+        // Bound of a node that has delivered nothing: a quarter of an equal share.
         let probe = division.work / (GROWTH_MAX * candidates.len() as f64);
+        // Utilisation of the known nodes by the frames; 0 while frames do not overlap, as the period is
+        // infinite then.
         let busy = (division.work / (division.period_secs * mean_speed * count)).min(1.0);
-        // The idle share shrinks as frames need all that the nodes can do.
+        // The reserved idle share shrinks to 0 as frames need all that the nodes can do.
         let busy_secs_max = division.period_secs * (1.0 - IDLE_SHARE * (1.0 - busy));
         let model = |candidate: &Candidate| {
             let (fixed_secs, secs_per_work) = match candidate.estimate {
@@ -93,6 +94,7 @@ impl WaterFilling {
                 None if mean_speed > 0.0 => (mean_fixed, 1.0 / mean_speed),
                 None => (0.0, 1.0),
             };
+            // Bounded by what it can do in a frame's period and by what it has proven, but at least a tile.
             let in_period = busy_secs_max / secs_per_work;
             let proven = (GROWTH_MAX * candidate.proven_work).max(probe);
             CostModel {
@@ -107,17 +109,17 @@ impl WaterFilling {
 }
 
 impl Balancer for WaterFilling {
-    /// By the models that come with the candidates: [`super::Estimator`].
+    /// Divides by the candidates' cost models, learned by [`super::Estimator`].
     fn divide(&mut self, division: &Division<'_>) -> Shares {
         Shares::ByCostModel(Self::cost_models(division))
     }
 }
 
-/// Divides `work` so that the last one finishes as early as can be. If the bounds hold less than
-/// `work`, all are raised in proportion.
+/// Divides `work` so that the last node finishes as early as possible. If the bounds hold less than `work`,
+/// all are raised in proportion.
 ///
 /// # Panics
-/// If there is no model.
+/// If `models` is empty.
 pub fn water_fill(work: f64, models: &[CostModel]) -> Allocation {
     assert!(!models.is_empty());
     let capacity: f64 = models.iter().map(|model| model.work_max).sum();
@@ -129,7 +131,7 @@ pub fn water_fill(work: f64, models: &[CostModel]) -> Allocation {
         let share = |model: &CostModel| {
             ((level - model.fixed_secs) / model.secs_per_work).clamp(0.0, model.work_max)
         };
-        // Sums to `work` but for rounding, which the scaling takes away.
+        // Sums to `work` up to rounding, which the scaling removes.
         in_proportion(work, &models.iter().map(share).collect::<Vec<_>>())
     };
     let used = models
@@ -143,13 +145,13 @@ pub fn water_fill(work: f64, models: &[CostModel]) -> Allocation {
     }
 }
 
-/// T at which the models hold `work`, which is less than all bounds together.
+/// The T at which the models hold `work`, which must be less than the sum of their bounds.
 fn level(work: f64, models: &[CostModel]) -> f64 {
     let mut corners = Vec::with_capacity(2 * models.len());
     for model in models {
         let speed = 1.0 / model.secs_per_work;
-        // Each node adds its speed to the level's slope where its fixed cost is passed, and takes it away
-        // again where its bound is reached: between corners held work rises linearly with T.
+        // Each node adds its speed to the slope at its fixed cost, and takes it away again where its bound
+        // is reached: between corners, the work held rises linearly with T.
         corners.push((model.fixed_secs, speed));
         if model.work_max.is_finite() {
             corners.push((
@@ -167,7 +169,7 @@ fn level(work: f64, models: &[CostModel]) -> f64 {
         }
         (level, held, speed) = (corner, next, speed + change);
     }
-    // Rounding may leave a trace of speed where all vessels are full.
+    // Cancellation may leave a tiny or negative slope where all vessels are full.
     if speed > 0.0 {
         level + (work - held) / speed
     } else {
@@ -175,11 +177,11 @@ fn level(work: f64, models: &[CostModel]) -> f64 {
     }
 }
 
-/// How much more than ever before a node may get at once.
+/// Growth factor: maximum share relative to the largest one delivered so far.
 const GROWTH_MAX: f64 = 4.0;
-/// Share of what all nodes together could do beside frames at their pace by which each is left idle: near
-/// nodes that have no time to spare cannot help when others are late. With 64 far nodes the 99th
-/// percentile of frames at 60 a second is 1.33 times the optimum instead of 1.37.
+/// Share of a node's idle time that is not planned for: near nodes without reserve could not help when
+/// others are late. With 64 distant nodes it lowers the 99th percentile at 60 frames per second from 1.37
+/// to 1.33 times the optimum.
 const IDLE_SHARE: f64 = 0.1;
 
 #[cfg(test)]

@@ -1,32 +1,33 @@
-//! Statistics of a node's messages: how far they are from when they were expected, and how much work
-//! comes at once.
+//! Statistics of a node's messages: their deviation from the expected times, and how much work arrives at
+//! once.
 //!
-//! From them follow how long a silent node is waited for ([`ArrivalModel::timeout_secs`]), how large
-//! a share is over before anything is heard of it, and how much earlier such a share should end.
+//! They determine how long a silent node is waited for ([`ArrivalModel::timeout_secs`]), below which share
+//! a node finishes before its first message, and how much earlier such a share should end.
 
 use carom_protocol::FrameId;
 
 use super::open_request::OpenRequest;
 
-/// The messages of one node.
+/// Statistics of the messages of one node.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ArrivalModel {
-    /// The most work that comes at once, and the same as a share of its request: a GPU delivers a whole
-    /// request at its end, a processor a few tiles at a time.
+    /// Moving averages of the largest burst of a request, as work and as a share of the request: a GPU
+    /// delivers a whole request at its end, a CPU a few tiles at a time.
     burst_work: f64,
     burst_share: f64,
-    /// The most work of the last requests.
+    /// Decaying maximum of the work per request.
     usual_work: f64,
-    /// Of all messages.
+    /// Deviation of all messages.
     deviation: MeanDeviation,
-    /// Of the first ones of frames: what is late then is on its way, or its node pauses.
+    /// Deviation of the first messages of frames: such lateness comes from the network or from a stall of
+    /// the node, not from its pace.
     first_deviation: MeanDeviation,
-    /// Grows when the node was taken for lost and was not.
+    /// Relative extension of the timeout: grows when the node counted as silent and was not.
     timeout_backoff: f64,
 }
 
-/// Mean absolute difference between when messages came and when they were expected, as the
-/// retransmission timer of TCP keeps it (Jacobson, "Congestion Avoidance and Control", 1988).
+/// Mean absolute difference between actual and expected arrival of messages, as in TCP's retransmission
+/// timer (Jacobson, "Congestion Avoidance and Control", 1988).
 #[derive(Clone, Copy, Debug, Default)]
 struct MeanDeviation {
     secs: f64,
@@ -35,33 +36,33 @@ struct MeanDeviation {
 
 impl MeanDeviation {
     fn observe(&mut self, late_secs: f64) {
-        // One message that a sleeping machine held up must not make the node trusted for minutes.
+        // Clipped, so that one message delayed by a sleeping machine does not inflate the timeout for
+        // minutes.
         let most = OUTLIER * self.secs + OUTLIER_SECS;
         let error = late_secs.abs().min(most);
         self.messages = self.messages.saturating_add(1);
-        // A plain mean until there are enough messages for one that forgets.
+        // A plain mean at first, an exponential one as soon as 1/n falls below the gain.
         let gain = DEVIATION_GAIN.max(1.0 / f64::from(self.messages));
         self.secs += gain * (error - self.secs);
     }
 }
 
 impl ArrivalModel {
-    /// Learns from a message that came `late_secs` after it was expected, the first of a frame or
-    /// another.
+    /// Learns from a message that came `late_secs` after its expected time; `is_first` of its frame or not.
     pub(super) fn observe(&mut self, late_secs: f64, is_first: bool) {
         self.deviation.observe(late_secs);
         if is_first {
             self.first_deviation.observe(late_secs);
         }
-        // Fades with messages, not with time: a node that is silent proves nothing.
+        // Decays per message, not with time: a silent node proves nothing.
         self.timeout_backoff *= BACKOFF_KEPT;
     }
 
-    /// Learns from a request that was answered in full.
+    /// Learns the burst size from a request that was answered in full.
     pub(super) fn observe_whole(&mut self, request: &OpenRequest) {
         self.usual_work = request.work.max(USUAL_KEPT * self.usual_work);
         if request.work < 0.5 * self.usual_work {
-            return; // a small request comes at once whatever its node does
+            return; // a small request comes in one burst on any node
         }
         let share = (request.burst_max / request.work).min(1.0);
         if self.burst_work == 0.0 {
@@ -71,27 +72,26 @@ impl ArrivalModel {
         self.burst_share += BURST_GAIN * (share - self.burst_share);
     }
 
-    /// Work of which nothing is heard before it is too late for others to help: what comes in one
-    /// message, and as much again and a half, for help takes time too.
+    /// Work below which a node's tiles arrive too late for others to help: what comes in one message, and
+    /// one and a half times as much again, as help takes time too.
     pub(super) fn unmonitored_work(&self) -> f64 {
         UNMONITORED_BURSTS * self.burst_work
     }
 
-    /// Seconds by which a message may well be late.
+    /// Lateness in seconds that is within a message's normal scatter.
     pub(super) fn margin_secs(&self) -> f64 {
         MARGIN_FACTOR * self.deviation.secs
     }
 
-    /// Waits longer from now on: the node was not lost after all.
+    /// Lengthens the timeout after a false alarm.
     pub(super) fn back_off(&mut self) {
         self.timeout_backoff = (self.timeout_backoff + 1.0).min(BACKOFF_MAX);
     }
 
-    /// Work that should come with a request's next message.
+    /// Work that the next message of a request should hold.
     pub(super) fn next_message_work(&self, request: &OpenRequest) -> f64 {
         let known = self.burst_work > 0.0;
-        // The larger of both: a GPU delivers a share of its request at a time, a processor a fixed
-        // amount.
+        // The larger of both: a GPU delivers a share of its request at a time, a CPU a fixed amount.
         let next = (self.burst_share * request.work).max(self.burst_work);
         let outstanding = request.outstanding();
         if known {
@@ -101,8 +101,8 @@ impl ArrivalModel {
         }
     }
 
-    /// Seconds that a message may be late before its node counts as lost; absent until something
-    /// has been seen. More of one that holds `several_frames`: all of them would be traced twice.
+    /// Lateness in seconds from which a message's node counts as silent; `None` before the first message.
+    /// Longer for a node that holds `several_frames`, as all of them would be traced twice.
     pub(super) fn timeout_secs(&self, several_frames: bool) -> Option<f64> {
         let MeanDeviation { secs, messages } = self.first_deviation;
         let factor = if several_frames {
@@ -116,14 +116,14 @@ impl ArrivalModel {
             LOST_SECS_MIN
         };
         let timeout_secs = (factor * secs).max(secs_min);
-        // Without a message there is no deviation to multiply, and any bound would be a guess.
+        // Without a message there is no deviation to scale.
         (messages > 0).then_some(timeout_secs * (1.0 + self.timeout_backoff))
     }
 }
 
-/// Delay of a node's messages for its current frame, against what they take on average. What has come
-/// in time will come in time again: with 1000 nodes on a local network the 99th percentile of frames
-/// is 1.44 times the optimum instead of 1.53.
+/// Lateness of a node's messages for its current frame, relative to its average. It is assumed to persist
+/// for the rest of the frame: with 1000 nodes on a local network this lowers the 99th percentile of frames
+/// from 1.53 to 1.44 times the optimum.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FrameDelay {
     frame: Option<FrameId>,
@@ -131,14 +131,14 @@ pub(super) struct FrameDelay {
 }
 
 impl FrameDelay {
-    /// Learns that a message is `secs` later than expected. `follows` says that it was expected from
-    /// when the one before it came, whose own delay is then part of this one's.
+    /// Records a message that is `secs` later than expected. `follows` says that its expected time was
+    /// computed from the message before, whose lateness then adds up.
     pub(super) fn observe(&mut self, frame: FrameId, secs: f64, follows: bool) {
         let before = if follows { self.secs(frame) } else { 0.0 };
         (self.frame, self.secs) = (Some(frame), before + secs);
     }
 
-    /// Seconds by which messages for that frame are late; 0 if none has come.
+    /// Lateness in seconds of messages for a frame; 0 before its first one.
     pub(super) fn secs(&self, frame: FrameId) -> f64 {
         if self.frame == Some(frame) {
             self.secs
@@ -148,35 +148,35 @@ impl FrameDelay {
     }
 }
 
-/// Share of an error by which the mean deviation moves.
+/// Gain of the mean deviation.
 const DEVIATION_GAIN: f64 = 0.05;
-/// The most that one message may count: so many deviations and so many seconds.
+/// Cap of one message's error: this many mean deviations plus this many seconds.
 const OUTLIER: f64 = 4.0;
 const OUTLIER_SECS: f64 = 1e-3;
-/// Share of a new burst that is believed at once.
+/// Gain of the burst averages.
 const BURST_GAIN: f64 = 0.25;
-/// What is left of the usual work with each smaller request.
+/// Decay of the usual work per smaller request.
 const USUAL_KEPT: f64 = 0.95;
-/// A node is taken for lost when its next message is late by this many mean deviations: of
-/// exponential delays one in a hundred is.
+/// Timeout in mean deviations. An exponential delay of mean μ deviates by 2μ/e on average, so that one in
+/// e^(1 + 2k/e) exceeds its mean by k deviations: for 5, one in a hundred.
 const LOST_FACTOR: f64 = 5.0;
-/// The same where it costs more to be wrong: one in a thousand is.
+/// The same for a node with several frames, where a false alarm costs more: one in a thousand.
 const LOST_FACTOR_SEVERAL: f64 = 8.0;
-/// … and by at least this many seconds.
+/// Minimum timeout in seconds.
 pub(super) const LOST_SECS_MIN: f64 = 3e-3;
-/// The same of one that has hardly been asked for anything: as others are lost it is turned to, and it may
-/// be lost with them.
+/// The same for a node with fewer than [`MESSAGES_MIN`] observations: it gets work as others are lost, and
+/// may share their fault.
 const LOST_SECS_MIN_NEW: f64 = 24e-3;
-/// Bursts that are over before help comes. With 64 nodes on a local network, frames of 1.26 times
-/// the optimum become 1.23, and the 99th percentile 1.4 instead of 1.6.
+/// Bursts that finish before help could. With 64 nodes on a local network, this lowers the mean frame from
+/// 1.26 to 1.23 times the optimum, and the 99th percentile from 1.6 to 1.4.
 const UNMONITORED_BURSTS: f64 = 2.5;
-/// A message with exponential delays is later than this many mean deviations one time in fifty.
+/// Margin in mean deviations: one in fifty messages with exponential delays exceeds it.
 const MARGIN_FACTOR: f64 = 4.0;
-/// First messages of frames before their deviation counts.
+/// First messages of frames from which on the lower minimum timeout applies.
 pub(super) const MESSAGES_MIN: u32 = 8;
-/// What is left of the back-off after each message.
+/// Decay of the back-off per message.
 const BACKOFF_KEPT: f64 = 0.998;
-/// How much longer than others a node is waited for that has been taken for lost by mistake.
+/// Maximum relative extension of the timeout after false alarms.
 const BACKOFF_MAX: f64 = 8.0;
 
 #[cfg(test)]

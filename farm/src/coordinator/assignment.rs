@@ -1,11 +1,11 @@
-//! Assignment of frames' tiles to nodes: by the chosen balancer, from what has been learned of nodes
-//! and of tiles, with a probe now and then of nodes that get nothing.
+//! Assignment of frames' tiles to nodes by the chosen balancer, from the learned costs of nodes and tiles,
+//! with an occasional probe of nodes that get no share.
 //!
 //! ```text
-//! frame ─▶ candidates ─▶ balancer ─▶ shares ─▶ partition ─▶ requests, smaller and smaller
+//! frame ─▶ candidates ─▶ balancer ─▶ shares ─▶ partition ─▶ requests of decreasing size
 //! ```
 //!
-//! Tiles that are assigned a second time, because their node was lost or is late, are the business of
+//! Tiles that are assigned a second time, because their node was lost or is late, are left to
 //! [`super::recovery`].
 
 use carom_protocol::limits::REQUESTS_QUEUED_MAX;
@@ -26,7 +26,7 @@ use crate::balancer::{
 use crate::balancing::{Algorithm, Balancing, Distribution};
 use crate::node_status::NodeIndex;
 
-/// Assigns each frame once.
+/// The first assignment of each frame.
 #[derive(Debug)]
 pub(super) struct Assigner {
     pub(super) balancing: Balancing,
@@ -36,19 +36,19 @@ pub(super) struct Assigner {
     last_partition: LastPartition,
 }
 
-/// Partition of the last whole frame: kept while a new one would hardly end earlier, so that each node
-/// goes on tracing the same part of the picture.
+/// Partition of the last frame that was assigned as a whole. It is kept while a new one would hardly finish
+/// earlier, so that each node goes on tracing the same part of the picture.
 #[derive(Debug, Default)]
 struct LastPartition {
     passes: Option<SamplePasses>,
     shares: Vec<NodeShare>,
 }
 
-/// A node and its tiles.
+/// A node and the tiles assigned to it.
 type NodeShare = (NodeIndex, Vec<TileRange>);
 
 impl LastPartition {
-    /// `partition`, or what it was before if the same nodes would be through nearly as early with it.
+    /// The previous partition if the same nodes would finish nearly as early with it, else `partition`.
     fn keep_previous(
         &mut self,
         passes: SamplePasses,
@@ -59,7 +59,7 @@ impl LastPartition {
     ) -> &[NodeShare] {
         let finish = |(model, (_, tiles)): (&CostModel, &NodeShare)| match work.of_all(tiles) {
             0.0 => 0.0,
-            // A bound that has fallen since is not exceeded for the sake of an old partition.
+            // A node's work bound may have decreased since: an old share above it is not kept.
             work if work > HYSTERESIS * model.work_max => f64::INFINITY,
             work => model.fixed_secs + model.secs_per_work * work,
         };
@@ -95,7 +95,7 @@ impl Assigner {
         self.balancers.set_own(balancer);
     }
 
-    /// Predicted work of a frame's tiles in one pass.
+    /// The single pass of a frame, and the predicted work of its tiles.
     pub(super) fn predict(
         &mut self,
         id: FrameId,
@@ -104,8 +104,8 @@ impl Assigner {
     ) -> (SamplePasses, WorkMap) {
         let passes = SamplePasses::one(grid, samples);
         let work = if id.is_background() {
-            // Of another size, it would make the map begin anew each time; and it is not divided by
-            // predictions.
+            // A background frame may have another tile grid, which would reset the cost map each time; and
+            // it is pulled from a pool, not divided by predictions.
             WorkMap::new(passes, &vec![1.0; grid.len() as usize])
         } else {
             WorkMap::new(passes, self.costs.normalized(grid))
@@ -113,14 +113,14 @@ impl Assigner {
         (passes, work)
     }
 
-    /// Whether nodes take a frame's tiles as they can.
+    /// Whether a frame's tiles may be pulled from a pool by the nodes.
     fn is_pooled(&self, frame: &FrameInFlight) -> bool {
         let may_pool = matches!(self.balancing.algorithm, Algorithm::Pull | Algorithm::Own);
         may_pool || frame.id.is_background()
     }
 
-    /// Assigns all tiles that nobody holds, as far as there are nodes for them: whole frames, and what
-    /// has been lost of others.
+    /// Assigns all unassigned tiles, as far as nodes have room: whole new frames, and the lost tiles of
+    /// others.
     pub(super) fn assign(
         &mut self,
         now: f64,
@@ -141,6 +141,7 @@ impl Assigner {
                 continue;
             }
             if frame.is_assigned && frame.id.is_background() {
+                // A pooled frame's lost tiles go back to its pool.
                 frame.count_lost(&unassigned);
                 frame.pool.extend(unassigned);
                 for node in &eligible {
@@ -152,8 +153,8 @@ impl Assigner {
                 recovery.reassign_lost(now, frame, &unassigned, &eligible, dispatcher);
                 continue;
             }
-            // Before shares are asked for: what nobody takes below is lost work of this frame and comes
-            // back by `reassign_lost`.
+            // Set before the shares are computed: tiles that find no room below are handled as lost tiles
+            // of this frame by `reassign_lost`.
             frame.is_assigned = true;
             let is_unknown = |node: &NodeIndex| nodes[*node].workload.delivered().is_none();
             frame.is_guessed = eligible.iter().any(is_unknown);
@@ -173,7 +174,7 @@ impl Assigner {
         }
     }
 
-    /// The tiles of a frame that are neither there nor asked of a node that answers.
+    /// The tiles of a frame that have not arrived and are not requested from a responsive node.
     fn unassigned(&self, nodes: &NodeTable, frame: &mut FrameInFlight) -> Vec<TileRange> {
         let mut held = vec![false; frame.passes.all().count as usize];
         for (_, node) in nodes.iter() {
@@ -186,6 +187,7 @@ impl Assigner {
                 }
             }
         }
+        // The algorithm may have changed since the pool was filled: its tiles are then unassigned.
         if !self.is_pooled(frame) {
             frame.pool.clear();
         }
@@ -198,17 +200,17 @@ impl Assigner {
         })
     }
 
-    /// The nodes that may get tiles of a frame.
+    /// The nodes that may be assigned tiles of a frame.
     fn eligible(&self, nodes: &NodeTable, frame: &FrameInFlight) -> Vec<NodeIndex> {
         let mut eligible = nodes.usable(frame.scene.hash());
         if self.balancing.algorithm == Algorithm::WaterFilling
             && eligible.iter().any(|node| nodes[*node].is_trusted())
         {
-            // What has failed is probed before others wait for it again.
+            // A node with a failure must first deliver a probe before frames wait for it again.
             eligible.retain(|node| nodes[*node].is_trusted());
         }
         if eligible.is_empty() && !frame.is_assigned {
-            // Better than nobody: what is merely slow to answer.
+            // As a last resort, nodes that are merely silent at the moment.
             let answers =
                 |node: &NodeIndex| nodes[*node].is_usable_if_it_answers(frame.scene.hash());
             eligible = nodes.indices().filter(answers).collect();
@@ -216,7 +218,7 @@ impl Assigner {
         eligible
     }
 
-    /// The tiles of each node; none if nodes take them as they can.
+    /// The tiles of each node; `None` if the nodes pull them from the frame's pool.
     fn shares(
         &mut self,
         now: f64,
@@ -288,7 +290,7 @@ impl Assigner {
         }
     }
 
-    /// In how many parts a node is asked for a range: one if they would not be taken back.
+    /// Into how many requests a node's range is split: one where parts would not be recalled.
     fn parts_most(
         &self,
         nodes: &NodeTable,
@@ -297,7 +299,7 @@ impl Assigner {
         range: TileRange,
         in_flight: usize,
     ) -> u32 {
-        // What is of several passes is several requests anyway.
+        // A range over several passes becomes several requests anyway.
         if self.balancing != Algorithm::WaterFilling.hedged()
             || frame.passes.split(range).count() > 1
         {
@@ -308,11 +310,12 @@ impl Assigner {
             cost.secs_per_work * frame.work.of(range)
         });
         let by_time = (secs / PART_SECS_MIN) as usize;
+        // At most half of the node's request queue, divided among the frames in flight.
         let by_room = REQUESTS_QUEUED_MAX / (2 * in_flight.max(1));
         PARTS_MAX.min(by_time).min(by_room).max(1) as u32
     }
 
-    /// Lets a node take from the pools of frames, the oldest first, as much as its credit allows.
+    /// Lets a node pull from the pools of frames, the oldest first, as far as its credit allows.
     pub(super) fn pull(
         &self,
         now: f64,
@@ -328,7 +331,7 @@ impl Assigner {
         }
     }
 
-    /// Lets a node take from the pool of one frame.
+    /// Lets a node pull from the pool of one frame.
     fn pull_from(
         &self,
         now: f64,
@@ -347,7 +350,7 @@ impl Assigner {
         }
     }
 
-    /// Learns how a request of a node went that has ended, if anything came.
+    /// Learns from a request that has ended, if any of its tiles came.
     pub(super) fn learn(&mut self, nodes: &mut NodeTable, index: NodeIndex, id: RequestId) {
         let round_trip_secs = nodes[index].round_trip_secs();
         let workload = &mut nodes[index].workload;
@@ -355,10 +358,11 @@ impl Assigner {
             return;
         };
         let request = &workload.requests[&id];
-        // A check's tile has been counted where it was first traced.
+        // The tile of a spot check was learned from when it was first traced.
         if request.is_check {
             return;
         }
+        // A probe is one tile, whose weight would vanish against the node's earlier requests.
         if request.is_probe {
             workload.estimator.expect_little();
         }
@@ -367,16 +371,17 @@ impl Assigner {
             workload.arrivals.observe_whole(request);
         }
         if request.frame.is_background() {
-            return; // its tiles say nothing of those that are divided by predictions
+            return; // background frames do not use the predictions
         }
         if let Some(cost) = workload.estimator.delivered() {
-            // What the node says counts only within the request; how long the whole took is what its
-            // estimate has been told.
+            // The total is the time that the estimator counts as work; the node's own report only
+            // distributes it over the pieces.
             let secs = Estimator::work_secs(&observation);
             let in_parts = request.pieces.iter().all(|(.., busy)| *busy > 0.0);
             for (tiles, work, busy) in &request.pieces {
-                // The node's own times divide what the client has timed among the pieces; they cannot
-                // change its sum, so that a node gains nothing by false ones.
+                // ratio = (seconds attributed to the piece) / (seconds predicted for it). The reported
+                // times enter as busy/Σbusy, so that they cannot change the sum and a node gains nothing by
+                // false ones.
                 let ratio = if in_parts {
                     secs * busy / (request.busy_secs * cost.secs_per_work * work)
                 } else {
@@ -398,17 +403,18 @@ impl Assigner {
     }
 }
 
-/// Usable nodes that have no share at all.
+/// The usable nodes that are not among `shares`.
 fn left_out(nodes: &NodeTable, scene: SceneHash, shares: &[NodeShare]) -> Vec<NodeIndex> {
     let mut left_out = nodes.usable(scene);
     left_out.retain(|node| shares.iter().all(|(other, _)| other != node));
     left_out
 }
 
-/// Asks nodes that got nothing for one tile now and then, beside the node whose tile it is: they may
-/// have become faster, and nothing else would tell.
+/// Requests a single tile now and then from nodes without a share, besides the node that it is assigned to:
+/// only this shows whether they have become faster.
 fn probe(now: f64, frame: &mut FrameInFlight, shares: &[NodeShare], dispatcher: &mut Dispatcher) {
     let units = frame.passes.all().count;
+    // Bounds the work of probes to a fixed share of the frame.
     let mut probes = units.div_ceil(PROBE_TILES);
     for (index, _) in shares.iter().filter(|(_, tiles)| tiles.is_empty()) {
         if probes == 0 {
@@ -422,18 +428,18 @@ fn probe(now: f64, frame: &mut FrameInFlight, shares: &[NodeShare], dispatcher: 
         if recent || requests.any(|request| request.is_probe) {
             continue;
         }
-        // Set when asked, not when answered: a node that does not answer is not asked in every frame.
+        // Set when requested, not when answered: a node that does not answer is not probed in every frame.
         node.last_probe = Some(frame.id);
         probes -= 1;
-        // Another tile each time, and another one for each node.
-        // Tiles differ in cost, and a probe of the same one each time would measure that tile.
+        // Tiles differ in cost: a probe of always the same one would measure that tile. So it varies with
+        // the frame and with the node.
         let first = (frame.id.0.wrapping_add(index.0 as u64) % u64::from(units)) as u32;
         let tile = TileRange { first, count: 1 };
         dispatcher.request(now, *index, frame, &[tile], true);
     }
 }
 
-/// What a node takes next from the pool of a frame, if anything.
+/// The tiles that a node pulls next from the pool of a frame, if any.
 fn portion(nodes: &NodeTable, index: NodeIndex, frame: &mut FrameInFlight) -> Option<TileRange> {
     let node = &nodes[index];
     let range = *frame.pool.last()?;
@@ -446,16 +452,19 @@ fn portion(nodes: &NodeTable, index: NodeIndex, frame: &mut FrameInFlight) -> Op
     let outstanding = node.workload.outstanding();
     let open = nodes.iter().filter(|(_, node)| node.is_open()).count();
     let portion = if frame.id.is_background() {
-        // Of equal time on all nodes, and whole: a GPU is slow with a tile at a time.
+        // Portions take the same time on all nodes, and are issued whole: a GPU is inefficient with single
+        // tiles.
         let secs = |cost: Estimate| BACKGROUND_SECS_MAX / cost.secs_per_work;
         let most = estimate.map_or(tile, secs).max(tile);
         let fair = pool / (2 * open.max(1)) as f64;
         (outstanding < Pull::credit(estimate, most)).then(|| fair.clamp(tile, most))?
     } else {
+        // Flow control by credit: enough work to bridge the round trip, less what is outstanding.
         let free = Pull::credit(estimate, tile) - outstanding;
         (free > 0.0).then(|| Pull::portion(pool, open, tile).min(free))?
     };
     let first = range.first;
+    // The longest run from the start of this range whose work fits, but always at least one tile.
     let fits = |&count: &u32| frame.work.of(TileRange { first, count }) <= portion;
     let count = (2..=range.count).take_while(fits).last().unwrap_or(1);
     frame.pool.pop();
@@ -468,13 +477,14 @@ fn portion(nodes: &NodeTable, index: NodeIndex, frame: &mut FrameInFlight) -> Op
     Some(TileRange { first, count })
 }
 
-/// A node's share as up to `most` requests, each smaller than the last: the later ones can still be
-/// taken back when the first tiles turn out to be late.
+/// A node's share as up to `most` requests of decreasing size: the later ones can still be recalled when
+/// the first tiles turn out to be late.
 fn shrinking_parts(range: TileRange, most: u32) -> Vec<TileRange> {
     let mut parts = Vec::new();
     let mut first = range.first;
     for part in 1..=most {
-        // Ends at x·(3 − x)/2 of the whole: sizes fall linearly, the first is three times the last.
+        // The first `part` requests hold x·(3 − x)/2 of the range, whose derivative falls linearly from 3/2
+        // to 1/2: the first request is about three times the last.
         let x = f64::from(part) / f64::from(most);
         let end = range.first + (f64::from(range.count) * x * (1.5 - 0.5 * x)).ceil() as u32;
         let count = end.min(range.end()) - first;
@@ -486,9 +496,9 @@ fn shrinking_parts(range: TileRange, most: u32) -> Vec<TileRange> {
     parts
 }
 
-/// The share of a node of unknown speed as up to `most` requests, the first of a tile, each twice as
-/// large as the last: should the node turn out to be slow, it has begun with little, and the rest can
-/// be taken back (guided self-scheduling, Polychronopoulos and Kuck 1987, from the other end).
+/// The share of a node of unknown speed as up to `most` requests, the first of one tile, each twice as
+/// large as the one before: a node that turns out to be slow has begun little, and the rest can be recalled
+/// (guided self-scheduling, Polychronopoulos and Kuck 1987, in reverse).
 fn growing_parts(range: TileRange, most: u32) -> Vec<TileRange> {
     let mut parts = Vec::new();
     let mut first = range.first;
@@ -507,22 +517,23 @@ fn growing_parts(range: TileRange, most: u32) -> Vec<TileRange> {
     parts
 }
 
-/// The most parts of a share. A node ends the part that it has begun before it turns to what is asked
-/// again of an older frame. With eight instead of six, frames of 1.089 times the optimum become 1.073
-/// with 64 nodes on a local network, and the 99th percentile of frames at 60 a second becomes 1.46
-/// with 1000 far nodes instead of 1.55.
+/// Maximum number of parts of a share. A node finishes the part that it has begun before it turns to the
+/// reissued tiles of an older frame. Against 6, 8 parts reduce the frame time with 64 nodes on a local
+/// network from 1.089 to 1.073 times the optimum, and the 99th percentile at 60 frames per second with 1000
+/// distant nodes from 1.55 to 1.46.
 const PARTS_MAX: usize = 8;
-/// What a GPU is given at once takes five times as long as giving it and reading it back.
+/// Minimum duration of a part in seconds: five times a GPU's overhead of submitting work and reading it
+/// back.
 const PART_SECS_MIN: f64 = 0.25e-3;
 
-/// Seconds that a portion of a frame in the background takes its node. An interactive frame waits for
-/// what its device has begun, on a GPU two of them: at most 15 ms, a frame at 60 a second.
+/// Duration of a background frame's portion on its node, in seconds. An interactive frame waits for what
+/// its device has begun, two portions on a GPU: at most 15 ms, about a frame at 60 per second.
 const BACKGROUND_SECS_MAX: f64 = 7.5e-3;
-/// How much later than a new partition an old one may end to be kept.
+/// Finish of the previous partition, relative to a new one, up to which the previous one is kept.
 const HYSTERESIS: f64 = 1.005;
-/// Frames between the probes of a node that gets no share.
+/// Minimum number of frames between two probes of a node without a share.
 const PROBE_FRAMES: u64 = 20;
-/// One tile of so many is asked for as a probe.
+/// Number of tiles of a frame for each probe that it may issue.
 const PROBE_TILES: u32 = 1000;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! A tile that is traced again elsewhere: all that a request for it needs.
+//! The tile of a spot check, with all that a request for it needs.
 
 use std::sync::Arc;
 
@@ -8,14 +8,14 @@ use carom_tracer::{Tile, TileRange};
 use super::sample_passes::SamplePasses;
 use crate::frame::FrameSpec;
 
-/// A tile of a frame that may have been delivered meanwhile, as it is asked for.
+/// A tile to trace again; its frame may have been delivered in the meantime.
 #[derive(Debug)]
 pub(super) struct CheckedTile {
     pub(super) frame: FrameId,
     pub(super) spec: FrameSpec,
     pub(super) scene: Arc<EncodedScene>,
     pub(super) passes: SamplePasses,
-    /// One unit.
+    /// The tile, as a range of one unit.
     pub(super) unit: TileRange,
     pub(super) work: f64,
 }

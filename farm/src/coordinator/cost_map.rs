@@ -1,10 +1,10 @@
-//! Costs of tiles, learned from the frames before.
+//! Relative costs of tiles, learned from earlier frames.
 
 use carom_tracer::{TileGrid, TileRange};
 
-/// Cost of each tile as a multiple of the average. Two frames in a row cost nearly the same in the
-/// same place, so that a division that knows the dear places ends more evenly: in simulation 1.34
-/// times the optimum becomes 1.17 with 64 nodes.
+/// Cost of each tile relative to the average. Successive frames cost nearly the same in the same place, so
+/// that a division that knows the expensive places finishes more evenly: in simulation with 64 nodes at
+/// 1.17 instead of 1.34 times the optimum.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CostMap {
     grid: Option<TileGrid>,
@@ -12,7 +12,7 @@ pub(super) struct CostMap {
 }
 
 impl CostMap {
-    /// The costs of a frame's tiles, with a mean of 1. A frame of another grid begins anew.
+    /// The costs of a grid's tiles, scaled to a mean of 1. A different grid resets the map.
     pub(super) fn normalized(&mut self, grid: TileGrid) -> &[f64] {
         if self.grid != Some(grid) {
             self.grid = Some(grid);
@@ -23,11 +23,13 @@ impl CostMap {
         &self.costs
     }
 
-    /// Learns that tiles took `ratio` times what had been predicted.
+    /// Learns that tiles took `ratio` times their predicted time.
     pub(super) fn learn(&mut self, grid: TileGrid, tiles: TileRange, ratio: f64) {
         if self.grid != Some(grid) || ratio.is_nan() {
             return;
         }
+        // A step in the logarithm, so that twice and half the prediction weigh the same and costs stay
+        // positive.
         let factor = ratio.clamp(1.0 / RATIO_MAX, RATIO_MAX).powf(GAIN);
         for cost in &mut self.costs[tiles.first as usize..tiles.end() as usize] {
             *cost = (*cost * factor).clamp(1.0 / COST_MAX, COST_MAX);
@@ -35,11 +37,11 @@ impl CostMap {
     }
 }
 
-/// Share of a deviation, in logarithms, that is believed at once.
+/// Gain of the logarithmic update.
 const GAIN: f64 = 0.3;
-/// The largest deviation that counts.
+/// Ratio at which an observation is clipped.
 const RATIO_MAX: f64 = 4.0;
-/// No tile costs more than this many times the average, or less than one over it.
+/// Bounds of a tile's cost relative to the average: from 1 / [`COST_MAX`] to it.
 const COST_MAX: f64 = 64.0;
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! The nodes with what is asked of them: commands to nodes and frames to the caller, in the order in which they
-//! are to be carried out.
+//! Dispatcher: the node table and the queue of actions, that is commands to nodes and frames to the caller,
+//! in the order in which they must be carried out.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ use crate::frame::{Frame, FrameSpec};
 use crate::link::LinkCommand;
 use crate::node_status::NodeIndex;
 
-/// What is sent to a node counts as open in the table from then on.
+/// Node table and action queue. A request counts as open in the table as soon as it is queued.
 #[derive(Debug)]
 pub(super) struct Dispatcher {
     pub(super) nodes: NodeTable,
@@ -31,7 +31,7 @@ pub(super) struct Dispatcher {
     last_request: RequestId,
 }
 
-/// What is asked for, but for the tiles.
+/// The part of a request that does not depend on its tiles.
 #[derive(Clone, Copy)]
 struct RequestedFrame<'a> {
     frame: FrameId,
@@ -59,7 +59,7 @@ impl Dispatcher {
         self.send(node, LinkCommand::Scene(Arc::clone(scene)));
     }
 
-    /// Sends a scene to the connected nodes that lack it.
+    /// Sends a scene to the connected nodes for which `lacks` holds.
     pub(super) fn announce(
         &mut self,
         scene: &Arc<EncodedScene>,
@@ -81,12 +81,12 @@ impl Dispatcher {
         self.actions.push_back(CoordinatorAction::Refuse(refusal));
     }
 
-    /// Has the link to a node dropped.
+    /// Queues closing the link to a node.
     pub(super) fn hang_up(&mut self, node: NodeIndex) {
         self.actions.push_back(CoordinatorAction::HangUp(node));
     }
 
-    /// Has something logged.
+    /// Queues a warning for the log.
     pub(super) fn warn(&mut self, sentence: String) {
         self.actions.push_back(CoordinatorAction::Warn(sentence));
     }
@@ -95,7 +95,8 @@ impl Dispatcher {
         self.actions.pop_front()
     }
 
-    /// Requests tiles of a node, one range after the other, in several requests where they are many.
+    /// Requests ranges of tiles from a node, in order, split into several requests where they exceed the
+    /// protocol's limits.
     pub(super) fn request(
         &mut self,
         now: f64,
@@ -110,9 +111,11 @@ impl Dispatcher {
         let passes = frame.passes;
         let samples = u64::from(frame.spec.settings.samples);
         let tile_samples = u64::from(passes.grid.edge).pow(2) * samples;
+        // The protocol's limits of a request, in tiles.
         let most = (REQUEST_SAMPLES_MAX / tile_samples.max(1))
             .clamp(1, u64::from(REQUEST_TILES_MAX)) as u32;
-        // Nothing is sent if the node has it; a node keeps only the scenes used last.
+        // The link sends nothing if the node holds it; repeated because a node keeps only the scenes used
+        // last.
         self.send_scene(node, &frame.scene);
         let mut wait_secs = self.nodes[node].workload.wait_secs(now, frame.id);
         let of = RequestedFrame {
@@ -129,7 +132,7 @@ impl Dispatcher {
                 let work = frame.work.of(tiles);
                 let mut request = OpenRequest::new(now, frame.id, passes, tiles, work);
                 request.is_probe = is_probe;
-                // Requests of one call queue behind each other at the node: each is expected after those
+                // The requests of one call are served one after the other: each is expected after those
                 // before it.
                 if let Some(busy_secs) = self.request_range(node, of, request, wait_secs) {
                     wait_secs += busy_secs;
@@ -140,7 +143,7 @@ impl Dispatcher {
         self.nodes.arm(node);
     }
 
-    /// Asks a node for a tile that another node has traced, if it has room.
+    /// Requests a tile that another node has traced, for a spot check; `None` if the node has no room.
     pub(super) fn request_check(
         &mut self,
         now: f64,
@@ -166,9 +169,9 @@ impl Dispatcher {
         Some(self.last_request)
     }
 
-    /// Sends one request, which waits at its node for others for `wait_secs`. Returns for how long
-    /// the node should be busy with it; nothing if the node has no room, whose tiles are assigned again
-    /// when a request of it ends.
+    /// Sends one request, which waits at its node behind others for `wait_secs`. Returns for how many
+    /// seconds the node should be busy with it; `None` if the node has no room, in which case the tiles are
+    /// assigned again when one of its requests ends.
     fn request_range(
         &mut self,
         index: NodeIndex,
@@ -180,8 +183,8 @@ impl Dispatcher {
         if !node.has_room() {
             return None;
         }
-        // By what was delivered, not by what work is divided by: lateness must not lengthen how long it
-        // is waited for.
+        // By the delivered cost, not by the one that divides work: lateness raises the latter, and must not
+        // lengthen the timeout of the next request.
         let workload = &mut node.workload;
         let cost = workload.delivered();
         let busy_secs = cost.map_or(0.0, |cost| cost.secs_per_work * request.work);
@@ -215,13 +218,13 @@ impl Dispatcher {
         Some(busy_secs)
     }
 
-    /// Takes a request back.
+    /// Cancels a request.
     pub(super) fn cancel(&mut self, now: f64, node: NodeIndex, request: RequestId) {
         self.nodes[node].cancel(now, request);
         self.send(node, LinkCommand::CancelRequest(request));
     }
 
-    /// Takes back what is still asked for of a frame, but for probes.
+    /// Cancels the open requests of a frame, except probes.
     pub(super) fn cancel_frame(&mut self, now: f64, frame: FrameId) {
         for node in self.nodes.indices() {
             let requests = self.nodes[node].workload.requests.iter();

@@ -1,4 +1,4 @@
-//! Pixels of a frame as its tiles come in.
+//! Pixels of a frame while its tiles arrive.
 
 use carom_protocol::PixelFormat;
 use carom_protocol::tile_codec::TilePixels;
@@ -8,7 +8,7 @@ use super::partition::push_tile;
 use super::sample_passes::SamplePasses;
 use crate::frame::Pixels;
 
-/// Pixels of a picture, and which units of it are there.
+/// Pixels of a picture, and which of its units have arrived.
 #[derive(Clone, Debug)]
 pub(super) struct FrameBuffer {
     passes: SamplePasses,
@@ -19,14 +19,14 @@ pub(super) struct FrameBuffer {
 
 #[derive(Clone, Debug)]
 enum BufferContent {
-    /// Of one pass.
+    /// Pixels of a frame with a single pass.
     Pixels(Pixels),
-    /// Sums over the passes that are there.
+    /// Sample sums over the passes that have arrived.
     Sums(film::Film),
 }
 
 impl FrameBuffer {
-    /// A buffer of several passes is of linear pixels.
+    /// An empty buffer. With several passes it holds linear pixels whatever `format` is.
     pub(super) fn new(passes: SamplePasses, format: PixelFormat) -> Self {
         let (size, units) = (passes.grid.size, passes.all().count);
         let content = match format {
@@ -46,13 +46,13 @@ impl FrameBuffer {
         }
     }
 
-    /// Puts in those units of `run`, of one pass, that are not there yet and returns how many they are.
+    /// Stores those units of `run`, all of one pass, that are missing, and returns how many they were.
     pub(super) fn fill(&mut self, run: TileRange, pixels: &TilePixels) -> u32 {
         let mut start = 0;
         let mut filled = 0;
         for index in run.indices() {
             let tile = self.passes.grid.tile(self.passes.tile(index));
-            // What comes first stays: sums over passes must not take in a unit twice.
+            // The first copy stays: sums over passes must not take in a unit twice.
             if !self.filled[index as usize] {
                 self.put(index, tile, pixels, start);
                 self.filled[index as usize] = true;
@@ -64,7 +64,7 @@ impl FrameBuffer {
         filled
     }
 
-    /// Takes units out again: another node's pixels come in their place.
+    /// Marks units as missing again, so that another node's pixels replace them.
     pub(super) fn clear(&mut self, run: TileRange) {
         for index in run.indices() {
             let filled = std::mem::take(&mut self.filled[index as usize]);
@@ -76,7 +76,7 @@ impl FrameBuffer {
         self.missing == 0
     }
 
-    /// Units that are not there.
+    /// Number of missing units.
     pub(super) const fn missing_count(&self) -> u32 {
         self.missing
     }
@@ -87,7 +87,7 @@ impl FrameBuffer {
             .all(|filled| *filled)
     }
 
-    /// The units from `range` that are not there and that `wanted` accepts.
+    /// The missing units of `range` for which `wanted` holds.
     pub(super) fn missing(&self, range: TileRange, wanted: impl Fn(u32) -> bool) -> Vec<TileRange> {
         let mut runs = Vec::new();
         for tile in range.indices() {
@@ -98,7 +98,7 @@ impl FrameBuffer {
         runs
     }
 
-    /// The tiles that are not whole.
+    /// The tiles that miss at least one pass.
     pub(super) fn missing_tiles(&self) -> Vec<Tile> {
         let grid = self.passes.grid;
         let passes = self.filled.chunks_exact(grid.len() as usize);
@@ -107,10 +107,11 @@ impl FrameBuffer {
         tiles.map(|tile| grid.tile(tile)).collect()
     }
 
-    /// The picture as it is: the mean of the samples that are there, black without any.
+    /// The picture so far: the mean of the samples that have arrived, black where there are none.
     pub(super) fn pixels(&self) -> Pixels {
         match &self.content {
             BufferContent::Pixels(Pixels::Srgb8(pixels)) => {
+                // Missing pixels still have alpha 0.
                 let opaque = |&[r, g, b, _]: &[u8; 4]| [r, g, b, 255];
                 Pixels::Srgb8(pixels.iter().map(opaque).collect())
             }
@@ -119,7 +120,7 @@ impl FrameBuffer {
         }
     }
 
-    /// The picture.
+    /// The complete picture.
     pub(super) fn into_pixels(self) -> Pixels {
         match self.content {
             BufferContent::Pixels(pixels) => pixels,
@@ -146,7 +147,7 @@ impl FrameBuffer {
     }
 }
 
-/// Whether all pixels are numbers.
+/// Whether all values are finite.
 pub(super) fn is_finite(pixels: &TilePixels) -> bool {
     match pixels {
         TilePixels::Srgb8(_) => true,

@@ -1,5 +1,5 @@
-//! Forecast of a frame: when each missing tile should come, and when all could be there if they were
-//! assigned anew.
+//! Forecast of a frame: when each missing tile should arrive, and when all could if they were assigned
+//! anew.
 
 use carom_tracer::TileRange;
 
@@ -13,40 +13,41 @@ use super::workload::{RequestForecast, begins_after};
 use crate::balancer::{CostModel, Estimate, water_fill};
 use crate::node_status::NodeIndex;
 
-/// A frame as it should go on if nothing is done.
+/// Expected course of a frame without intervention. Times are seconds on the client's clock.
 pub(super) struct FrameForecast {
-    /// When each missing tile should come; infinite if nobody holds it, and for those that are
-    /// there already.
+    /// Expected arrival of each unit; infinite for those that no node holds, and for those that have
+    /// arrived.
     pub(super) arrivals: Vec<f64>,
-    /// Whether the node that holds a tile can be told in time not to begin with it.
+    /// By unit: whether its node can be told in time not to begin with it.
     pub(super) recallable: Vec<bool>,
     pub(super) missing: Vec<u32>,
-    /// Nodes that hold any of them.
+    /// Nodes that hold missing tiles.
     pub(super) holders: Vec<NodeIndex>,
-    /// Nodes that can be asked for more, and what each can do after all that it has been asked for.
+    /// Nodes that can take more requests; `help` is the cost model of each after all that it has been
+    /// assigned.
     pub(super) helpers: Vec<NodeIndex>,
     pub(super) help: Vec<CostModel>,
-    /// When all missing tiles could be there if they were assigned anew.
+    /// The earliest time by which all missing tiles could arrive if they were assigned anew.
     pub(super) level: f64,
 }
 
-/// Times from which on tiles are late.
+/// Arrival times from which on tiles count as late.
 #[derive(Clone, Copy)]
 pub(super) struct LatenessBounds {
-    /// Those that nobody has begun with: to move them costs nothing.
+    /// For tiles that no node has begun: moving them costs nothing.
     pub(super) recallable: f64,
-    /// Those that will be traced twice.
+    /// For tiles that would be traced twice.
     pub(super) duplicate: f64,
-    /// From here on they are gravely late.
+    /// From here on tiles are gravely late, and may use the budget's reserve.
     pub(super) grave: f64,
 }
 
 impl FrameForecast {
-    /// The forecast of a frame that is not finished; none if there is nobody to help.
+    /// The forecast of an unfinished frame; `None` if no node can help.
     pub(super) fn new(now: f64, nodes: &NodeTable, frame: &FrameInFlight) -> Option<Self> {
         let newcomer = nodes.newcomer();
         let buffer = frame.buffer.as_ref()?;
-        // What has failed helps only where nothing else is left.
+        // Nodes with a failure help only where no others can.
         let can_help = |node: &NodeEntry| node.is_usable(frame.scene.hash());
         let has_trusted = nodes
             .iter()
@@ -68,17 +69,17 @@ impl FrameForecast {
                 let mut at = forecast.begin;
                 let missing = buffer.missing(request.tiles, |_| true);
                 for tile in missing.iter().flat_map(|range| range.indices()) {
-                    // Tiles of a request come in their order, each after the work of those before it.
+                    // The tiles of a request arrive in order, each after the work of those before it.
                     at += forecast.pace * frame.work.of(one(tile));
                     let arrival = &mut arrivals[tile as usize];
-                    // A tile that several nodes trace comes with the first of them …
+                    // A tile that several nodes hold arrives with the first of them …
                     *arrival = arrival.min(at);
-                    // … and costs nothing to move only if none of them has begun.
+                    // … and is free to move only if none of them has begun it.
                     recallable[tile as usize] &= is_recallable;
                 }
                 let model = CostModel::new(forecast.begin, forecast.pace);
-                // What is under way counts as a node that can do that much and no more: the level is that
-                // of the whole frame.
+                // Work in progress counts as a node with that capacity and no more, so that the level is
+                // that of the whole frame.
                 models.push(model.with_work_max(forecast.outstanding));
             }
             if models.len() > held_before {
@@ -89,6 +90,7 @@ impl FrameForecast {
             };
             if can_help(node) && (node.is_trusted() || !has_trusted) {
                 helpers.push(index);
+                // Help begins after the node's own queue, as far as that is served before this frame.
                 let comes = now + cost.fixed_secs + workload.delay.secs(frame.id);
                 let begin = begins_after(&forecasts, frame.id, comes);
                 help.push(CostModel {
@@ -114,19 +116,18 @@ impl FrameForecast {
         })
     }
 
-    /// Whether anybody can be asked for what another holds.
+    /// Whether there is a helper other than the only holder.
     pub(super) fn can_move(&self) -> bool {
         self.holders.iter().any(|holder| self.helpers != [*holder])
     }
 
-    /// When the last of the tiles that somebody holds should come.
+    /// When the last tile that a node holds should arrive.
     pub(super) fn finish(&self) -> f64 {
         let arrivals = self.arrivals.iter().filter(|at| at.is_finite());
         arrivals.copied().fold(0.0, f64::max)
     }
 
-    /// The missing tiles that come too late, the latest first to be chosen, no more than the budget
-    /// allows.
+    /// The missing tiles that would be late, as far as the budget allows, the latest chosen first.
     pub(super) fn late(
         &self,
         bounds: LatenessBounds,
@@ -142,7 +143,7 @@ impl FrameForecast {
                 bounds.duplicate
             }
         };
-        // What nobody holds is assigned elsewhere.
+        // Unassigned tiles are left to `Recovery::reassign_lost`.
         let late = |tile: &u32| arrival(*tile) > until(*tile) && arrival(*tile).is_finite();
         let mut late: Vec<u32> = self.missing.iter().copied().filter(late).collect();
         late.sort_by(|a, b| arrival(*b).total_cmp(&arrival(*a)));
@@ -151,8 +152,7 @@ impl FrameForecast {
             if !is_recallable(*tile) {
                 sum += work(*tile);
             }
-            // From the latest on: when the budget is short it goes to the tiles that the frame waits for
-            // most.
+            // From the latest on, so that a short budget goes to the tiles that delay the frame most.
             sum <= budget.work(arrival(*tile) > bounds.grave)
         });
         late.sort_unstable();
@@ -162,8 +162,9 @@ impl FrameForecast {
     }
 }
 
-/// Whether a node with that cost can be told in time not to begin with a request: half a round trip after
-/// it has been told, it must not have come to it. What is late may merely be late on its way.
+/// Whether a node of that cost can be told in time not to begin with a request: when the cancellation
+/// arrives, it must not have reached it. Computed with `soonest`, as a late message may only have been
+/// delayed by the network.
 pub(super) fn is_recallable(
     now: f64,
     request: &OpenRequest,
@@ -174,12 +175,12 @@ pub(super) fn is_recallable(
     request.tiles_received == 0 && cost.is_some_and(|cost| forecast.soonest > told(cost))
 }
 
-/// A single tile.
+/// The range of a single tile.
 pub(super) fn one(first: u32) -> TileRange {
     TileRange { first, count: 1 }
 }
 
-/// Share of the time until a node should begin with a request by which it may be earlier.
+/// Safety margin: share of the time until a node should reach a request by which it may be earlier.
 const SOONER: f64 = 0.1;
 
 #[cfg(test)]

@@ -1,5 +1,4 @@
-//! A frame that has been submitted and not been delivered: its tiles as they come, its plan, and its
-//! statistics.
+//! A frame that has been submitted and not yet delivered: its tiles so far, its plan, and its statistics.
 
 use std::sync::Arc;
 
@@ -16,7 +15,7 @@ use crate::frame::{Frame, FrameSpec};
 use crate::node_status::NodeIndex;
 use crate::stats::{Delivery, FrameStats, LatencySplit};
 
-/// Times are seconds on the client's clock.
+/// State of one frame. Times are seconds on the client's clock.
 #[derive(Debug)]
 pub(super) struct FrameInFlight {
     pub(super) id: FrameId,
@@ -25,39 +24,39 @@ pub(super) struct FrameInFlight {
     pub(super) passes: SamplePasses,
     pub(super) work: WorkMap,
     pub(super) submitted: f64,
-    /// Whether links may not make its pixels coarser.
+    /// Whether links must not reduce the precision of its pixels.
     pub(super) is_exact: bool,
-    /// Absent once it is finished.
+    /// The tiles that have arrived; absent once it is finished.
     pub(super) buffer: Option<FrameBuffer>,
-    /// Whether its tiles have been assigned once.
+    /// Whether its tiles have been assigned for the first time.
     pub(super) is_assigned: bool,
-    /// Whether nothing was known of some node that it was assigned to.
+    /// Whether some node that took part in the first assignment had no delivered cost.
     pub(super) is_guessed: bool,
-    /// By unit: whether a node has been asked for it that has not lost it.
+    /// By unit: whether it has been requested and not been lost since.
     pub(super) requested: Vec<bool>,
-    /// What has been assigned more than once, also if it has waited for room in between.
+    /// Ranges that have been assigned more than once, including those that only waited for room.
     pub(super) reissued: Vec<TileRange>,
-    /// Tiles that nodes have not taken yet, where they take them as they can.
+    /// Ranges that no node has pulled yet, where nodes pull their tiles.
     pub(super) pool: Vec<TileRange>,
-    /// When it should be whole.
+    /// When it should be complete.
     pub(super) target: f64,
-    /// How long it should take when it is assigned.
+    /// How many seconds it should take, as of its assignment.
     pub(super) planned_secs: f64,
-    /// When it is looked at for tiles that will be late; absent while there is no prediction.
+    /// When it is next evaluated for late tiles; absent while there is no prediction.
     pub(super) evaluate_at: Option<f64>,
     pub(super) last_evaluation: f64,
-    /// When it must be shown, if it has not been handed over by then.
+    /// When it must be shown, unless it has been delivered before.
     pub(super) deadline: Option<f64>,
-    /// Whether older frames with this set are of no use once it has been handed over.
+    /// Whether it has had a deadline: it is dropped once a newer frame has been delivered.
     pub(super) perishes: bool,
     pub(super) refusals: FrameRefusals,
     pub(super) stats: FrameStats,
-    /// By node.
+    /// Reported busy seconds, by node.
     busy_secs: Vec<f64>,
     pub(super) finished: Option<Frame>,
 }
 
-/// Tiles of a message from a node: units of one pass, and their pixels.
+/// Tiles of a node's message: units of one pass, and their pixels.
 pub(super) struct TileArrival<'a> {
     pub(super) tiles: TileRange,
     pub(super) pixels: &'a TilePixels,
@@ -111,7 +110,7 @@ impl FrameInFlight {
         }
     }
 
-    /// Splits it into passes before it is assigned. `costs` are of its tiles.
+    /// Splits it into passes before its assignment. `costs` are the relative costs of its tiles.
     pub(super) fn split_into_passes(&mut self, count: u32, costs: &[f64]) {
         let passes = SamplePasses::several(self.passes.grid, self.spec.settings.samples, count);
         self.work = WorkMap::new(passes, costs);
@@ -121,8 +120,8 @@ impl FrameInFlight {
         self.passes = passes;
     }
 
-    /// Counts those of the tiles that nobody holds that a node has been asked for: it has lost them.
-    /// Others have waited for room.
+    /// Counts the lost ones among unassigned tiles, which are those that a node had been asked for. The
+    /// others have only waited for room.
     pub(super) fn count_lost(&mut self, tiles: &[TileRange]) {
         let tile = |tile: u32| std::mem::take(&mut self.requested[tile as usize]);
         let lost = tiles.iter().flat_map(|range| range.indices()).map(tile);
@@ -132,7 +131,7 @@ impl FrameInFlight {
         self.reissued.extend(tiles);
     }
 
-    /// Counts time that a node worked on it.
+    /// Adds time that a node reports to have worked on it.
     pub(super) fn count_busy(&mut self, node: NodeIndex, secs: f64) {
         let nodes = self.busy_secs.len().max(node.0 + 1);
         self.busy_secs.resize(nodes, 0.0);
@@ -140,8 +139,8 @@ impl FrameInFlight {
         self.stats.busy_secs = self.stats.busy_secs.max(self.busy_secs[node.0]);
     }
 
-    /// Puts in tiles that have come for `request` from one of `nodes` nodes. Returns how many of them
-    /// were not there before, and where their time went; nothing if the frame is finished.
+    /// Stores tiles that have arrived for `request` from one of `nodes` nodes. Returns how many of them
+    /// were missing, and where their time went; `None` if the frame is finished.
     pub(super) fn add_tiles(
         &mut self,
         now: f64,
@@ -151,6 +150,7 @@ impl FrameInFlight {
         arrival: &TileArrival<'_>,
     ) -> Option<(u32, LatencySplit)> {
         let tiles = arrival.tiles;
+        // Tiles show that the node can trace this frame.
         self.refusals.forget(node);
         let fresh = self.buffer.as_mut()?.fill(tiles, arrival.pixels);
         let arrived_secs = now - self.submitted;
@@ -160,14 +160,15 @@ impl FrameInFlight {
         stats.payload_bytes += arrival.payload_bytes as u64;
         stats.duplicate_tiles += tiles.count - fresh;
         if fresh == tiles.count {
-            // Of a message of which some tiles had come before, nobody knows whose samples these are.
+            // The count is per message: with duplicates in it, the dropped samples cannot be attributed to
+            // the tiles that were kept.
             stats.dropped_samples += u64::from(arrival.dropped_samples);
         }
         stats.tiles_by_node.resize(nodes, 0);
         stats.tiles_by_node[node.0] += fresh;
         stats.response_secs_by_node.resize(nodes, 0.0);
         stats.response_secs_by_node[node.0] = arrived_secs;
-        // Noted by `Workload::receive` just before.
+        // Pushed by `Workload::receive` just before.
         let (_, work, busy_secs) = request.pieces.last().copied().unwrap_or((tiles, 0.0, 0.0));
         stats.deliveries.push(Delivery {
             node,
@@ -183,9 +184,9 @@ impl FrameInFlight {
         Some((fresh, split))
     }
 
-    /// Notes where the time of a node's latest tiles went, before its response is noted. A share is
-    /// asked for in several requests at once: what the later ones wait for while the earlier ones
-    /// are traced is tracing.
+    /// Records where the time of a node's latest tiles went; to be called before its response time is
+    /// recorded. A share is sent as several requests at once: the time that the later ones wait while the
+    /// earlier ones are traced counts as tracing.
     fn note_split(&mut self, node: NodeIndex, mut split: LatencySplit) -> LatencySplit {
         let splits = self.stats.split_by_node.len().max(node.0 + 1);
         self.stats
@@ -202,8 +203,8 @@ impl FrameInFlight {
         split
     }
 
-    /// Takes out what a node has sent, whose pixels are wrong; of several passes, whose sums cannot be
-    /// told apart, all that has come.
+    /// Removes the tiles of a node whose pixels are wrong; with several passes, whose sums cannot be
+    /// separated, all tiles.
     pub(super) fn retract(&mut self, node: NodeIndex) {
         let Some(buffer) = &mut self.buffer else {
             return;
@@ -215,7 +216,7 @@ impl FrameInFlight {
             .deliveries
             .extract_if(.., |delivery| is_out(delivery));
         for delivery in out {
-            // What had come before it is another's.
+            // Without fresh tiles, those in the buffer are another node's.
             if delivery.fresh_tiles > 0 {
                 buffer.clear(delivery.tiles);
             }
@@ -227,14 +228,13 @@ impl FrameInFlight {
         }
     }
 
-    /// How often its tiles have been assigned again, each on average.
+    /// Mean number of times that each tile has been reassigned.
     pub(super) fn reissued_per_tile(&self) -> f64 {
         let reissued: u32 = self.reissued.iter().map(|range| range.count).sum();
         f64::from(reissued) / f64::from(self.passes.all().count.max(1))
     }
 
-    /// How much later than its target a tile may come before it is asked for again, in seconds:
-    /// `price` times the usual margin.
+    /// Seconds after its target from which on a tile is requested again: `price` times the usual margin.
     pub(super) fn margin_secs(&self, price: f64) -> f64 {
         let planned = self.target - self.submitted;
         let share = if planned.is_finite() {
@@ -245,7 +245,7 @@ impl FrameInFlight {
         price * (MARGIN_SECS + share)
     }
 
-    /// Ends it if all tiles are there. `true` if it has just ended.
+    /// Finishes it if all tiles have arrived. Returns whether it did.
     pub(super) fn finish(&mut self, now: f64) -> bool {
         let Some(buffer) = self.buffer.take_if(|buffer| buffer.is_complete()) else {
             return false;
@@ -262,7 +262,7 @@ impl FrameInFlight {
         true
     }
 
-    /// The tiles of it that are there; nothing if it is finished.
+    /// A frame of the tiles so far; `None` if it is finished.
     pub(super) fn partial_frame(&mut self, now: f64) -> Option<Frame> {
         let buffer = self.buffer.as_ref()?;
         let late = buffer.missing(self.passes.all(), |_| true);
@@ -279,6 +279,6 @@ impl FrameInFlight {
     }
 }
 
-/// How late a tile may be: so many seconds, and a share of the time that the frame should take.
+/// Usual lateness margin: a constant in seconds, plus a share of the frame's planned duration.
 const MARGIN_SECS: f64 = 0.25e-3;
 const MARGIN_SHARE: f64 = 0.01;

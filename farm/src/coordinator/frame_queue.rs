@@ -1,8 +1,7 @@
-//! Frames in flight in the order in which they are served, the pace at which they come, and their
-//! deadlines.
+//! Queue of the frames in flight in order of service, with their arrival period and deadlines.
 //!
-//! Frames in the background come after all others, and their ids are above those of all others: so
-//! nodes, which turn to the oldest frame first, serve them last as well.
+//! Background frames come after all others, and their ids are above those of all others, so that nodes,
+//! which serve the oldest frame first, serve them last as well.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -14,7 +13,7 @@ use super::frame_refusals::FrameRefusal;
 use super::node_table::{NodeTable, timer};
 use crate::frame::Frame;
 
-/// Its length is bounded by [`crate::Farm::submit`].
+/// Frames in flight. Their number is bounded by [`crate::Farm::submit`].
 #[derive(Debug, Default)]
 pub(super) struct FrameQueue {
     frames: VecDeque<FrameInFlight>,
@@ -32,6 +31,7 @@ impl FrameQueue {
         let overlaps = self.unfinished().any(is_interactive);
         let interval = self.last_submit.map(|last| frame.submitted - last);
         self.last_submit = Some(frame.submitted);
+        // Frames that do not overlap leave the nodes idle in between: no period bounds their work.
         self.period_secs = match (overlaps, interval, self.period_secs) {
             (false, ..) => None,
             (true, Some(new), Some(old)) => Some(old + PERIOD_GAIN * (new - old)),
@@ -42,25 +42,25 @@ impl FrameQueue {
         self.frames.insert(place, frame);
     }
 
-    /// The oldest frame, or the oldest in the background, if it is finished.
+    /// The oldest interactive frame if it is finished, else the oldest background frame if that is.
     pub(super) fn pop_finished(&mut self) -> Option<Frame> {
         self.pop_oldest(false).or_else(|| self.pop_oldest(true))
     }
 
     fn pop_oldest(&mut self, is_background: bool) -> Option<Frame> {
-        // One that is finished before an older one waits for it: clients rely on the order.
+        // A frame that finishes before an older one waits for it: clients rely on the order.
         let place = self.oldest(is_background)?;
         let finished = self.frames[place].finished.take()?;
         self.frames.remove(place);
         Some(finished)
     }
 
-    /// Whether there are frames in the background that are not finished.
+    /// Whether there are unfinished background frames.
     pub(super) fn has_background(&self) -> bool {
         self.unfinished().any(|frame| frame.id.is_background())
     }
 
-    /// Place of the oldest frame that is in the background, or is not.
+    /// Position of the oldest background or interactive frame.
     fn oldest(&self, is_background: bool) -> Option<usize> {
         let mut frames = self.frames.iter();
         frames.position(|frame| frame.id.is_background() == is_background)
@@ -70,30 +70,30 @@ impl FrameQueue {
         self.frames.retain(|frame| frame.id != id);
     }
 
-    /// Seconds between frames while they overlap, else infinite.
+    /// Mean seconds between interactive frames while they overlap, else infinite.
     pub(super) fn period_secs(&self) -> f64 {
         self.period_secs
             .filter(|secs| *secs > 0.0)
             .unwrap_or(f64::INFINITY)
     }
 
-    /// A frame, unless it has been delivered or cancelled.
+    /// The frame, unless it has been delivered or cancelled.
     pub(super) fn get_mut(&mut self, id: FrameId) -> Option<&mut FrameInFlight> {
         self.frames.iter_mut().find(|frame| frame.id == id)
     }
 
-    /// Frames that are not finished, oldest first.
+    /// The unfinished frames in order of service.
     pub(super) fn unfinished(&self) -> impl Iterator<Item = &FrameInFlight> {
         self.frames.iter().filter(|frame| frame.buffer.is_some())
     }
 
-    /// The same, to be changed.
+    /// The same, mutable.
     pub(super) fn unfinished_mut(&mut self) -> impl Iterator<Item = &mut FrameInFlight> {
         let frames = self.frames.iter_mut();
         frames.filter(|frame| frame.buffer.is_some())
     }
 
-    /// The oldest frame that no node will trace.
+    /// The refusal of the oldest frame that no node will trace, if there is one.
     pub(super) fn hopeless(&mut self, now: f64, nodes: &NodeTable) -> Option<FrameRefusal> {
         self.unfinished_mut().find_map(|frame| {
             let (id, scene) = (frame.id, frame.scene.hash());
@@ -101,15 +101,15 @@ impl FrameQueue {
         })
     }
 
-    /// When a frame must be shown or evaluated next.
+    /// The next deadline or evaluation of a frame.
     pub(super) fn next_timeout(&self) -> Option<Duration> {
         let frames = self.frames.iter();
         let times = frames.flat_map(|frame| [frame.evaluate_at, frame.deadline]);
         times.flatten().reduce(f64::min).map(timer)
     }
 
-    /// Hands the frame over at `at` as it is, if it is not whole by then. Deadlines of later frames
-    /// must not be earlier.
+    /// Sets the time at which the frame is delivered as it is, unless it is complete before. Deadlines must
+    /// not decrease from frame to frame.
     pub(super) fn set_deadline(&mut self, id: FrameId, at: f64) {
         if let Some(frame) = self.get_mut(id) {
             frame.deadline = Some(at);
@@ -124,7 +124,8 @@ impl FrameQueue {
         newest_first.find(is_due).map(|frame| frame.id)
     }
 
-    /// Removes the frames before `newest` that will not be shown any more; returns which.
+    /// Removes the frames with a deadline before `newest`, which will not be shown any more, and returns
+    /// their ids.
     pub(super) fn remove_stale(&mut self, newest: FrameId) -> Vec<FrameId> {
         let is_stale = |frame: &FrameInFlight| frame.id < newest && frame.perishes;
         let frames = self.frames.iter();
@@ -134,7 +135,7 @@ impl FrameQueue {
         stale
     }
 
-    /// Hands a frame over whose deadline has passed: whole, and for the last time, or as it is.
+    /// Takes a frame at its deadline: for the last time if it is complete, else a partial copy.
     pub(super) fn take_due(&mut self, now: f64, id: FrameId) -> Option<Frame> {
         let frame = self.get_mut(id)?;
         frame.deadline = None;
@@ -148,7 +149,7 @@ impl FrameQueue {
     }
 }
 
-/// Share of an interval's deviation that the period follows.
+/// Gain of the period's moving average.
 const PERIOD_GAIN: f64 = 0.1;
 
 #[cfg(test)]
@@ -181,7 +182,7 @@ mod tests {
         FrameInFlight::new(submitted, FrameId(id), spec, scene, passes, work)
     }
 
-    /// Lets tiles of a frame come.
+    /// Delivers tiles of a frame.
     fn deliver(queue: &mut FrameQueue, id: u64, first: u32, count: u32) {
         deliver_from(queue, NodeIndex(0), id, first, count);
     }
@@ -297,7 +298,7 @@ mod tests {
         let part = queue.take_due(1.5, due).unwrap();
         assert_eq!(part.pixels, Pixels::Linear(vec![[0.0; 3], [1.0; 3]]));
         assert_eq!((part.missing.len(), part.stats.late_tiles), (1, 1));
-        // It comes again when it is whole, even before frames that are not shown yet.
+        // It is delivered again when it is complete, even before frames that have not been shown.
         deliver(&mut queue, 1, 0, 1);
         assert!(
             queue

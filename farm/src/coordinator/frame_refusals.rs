@@ -1,4 +1,4 @@
-//! Refusals of a frame: the nodes that will not trace it, and whether anybody is left who may.
+//! Refusals of a frame: the nodes that will not trace it, and whether any node is left that may.
 
 use std::collections::BTreeMap;
 
@@ -11,14 +11,14 @@ use crate::node_status::NodeIndex;
 /// A frame that no node will trace.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameRefusal {
-    /// Which.
+    /// Its id.
     pub frame: FrameId,
-    /// The address of each node that refuses it, and why it does.
+    /// Address and reason of each node that refuses it.
     pub nodes: Vec<(String, String)>,
 }
 
 impl FrameRefusal {
-    /// The nodes and their reasons, one after the other.
+    /// All addresses and reasons, joined with semicolons.
     pub fn reasons(&self) -> String {
         let nodes = self.nodes.iter();
         let sentences = nodes.map(|(node, why)| format!("{node}: {why}"));
@@ -29,26 +29,26 @@ impl FrameRefusal {
 /// Refusals of one frame.
 #[derive(Debug, Default)]
 pub(super) struct FrameRefusals {
-    /// Failures at this frame since the node last sent tiles of it, and the last reason.
+    /// By node: failures at this frame since it last sent tiles of it, and the last reason.
     by_node: BTreeMap<NodeIndex, (u32, String)>,
-    /// Since when there has been no node that is able.
+    /// Since when no connected node can trace the frame.
     hopeless_since: Option<f64>,
 }
 
 impl FrameRefusals {
-    /// Counts a failure of a node: one of its device, which may pass, or for good.
+    /// Counts a failure of a node. `is_final` failures exclude it at once; others may be temporary.
     pub(super) fn count(&mut self, node: NodeIndex, is_final: bool, why: &str) {
         let (failures, reason) = self.by_node.entry(node).or_default();
         *failures += if is_final { FAILURES_MAX } else { 1 };
         why.clone_into(reason);
     }
 
-    /// Forgets what a node has said: it has sent tiles, or another node has its place.
+    /// Forgets a node's failures: it has sent tiles, or another node has taken its index.
     pub(super) fn forget(&mut self, node: NodeIndex) {
         self.by_node.remove(&node);
     }
 
-    /// Why a node will not trace the frame, if it has failed often enough.
+    /// The reason of a node that has failed often enough to be excluded.
     pub(super) fn reason(&self, node: NodeIndex) -> Option<&str> {
         let (_, why) = self
             .by_node
@@ -57,8 +57,8 @@ impl FrameRefusals {
         Some(why)
     }
 
-    /// Gives frame `id` up if no node is left that may trace it: at least one refuses it or its scene,
-    /// and those that are being called have been for long.
+    /// Gives up frame `id` if no node is left that may trace it: at least one refuses it or its scene, and
+    /// none is being connected to, or all those have been for [`AWAY_SECS`].
     pub(super) fn give_up(
         &mut self,
         now: f64,
@@ -77,6 +77,7 @@ impl FrameRefusals {
             self.hopeless_since = None;
             return None;
         }
+        // Nodes that are being connected to may still trace it.
         let is_away = nodes
             .iter()
             .any(|(index, node)| !node.is_gone() && reason(index, node).is_none());
@@ -91,10 +92,10 @@ impl FrameRefusals {
     }
 }
 
-/// A node whose device fails so often at a frame, without a tile of it in between, refuses it: with its
-/// pauses these are three seconds.
+/// Failures at one frame without a tile in between after which a node is excluded: with their back-offs,
+/// about three seconds.
 const FAILURES_MAX: u32 = 5;
-/// Seconds that a frame which all others refuse waits for nodes that are being called.
+/// Seconds for which a frame that all connected nodes refuse waits for nodes that are being connected to.
 const AWAY_SECS: f64 = 10.0;
 
 #[cfg(test)]

@@ -1,12 +1,11 @@
-//! Budget of work that may be done twice: token buckets that frames fill and hedges empty.
+//! Budget of duplicate work: token buckets that frames fill and hedges empty.
 
-/// Work that may be asked for although another node has been asked for it. What is taken over from
-/// nodes that are taken for lost is not counted here.
+/// Work that may be requested although another node already has it. Tiles taken over from lost nodes do not
+/// count.
 #[derive(Debug, Default)]
 pub(super) struct HedgeBudget {
     usual: TokenBucket,
-    /// For tiles that are gravely late: a node that has become slow is rare, but then much of a
-    /// frame has to be done again.
+    /// For gravely late tiles: a node rarely becomes slow, but then much of a frame has to be traced again.
     reserve: TokenBucket,
 }
 
@@ -17,15 +16,16 @@ struct TokenBucket {
 }
 
 impl HedgeBudget {
-    /// Fills it by what a frame of `work` allows. It is full at the start.
+    /// Adds the share of a frame of `work`. The budget is full at the start.
     pub(super) fn add_frame(&mut self, work: f64) {
         self.usual.fill(SHARE * work, FRAMES_MAX * work);
         self.reserve
             .fill(RESERVE_SHARE * work, RESERVE_FRAMES_MAX * work);
     }
 
-    /// Spends the work of a tile.
+    /// Spends the work of a duplicated tile, of the reserve first if it is gravely late.
     pub(super) fn spend(&mut self, work: f64, is_grave: bool) {
+        // What the reserve does not cover comes from the usual bucket, which may go negative.
         let reserved = if is_grave {
             work.min(self.reserve.work)
         } else {
@@ -35,12 +35,12 @@ impl HedgeBudget {
         self.usual.work -= work - reserved;
     }
 
-    /// Work left for tiles that are, or are not, gravely late.
+    /// Work left, with the reserve if the tile is gravely late.
     pub(super) fn work(&self, is_grave: bool) -> f64 {
         self.usual.work + if is_grave { self.reserve.work } else { 0.0 }
     }
 
-    /// Share of the usual bucket that is left, from 0 to 1.
+    /// Fill level of the usual bucket, from 0 to 1.
     pub(super) fn fullness(&self) -> f64 {
         if self.usual.most > 0.0 {
             (self.usual.work / self.usual.most).clamp(0.0, 1.0)
@@ -51,8 +51,8 @@ impl HedgeBudget {
 }
 
 impl TokenBucket {
-    /// Adds `work`, up to `most`. The first filling is to the brim: the first frames, divided by guesses,
-    /// need help most.
+    /// Adds `work`, up to `most`. The first call fills it completely: the first frames, divided by guesses,
+    /// need most help.
     fn fill(&mut self, work: f64, most: f64) {
         let filled = if self.most == 0.0 {
             most
@@ -63,11 +63,11 @@ impl TokenBucket {
     }
 }
 
-/// Share of each frame's work.
+/// Share of each frame's work that may be duplicated.
 const SHARE: f64 = 0.0125;
-/// How much can be saved up, in frames.
+/// Capacity, in frames.
 const FRAMES_MAX: f64 = 0.2;
-/// The same for what is gravely late: a whole frame, once in a while.
+/// The same for gravely late tiles: up to a whole frame, but rarely.
 const RESERVE_SHARE: f64 = 0.0025;
 const RESERVE_FRAMES_MAX: f64 = 1.0;
 

@@ -1,17 +1,17 @@
-//! Coordinator of a farm: a pure state machine that turns submitted frames into requests to nodes,
-//! and their tiles into frames. It knows no clock, socket or thread: `now` is an argument, events go in
-//! and [`CoordinatorAction`]s come out.
+//! Coordinator of a farm: a pure state machine that turns submitted frames into requests to nodes, and the
+//! returned tiles into frames. It has no clock, socket or thread: `now` is an argument, events go in and
+//! [`CoordinatorAction`]s come out.
 //!
 //! ```text
 //! submit ─▶ FrameQueue ─▶ Assigner ─▶ Dispatcher ─▶ nodes ─▶ tiles ─▶ FrameBuffer ─▶ frame, in order
 //!                            ▲            ▲                    │
-//!                            │            └──── tiles that are late ◀────┐
-//!                            └── tiles that nobody holds ◀── lost, refused, silent: Recovery
+//!                            │            └────── late tiles ◀───────────┐
+//!                            └─ unassigned tiles ◀─── lost, refused, silent: Recovery
 //! ```
 //!
-//! Architecture invariant: a tile enters a frame only from a node that was asked for it, the first
-//! one wins, and a node's word about time never counts for more than the client's own clock
-//! supports ([`crate::balancer::Estimator`]).
+//! Architecture invariant: a tile enters a frame only from a node that it was requested from, the first
+//! copy wins, and a time that a node reports never counts for more than the client's own clock supports
+//! ([`crate::balancer::Estimator`]).
 
 mod arrival_model;
 mod assignment;
@@ -58,27 +58,28 @@ use crate::frame::{Frame, FrameSpec};
 use crate::link::{LinkCommand, LinkEvent};
 use crate::node_status::{NodeIndex, NodeStatus};
 
-/// An effect that the coordinator wants carried out.
+/// An effect that the caller has to carry out for the coordinator.
 #[derive(Clone, Debug)]
 pub enum CoordinatorAction {
-    /// Hands a command to a node's link.
+    /// Passes a command to a node's link.
     Command {
         /// The node.
         node: NodeIndex,
         /// The command.
         command: LinkCommand,
     },
-    /// Hands a frame to the caller: it is finished, and so are all before it; or its deadline has passed.
+    /// Delivers a frame to the caller: either it and all frames before it are complete, or its deadline has
+    /// passed.
     Deliver(Box<Frame>),
-    /// Tells the caller that a frame will not come: every node refuses it.
+    /// Tells the caller that a frame will not be delivered, because every node refuses it.
     Refuse(FrameRefusal),
-    /// Drops the link to a node for good: its pixels are wrong.
+    /// Closes the link to a node permanently, because it has sent wrong pixels.
     HangUp(NodeIndex),
-    /// Tells the user something that has happened.
+    /// Logs a warning for the user.
     Warn(String),
 }
 
-/// See the [module](self). Durations count from any moment that stays the same.
+/// The state machine of the [module](self). All `now` arguments count from one arbitrary, fixed moment.
 #[derive(Debug)]
 pub struct Coordinator {
     frames: FrameQueue,
@@ -87,7 +88,7 @@ pub struct Coordinator {
     dispatcher: Dispatcher,
     spot_checks: SpotChecks,
     scene: Option<Arc<EncodedScene>>,
-    /// Whether there may be tiles that nobody holds.
+    /// Whether there may be tiles that are requested from no node.
     has_unassigned: bool,
 }
 
@@ -105,25 +106,25 @@ impl Coordinator {
         }
     }
 
-    /// Adds a node that is about to be called.
+    /// Adds a node whose link is about to connect.
     pub fn add_node(&mut self, address: String) -> NodeIndex {
         self.dispatcher.nodes.add(address)
     }
 
-    /// The same of a node of this process, whose pixels are right where others differ.
+    /// Adds a node of this process: its pixels are taken as correct where those of others differ.
     pub fn add_local_node(&mut self, address: String) -> NodeIndex {
         let node = self.dispatcher.nodes.add(address);
         self.dispatcher.nodes[node].is_local = true;
         node
     }
 
-    /// Has one tile of `tiles` ([`SPOT_CHECK_TILES`] unless told otherwise; 0 for none) traced again by
-    /// another node. Which ones follows from `key`, which no node may know.
+    /// Has one in `tiles` tiles ([`SPOT_CHECK_TILES`] by default; 0 for none) traced a second time by
+    /// another node. `key` determines which ones and must not be known to any node.
     pub fn set_spot_checks(&mut self, tiles: u32, key: [u8; 32]) {
         self.spot_checks = SpotChecks::new(tiles, key);
     }
 
-    /// Forgets a node that is no longer called; the next one that is added takes its index.
+    /// Removes a node whose link has ended for good; the next node added reuses its index.
     pub fn remove_node(&mut self, now: Duration, node: NodeIndex) {
         let why = "it has left the directory".into();
         let retry_at = None;
@@ -134,31 +135,32 @@ impl Coordinator {
         self.advance(now.as_secs_f64());
     }
 
-    /// Divides frames with another algorithm from the next one on.
+    /// Sets the balancing algorithm of the frames assigned from here on.
     pub fn set_balancing(&mut self, balancing: Balancing) {
         self.assigner.balancing = balancing;
         self.dispatcher.nodes.hedged = balancing.hedged;
     }
 
-    /// Divides frames with an algorithm of the caller's own from the next one on, hedged.
+    /// Sets an application's own balancing algorithm, with hedging, for the frames assigned from here on.
     pub fn set_balancer(&mut self, balancer: Box<dyn Balancer + Send>) {
         self.assigner.set_own_balancer(balancer);
         self.set_balancing(Algorithm::Own.hedged());
     }
 
-    /// Divides frames by tiles or by samples from the next one on.
+    /// Sets whether the frames assigned from here on are divided by tiles or by samples.
     pub fn set_distribution(&mut self, distribution: Distribution) {
         self.assigner.distribution = distribution;
     }
 
-    /// Frames submitted from now on are of `scene`.
+    /// Announces the scene of the frames to come, so that nodes receive it ahead of the first one.
     pub fn set_scene(&mut self, scene: Arc<EncodedScene>) {
         self.dispatcher.announce(&scene, |_| true);
         self.scene = Some(scene);
     }
 
-    /// Accepts a frame of `scene`, of a tile grid with `tile_edge`, `exact` as [`crate::Submission::exact`].
-    /// Its id must be above all before it, of those in the background or of the others.
+    /// Accepts a frame of `scene` on a tile grid with edge `tile_edge`; `exact` as in
+    /// [`crate::Submission::exact`]. Its id must exceed those of all earlier frames of its kind (background
+    /// or interactive).
     pub fn submit(
         &mut self,
         now: Duration,
@@ -171,10 +173,11 @@ impl Coordinator {
         let now = now.as_secs_f64();
         let grid = TileGrid::new(spec.size, tile_edge);
         let (passes, work) = self.assigner.predict(id, grid, spec.settings.samples);
+        // Background frames are not hedged, so they fill no budget.
         if !id.is_background() {
             self.recovery.budget.add_frame(work.of(passes.all()));
         }
-        // One that nobody has announced.
+        // A frame's scene need not have come through `set_scene`.
         let hash = scene.hash();
         self.dispatcher
             .announce(&scene, |node| !node.knows_scene(hash));
@@ -185,13 +188,13 @@ impl Coordinator {
         self.advance(now);
     }
 
-    /// Hands the frame over at `at` as it is, if it is not whole by then. Deadlines of later frames
-    /// must not be earlier.
+    /// Delivers the frame at `at` as it is, unless it is complete before. Deadlines must not decrease from
+    /// frame to frame.
     pub fn set_deadline(&mut self, id: FrameId, at: Duration) {
         self.frames.set_deadline(id, at.as_secs_f64());
     }
 
-    /// Drops one frame.
+    /// Drops a frame and cancels its requests.
     pub fn cancel(&mut self, now: Duration, id: FrameId) {
         let now = now.as_secs_f64();
         self.frames.remove(id);
@@ -210,7 +213,7 @@ impl Coordinator {
             LinkEvent::Lost { why, retry } => {
                 let retry_at = retry.map(|pause| now + pause.as_secs_f64());
                 if self.dispatcher.nodes[node].is_open() {
-                    // A frame may be what has ended it.
+                    // A frame may have crashed the node: the loss counts against each frame in flight.
                     let frames = self.frames.unfinished_mut();
                     frames.for_each(|frame| frame.refusals.count(node, false, &why));
                 }
@@ -239,6 +242,7 @@ impl Coordinator {
         match event {
             ClientEvent::Welcome(info) => {
                 node.open(now, info);
+                // Frames in flight may be of other scenes than the current one.
                 let unfinished = self.frames.unfinished().map(|frame| &frame.scene);
                 for scene in unfinished.chain(&self.scene) {
                     self.dispatcher.send_scene(index, scene);
@@ -299,13 +303,14 @@ impl Coordinator {
         }
     }
 
-    /// Does what has become due: see [`Coordinator::next_timeout`].
+    /// Does what has become due; to be called at [`Coordinator::next_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
         let secs = now.as_secs_f64();
         while let Some(index) = self.dispatcher.nodes.next_due(now) {
             self.ping(secs, index);
             let others_take_over = self.dispatcher.nodes.others_take_over();
             let node = &mut self.dispatcher.nodes[index];
+            // Tiles may have been waiting for a node whose back-off has ended.
             self.has_unassigned |= node.resume(secs);
             self.has_unassigned |= node.time_out(secs, others_take_over);
             self.dispatcher.nodes.arm(index);
@@ -316,24 +321,24 @@ impl Coordinator {
         self.deliver_due(secs);
     }
 
-    /// When [`Coordinator::handle_timeout`] wants to be called, unless something happens before.
+    /// When [`Coordinator::handle_timeout`] must be called next, unless an event comes before.
     pub fn next_timeout(&self) -> Option<Duration> {
         let nodes = self.dispatcher.nodes.next_timeout().into_iter();
         nodes.chain(self.frames.next_timeout()).min()
     }
 
-    /// The next action; to be asked for until there is none after each call of another method.
+    /// The next action; to be polled until `None` after each call of another method.
     pub fn poll_action(&mut self) -> Option<CoordinatorAction> {
         self.dispatcher.poll()
     }
 
-    /// State of the nodes, by [`NodeIndex`].
+    /// Status of the nodes, indexed by [`NodeIndex`].
     pub fn nodes(&self, now: Duration) -> Vec<NodeStatus> {
         let scene = self.scene.as_ref().map(|scene| scene.hash());
         self.dispatcher.nodes.statuses(now.as_secs_f64(), scene)
     }
 
-    /// Frames that are not finished: tiles that are there, and all. A tile counts once for each pass.
+    /// Unfinished frames with the tiles that have arrived and all tiles. A tile counts once for each pass.
     pub fn progress(&self) -> impl Iterator<Item = (FrameId, u32, u32)> {
         self.frames.unfinished().filter_map(|frame| {
             let all = frame.passes.all().count;
@@ -354,7 +359,7 @@ impl Coordinator {
         }
     }
 
-    /// Units of a frame that tiles of a request are.
+    /// Converts the tiles of a node's message into units of the request's frame.
     fn units(&self, index: NodeIndex, id: RequestId, tiles: TileRange) -> TileRange {
         let request = self.dispatcher.nodes[index].workload.requests.get(&id);
         request.map_or(tiles, |request| {
@@ -362,7 +367,7 @@ impl Coordinator {
         })
     }
 
-    /// Learns from how long tiles took.
+    /// Updates the node's timing models with tiles that have arrived.
     fn receive(
         &mut self,
         now: f64,
@@ -382,11 +387,13 @@ impl Coordinator {
         let node = &mut self.dispatcher.nodes[index];
         let workload = &mut node.workload;
         self.has_unassigned |= workload.receive(now, id, tiles, busy_secs, frame_work);
+        // The node's very first tiles give a provisional cost, without which no arrival can be predicted.
         if node.workload.delivered().is_none() {
             node.observe_first(id);
             self.recovery
                 .schedule_waiting(now, &self.dispatcher.nodes, &mut self.frames);
-            // It was taken for as fast as the others are, and may be far faster.
+            // Until its first message it was assumed as fast as the others on average, and may be far
+            // faster.
             Recovery::advance_guessed(now, &mut self.frames);
         }
         self.assigner.pull(
@@ -400,7 +407,7 @@ impl Coordinator {
             .advance_late(now, &self.dispatcher.nodes, index, &mut self.frames);
     }
 
-    /// Puts tiles into their frame and finishes it if they were the last.
+    /// Puts tiles into their frame and finishes the frame if they were the last.
     fn fill(&mut self, now: f64, index: NodeIndex, id: RequestId, arrival: &TileArrival<'_>) {
         let nodes = self.dispatcher.nodes.len();
         if !frame_buffer::is_finite(arrival.pixels) {
@@ -443,8 +450,7 @@ impl Coordinator {
         }
     }
 
-    /// Compares a tile that has been traced again, and drops the node that has sent something else than
-    /// others.
+    /// Compares a tile that has been traced a second time, and drops the node that the others outvote.
     fn compare(&mut self, now: f64, index: NodeIndex, id: RequestId, arrival: &TileArrival<'_>) {
         let answer = self
             .spot_checks
@@ -485,7 +491,7 @@ impl Coordinator {
         }
     }
 
-    /// Drops a node for good, with what it has sent for frames that are not finished.
+    /// Drops a node permanently and retracts its tiles from unfinished frames.
     fn drop_node(&mut self, index: NodeIndex, why: String) {
         let retry_at = None;
         self.disconnect(index, ConnectionState::Lost { why, retry_at });
@@ -494,16 +500,18 @@ impl Coordinator {
         self.dispatcher.hang_up(index);
     }
 
-    /// Ends a request; one that was refused may leave tiles that nobody holds.
+    /// Closes a request; one that was refused may leave tiles that are requested from no node.
     fn close(&mut self, now: f64, index: NodeIndex, id: RequestId) {
+        // Before the request is removed below.
         self.assigner.learn(&mut self.dispatcher.nodes, index, id);
         self.spot_checks.close(index, id);
         self.has_unassigned |= self.dispatcher.nodes[index].close(now, id);
-        // A request that was cancelled or refused frees its node, and no tiles may come that tell.
+        // A cancelled or refused request frees its node without a tile arriving, and `pull` runs only on
+        // tiles: background pools would not be drawn from.
         self.has_unassigned |= self.frames.has_background();
     }
 
-    /// Assigns what nobody holds, gives up what nobody will trace, and delivers what is finished.
+    /// Assigns unassigned tiles, gives up frames that no node will trace, and delivers finished frames.
     fn advance(&mut self, now: f64) {
         if std::mem::take(&mut self.has_unassigned) {
             self.assigner
@@ -519,8 +527,8 @@ impl Coordinator {
         }
     }
 
-    /// Hands over the newest frame whose deadline has passed; those before it will not be shown any
-    /// more, and what is still asked of nodes for them is taken back.
+    /// Delivers the newest frame whose deadline has passed. Older frames with a deadline are dropped, and
+    /// their requests cancelled, as they would be shown out of order.
     fn deliver_due(&mut self, now: f64) {
         let Some(newest) = self.frames.newest_due(now) else {
             return;

@@ -1,4 +1,4 @@
-//! A node as the coordinator knows it: its connection, its scenes, pauses after failures, and its
+//! A node as the coordinator knows it: its connection, its scenes, back-off after failures, and its
 //! [`Workload`].
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,44 +11,44 @@ use super::workload::Workload;
 use crate::node_status::{NodeState, NodeStatus};
 use crate::stats::LatencySplit;
 
-/// Times are seconds on the client's clock.
+/// State of one node. Times are seconds on the client's clock.
 #[derive(Debug)]
 pub(super) struct NodeEntry {
     address: String,
-    /// Whether it is in this process: its pixels are right.
+    /// Whether it runs in this process, so that its pixels are taken as correct.
     pub(super) is_local: bool,
     connection: ConnectionState,
-    /// Scenes that it has said it is ready for.
+    /// Scenes that it has reported ready.
     scenes: BTreeSet<SceneHash>,
-    /// The scene that is on its way to it, how many bytes it has of it, and of how many.
+    /// The scene that is being sent to it, its bytes received so far, and its total bytes.
     scene_progress: Option<(SceneHash, u64, u64)>,
-    /// Scenes that it cannot use, each with its reason.
+    /// Scenes that it cannot use, with the reasons.
     scenes_refused: BTreeMap<SceneHash, String>,
     pub(super) workload: Workload,
     pause: Option<Pause>,
-    /// Whether it is about to end, and is asked for nothing more.
+    /// Whether it is shutting down and gets no more requests.
     pub(super) leaving: bool,
     has_said_farewell: bool,
-    /// Failures since it last sent something right.
+    /// Failures since it last sent valid tiles.
     failures: u32,
     tiles: u64,
     lost_tiles: u64,
-    /// Tiles of it that other nodes have traced again.
+    /// Its tiles that other nodes have traced again.
     checked_tiles: u64,
-    /// With whom it last disagreed about pixels, while nobody knows who is right.
+    /// The last undecided disagreement about pixels with other nodes.
     doubt: Option<String>,
     split: LatencySplit,
-    /// What others had of it when it last answered.
+    /// Load by other clients, as of its last pong.
     load: NodeLoad,
     ping: PingState,
     pub(super) last_probe: Option<FrameId>,
-    /// When [`super::node_table::NodeTable::next_due`] will name it, at the latest.
+    /// Latest time at which [`super::node_table::NodeTable::next_due`] will name it.
     pub(super) armed: Option<Duration>,
 }
 
 #[derive(Debug)]
 pub(super) enum ConnectionState {
-    /// It is being called: again if a connection, or an earlier call, has ended for that reason.
+    /// Connecting; `lost` is the reason why the connection or attempt before has ended.
     Connecting {
         lost: Option<String>,
     },
@@ -59,18 +59,18 @@ pub(super) enum ConnectionState {
     },
 }
 
-/// Time without requests after a refusal.
+/// Back-off after a refusal, during which the node gets no requests.
 #[derive(Debug)]
 struct Pause {
     until: f64,
-    /// Absent if the node was merely busy.
+    /// Absent if the node was only busy.
     why: Option<String>,
 }
 
 #[derive(Debug, Default)]
 struct PingState {
     number: u64,
-    /// When the one that has no answer yet was sent.
+    /// When the unanswered ping was sent.
     sent: Option<f64>,
     next: f64,
     round_trip_secs: Option<f64>,
@@ -102,7 +102,7 @@ impl NodeEntry {
         }
     }
 
-    /// Begins a connection; what was known of another one is void.
+    /// Begins a connection; the state of an earlier one is discarded.
     pub(super) fn open(&mut self, now: f64, info: NodeInfo) {
         self.reset(ConnectionState::Open(info));
         self.ping = PingState {
@@ -111,12 +111,13 @@ impl NodeEntry {
         };
     }
 
-    /// Forgets all that a connection held.
+    /// Discards all state that belongs to a connection.
     pub(super) fn reset(&mut self, connection: ConnectionState) {
         self.connection = connection;
         self.scenes.clear();
         self.scene_progress = None;
         self.scenes_refused.clear();
+        // The learned costs survive, as it is most likely the same node when it returns.
         self.lost_tiles += self.workload.clear();
         self.pause = None;
         self.leaving = false;
@@ -124,13 +125,13 @@ impl NodeEntry {
         self.failures = 0;
     }
 
-    /// Whether it is to be told now, once, that everything has come: it is leaving, and owes nothing.
+    /// Whether it must be told, once, that everything has arrived: it is leaving, and no request is open.
     pub(super) fn says_farewell(&mut self) -> bool {
         let owes_nothing = self.leaving && self.workload.requests.is_empty();
         owes_nothing && !std::mem::replace(&mut self.has_said_farewell, true)
     }
 
-    /// `true` if it was not ready for that scene before.
+    /// Records that it is ready for a scene. Returns whether it was not before.
     pub(super) fn scene_ready(&mut self, hash: SceneHash) -> bool {
         self.scenes_refused.remove(&hash);
         self.scenes.insert(hash)
@@ -148,24 +149,26 @@ impl NodeEntry {
         self.scenes_refused.insert(hash, why);
     }
 
-    /// Counts tiles that have come, where their time went, and that they are right.
+    /// Counts tiles that have arrived, and records where their time went.
     pub(super) fn count_tiles(&mut self, tiles: u32, split: LatencySplit) {
         self.split = split;
         self.tiles += u64::from(tiles);
     }
 
-    /// Forgives earlier failures: what it sends is right.
+    /// Resets the failure count after valid tiles.
     pub(super) fn forgive(&mut self) {
         self.failures = 0;
     }
 
-    /// Whether nothing has failed since it was last right.
+    /// Whether no failure has occurred since its last valid tiles.
     pub(super) fn is_trusted(&self) -> bool {
         self.failures == 0
     }
 
-    /// Pauses after a refusal: `why` if it was the node's or its device's fault. Such pauses double.
+    /// Backs off after a refusal: exponentially if `why` names a fault of the node or its device, else
+    /// briefly, as the node was only busy.
     pub(super) fn back_off(&mut self, now: f64, why: Option<String>) {
+        // Exponential back-off; the shift is clamped against overflow.
         let secs = match why {
             Some(_) => (PAUSE_SECS * f64::from(1 << self.failures.min(10))).min(PAUSE_SECS_MAX),
             None => BUSY_PAUSE_SECS,
@@ -177,7 +180,7 @@ impl NodeEntry {
         });
     }
 
-    /// Whether a pause has just ended.
+    /// Ends the back-off if its time has passed. Returns whether it did.
     pub(super) fn resume(&mut self, now: f64) -> bool {
         let over = self.pause.as_ref().is_some_and(|pause| pause.until <= now);
         if over {
@@ -186,7 +189,7 @@ impl NodeEntry {
         over
     }
 
-    /// The number of a ping to send, if it is time.
+    /// The number of the ping to send, if one is due.
     pub(super) fn ping(&mut self, now: f64) -> Option<u64> {
         if self.ping_due()? > now {
             return None;
@@ -206,12 +209,12 @@ impl NodeEntry {
         }
     }
 
-    /// Marks a request as not wanted, and learns from its lateness.
+    /// Marks a request as cancelled, and learns from its lateness.
     pub(super) fn cancel(&mut self, now: f64, id: RequestId) {
         self.workload.cancel(now, id, self.ping.round_trip_secs);
     }
 
-    /// Learns from the first tiles of its first request.
+    /// Learns provisionally from the first tiles of its first request.
     pub(super) fn observe_first(&mut self, id: RequestId) {
         let round_trip_secs = self.ping.round_trip_secs;
         if let Some(seen) = self.workload.observation(id, round_trip_secs) {
@@ -219,8 +222,8 @@ impl NodeEntry {
         }
     }
 
-    /// Ends a request that the node will send nothing more for. `true` if that leaves tiles that nobody
-    /// holds, or lets the node be asked for some again.
+    /// Removes a request that the node has finished with. Returns whether that leaves unassigned tiles, or
+    /// makes room for further requests.
     pub(super) fn close(&mut self, now: f64, id: RequestId) -> bool {
         let had_room = self.has_room();
         let Some(request) = self.workload.requests.remove(&id) else {
@@ -228,10 +231,12 @@ impl NodeEntry {
         };
         self.lost_tiles += request.lost_tiles();
         let leaves_tiles = request.counts() && request.tiles_received < request.tiles.count;
+        // An answer ends silence, an incomplete request leaves tiles, and a full queue gains room.
         self.workload.hear(now, id, request.frame) || leaves_tiles || !had_room
     }
 
-    /// Falls silent, or loses more of what it holds, if it is time. `true` if it has.
+    /// Marks the node as silent, or more of its requests as lost, if they are due. Returns whether any
+    /// were.
     pub(super) fn time_out(&mut self, now: f64, hedged: bool) -> bool {
         let ConnectionState::Open(info) = &self.connection else {
             return false;
@@ -245,17 +250,17 @@ impl NodeEntry {
         matches!(self.connection, ConnectionState::Open(_))
     }
 
-    /// Why it cannot use a scene, if it has said so.
+    /// Why it cannot use a scene, if it has refused it.
     pub(super) fn scene_refusal(&self, hash: SceneHash) -> Option<&str> {
         self.scenes_refused.get(&hash).map(String::as_str)
     }
 
-    /// What it is called by.
+    /// The address that it is connected by.
     pub(super) fn address(&self) -> &str {
         &self.address
     }
 
-    /// What it is called by, with the name in its certificate.
+    /// The name in its certificate with its address.
     pub(super) fn full_name(&self) -> String {
         match &self.connection {
             ConnectionState::Open(info) if !info.name.is_empty() => {
@@ -265,21 +270,20 @@ impl NodeEntry {
         }
     }
 
-    /// Counts a tile that it and others have traced alike.
+    /// Counts a checked tile on which it and others agree.
     pub(super) fn agree(&mut self) {
         self.checked_tiles += 1;
         self.doubt = None;
     }
 
-    /// Notes that it and others have traced a tile differently, and nobody knows who is right. `true`
-    /// if that is new.
+    /// Records an undecided disagreement with others about a tile. Returns whether it is new.
     pub(super) fn disagree(&mut self, others: &str) -> bool {
         self.checked_tiles += 1;
         let doubt = format!("its pixels differ from those of {others}");
         self.doubt.replace(doubt.clone()) != Some(doubt)
     }
 
-    /// What it is once it is being called.
+    /// The connection state of a new attempt to connect.
     pub(super) fn connecting(&self) -> ConnectionState {
         let lost = match &self.connection {
             ConnectionState::Connecting { lost } => lost.clone(),
@@ -289,7 +293,7 @@ impl NodeEntry {
         ConnectionState::Connecting { lost }
     }
 
-    /// Whether it is not called any more.
+    /// Whether it will not be connected to again.
     pub(super) fn is_gone(&self) -> bool {
         matches!(
             self.connection,
@@ -297,23 +301,23 @@ impl NodeEntry {
         )
     }
 
-    /// Whether it can be asked for tiles of that scene.
+    /// Whether tiles of a scene can be requested from it.
     pub(super) fn is_usable(&self, scene: SceneHash) -> bool {
         self.workload.silent_since.is_none() && self.is_usable_if_it_answers(scene)
     }
 
-    /// The same of a node that may be silent.
+    /// The same, but for silent nodes too.
     pub(super) fn is_usable_if_it_answers(&self, scene: SceneHash) -> bool {
         let may_be_asked = self.is_open() && !self.leaving && self.pause.is_none();
         may_be_asked && self.has_scene(scene) && self.has_room()
     }
 
-    /// Whether it has been ready for that scene.
+    /// Whether it has reported ready for a scene.
     pub(super) fn has_scene(&self, scene: SceneHash) -> bool {
         self.scenes.contains(&scene)
     }
 
-    /// Whether it holds the scene, is being sent it in chunks or has refused it.
+    /// Whether it holds a scene, is receiving it in chunks or has refused it.
     pub(super) fn knows_scene(&self, scene: SceneHash) -> bool {
         let is_coming = self.scene_progress.is_some_and(|(hash, ..)| hash == scene);
         is_coming || self.has_scene(scene) || self.scenes_refused.contains_key(&scene)
@@ -327,7 +331,7 @@ impl NodeEntry {
         self.ping.round_trip_secs
     }
 
-    /// When something has to be done about this node.
+    /// When something next becomes due: a ping, the end of a back-off, or a timeout.
     pub(super) fn next_timeout(&self, hedged: bool) -> Option<f64> {
         let silence = match &self.connection {
             ConnectionState::Open(info) => self.workload.silence_due(hedged, info.device.kind),
@@ -372,6 +376,7 @@ impl NodeEntry {
             retry_secs: retry_at.map(|at| (at - now).ceil().max(1.0) as u64),
         };
         let scene_refusal = scene.and_then(|scene| self.scene_refusal(scene));
+        // The first that applies: a lost connection outweighs a refused scene, and that a back-off.
         match (&self.connection, scene_refusal, &self.pause) {
             (ConnectionState::Connecting { lost: None }, ..) => return NodeState::Starting,
             (ConnectionState::Connecting { lost: Some(why) }, ..) => {
@@ -416,19 +421,19 @@ impl NodeEntry {
     }
 }
 
-/// Seconds from which on silence is reported. Others take a silent node's work much earlier; most are only
-/// late.
+/// Seconds of silence from which on it is shown in the status. Others take over a silent node's work much
+/// earlier; most silent nodes are only late.
 const SILENCE_REPORTED_SECS: f64 = 2.0;
-/// Seconds of pause after the first failure of a device; it doubles with each further one.
+/// Back-off after the first failure of a device, in seconds; it doubles with each further one.
 const PAUSE_SECS: f64 = 0.1;
-/// The longest pause.
+/// Maximum back-off in seconds.
 const PAUSE_SECS_MAX: f64 = 5.0;
-/// Seconds of pause after a node said that its queue is full.
+/// Back-off in seconds after a node has reported a full queue.
 const BUSY_PAUSE_SECS: f64 = 0.02;
-/// Seconds since its last answer that a node still counts as rendering: at 60 frames a second the
-/// pauses between them would tell nobody anything.
+/// Seconds since its last message for which an idle node is still shown as rendering, so that the status
+/// does not flicker between frames, 60 per second.
 const WORK_SECS: f64 = 1.0;
-/// Refused scenes of a connection that are remembered.
+/// Maximum number of refused scenes remembered per connection.
 const SCENES_REFUSED_MAX: usize = 16;
 /// Seconds between pings.
 const PING_SECS: f64 = 1.0;

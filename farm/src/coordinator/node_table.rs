@@ -1,4 +1,4 @@
-//! The nodes of a farm by their index, and the timers by which each is looked at again.
+//! Table of a farm's nodes by index, with the timers by which each is revisited.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -11,16 +11,16 @@ use super::node_entry::NodeEntry;
 use crate::balancer::{Candidate, Estimate};
 use crate::node_status::{NodeIndex, NodeStatus};
 
-/// An index that [`NodeTable::add`] has returned stays good until [`NodeTable::release`].
+/// All nodes. An index returned by [`NodeTable::add`] is valid until [`NodeTable::release`].
 #[derive(Debug)]
 pub(super) struct NodeTable {
     entries: Vec<NodeEntry>,
-    /// Entries of nodes that are no longer called.
+    /// Free entries, of removed nodes.
     released: Vec<NodeIndex>,
-    /// When to look at which node, at the earliest. An entry that is not the node's
-    /// [`NodeEntry::armed`] has been replaced by an earlier one.
+    /// Timers by earliest time. An entry that is not the node's [`NodeEntry::armed`] has been superseded by
+    /// an earlier one.
     timers: BinaryHeap<Reverse<(Duration, NodeIndex)>>,
-    /// Whether others are asked for what is late: then nodes count as silent much earlier.
+    /// Whether late tiles are hedged: then nodes count as silent much earlier.
     pub(super) hedged: bool,
 }
 
@@ -57,38 +57,39 @@ impl NodeTable {
         NodeIndex(self.entries.len() - 1)
     }
 
-    /// Lets the next node that is added take the place of one that is no longer called: nodes that
-    /// come and go leave a table no longer than the most that were there at once.
+    /// Frees the index of a removed node for the next one, so that the table is never longer than the
+    /// maximum number of simultaneous nodes.
     pub(super) fn release(&mut self, index: NodeIndex) {
         self.released.push(index);
     }
 
-    /// Sees to it that a node is looked at when it is due.
+    /// Ensures a timer for the next time at which the node has something due.
     pub(super) fn arm(&mut self, index: NodeIndex) {
         let others_take_over = self.others_take_over();
         let entry = &mut self.entries[index.0];
         let Some(at) = entry.next_timeout(others_take_over).map(timer) else {
             return;
         };
-        // A later time needs no entry: the node is looked at too early once, and armed again.
+        // A later time needs no entry: the node is visited too early once, and armed again then.
         if entry.armed.is_none_or(|armed| at < armed) {
             entry.armed = Some(at);
             self.timers.push(Reverse((at, index)));
         }
     }
 
-    /// Whether others take over what a node is late with. Of the only one it would be asked for again, and traced twice.
+    /// Whether late tiles can go to other nodes. A single node would be asked for the same tiles again, and
+    /// trace them twice.
     pub(super) fn others_take_over(&self) -> bool {
         let mut open = self.entries.iter().filter(|node| node.is_open());
         self.hedged && open.nth(1).is_some()
     }
 
-    /// When some node may have something due.
+    /// Time of the earliest timer.
     pub(super) fn next_timeout(&self) -> Option<Duration> {
         self.timers.peek().map(|Reverse((at, _))| *at)
     }
 
-    /// A node that may have something due; it is not armed any more.
+    /// The next node whose timer has passed; its timer is disarmed.
     pub(super) fn next_due(&mut self, now: Duration) -> Option<NodeIndex> {
         while let Some(Reverse((at, index))) = self.timers.peek().copied() {
             if at > now {
@@ -96,6 +97,7 @@ impl NodeTable {
             }
             self.timers.pop();
             let entry = &mut self.entries[index.0];
+            // Entries that have been superseded are skipped (lazy deletion).
             if entry.armed == Some(at) {
                 entry.armed = None;
                 return Some(index);
@@ -117,13 +119,13 @@ impl NodeTable {
         entries.map(|(index, entry)| (NodeIndex(index), entry))
     }
 
-    /// Nodes that can be asked for tiles of a scene.
+    /// The nodes that can take requests for a scene.
     pub(super) fn usable(&self, scene: SceneHash) -> Vec<NodeIndex> {
         let usable = self.iter().filter(|(_, node)| node.is_usable(scene));
         usable.map(|(index, _)| index).collect()
     }
 
-    /// Some of the nodes as balancers see them, for a request of a frame.
+    /// The given nodes as balancers see them, for a request of `frame`.
     pub(super) fn candidates(
         &self,
         now: f64,
@@ -148,7 +150,7 @@ impl NodeTable {
         nodes.iter().map(candidate).collect()
     }
 
-    /// Cost that is assumed of a node that has delivered nothing: the mean of the others.
+    /// Cost assumed of a node that has delivered nothing: the mean of the others; `None` if none has.
     pub(super) fn newcomer(&self) -> Option<Estimate> {
         let delivered = self.entries.iter().map(|node| node.workload.delivered());
         let known: Vec<Estimate> = delivered.flatten().collect();
@@ -156,7 +158,7 @@ impl NodeTable {
             return None;
         }
         let count = known.len() as f64;
-        // The mean of speeds: that of seconds per work would be ruled by the slowest node.
+        // The mean of speeds: a mean of seconds per work would be dominated by the slowest node.
         let speed: f64 = known.iter().map(|cost| 1.0 / cost.secs_per_work).sum();
         Some(Estimate {
             fixed_secs: known.iter().map(|cost| cost.fixed_secs).sum::<f64>() / count,
@@ -170,7 +172,8 @@ impl NodeTable {
     }
 }
 
-/// When a timer for a moment of the client's clock may ring: rounding must not let it ring before.
+/// Converts a moment of the client's clock into a timer, slightly later so that rounding never makes it
+/// fire early.
 pub(super) fn timer(secs: f64) -> Duration {
     Duration::from_secs_f64(secs.max(0.0)) + Duration::from_nanos(100)
 }
@@ -209,7 +212,7 @@ mod tests {
     fn nodes_are_due_in_order_and_once() {
         let mut table = NodeTable::new(true);
         let nodes = [open(&mut table), open(&mut table)];
-        // Pings are due at once; the pause of one node ends later.
+        // Pings are due at once; the back-off of one node ends later.
         assert_eq!(table[nodes[0]].ping(0.0), Some(1));
         table[nodes[0]].back_off(2.0, None);
         nodes.iter().for_each(|node| table.arm(*node));

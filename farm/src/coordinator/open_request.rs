@@ -1,4 +1,4 @@
-//! A request that a node has not answered in full.
+//! A request that its node has not answered in full.
 
 use carom_protocol::{FrameId, NodeTimes};
 use carom_tracer::TileRange;
@@ -7,51 +7,50 @@ use super::sample_passes::SamplePasses;
 use crate::balancer::Estimate;
 use crate::stats::LatencySplit;
 
-/// Times are seconds on the client's clock.
+/// State of one request. Times are seconds on the client's clock.
 #[derive(Clone, Debug)]
 pub(super) struct OpenRequest {
     pub(super) frame: FrameId,
     pub(super) passes: SamplePasses,
-    /// Units of one pass.
+    /// The requested units, all of one pass.
     pub(super) tiles: TileRange,
     pub(super) work: f64,
     pub(super) issued: f64,
-    /// By how much its node's messages for its frame were late when it was asked for: see
+    /// Lateness of its node's messages for its frame when it was issued: see
     /// [`super::arrival_model::FrameDelay`].
     pub(super) delay_secs: f64,
-    /// When the last tile should come; absent while nothing is known of the node.
+    /// When the last tile should arrive; absent while nothing is known of the node.
     pub(super) expected: Option<f64>,
-    /// Whether the frame does without: the tile has been asked of another node too.
+    /// Whether the frame does not depend on it, as the tile has been requested from another node too.
     pub(super) is_probe: bool,
-    /// Whether it is a probe only to compare its tile: nothing is learned from how long it takes.
+    /// Whether it is a probe for a spot check: its timing is not learned from.
     pub(super) is_check: bool,
     pub(super) is_cancelled: bool,
-    /// Whether its node has been silent for so long that others are asked for it.
+    /// Whether its node has been silent for so long that its tiles are reassigned.
     pub(super) is_lost: bool,
     pub(super) tiles_received: u32,
     pub(super) work_received: f64,
-    /// Work of the messages that came together last, and the most of any.
+    /// Work of the latest burst of messages, and of the largest one.
     burst_work: f64,
     pub(super) burst_max: f64,
-    /// Messages for a frame that was still known: tiles, their work, and the seconds that the node
-    /// says they took.
+    /// Messages for a frame that still existed: tiles, their work, and the busy seconds that the node
+    /// reports for them.
     pub(super) pieces: Vec<(TileRange, f64, f64)>,
-    /// Since when its pace is measured, and what had come by then: from the first message on, or from
-    /// the one before it, of another request.
+    /// Start of the pace measurement, and the work received by then: from the request's first message, or
+    /// from the preceding message of another request.
     measured_since: f64,
     measured_work: f64,
-    /// When the last tiles came.
+    /// When the latest tiles arrived.
     pub(super) last_heard: f64,
     pub(super) busy_secs: f64,
-    /// Of the next tiles.
+    /// Seconds that decoding the next tiles took.
     pub(super) decode_secs: f64,
-    /// When the node was last heard to work for an earlier request: until then this one may have
-    /// been waiting.
+    /// When a message of an earlier request last arrived: until then this one may have been queued.
     pub(super) others_until: f64,
 }
 
 impl OpenRequest {
-    /// A request for `tiles` of one pass, of which nothing has come.
+    /// A request for `tiles` of one pass, of which nothing has arrived.
     pub(super) fn new(
         now: f64,
         frame: FrameId,
@@ -85,8 +84,8 @@ impl OpenRequest {
         }
     }
 
-    /// Notes tiles that have come of a node with that cost: they take longer than the time between
-    /// messages that come together.
+    /// Records tiles that have arrived from a node of that cost. Messages closer together than their
+    /// tracing takes form one burst.
     pub(super) fn receive(
         &mut self,
         now: f64,
@@ -99,8 +98,9 @@ impl OpenRequest {
         let pace = cost.map_or(0.0, |cost| cost.secs_per_work);
         if self.tiles_received == 0 {
             let asked = cost.map_or(now, |cost| self.issued + cost.fixed_secs);
-            // The first message of a frame may have waited for a pause of its node, which says nothing
-            // of the node's pace; one that follows another request's has been traced since that came.
+            // A frame's first message may have been delayed by a stall of its node, which says nothing
+            // about pace: the measurement starts with it. A first message that follows another request's
+            // was traced entirely after that one.
             let follows = self.others_until > asked && !is_first;
             (self.measured_since, self.measured_work) = if follows {
                 (self.others_until, 0.0)
@@ -117,16 +117,18 @@ impl OpenRequest {
         self.last_heard = now;
     }
 
-    /// From when on its missing work counts, by the client's clock, if nothing else is before it.
+    /// When its missing work begins to be delivered, on the client's clock, if nothing else is before it.
     pub(super) fn begins(&self, cost: Estimate) -> f64 {
+        // Before the first message, the request's own latency or the end of its predecessors counts;
+        // afterwards the work follows the last message.
         match self.tiles_received {
             0 => (self.issued + cost.fixed_secs + self.delay_secs).max(self.others_until),
             _ => self.last_heard,
         }
     }
 
-    /// Seconds per unit of work as it comes, of which `grace_secs` are put down to the network; 0 if
-    /// that cannot be told yet.
+    /// Measured seconds per unit of work, with `grace_secs` attributed to the network; 0 if it cannot be
+    /// told yet.
     pub(super) fn pace(&self, grace_secs: f64) -> f64 {
         let work = self.work_received - self.measured_work;
         if work > 0.0 {
@@ -136,7 +138,7 @@ impl OpenRequest {
         }
     }
 
-    /// Work that is still to come, if it is wanted.
+    /// Work that has not arrived, 0 if the request is cancelled.
     pub(super) fn outstanding(&self) -> f64 {
         if self.is_cancelled {
             return 0.0;
@@ -144,14 +146,14 @@ impl OpenRequest {
         (self.work - self.work_received).max(0.0)
     }
 
-    /// Tiles that are lost with it if its node does not answer.
+    /// Number of tiles that are lost if its node does not answer.
     pub(super) fn lost_tiles(&self) -> u64 {
         let missing = self.tiles.count.saturating_sub(self.tiles_received);
         if self.counts() { missing.into() } else { 0 }
     }
 
-    /// Stages of the time of tiles that are there now, of a frame `submitted` then. A node that says
-    /// it worked longer than it was waited for is believed no more than that.
+    /// Breakdown of the latency of tiles that have just arrived, of a frame submitted at `submitted`. The
+    /// times that a node reports are cut so that the sum is what the client has measured.
     pub(super) fn split(&self, now: f64, submitted: f64, times: NodeTimes) -> LatencySplit {
         let mut left = now - self.issued;
         let mut part = |secs: f64| {
@@ -162,8 +164,7 @@ impl OpenRequest {
         let micros = |micros: u32| 1e-6 * f64::from(micros);
         LatencySplit {
             request_secs: (self.issued - submitted).max(0.0),
-            // From the end backwards: what is claimed in excess of the whole time is cut from the
-            // earliest stages.
+            // From the last stage backwards: an excess of reported times is cut from the earliest stages.
             decode_secs: part(self.decode_secs),
             encode_secs: part(micros(times.encode_micros)),
             trace_secs: part(micros(times.trace_micros)),
@@ -172,13 +173,13 @@ impl OpenRequest {
         }
     }
 
-    /// Whether the frame relies on it.
+    /// Whether the frame relies on it for its tiles.
     pub(super) fn counts(&self) -> bool {
         self.is_wanted() && !self.is_lost
     }
 
-    /// The units of its frame that have not come of it. Those that have may not be in the frame any more: they are
-    /// taken out with what a node has sent that is dropped.
+    /// The units that it has not delivered. Delivered ones may be missing from the frame again, if their
+    /// node was dropped and its tiles retracted.
     pub(super) fn awaited(&self) -> impl Iterator<Item = u32> {
         let mut is_awaited = vec![true; self.tiles.count as usize];
         for (tiles, ..) in &self.pieces {
@@ -189,19 +190,20 @@ impl OpenRequest {
         units.filter_map(|(unit, is_awaited)| is_awaited.then_some(unit))
     }
 
-    /// Whether it is cancelled when the frame needs it no more.
+    /// Whether it is to be cancelled once the frame no longer needs it.
     pub(super) fn is_wanted(&self) -> bool {
         !self.is_cancelled && !self.is_probe
     }
 
-    /// How long the request waited behind earlier ones, by the client's clock: from when it reached
-    /// the node until the last earlier message left there, a round trip less than what is seen here.
+    /// Seconds for which the request waited behind earlier ones, on the client's clock: from its arrival at
+    /// the node to the departure of the last earlier message, which is a round trip less than the interval
+    /// seen here.
     pub(super) fn queue_secs(&self, round_trip_secs: Option<f64>) -> f64 {
         (self.others_until - self.issued - round_trip_secs.unwrap_or(0.0)).max(0.0)
     }
 }
 
-/// Messages come together if the time between them is less than this share of their work's.
+/// Messages form a burst if the time between them is less than this share of their work's duration.
 const TOGETHER: f64 = 0.25;
 
 #[cfg(test)]

@@ -1,30 +1,30 @@
-//! Partition of tiles among nodes, by the work that each tile is.
+//! Partition of tiles among nodes by the predicted work of each tile.
 
 use carom_tracer::TileRange;
 
 use super::sample_passes::SamplePasses;
 use crate::balancer::{CostModel, water_fill};
 
-/// Predicted work of each unit of a picture, as sums over those before it. Of a picture of one pass
-/// the units are its tiles.
+/// Predicted work of each unit of a picture, as prefix sums. With one pass, the units are the tiles.
 ///
-/// A unit is a pixel sample of average cost.
+/// One unit of work is one pixel sample of average cost.
 #[derive(Clone, Debug)]
 pub(super) struct WorkMap {
     before: Vec<f64>,
 }
 
-/// Tiles as they are assigned, and when the last of them should be through.
+/// An assignment of tiles, and when the last of them should be finished.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Partition {
     /// The tiles of each node, in the order of the nodes.
     pub(super) tiles: Vec<Vec<TileRange>>,
-    /// On the clock of the nodes' cost models.
+    /// Finish in seconds, on the clock of the cost models' `fixed_secs`.
     pub(super) finish_secs: f64,
 }
 
 impl WorkMap {
-    /// `costs` says how many times the average a pixel of each tile costs.
+    /// Sums the work of all units. `costs` is the cost of a pixel sample of each tile, relative to the
+    /// average.
     pub(super) fn new(passes: SamplePasses, costs: &[f64]) -> Self {
         let units = passes.all();
         let mut sum = 0.0;
@@ -56,17 +56,17 @@ impl WorkMap {
             .map(|pair| (pair[1] - pair[0]) as f32)
     }
 
-    /// The work of a tile, on average.
+    /// The mean work of a unit.
     pub(super) fn mean_tile(&self) -> f64 {
         let tiles = (self.before.len() - 1).max(1);
         self.before[self.before.len() - 1] / tiles as f64
     }
 
-    /// Assigns the tiles of `pieces` in their order so that the last is through as early as whole tiles
-    /// allow: the least T at which the nodes, each taking as many as fit below T, take all.
+    /// Assigns the tiles of `pieces` in order so that the last finishes as early as whole tiles allow: at
+    /// the least T at which the nodes, each taking as many tiles as fit before T, take all.
     ///
-    /// Rounding the optimum in real numbers instead would give a tile to nodes that need far
-    /// longer than T for one.
+    /// Rounding the optimum for divisible work instead would give tiles to nodes that need far longer than
+    /// T for one.
     pub(super) fn partition(&self, pieces: &[TileRange], models: &[CostModel]) -> Partition {
         let queue = TileQueue::new(self, pieces);
         let allocation = water_fill(queue.work(), models);
@@ -84,8 +84,8 @@ impl WorkMap {
         Partition { tiles, finish_secs }
     }
 
-    /// Assigns the tiles of `pieces` in their order, as near to `shares` as whole tiles allow.
-    /// All are assigned; those with no share get none.
+    /// Assigns the tiles of `pieces` in order, as near to `shares` as whole tiles allow. All are assigned;
+    /// nodes without a share get none.
     pub(super) fn split(&self, pieces: &[TileRange], shares: &[f64]) -> Vec<Vec<TileRange>> {
         let last = shares.iter().rposition(|share| *share > 0.0);
         let mut waiting = pieces.iter().flat_map(|range| range.indices()).peekable();
@@ -101,8 +101,9 @@ impl WorkMap {
                     first: tile,
                     count: 1,
                 });
-                // A tile goes to whoever gets the larger part of it, and rounding to the last.
-                // Against the running sum of shares, so that roundings do not add up over many nodes.
+                // A tile goes to the node that gets the larger part of it, and the rest to the last one.
+                // Compared with the running sum of shares, so that rounding does not accumulate over many
+                // nodes.
                 if !all && dealt + 0.5 * work > target {
                     break;
                 }
@@ -116,7 +117,7 @@ impl WorkMap {
     }
 }
 
-/// Tiles that wait to be assigned, with the work before each.
+/// Tiles to be assigned, in order, with prefix sums of their work.
 struct TileQueue {
     tiles: Vec<u32>,
     before: Vec<f64>,
@@ -139,8 +140,8 @@ impl TileQueue {
         self.before[self.tiles.len()]
     }
 
-    /// Lets the nodes take what they are through with at `finish_secs`, each time the one of the next
-    /// [`TileQueue::window`] nodes that the next tiles fit best. Whether all are taken.
+    /// Lets each node take the tiles that it finishes by `finish_secs`: at each step the one of the next
+    /// [`TileQueue::window`] nodes that the next tiles fit best. Returns whether all tiles are taken.
     fn serve(
         &self,
         models: &[CostModel],
@@ -161,7 +162,7 @@ impl TileQueue {
                 let end = self.end(start, room);
                 (room - (self.before[end] - self.before[start]), place, end)
             };
-            // Best fit within a small window; over all nodes it would be quadratic.
+            // Best fit within a small window; over all nodes it would be quadratic in their number.
             let fits = (0..waiting.len()).map(left_over);
             let Some((_, place, end)) = fits.min_by(|a, b| a.0.total_cmp(&b.0)) else {
                 return false;
@@ -176,8 +177,8 @@ impl TileQueue {
         true
     }
 
-    /// Among how many nodes a place in the queue is offered: where each takes but a few tiles, what
-    /// they leave over for want of half a tile would be a tenth of them all.
+    /// How many nodes compete for the next tiles: where each takes only a few, what their capacities leave
+    /// over for want of half a tile would add up to a tenth of all tiles.
     fn window(&self, models: usize) -> usize {
         if self.tiles.len() < FEW_TILES * models {
             WINDOW
@@ -186,10 +187,10 @@ impl TileQueue {
         }
     }
 
-    /// The end of the tiles from `start` on that `room` holds.
+    /// End of the longest run of tiles from `start` that fits into `room`.
     fn end(&self, start: usize, room: f64) -> usize {
-        // A room computed from a finish that was itself computed from sums must not miss its last tile by
-        // a rounding.
+        // `room` is computed from a finish that itself came from sums of work: rounding must not cost its
+        // last tile.
         let until = self.before[start] + room * (1.0 + ROUNDING);
         let mut step = 1;
         while self
@@ -197,16 +198,15 @@ impl TileQueue {
             .get(start + step)
             .is_some_and(|work| *work <= until)
         {
-            // Galloping: cost grows with the logarithm of the tiles taken, not of those in the queue, and
-            // over all nodes stays below linear.
+            // Galloping search: the cost is logarithmic in the tiles taken, not in the queue's length.
             step *= 2;
         }
         let (low, high) = (start + step / 2, self.before.len().min(start + step));
         low + self.before[low + 1..high].partition_point(|work| *work <= until)
     }
 
-    /// The least time at which all are taken, to [`FINISH_PRECISION`]; `lowest` is no more than it.
-    /// `None` if the nodes' bounds leave whole tiles over.
+    /// The least time at which all tiles are taken, to a relative [`FINISH_PRECISION`]; `lowest` is a lower
+    /// bound. `None` if the models' work bounds leave whole tiles over.
     fn finish(&self, models: &[CostModel], lowest: f64) -> Option<f64> {
         let takes_all = |finish: f64| self.serve(models, finish, |_, _| {});
         let least_b = models
@@ -215,8 +215,8 @@ impl TileQueue {
             .fold(f64::MAX, f64::min);
         let mut step = least_b * self.work() / self.tiles.len().max(1) as f64;
         let (mut low, mut high) = (lowest, lowest);
-        // First upwards by doubling steps of about a tile, as the optimum in real numbers is mostly near;
-        // then by bisection.
+        // Bracketing by doubling steps, from about a tile's duration, as the optimum for divisible work is
+        // mostly close; then bisection.
         while !takes_all(high) {
             if step > STEP_SECS_MAX {
                 return None;
@@ -225,6 +225,8 @@ impl TileQueue {
             high += step;
             step *= 2.0;
         }
+        // `fixed_secs` may be moments of the client's clock: the precision is relative to the partition's
+        // duration, not to the absolute time.
         while high - low > FINISH_PRECISION * (high - models[0].fixed_secs.min(lowest)).abs() {
             let middle = 0.5 * (low + high);
             if !(low < middle && middle < high) {
@@ -240,17 +242,17 @@ impl TileQueue {
     }
 }
 
-/// Nodes that one place in a queue is offered to if there are fewer tiles a node than that.
+/// Number of competing nodes where there are fewer than `FEW_TILES` tiles per node.
 const WINDOW: usize = 4;
 const FEW_TILES: usize = 16;
-/// Relative error that sums of work may have.
+/// Relative rounding error allowed for in sums of work.
 const ROUNDING: f64 = 1e-9;
-/// Of a partition's finish, as a share of it.
+/// Precision of a partition's finish, as a share of its duration.
 const FINISH_PRECISION: f64 = 2e-3;
-/// A partition that takes longer than this is none.
+/// Step of the bracketing, in seconds, above which the tiles are taken not to fit at all.
 const STEP_SECS_MAX: f64 = 1e4;
 
-/// Appends a tile to ranges that stay as few as can be.
+/// Appends a tile to a list of ranges, merging it with the last one if adjacent.
 pub(super) fn push_tile(ranges: &mut Vec<TileRange>, tile: u32) {
     match ranges.last_mut() {
         Some(range) if range.end() == tile => range.count += 1,
@@ -319,7 +321,7 @@ mod tests {
                 let finish = model.fixed_secs + model.secs_per_work * work;
                 prop_assert!(work == 0.0 || finish <= partition.finish_secs * (1.0 + 1e-6));
             }
-            // No node alone, taken as far as whole tiles go, is much better than all together.
+            // No single node, up to whole tiles, is much faster than all together.
             let alone = models.iter().map(|model| model.fixed_secs + model.margin_secs + model.secs_per_work * map.of(grid.all()));
             prop_assert!(partition.finish_secs <= alone.fold(f64::INFINITY, f64::min) * 1.01 + 1e-9);
         }

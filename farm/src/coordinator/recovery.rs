@@ -1,17 +1,17 @@
-//! Recovery of tiles that do not come: of nodes that are lost, that refuse, that fall silent, and that
-//! are late. The first answer wins.
+//! Recovery of tiles that do not arrive: of nodes that are lost, that refuse, that fall silent, and that
+//! are late. The first copy of a tile wins.
 //!
 //! ```text
 //! lost    connection ends       ─▶ its requests are forgotten    ┐
-//! refused RequestRefused        ─▶ Recovery::refuse, a pause     ├▶ nobody holds their tiles
+//! refused RequestRefused        ─▶ Recovery::refuse, a back-off  ├▶ their tiles are unassigned
 //! silent  NodeEntry::time_out   ─▶ its requests count as lost    ┘  ─▶ Recovery::reassign_lost
-//! late    Recovery::evaluate    ─▶ the same tiles of others too, within the HedgeBudget
+//! late    Recovery::evaluate    ─▶ the same tiles from others too, within the HedgeBudget
 //! ```
 //!
-//! A frame is evaluated when a message is late or tells of lateness, not only when the frame is: what a
-//! far node has not begun to send by then could not be had in time. Dean and Barroso, "The Tail at
-//! Scale", CACM 56(2), 2013: a few per cent more requests take away most of the tail. `bench balance`
-//! prints what it gains and what it costs.
+//! A frame is evaluated when a message is late or shows lateness, not only when the frame is: by then, what
+//! a distant node has not begun to send could not be replaced in time. Hedged requests follow Dean and
+//! Barroso, "The Tail at Scale", CACM 56(2), 2013: a few per cent more requests remove most of the tail.
+//! `bench balance` prints gain and cost.
 
 use carom_protocol::{Refusal, RefusalReason, RequestId};
 use carom_tracer::TileRange;
@@ -29,16 +29,16 @@ use crate::balancer::{Division, WaterFilling};
 use crate::link::LinkCommand;
 use crate::node_status::NodeIndex;
 
-/// Times are seconds on the client's clock.
+/// Policy of reassignments and hedges. Times are seconds on the client's clock.
 #[derive(Debug, Default)]
 pub(super) struct Recovery {
-    /// Work that may be done twice. What is taken over from nodes that count as lost is not limited.
+    /// Work that may be duplicated. Tiles taken over from lost nodes do not count.
     pub(super) budget: HedgeBudget,
 }
 
 impl Recovery {
-    /// Lets a node pause that has refused a request, if it was still wanted. Returns why, if it is
-    /// the fault of the node, its device or the request.
+    /// Backs off from a node that has refused a request, if the request was still wanted. Returns the
+    /// reason if the node, its device or the request is at fault.
     pub(super) fn refuse(now: f64, node: &mut NodeEntry, refusal: &Refusal) -> Option<String> {
         let request = node.workload.requests.get(&refusal.request);
         let is_wanted = request.is_some_and(|request| !request.is_cancelled);
@@ -55,8 +55,8 @@ impl Recovery {
         why
     }
 
-    /// Requests the tiles of an assigned frame that nobody holds any more of `helpers`, so that they
-    /// come as early as can be.
+    /// Requests the unassigned `tiles` of an already assigned frame from `helpers`, so that the last one
+    /// arrives as early as possible.
     pub(super) fn reassign_lost(
         &self,
         now: f64,
@@ -79,7 +79,7 @@ impl Recovery {
         self.set_target(now, &dispatcher.nodes, frame);
     }
 
-    /// Takes the latest finish that is expected of any node as the frame's target.
+    /// Sets the frame's target to the latest finish that is forecast for any of its nodes.
     pub(super) fn set_target(&self, now: f64, nodes: &NodeTable, frame: &mut FrameInFlight) {
         let id = frame.id;
         let finish = |node: &NodeEntry| {
@@ -95,16 +95,17 @@ impl Recovery {
         self.schedule(now, nodes, frame);
     }
 
-    /// Sets the time of a frame's next evaluation: when the next message is late.
+    /// Schedules a frame's next evaluation for when the next message counts as late.
     pub(super) fn schedule(&self, now: f64, nodes: &NodeTable, frame: &mut FrameInFlight) {
         frame.evaluate_at = None;
-        // Nobody waits for a frame in the background: only tiles that are lost are traced again.
+        // Nobody waits for a background frame: only its lost tiles are traced again.
         if frame.buffer.is_none() || !nodes.hedged || frame.id.is_background() {
             return;
         }
+        // A node that has delivered nothing is timed as the average of the others.
         let newcomer = nodes.newcomer();
-        // The fuller the budget, the earlier a frame is looked at: hedges that could not be paid are not
-        // looked for.
+        // The emptier the budget, the larger the margin: hedges that the budget cannot pay for are not
+        // searched for.
         let margin = frame.margin_secs(self.price());
         let soonest = frame.last_evaluation + evaluation_pause_secs(now, frame);
         let mut due = None::<f64>;
@@ -120,8 +121,8 @@ impl Recovery {
             let at = if late < margin {
                 next + margin
             } else {
-                // Late already: the next look is when it is late by a quarter more, so that looks become
-                // rarer as waiting goes on and their number grows with the logarithm of the delay.
+                // Already late: the next evaluation is when the delay has grown by a quarter, so that their
+                // number grows with the logarithm of the delay.
                 now + late * LATE_PAUSE
             };
             due = Some(due.map_or(at, |due| due.min(at)));
@@ -129,7 +130,7 @@ impl Recovery {
         frame.evaluate_at = due.map(|due| due.max(soonest).max(now));
     }
 
-    /// Sets the evaluations that had to wait until something was known of any node.
+    /// Schedules the frames that had no evaluation because no node's cost was known.
     pub(super) fn schedule_waiting(&self, now: f64, nodes: &NodeTable, frames: &mut FrameQueue) {
         let frames = frames.unfinished_mut();
         for frame in frames.filter(|frame| frame.evaluate_at.is_none()) {
@@ -137,7 +138,7 @@ impl Recovery {
         }
     }
 
-    /// Brings evaluations forward if what has just come of a node tells that the rest is late.
+    /// Brings evaluations forward if the node's last message shows that its rest will be late.
     pub(super) fn advance_late(
         &self,
         now: f64,
@@ -161,7 +162,7 @@ impl Recovery {
         }
     }
 
-    /// Lets frames that will take long profit from a node that has just become ready.
+    /// Evaluates long frames at once, so that they profit from a node that has just become ready.
     pub(super) fn advance_long(now: f64, frames: &mut FrameQueue) {
         for frame in frames.unfinished_mut() {
             if frame.evaluate_at.is_some() && frame.target > now + LONG_SECS {
@@ -170,8 +171,8 @@ impl Recovery {
         }
     }
 
-    /// Lets frames that were divided by guesses, and will take very long by them, profit from a node that
-    /// has just shown how fast it is.
+    /// Evaluates at once the frames that were divided by guesses and would take very long by them, so that
+    /// they profit from a node that has just shown its speed.
     pub(super) fn advance_guessed(now: f64, frames: &mut FrameQueue) {
         for frame in frames.unfinished_mut().filter(|frame| frame.is_guessed) {
             let is_long = frame.target.is_finite() && frame.target > now + VERY_LONG_SECS;
@@ -181,7 +182,7 @@ impl Recovery {
         }
     }
 
-    /// Evaluates the frames for which it is time.
+    /// Evaluates the frames that are due.
     pub(super) fn evaluate_due(
         &mut self,
         now: f64,
@@ -197,15 +198,15 @@ impl Recovery {
         }
     }
 
-    /// Requests the tiles of a frame that will be late of those who can bring them in time.
+    /// Requests the late tiles of a frame from the nodes that can deliver them in time.
     fn evaluate(&mut self, now: f64, frame: &mut FrameInFlight, dispatcher: &mut Dispatcher) {
         let Some(forecast) = FrameForecast::new(now, &dispatcher.nodes, frame) else {
             return;
         };
-        // The last tiles cost little, and the frame waits for them: with 1000 far nodes the 99th percentile
-        // of frames at 60 a second is 1.45 times the optimum instead of 1.50.
+        // With fewer tiles missing than helpers, some helpers would idle: the price of duplicates falls in
+        // proportion. With 1000 distant nodes this lowers the 99th percentile at 60 frames per second from
+        // 1.50 to 1.45 times the optimum.
         let left = forecast.missing.len() as f64 / forecast.helpers.len() as f64;
-        // Fewer tiles left than helpers: some nodes idle anyway, and doing work twice costs no one.
         let price = 1.0 + (self.price() - 1.0) * left.min(1.0);
         frame.target = forecast.level;
         // The only holder is the only helper.
@@ -214,6 +215,7 @@ impl Recovery {
         }
         let (margin, dear) = (frame.margin_secs(1.0), frame.margin_secs(price));
         let mut grave_secs = GRAVE_SHARE * frame.planned_secs;
+        // A plan made from guesses is no measure of what is late: the possible duration is.
         if frame.is_guessed && forecast.finish() > frame.submitted + VERY_LONG_SECS {
             let possible_secs = forecast.level - frame.submitted;
             grave_secs = grave_secs.min(GRAVE_FACTOR * possible_secs);
@@ -223,9 +225,10 @@ impl Recovery {
             duplicate: forecast.level + dear,
             grave: frame.submitted + grave_secs + dear,
         };
-        // The level is that of work in real numbers. If whole tiles cannot be brought by then, those are
-        // late that come after what can be: each round the bound rises to the last finish, fewer tiles are
-        // late, and the finish falls. It ends when both meet, or when no tile is late any more.
+        // `level` is the optimum for divisible work. If whole tiles cannot arrive by then, only those that
+        // would come after the achievable finish are worth moving: each round raises the bound to that
+        // finish, so that fewer tiles are late and the finish falls. It ends when the two meet, or when no
+        // tile is late any more.
         for _ in 0..ROUNDS_MAX {
             let late = forecast.late(bounds, &self.budget, |tile| frame.work.of(one(tile)));
             if late.is_empty() {
@@ -240,14 +243,14 @@ impl Recovery {
                 }
                 return;
             }
-            // Both bounds rise together: tiles that nobody has begun keep their advantage over those
-            // traced twice.
+            // Both bounds rise by the same amount, which keeps the preference for tiles that are free to
+            // move over duplicates.
             bounds.duplicate += partition.finish_secs - bounds.recallable;
             bounds.recallable = partition.finish_secs;
         }
     }
 
-    /// Counts tiles that are requested again, and takes from the budget what will be traced twice.
+    /// Counts reissued tiles, and charges the budget with those that will be traced twice.
     fn spend(
         &mut self,
         frame: &mut FrameInFlight,
@@ -266,15 +269,15 @@ impl Recovery {
         }
     }
 
-    /// How many times the usual margin a tile may be late: more, the less work is left that may be
-    /// done twice, so that it goes to the latest tiles.
+    /// Factor by which the lateness margin of duplicates grows as the budget empties, from 1 to 1 +
+    /// [`PRICE`], so that the rest goes to the latest tiles.
     fn price(&self) -> f64 {
         1.0 + PRICE * (1.0 - self.budget.fullness())
     }
 }
 
-/// Seconds between two evaluations of a frame: the more of it has been requested again, and the farther off its
-/// end is. What is late now may have caught up by then, and there is time left to help.
+/// Seconds between two evaluations of a frame: longer, the more of it has been reissued and the farther off
+/// its end is. Late tiles may catch up in that time, and enough is left to hedge.
 fn evaluation_pause_secs(now: f64, frame: &FrameInFlight) -> f64 {
     let left = frame.target - now - LONG_SECS;
     let far = if left.is_finite() {
@@ -285,8 +288,8 @@ fn evaluation_pause_secs(now: f64, frame: &FrameInFlight) -> f64 {
     EVALUATION_PAUSE_SECS + far.clamp(0.0, FAR_PAUSE_SECS_MAX)
 }
 
-/// Cancels the requests that their nodes have not begun and that hold any of the `late` tiles, and
-/// requests the other tiles of them anew.
+/// Cancels the requests that their nodes have not begun and that hold any of the `late` tiles, and requests
+/// their other tiles anew.
 fn recall(now: f64, frame: &mut FrameInFlight, late: &[TileRange], dispatcher: &mut Dispatcher) {
     let is_late = |tile: u32| {
         let mut late = late.iter();
@@ -319,8 +322,8 @@ fn recall(now: f64, frame: &mut FrameInFlight, late: &[TileRange], dispatcher: &
     }
 }
 
-/// Takes back what is still asked for of a frame and has come from others with `tiles`, of nodes
-/// that have more to do: how long it takes the others teaches something.
+/// Cancels requests of a frame whose tiles have all come from other nodes, on nodes that have other work.
+/// On idle nodes they go on: their completion is an observation for the estimator.
 pub(super) fn cancel_redundant(
     now: f64,
     frame: &FrameInFlight,
@@ -355,26 +358,26 @@ pub(super) fn cancel_redundant(
     }
 }
 
-/// How much the margin grows until nothing is left to spend, for what will be traced twice.
+/// Growth of the lateness margin of duplicates from a full to an empty budget.
 const PRICE: f64 = 8.0;
-/// A tile is gravely late if its frame takes this many times as long as planned for it. What there is
-/// in reserve for these makes three of four late frames after a fault punctual.
+/// A tile is gravely late if its frame takes this many times its planned duration. The reserve for such
+/// tiles brings three in four of the frames after a fault in on time.
 const GRAVE_SHARE: f64 = 1.25;
-/// The same of a frame that was divided by guesses, as when a slow node was alone at first: if it takes
-/// this many times as long as it could if all that is missing were assigned anew.
+/// The same for a frame that was divided by guesses, as when a slow node was alone at first, relative to
+/// the duration possible if all missing tiles were assigned anew.
 const GRAVE_FACTOR: f64 = 1.5;
-/// Seconds between two evaluations of a frame at the least.
+/// Minimum seconds between two evaluations of a frame.
 const EVALUATION_PAUSE_SECS: f64 = 0.5e-3;
-/// The most that a frame waits for its next evaluation, in seconds, because its end is far off and much of it has been
-/// requested again. Of the first 24 frames of eight processes on two busy cores tiles are requested again 0.9 to 1.1
-/// times each instead of 1.4 to 1.7 (`carom-bench first-frames`). A larger margin for such frames besides costs frames of
-/// two nodes on a local network more than the bars of `tests/sim/acceptance.rs` allow.
+/// Maximum extra seconds between two evaluations of a frame whose end is far off and much of which has been
+/// reissued. Over the first 24 frames of eight processes on two busy cores it lowers the reissues per tile
+/// from 1.4–1.7 to 0.9–1.1 (`carom-bench first-frames`). A larger margin for such frames in addition
+/// exceeds the bounds of `tests/sim/acceptance.rs` for two nodes on a local network.
 const FAR_PAUSE_SECS_MAX: f64 = 0.1;
-/// The next evaluation after one at which a message was late: when it is late by this share more.
+/// Growth of a message's delay, as a share, until the next evaluation.
 const LATE_PAUSE: f64 = 0.25;
-/// How often the late tiles are chosen again because nobody can bring all of them in time.
+/// Maximum rounds of choosing the late tiles anew because not all can be delivered in time.
 const ROUNDS_MAX: u32 = 4;
-/// Frames that take longer than this are evaluated when a node joins, and rarely while their end is far off.
+/// Remaining seconds from which on a frame is evaluated when a node joins, and more rarely otherwise.
 const LONG_SECS: f64 = 0.05;
-/// Frames that by a guess take longer than this are evaluated when more is known.
+/// Remaining seconds from which on a frame divided by guesses is evaluated when more is known.
 const VERY_LONG_SECS: f64 = 0.1;

@@ -1,13 +1,13 @@
-//! Units of a frame's work: its tiles, once for each pass over its samples.
+//! Units of a frame's work: each tile once per pass over its samples.
 //!
 //! ```text
 //! one pass:   tile 0, tile 1, …            each with all samples
 //! two passes: tile 0, tile 1, … with the first half, tile 0, tile 1, … with the second half
 //! ```
 //!
-//! Balancers and recovery deal with ranges of units and need not know which it is. With
-//! as many passes as the fastest node is a part of the farm, each node gets other samples of the whole
-//! picture.
+//! Balancers and recovery work on ranges of units and do not depend on the number of passes. With as many
+//! passes as the fastest node's share of the farm's speed requires, each node traces different samples of
+//! the whole picture.
 
 use std::ops::Range;
 
@@ -18,7 +18,7 @@ use crate::balancer::Candidate;
 use crate::balancing::Distribution;
 use crate::frame::FrameSpec;
 
-/// Units are numbered pass by pass, and within a pass tile by tile.
+/// Numbering of a frame's units: pass by pass, and within a pass tile by tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct SamplePasses {
     pub(super) grid: TileGrid,
@@ -27,12 +27,12 @@ pub(super) struct SamplePasses {
 }
 
 impl SamplePasses {
-    /// All samples of each tile at once.
+    /// A single pass with all samples of each tile.
     pub(super) fn one(grid: TileGrid, samples: u32) -> Self {
         Self::several(grid, samples, 1)
     }
 
-    /// `count` passes, from 1 to `samples`, each over as many samples within one.
+    /// `count` passes, from 1 to `samples`, whose sample counts differ by at most one.
     pub(super) fn several(grid: TileGrid, samples: u32, count: u32) -> Self {
         Self {
             grid,
@@ -53,11 +53,10 @@ impl SamplePasses {
         }
     }
 
-    /// Which of a frame's samples a unit has.
+    /// The range of a frame's samples that a unit holds.
     pub(super) fn samples(self, unit: u32) -> Range<u32> {
         let pass = u64::from(unit / self.grid.len());
-        // Cut at rounded multiples, passes adjoin, have all samples between them, and differ by one at
-        // most.
+        // Cut at rounded multiples: the passes adjoin, cover all samples, and differ by one at most.
         let before = |pass: u64| (u64::from(self.samples) * pass / u64::from(self.count)) as u32;
         before(pass)..before(pass + 1)
     }
@@ -83,7 +82,7 @@ impl SamplePasses {
         }
     }
 
-    /// Units in a row, pass by pass.
+    /// Splits a range of units into its ranges within single passes.
     pub(super) fn split(self, units: TileRange) -> impl Iterator<Item = TileRange> {
         let mut first = units.first;
         std::iter::from_fn(move || {
@@ -96,23 +95,25 @@ impl SamplePasses {
     }
 }
 
-/// In how many passes a frame is traced by `candidates`: the fewest of which none has much more than
-/// one, so that as few pixels as can be cross the network twice.
+/// The number of passes for a frame on `candidates`: the fewest with which no node has much more than one
+/// pass, so that as few pixels as possible cross the network repeatedly.
 pub(super) fn passes_for(
     distribution: Distribution,
     spec: &FrameSpec,
     candidates: &[Candidate],
 ) -> u32 {
     let is_linear = !matches!(spec.format, PixelFormat::Srgb8 { .. });
-    // Means of sRGB levels are wrong, and a filter does more with more samples.
+    // Means of quantised, nonlinear sRGB levels would be wrong, and a denoiser works better on all samples
+    // together.
     if distribution == Distribution::Tiles || !is_linear || spec.settings.denoise {
         return 1;
     }
     let estimates = candidates.iter().filter_map(|candidate| candidate.estimate);
     let speeds: Vec<f64> = estimates.map(|line| 1.0 / line.secs_per_work).collect();
     let fastest = speeds.iter().copied().fold(0.0, f64::max);
-    // Those of which nothing is known count as the fastest.
+    // Nodes without an estimate count as equal to the fastest.
     let unknown = (candidates.len() - speeds.len()) as f64;
+    // The farm's speed in units of its fastest node: with that many passes, its share is one pass.
     let parts = if fastest > 0.0 {
         speeds.iter().sum::<f64>() / fastest + unknown
     } else {
@@ -122,9 +123,9 @@ pub(super) fn passes_for(
     passes.min(PASSES_MAX).min(spec.settings.samples).max(1)
 }
 
-/// Each pass sends the whole picture. With more nodes, several share a pass.
+/// Maximum number of passes, as each sends the whole picture. With more nodes, several share a pass.
 const PASSES_MAX: u32 = 16;
-/// Equal nodes are one pass each, whatever their sum is rounded to.
+/// Tolerance so that n equal nodes get n passes however their sum is rounded.
 const ROUNDING: f64 = 1e-3;
 
 #[cfg(test)]

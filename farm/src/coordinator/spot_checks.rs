@@ -1,5 +1,5 @@
-//! Spot checks: a share of tiles is traced again by another node and compared, so that a node that
-//! sends wrong pixels is found, dropped and named.
+//! Spot checks: a share of the tiles is traced again by another node and compared, so that a node that
+//! sends wrong pixels is detected, dropped and named.
 //!
 //! ```text
 //! tile of A ─▶ one in TILES ─▶ B traces it too ─▶ they agree
@@ -8,10 +8,10 @@
 //!                                                             └▶ there is no C: both are named
 //! ```
 //!
-//! Sarmenta, "Sabotage-tolerance mechanisms for volunteer computing systems", Future Generation
-//! Computer Systems 18(4), 2002: spot-checking and voting. Which tiles are checked follows from a key
-//! that nodes do not know. A node that lies about a share q of n tiles stays unnoticed with probability
-//! (1 − q / TILES)ⁿ; one that shares its lies with most of the nodes is not found.
+//! Spot-checking and voting after Sarmenta, "Sabotage-tolerance mechanisms for volunteer computing
+//! systems", Future Generation Computer Systems 18(4), 2002. A key that no node knows determines which
+//! tiles are checked. A node that falsifies a share q of n tiles remains undetected with probability (1 − q
+//! / TILES)ⁿ; one that colludes with most of the nodes is not detected.
 
 use std::sync::Arc;
 
@@ -27,28 +27,28 @@ use super::sample_passes::SamplePasses;
 use super::tile_comparison::tiles_agree;
 use crate::node_status::NodeIndex;
 
-/// One tile of so many is traced again elsewhere: 0.2 % more work.
+/// Default number of tiles per spot check: 0.2 % more work.
 pub const SPOT_CHECK_TILES: u32 = 512;
 
-/// See the [module](self).
+/// Selection of tiles to check, and the checks in progress. See the [module](self).
 #[derive(Debug)]
 pub(super) struct SpotChecks {
-    /// One tile of so many; 0 for none.
+    /// Mean number of tiles per check; 0 for no checks.
     tiles: u32,
     key: [u8; 32],
-    /// Random numbers that have been drawn.
+    /// Number of random numbers drawn so far: the counter of the generator.
     drawn: u64,
-    /// Tiles until the next one that is checked.
+    /// Tiles up to and including the next one to check.
     left: u32,
     open: Vec<SpotCheck>,
 }
 
-/// A tile that is being traced again.
+/// A check in progress.
 #[derive(Debug)]
 struct SpotCheck {
     tile: CheckedTile,
     copies: Vec<TileCopy>,
-    /// Who has been asked for the next copy.
+    /// Node and request of the next copy.
     asked: (NodeIndex, RequestId),
 }
 
@@ -59,14 +59,14 @@ struct TileCopy {
     is_lossy: bool,
 }
 
-/// What has come of a check.
+/// Outcome of a check.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// All of these have sent the same.
+    /// All of these nodes have sent the same pixels.
     Agreement(Vec<NodeIndex>),
-    /// The first alone has sent something else than the others.
+    /// The first node's pixels differ from those of all the others, which agree.
     Wrong(NodeIndex, Vec<NodeIndex>),
-    /// Nobody knows who is right.
+    /// The nodes disagree and no majority exists.
     Disagreement(Vec<NodeIndex>),
 }
 
@@ -77,7 +77,7 @@ impl Default for SpotChecks {
 }
 
 impl SpotChecks {
-    /// Checks one tile of `tiles`, or none if that is 0; which ones follows from `key`.
+    /// Checks one in `tiles` tiles, none if that is 0; `key` determines which ones.
     pub(super) fn new(tiles: u32, key: [u8; 32]) -> Self {
         let mut checks = Self {
             tiles,
@@ -90,8 +90,8 @@ impl SpotChecks {
         checks
     }
 
-    /// Has one of the tiles that a node has sent for a frame traced again, if it is their turn and there
-    /// is another node for it.
+    /// Starts a check of one of the tiles that a node has sent, if one is due and another node is
+    /// available.
     pub(super) fn offer(
         &mut self,
         now: f64,
@@ -106,8 +106,7 @@ impl SpotChecks {
             return;
         }
         let unit = TileRange {
-            // The count runs over tiles, not messages: which tile is checked does not depend on how they
-            // are grouped.
+            // Counted in tiles, not messages: which tile is checked does not depend on their grouping.
             first: arrival.tiles.first + self.left - 1,
             count: 1,
         };
@@ -135,12 +134,12 @@ impl SpotChecks {
         }
     }
 
-    /// Whether a request is a check's.
+    /// Whether a request belongs to a check.
     pub(super) fn has(&self, node: NodeIndex, request: RequestId) -> bool {
         self.place(node, request).is_some()
     }
 
-    /// Compares a tile that has come for a check. `None` if a third node has been asked.
+    /// Compares the copy that has come for a check. `None` if a third node has been asked.
     pub(super) fn answer(
         &mut self,
         now: f64,
@@ -172,12 +171,12 @@ impl SpotChecks {
         None
     }
 
-    /// Gives a check up whose request has ended.
+    /// Abandons the check whose request has ended.
     pub(super) fn close(&mut self, node: NodeIndex, request: RequestId) {
         self.open.retain(|check| check.asked != (node, request));
     }
 
-    /// Gives up the checks that a node takes part in.
+    /// Abandons the checks that a node takes part in.
     pub(super) fn forget(&mut self, node: NodeIndex) {
         let is_of = |check: &SpotCheck| {
             check.asked.0 == node || check.copies.iter().any(|copy| copy.node == node)
@@ -190,8 +189,8 @@ impl SpotChecks {
         open.position(|check| check.asked == (node, request))
     }
 
-    /// A node for the next copy: one of this process if there is one and two differ, else by chance,
-    /// as often as it traces tiles, so that checks cost each the same share of its time.
+    /// The node for the next copy: after a disagreement a node of this process if there is one, else one at
+    /// random in proportion to speed, so that checks cost each node the same share of its time.
     fn choose(
         &mut self,
         nodes: &NodeTable,
@@ -209,6 +208,7 @@ impl SpotChecks {
             let estimate = nodes[*node].workload.estimate();
             estimate.map_or(0.0, |estimate| 1.0 / estimate.secs_per_work)
         };
+        // Roulette-wheel selection in proportion to speed; the first node if none is known.
         let all: f64 = others.iter().map(speed).sum();
         let mut left = all * self.draw() as f64 / u64::MAX as f64;
         let chosen = others.iter().find(|node| {
@@ -218,7 +218,7 @@ impl SpotChecks {
         chosen.or(others.first()).copied()
     }
 
-    /// Tiles until the next one that is checked: their mean is `tiles`.
+    /// Distance to the next tile to check: uniform from 1 to 2·`tiles` − 1, whose mean is `tiles`.
     fn distance(&mut self) -> u32 {
         let tiles = u64::from(self.tiles.max(1));
         (1 + self.draw() % (2 * tiles - 1)) as u32
@@ -226,7 +226,7 @@ impl SpotChecks {
 
     fn draw(&mut self) -> u64 {
         self.drawn += 1;
-        // A keyed hash of a counter: whoever sees which tiles were checked cannot tell the next ones.
+        // A keyed hash of a counter: the checks observed so far do not reveal the next ones.
         let hash = blake3::keyed_hash(&self.key, &self.drawn.to_le_bytes());
         let [a, b, c, d, e, f, g, h, ..] = *hash.as_bytes();
         u64::from_le_bytes([a, b, c, d, e, f, g, h])
@@ -234,7 +234,7 @@ impl SpotChecks {
 }
 
 impl SpotCheck {
-    /// Who is right, if that can be told.
+    /// The verdict, if the copies allow one.
     fn verdict(&self, nodes: &NodeTable) -> Option<Verdict> {
         let tile = self.tile.tile();
         let agree = |a: &TileCopy, b: &TileCopy| {
@@ -255,6 +255,7 @@ impl SpotCheck {
                 (false, ..) => None,
             };
         }
+        // A copy is wrong if it agrees with no other copy, and the others agree among themselves.
         let is_alone = |copy: &&TileCopy| {
             let others = others(copy);
             let agreeing = others.windows(2).all(|pair| agree(pair[0], pair[1]));
@@ -269,7 +270,7 @@ impl SpotCheck {
 }
 
 impl TileCopy {
-    /// One unit of what has come.
+    /// Extracts one unit of an arrival.
     fn new(
         node: NodeIndex,
         passes: SamplePasses,
@@ -294,7 +295,7 @@ impl TileCopy {
     }
 }
 
-/// The most checks at once: their pixels are kept meanwhile, 200 kB each at most.
+/// Maximum number of checks in progress: each keeps up to 200 kB of pixels.
 const CHECKS_MAX: usize = 16;
-/// Nodes that trace a tile before it is given up to tell who is right.
+/// Copies of a tile after which a disagreement stays undecided.
 const VOTES: usize = 3;

@@ -1,15 +1,15 @@
-//! Comparison of a tile's pixels as two nodes have traced them.
+//! Comparison of two nodes' pixels of the same tile.
 //!
-//! Random numbers follow from pixel, sample and seed, so that nodes of one back end send the same bits.
-//! A CPU and a GPU differ by rounding: most pixels in the sixth digit, and the few whose paths pass an
-//! edge on the other side of a rounding by anything. So pixels agree within a tolerance, and tiles if
-//! enough of their pixels do. What JPEG has changed is compared as means of its blocks.
+//! Random numbers are functions of pixel, sample and seed, so that nodes with the same back end send
+//! identical bits. CPU and GPU differ by rounding: most pixels in the sixth digit, and the few whose paths
+//! fall on the other side of an edge by any amount. So pixels agree within a tolerance, and tiles if enough
+//! of their pixels do. Pixels that went through JPEG are compared as means of its blocks.
 
 use carom_protocol::tile_codec::TilePixels;
 use carom_tracer::Tile;
 
-/// Share of a tile's pixels that differ, from 0 to 1; of blocks of 8×8 where JPEG has changed them
-/// (`is_lossy`). Pixels of different formats or counts differ altogether.
+/// Share of a tile's pixels that differ, from 0 to 1; of its 8×8 blocks if JPEG has changed either side
+/// (`is_lossy`). It is 1 for pixels of different formats or counts.
 pub fn differing_share(tile: Tile, a: &TilePixels, b: &TilePixels, is_lossy: bool) -> f64 {
     let edge = if is_lossy { JPEG_BLOCK } else { 1 };
     match (a, b) {
@@ -34,12 +34,12 @@ pub fn differing_share(tile: Tile, a: &TilePixels, b: &TilePixels, is_lossy: boo
     }
 }
 
-/// Whether both are pictures of the same tile, see [`differing_share`].
+/// Whether two copies of a tile agree: see [`differing_share`].
 pub fn tiles_agree(tile: Tile, a: &TilePixels, b: &TilePixels, is_lossy: bool) -> bool {
     differing_share(tile, a, b, is_lossy) <= SHARE_MAX
 }
 
-/// Share of blocks of `edge` pixels of which the mean of a channel differs.
+/// Share of blocks of `edge`×`edge` pixels in which the mean of some channel differs.
 fn share(
     tile: Tile,
     edge: u32,
@@ -70,14 +70,14 @@ fn share(
 
 /// Pixels along the edge of a JPEG block.
 const JPEG_BLOCK: u32 = 8;
-/// Levels of 255 by which a channel may differ: two nodes that send within two levels each are up to
-/// four apart, and a block's mean under the coarsest JPEG up to two from what it was.
+/// Tolerance of a channel in levels of 255: two nodes within two levels of the true value each are up to
+/// four apart, and the coarsest JPEG moves a block's mean by up to two.
 const LEVELS_MAX: f32 = 8.0;
-/// The same of radiance, as a share of it, of at least [`DARK`].
+/// Tolerance of radiance, relative to its value plus [`DARK`].
 const RELATIVE_MAX: f32 = 0.02;
 const DARK: f32 = 0.1;
-/// Share of a tile's pixels that may differ. Between the CPU and a GPU the most was 0.012, which the test
-/// `tiles_of_cpu_and_gpu_agree` prints; it is 0 between nodes of one back end.
+/// Share of a tile's pixels that may differ. The measured maximum is 0.012 between the CPU and a GPU
+/// (printed by the test `tiles_of_cpu_and_gpu_agree`), and 0 between nodes with the same back end.
 const SHARE_MAX: f64 = 0.1;
 
 #[cfg(test)]

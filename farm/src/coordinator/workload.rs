@@ -1,7 +1,7 @@
-//! A node's open requests, and the forecast of when their tiles come.
+//! A node's open requests, and the forecast of when their tiles arrive.
 //!
-//! A node works on one request after the other, of the oldest frame first, and sends tiles as they
-//! finish, so that what it has sent tells how late the rest will be, long before the end.
+//! A node works on one request at a time, those of the oldest frame first, and sends tiles as they finish.
+//! The tiles that have arrived therefore show how late the rest will be, long before the last one.
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -13,35 +13,34 @@ use super::arrival_model::{ArrivalModel, FrameDelay};
 use super::open_request::OpenRequest;
 use crate::balancer::{Estimate, Estimator, Observation};
 
-/// Requests of one node, and what is learned from its answers. Times are seconds on the client's
-/// clock.
+/// Requests of one node, and the models learned from its answers. Times are seconds on the client's clock.
 #[derive(Debug, Default)]
 pub(super) struct Workload {
     pub(super) requests: BTreeMap<RequestId, OpenRequest>,
     pub(super) estimator: Estimator,
     pub(super) arrivals: ArrivalModel,
     pub(super) delay: FrameDelay,
-    /// The most work that came for one frame.
+    /// Maximum work that has arrived for one frame.
     pub(super) proven_work: f64,
-    /// The frame of which something came last, and the work that has come for it.
+    /// The frame of the last message, and the work that has arrived for it.
     current: (FrameId, f64),
-    /// The last frame of which something was cancelled.
+    /// The last frame with a cancelled request.
     last_cancelled: Option<FrameId>,
-    /// When it was last asked while nothing was open, or last answered.
+    /// When the last message came, or the first request was sent to the idle node, whichever is later.
     pub(super) last_heard: f64,
-    /// Since when it has been silent for longer than it should need.
+    /// Since when the node has been silent, if it has exceeded its timeout.
     pub(super) silent_since: Option<f64>,
 }
 
-/// A request that is still wanted, as it should go on.
+/// Expected course of a request whose tiles are still wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RequestForecast {
     pub(super) id: RequestId,
     pub(super) frame: FrameId,
-    /// When the first of its missing work begins to count, by the client's clock: the last missing
-    /// tile comes at `begin + pace · outstanding`.
+    /// When its missing work begins to be delivered, on the client's clock: the last missing tile arrives
+    /// at `begin + pace · outstanding`.
     pub(super) begin: f64,
-    /// The same if what is late is merely late on its way.
+    /// Lower bound of `begin`: assumes that a late message was only delayed by the network.
     pub(super) soonest: f64,
     /// Seconds per unit of work.
     pub(super) pace: f64,
@@ -64,8 +63,8 @@ impl Workload {
         self.requests.insert(id, request);
     }
 
-    /// Forgets all requests. The estimates stay, for the node is most likely the same when it comes
-    /// back, but it has to prove them again. Returns how many tiles are lost.
+    /// Forgets all requests and returns how many tiles are lost. The estimates stay, as the node is most
+    /// likely the same when it reconnects, but `proven_work` starts anew.
     pub(super) fn clear(&mut self) -> u64 {
         let requests = std::mem::take(&mut self.requests);
         self.silent_since = None;
@@ -73,8 +72,8 @@ impl Workload {
         requests.values().map(OpenRequest::lost_tiles).sum()
     }
 
-    /// Notes that it delivers for a request of a frame, or says that it will not. `true` if it was
-    /// silent. What it has been asked for later than that, or of a later frame, has waited meanwhile.
+    /// Records a message about a request of a frame: tiles, or the request's end. Requests issued after it,
+    /// or of later frames, have been waiting until then. Returns whether the node was silent.
     pub(super) fn hear(&mut self, now: f64, about: RequestId, frame: FrameId) -> bool {
         self.last_heard = now;
         for (id, request) in &mut self.requests {
@@ -91,8 +90,8 @@ impl Workload {
         was_silent
     }
 
-    /// Notes tiles of a request that took the node `busy_secs`. `frame_work` is what they are of their
-    /// frame, if that is still known. `true` if the node was silent.
+    /// Records tiles of a request that took the node `busy_secs`. `frame_work` is their work in their
+    /// frame, if the frame still exists. Returns whether the node was silent.
     pub(super) fn receive(
         &mut self,
         now: f64,
@@ -105,14 +104,15 @@ impl Workload {
         let Some(frame) = self.requests.get(&id).map(|request| request.frame) else {
             return false;
         };
-        // Before what comes is noted: that moves when the next message is expected, and `current` to this
-        // frame.
+        // Before the tiles are recorded, as that moves the expected time of the next message, and `current`
+        // to this frame.
         self.observe_delay(now, id);
         let is_first = self.is_new(frame);
         let was_silent = self.hear(now, id, frame);
         let Some(request) = self.requests.get_mut(&id) else {
             return was_silent;
         };
+        // Without the frame, the work is estimated by the share of the request's tiles.
         let share = f64::from(tiles.count) / f64::from(request.tiles.count);
         let work = frame_work.unwrap_or(request.work * share);
         if frame_work.is_some() {
@@ -123,7 +123,7 @@ impl Workload {
         was_silent
     }
 
-    /// Learns how late a message about a request is, if it is the one that was expected.
+    /// Learns the lateness of a message, if it is about the request that was expected to be served next.
     fn observe_delay(&mut self, now: f64, id: RequestId) {
         let (Some(expected), Some(cost)) = (self.next_message(None), self.delivered()) else {
             return;
@@ -132,7 +132,8 @@ impl Workload {
             return;
         };
         let secs = now - expected;
-        // Such a message was expected some time after the one before it, which had its own delay.
+        // Its expected time was computed from the message before it, so that the delay of that one is
+        // included.
         let sent = request.issued + cost.fixed_secs;
         let follows = request.tiles_received > 0 || request.others_until > sent;
         let frame = request.frame;
@@ -140,7 +141,7 @@ impl Workload {
         self.delay.observe(frame, secs, follows);
     }
 
-    /// Whether what it has sent last was of another frame.
+    /// Whether the last message was of another frame.
     fn is_new(&self, frame: FrameId) -> bool {
         self.current.0 != frame
     }
@@ -155,7 +156,7 @@ impl Workload {
         self.proven_work = self.proven_work.max(before + work);
     }
 
-    /// What has come of a request, if anything, as the estimator sees it.
+    /// What has arrived of a request, as an observation for the estimator; `None` if nothing has.
     pub(super) fn observation(
         &self,
         id: RequestId,
@@ -175,7 +176,7 @@ impl Workload {
         })
     }
 
-    /// Marks a request as not wanted, and learns from its lateness.
+    /// Marks a request as cancelled, and learns from its lateness.
     pub(super) fn cancel(&mut self, now: f64, id: RequestId, round_trip_secs: Option<f64>) {
         let Some(request) = self.requests.get_mut(&id) else {
             return;
@@ -185,30 +186,30 @@ impl Workload {
         let missed = late && request.tiles_received == 0;
         let secs = now - request.issued;
         let queue_secs = request.queue_secs(round_trip_secs);
-        // What a node has been asked for at once is late together, and once.
+        // The requests of one frame are sent and late together: they are one observation, not several.
         if self.last_cancelled.replace(request.frame) != Some(request.frame) {
             self.estimator
                 .observe_late(request.work, secs, queue_secs, missed);
         }
     }
 
-    /// The cost that work is divided by.
+    /// The cost model by which work is divided.
     pub(super) fn estimate(&self) -> Option<Estimate> {
         self.estimator.estimate()
     }
 
-    /// The cost that work is waited for by.
+    /// The cost model by which arrivals are predicted.
     pub(super) fn delivered(&self) -> Option<Estimate> {
         self.estimator.delivered()
     }
 
-    /// Work that it has been asked for and that is still wanted.
+    /// Requested work that has not arrived and is still wanted.
     pub(super) fn outstanding(&self) -> f64 {
         self.requests.values().map(OpenRequest::outstanding).sum()
     }
 
-    /// Seconds that a request for a frame would wait for others: longer by as much again as these are
-    /// late.
+    /// Seconds that a new request for a frame would wait behind others; if these are late, they are
+    /// expected to be late by as much again.
     pub(super) fn wait_secs(&self, now: f64, frame: FrameId) -> f64 {
         let Some(cost) = self.delivered() else {
             return 0.0;
@@ -217,8 +218,8 @@ impl Workload {
         begins_after(&self.forecast(now, None), frame, asked) - asked
     }
 
-    /// What it still has to do, in the order in which it does it. `newcomer` is assumed of a node
-    /// that has delivered nothing.
+    /// Forecasts of the wanted requests in the order in which the node serves them. `newcomer` is the cost
+    /// assumed of a node that has delivered nothing.
     pub(super) fn forecast(&self, now: f64, newcomer: Option<Estimate>) -> Vec<RequestForecast> {
         let Some(cost) = self.delivered().or(newcomer) else {
             return Vec::new();
@@ -228,20 +229,24 @@ impl Workload {
         let mut waiting: Vec<(&RequestId, &OpenRequest)> = wanted.collect();
         waiting.sort_by_key(|(_, request)| request.frame);
         let mut forecast: Vec<RequestForecast> = Vec::with_capacity(waiting.len());
+        // Simulates the node's queue: `served_next` picks the request that the node would turn to, which
+        // then delays all others by its outstanding work.
         let (mut pace, mut soonest) = (cost.secs_per_work, f64::NEG_INFINITY);
         while !waiting.is_empty() {
             let before = forecast.last().map(RequestForecast::finish);
             let (id, request) = waiting.remove(served_next(&waiting, cost, before));
             let asked = request.begins(cost);
             let seen = request.pace(self.arrivals.margin_secs());
-            // A node that has slowed down stays so for what follows; scatter below that does not count.
+            // A slowdown is assumed to persist for the requests that follow; scatter below the threshold is
+            // ignored.
             if seen > SLOWED * pace {
                 pace = seen;
             }
             let mut begin = before.map_or(asked, |before| before.max(asked));
             soonest = asked.max(soonest);
             if before.is_none() {
-                // What is late is taken to be late by as much again.
+                // A message that is late by d is expected in another d: the longer it is overdue, the
+                // longer the rest of the delay. `begin` moves by both.
                 let next = begin + pace * self.arrivals.next_message_work(request);
                 begin += 2.0 * (now - next).max(0.0);
             }
@@ -258,14 +263,14 @@ impl Workload {
         forecast
     }
 
-    /// When its next message should come; absent if nothing is asked of it or known about it.
+    /// Expected time of the next message; `None` if nothing is requested or nothing is known of the node.
     pub(super) fn next_message(&self, newcomer: Option<Estimate>) -> Option<f64> {
         let cost = self.delivered().or(newcomer)?;
         let (_, request) = self.next_request(cost)?;
         Some(request.begins(cost) + cost.secs_per_work * self.arrivals.next_message_work(request))
     }
 
-    /// The request that it is at, as far as can be told from what has come.
+    /// The request that the node is working on, as far as its messages tell.
     fn next_request(&self, cost: Estimate) -> Option<(RequestId, &OpenRequest)> {
         let requests = self.requests.iter();
         let wanted = requests.filter(|(_, request)| request.outstanding() > 0.0);
@@ -276,11 +281,11 @@ impl Workload {
         Some((*id, request))
     }
 
-    /// Notes that requests have just been lost: work has been asked for, and nothing has come for far
-    /// longer than predicted. Then the node is silent. What it should not have come to even now is not
-    /// lost yet. Returns how many tiles are, if it is time.
+    /// Marks requests as lost if the node has exceeded its timeout, and returns how many tiles that are.
+    /// Requests that the node should not have reached yet are not lost.
     pub(super) fn time_out(&mut self, now: f64, hedged: bool, device: DeviceKind) -> Option<u64> {
         self.silence_due(hedged, device).filter(|due| *due <= now)?;
+        // Hedged, only the frames whose own deadline has passed are lost; otherwise everything is.
         let ends = self.timeouts_by_frame().filter(|_| hedged);
         let is_lost = |request: &OpenRequest| match &ends {
             Some(ends) => ends.get(&request.frame).is_none_or(|end| *end <= now),
@@ -299,14 +304,15 @@ impl Workload {
         Some(lost_tiles)
     }
 
-    /// When it counts as silent, or loses more, if nothing comes. `hedged` says to go by how its own
-    /// messages come, not by a generous multiple of its work.
+    /// When the node counts as silent, or when further requests count as lost, if no message comes.
+    /// `hedged` selects a timeout from the statistics of its messages instead of a generous multiple of its
+    /// predicted work.
     pub(super) fn silence_due(&self, hedged: bool, device: DeviceKind) -> Option<f64> {
         if self.silent_since.is_some() {
             let ends = self.timeouts_by_frame().filter(|_| hedged)?;
             return ends.into_values().reduce(f64::min);
         }
-        // A request that has been cancelled must be answered too.
+        // Cancelled requests count too, as the node has to acknowledge them.
         if self.requests.is_empty() {
             return None;
         }
@@ -324,17 +330,18 @@ impl Workload {
         Some(self.last_heard + patience_secs)
     }
 
-    /// When it counts as lost if nothing comes, by how its messages come.
+    /// When the node counts as silent by the statistics of its messages.
     fn timeout(&self) -> Option<f64> {
         Some(self.next_message(None)? + self.timeout_secs()?)
     }
 
-    /// The same for each frame that it still holds, by when its first message for that one should
-    /// come: most pauses end, and meanwhile what it is asked for later waits its turn.
+    /// The same for each frame that the node still holds, from the expected first message of that frame:
+    /// most stalls end, and the requests of later frames wait their turn meanwhile.
     fn timeouts_by_frame(&self) -> Option<BTreeMap<FrameId, f64>> {
         let timeout_secs = self.timeout_secs()?;
         let mut ends = BTreeMap::new();
-        // At time 0 nothing counts as late: these ends do not move while they are waited for.
+        // With `now` = 0 no message counts as late, so that these deadlines do not move while they are
+        // waited for.
         for forecast in self.forecast(0.0, None) {
             let request = &self.requests[&forecast.id];
             let work = self.arrivals.next_message_work(request);
@@ -354,9 +361,8 @@ impl Workload {
     }
 }
 
-/// Among requests in the order of their frames, the place of the one that a node turns to when it is
-/// through with all before at `free`: of those that have reached it by then the oldest frame's, else
-/// the one that reaches it first.
+/// Index into `waiting`, sorted by frame, of the request that a node serves next when it becomes free at
+/// `free`: among those that have reached it by then the oldest frame's, else the one that reaches it first.
 fn served_next(waiting: &[(&RequestId, &OpenRequest)], cost: Estimate, free: Option<f64>) -> usize {
     let is_there = |(_, request): &(&RequestId, &OpenRequest)| {
         free.is_some_and(|free| request.begins(cost) <= free)
@@ -367,15 +373,16 @@ fn served_next(waiting: &[(&RequestId, &OpenRequest)], cost: Estimate, free: Opt
     there.or_else(first).unwrap_or(0)
 }
 
-/// Order in which requests of a node count; what it has begun comes first.
+/// Order of service of a node's requests; at equal times, the one already begun comes first.
 fn earlier(a: &OpenRequest, b: &OpenRequest, cost: Estimate) -> Ordering {
     let waits = |request: &OpenRequest| request.tiles_received == 0;
     let begins = a.begins(cost).total_cmp(&b.begins(cost));
     begins.then(waits(a).cmp(&waits(b)))
 }
 
-/// When that which is asked for a frame would begin to count if it could from `asked` on and its node
-/// has that to do: a node turns to the oldest frame first, but ends what it has begun.
+/// When a new request for `frame` would begin to be delivered, given that it could from `asked` on and the
+/// node has the requests of `forecast`: a node serves the oldest frame first, but finishes the request that
+/// it has begun.
 pub(super) fn begins_after(forecast: &[RequestForecast], frame: FrameId, asked: f64) -> f64 {
     forecast.iter().fold(asked, |begin, before| {
         if before.frame <= frame || before.begin < begin {
@@ -386,7 +393,8 @@ pub(super) fn begins_after(forecast: &[RequestForecast], frame: FrameId, asked: 
     })
 }
 
-/// A processor that also runs the client is late whenever the system gives its cores to others.
+/// Extra patience in seconds: a CPU node that also runs the client stalls whenever the system gives its
+/// cores to other threads.
 fn silence_margin_secs(device: DeviceKind) -> f64 {
     match device {
         DeviceKind::Gpu => 0.03,
@@ -394,11 +402,11 @@ fn silence_margin_secs(device: DeviceKind) -> f64 {
     }
 }
 
-/// How many times as long as before a node must take for what comes to be taken to have slowed down.
+/// Measured pace, relative to the assumed one, from which a node is taken to have slowed down.
 const SLOWED: f64 = 2.0;
-/// How many times its predicted work a node may take before it counts as silent.
+/// Multiple of the predicted duration of its work after which an unhedged node counts as silent.
 const SILENCE_FACTOR: f64 = 6.0;
-/// Seconds that a node may take for its very first tiles, of unknown cost.
+/// Timeout of a node's very first tiles, of unknown cost, in seconds.
 const NEWCOMER_PATIENCE_SECS: f64 = 5.0;
 
 #[cfg(test)]
@@ -413,7 +421,7 @@ mod tests {
     const PACE: f64 = 0.001;
     const GPU: DeviceKind = DeviceKind::Gpu;
 
-    /// A workload with a known cost that has been asked for ten tiles each, of `frames`, at `issued`.
+    /// A workload of known cost with requests for ten tiles each, as pairs of frame and time of issue.
     fn workload(asked: &[(u64, f64)]) -> Workload {
         let mut workload = Workload::default();
         workload.estimator.observe(&Observation {
@@ -443,13 +451,13 @@ mod tests {
     #[test]
     fn reissued_tiles_of_older_frame_run_first() {
         let mut workload = workload(&[(1, 0.0), (1, 0.0), (1, 0.0), (0, 0.002)]);
-        // It arrives when the first is being traced, which is ended.
+        // It arrives while the first is being traced, which is finished before it.
         assert_eq!(order(&workload, 0.002), [0, 3, 1, 2]);
         let [first, again, ..] = workload.forecast(0.002, None)[..] else {
             unreachable!()
         };
         assert!((again.begin - first.finish()).abs() < 1e-12);
-        // A message of the first tells that the others have waited.
+        // A message of the first shows that the others have waited.
         workload.hear(0.015, RequestId(0), FrameId(1));
         let mut others = workload.requests.values().skip(1);
         assert!(others.all(|request| request.others_until == 0.015));
@@ -490,7 +498,7 @@ mod tests {
         assert_eq!(workload.time_out(first - 1e-6, true, GPU), None);
         assert_eq!(workload.time_out(first + 1e-6, true, GPU), Some(20));
         assert_eq!(lost(&workload), [true, true, false]);
-        // Work that it is asked for while it is silent is not relied on.
+        // Work requested during silence is not relied on.
         let more = workload.requests[&RequestId(2)].clone();
         workload.add(first, RequestId(3), more);
         assert_eq!(lost(&workload), [true, true, false, true]);
@@ -513,7 +521,7 @@ mod tests {
     fn early_messages_make_forecasts_earlier() {
         let mut workload = workload(&[(0, 0.0), (1, 0.0)]);
         workload.delay.observe(FrameId(0), -0.003, false);
-        // Frame 0 ends at 20 ms; asked for at 12, more of it is there just before that.
+        // Frame 0 ends at 20 ms; more of it, requested at 12 ms, could begin at 19 ms, just before that.
         let asked = 0.012;
         let begins = asked + FIXED_SECS - 0.003 + workload.wait_secs(asked, FrameId(0));
         assert!((begins - 0.020).abs() < 1e-12, "{begins}");

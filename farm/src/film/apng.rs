@@ -1,4 +1,4 @@
-//! Animated PNG, frame by frame.
+//! Animated PNG, written frame by frame.
 
 use std::io::{self, Write};
 
@@ -7,14 +7,13 @@ use png::{Compression, Writer};
 
 use crate::picture::png_encoder;
 
-/// An animated PNG that is written frame by frame; programs that know no animation show its first
-/// frame.
+/// An animated PNG in progress; programs without animation support show its first frame.
 pub(super) struct Animation<W: Write> {
     writer: Writer<W>,
 }
 
 impl<W: Write> Animation<W> {
-    /// Begins an animation of exactly `frames` frames that repeats for ever.
+    /// Begins an animation of exactly `frames` frames that repeats indefinitely.
     pub(super) fn begin(
         to: W,
         size: ImageSize,
@@ -39,7 +38,7 @@ impl<W: Write> Animation<W> {
     }
 }
 
-/// Path-traced noise compresses badly whatever is tried.
+/// Fast, as path-traced noise compresses badly at any level.
 pub(super) const COMPRESSION: Compression = Compression::Fast;
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
-//! Ranges of a film's frames, by which a queue divides it among machines.
+//! Ranges of a film's frames, by which a render queue divides it among machines.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::error::Error;
 
-/// Frames from the first to the last, both included; the first of a film is 0.
+/// Range of frames, both ends included; the first frame of a film is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameRange {
     first: u32,
@@ -19,20 +19,21 @@ impl FrameRange {
         last: u32::MAX,
     };
 
-    /// Its first frame.
+    /// The first frame.
     pub const fn first(self) -> u32 {
         self.first
     }
 
-    /// Whether a frame is one of these.
+    /// Whether the range contains a frame.
     pub const fn contains(self, frame: u32) -> bool {
         self.first <= frame && frame <= self.last
     }
 
-    /// Those that a film of `frames` frames has: the last of equal ranges may be longer than the film.
+    /// The part of the range within a film of `frames` frames: the last of several equal ranges may extend
+    /// beyond the film.
     ///
     /// # Errors
-    /// [`Error::NoFrameOfRange`] if it has none of them.
+    /// [`Error::NoFrameOfRange`] if that part is empty.
     pub fn of_film(self, frames: u32) -> Result<Self, Error> {
         if self.first >= frames {
             let first = self.first;
@@ -42,7 +43,7 @@ impl FrameRange {
         Ok(Self { last, ..self })
     }
 
-    /// How many frames it has.
+    /// Number of frames.
     pub const fn count(self) -> u32 {
         (self.last - self.first).saturating_add(1)
     }

@@ -1,7 +1,7 @@
-//! Finished frames of a film in a folder, so that one that was interrupted goes on.
+//! Finished frames of a film in a folder, from which an interrupted film resumes.
 //!
-//! `job.json` says whose frames they are: a BLAKE3 hash of all that their pixels depend on. Each frame
-//! is a PNG that is written beside its place and renamed, so that one that is there is whole.
+//! `job.json` identifies the film: a BLAKE3 hash of all that its pixels depend on. Each frame is a PNG that
+//! is written under a temporary name and renamed, so that an existing one is complete.
 
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, ErrorKind, Write as _};
@@ -19,20 +19,20 @@ use crate::error::Error;
 use crate::picture::write_png;
 use crate::whole_file::WholeFile;
 
-/// Whose frames a folder holds.
+/// Identity of the film whose frames a folder holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct FilmIdentity {
-    /// Of all that the frames' pixels depend on, in hexadecimal.
+    /// Hash of all that the frames' pixels depend on, in hexadecimal.
     hash: String,
     frames: u32,
-    /// For people.
+    /// Description for users.
     words: String,
-    /// Whether the film was finished.
+    /// Whether the film is finished, so that its frames may be replaced.
     done: bool,
 }
 
 impl FilmIdentity {
-    /// Of a film of a scene, a frame for each state.
+    /// The identity of a film of a scene with a frame for each state.
     pub(super) fn of(
         SceneHash(scene): SceneHash,
         size: ImageSize,
@@ -42,7 +42,7 @@ impl FilmIdentity {
     ) -> Self {
         let mut hash = blake3::Hasher::new();
         hash.update(&scene);
-        // What Rust prints of a number tells it from all others.
+        // Rust's shortest round-trip format of a float identifies its value.
         hash.update(format!("{VERSION} {size:?} {settings:?} {exposure:?}").as_bytes());
         states.hash_into(&mut hash);
         let ImageSize { width, height } = size;
@@ -70,13 +70,13 @@ pub struct FilmFrames {
 }
 
 impl FilmFrames {
-    /// Begins in a folder, which is made if there is none; or goes on with the frames of the same film
-    /// that are there. Frames of another that is finished make room. Those outside of `range` may be
-    /// kept by other processes, also on other machines that share the folder.
+    /// Opens a folder, which is created if absent, and resumes the frames of the same film that it holds.
+    /// Frames of another, finished film are removed. Those outside of `range` may be written by other
+    /// processes, also on other machines that share the folder.
     ///
     /// # Errors
-    /// [`Error::UnfinishedFilm`] of another, [`Error::ForeignFrame`] that is of none, [`Error::Resume`],
-    /// [`Error::File`].
+    /// [`Error::UnfinishedFilm`] if it holds frames of another film, [`Error::ForeignFrame`] if it holds
+    /// frames without an identity, [`Error::Resume`], [`Error::File`].
     pub(super) fn open(
         folder: &Path,
         identity: FilmIdentity,
@@ -91,6 +91,8 @@ impl FilmFrames {
             size,
             range,
         };
+        // A whole film that is marked as finished is traced anew. For a part the hash alone counts, as a
+        // process of another part may have marked it.
         let is_part = range != FrameRange::ALL;
         match frames.before()? {
             Some(before)
@@ -110,40 +112,40 @@ impl FilmFrames {
         Ok(frames)
     }
 
-    /// Whether a film has kept frames in a folder.
+    /// Whether a folder holds frames of a film.
     pub fn are_in(folder: &Path) -> bool {
         folder.join(IDENTITY_FILE).exists()
     }
 
-    /// How many frames the film has.
+    /// Number of frames of the film.
     pub fn frames(&self) -> u32 {
         self.identity.frames
     }
 
-    /// Pixels across and down.
+    /// Size of a frame in pixels.
     pub fn size(&self) -> ImageSize {
         self.size
     }
 
-    /// Where they are, as `frame_0000.png` and so on.
+    /// The folder of the frames, which are named `frame_0000.png` and so on.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The frames of the film's range that are not there yet, in order.
+    /// The missing frames of the film's range, in order.
     pub fn missing(&self) -> impl Iterator<Item = u32> {
         let in_range = (0..self.frames()).filter(|&i| self.range.contains(i));
         in_range.filter(|&i| !self.kept[i as usize])
     }
 
-    /// How many frames of the film's range are there.
+    /// Number of existing frames of the film's range.
     pub fn kept(&self) -> u32 {
         let kept = (0..).zip(&self.kept);
         kept.map(|(i, &kept)| u32::from(kept && self.range.contains(i)))
             .sum()
     }
 
-    /// Keeps a frame of sRGB bytes, row by row.
+    /// Stores a frame of sRGB bytes, row by row.
     pub(super) fn keep(&mut self, index: u32, rgb: &[u8]) -> Result<(), Error> {
         let path = self.path(index);
         let written = WholeFile::replace(&path, |file| {
@@ -159,7 +161,7 @@ impl FilmFrames {
     /// The sRGB bytes of a frame, row by row from the top left.
     ///
     /// # Errors
-    /// [`Error::FilmFrame`] if it is not there or damaged.
+    /// [`Error::FilmFrame`] if it is missing or damaged.
     pub fn read(&self, index: u32) -> Result<Vec<u8>, Error> {
         let path = self.path(index);
         let read = || -> Result<Vec<u8>, Box<dyn std::error::Error>> {
@@ -182,8 +184,8 @@ impl FilmFrames {
         })
     }
 
-    /// Puts all frames together in one file of the kind that its name tells, see [`FilmFormat`],
-    /// shown at `frames_per_sec`, at least 1. There is never half a file.
+    /// Writes all frames to one file whose name selects the [`FilmFormat`], at `frames_per_sec`, at least
+    /// 1. The file appears only when it is complete.
     ///
     /// # Errors
     /// [`Error::FilmFormat`], [`Error::FilmFrame`], [`Error::File`].
@@ -191,7 +193,7 @@ impl FilmFrames {
         self.save_while(path, frames_per_sec, &mut || true)
     }
 
-    /// The same, as long as `proceed` says so before each frame.
+    /// The same, while `proceed`, called before each frame, returns true.
     ///
     /// # Errors
     /// As [`FilmFrames::save`], and [`Error::FilmCancelled`].
@@ -204,6 +206,7 @@ impl FilmFrames {
         let path = path.as_ref();
         let format = FilmFormat::of(path)?;
         let (size, frames, rate) = (self.size, self.frames(), frames_per_sec);
+        // Carries an error out of the closure, which can only return I/O errors.
         let mut failure = None;
         let written = WholeFile::replace(path, |file| {
             let mut file = BufWriter::new(file);
@@ -225,11 +228,11 @@ impl FilmFrames {
         failure.map_or(written.map_err(Error::file(path)), Err)
     }
 
-    /// Writes all frames as YUV4MPEG2, for an encoder that reads them while they come, as long as
-    /// `proceed` says so before each.
+    /// Writes all frames as YUV4MPEG2, for an encoder that reads them as they come, while `proceed`, called
+    /// before each, returns true.
     ///
     /// # Errors
-    /// The reader's, and those of [`FilmFrames::save_while`].
+    /// [`Error::File`] of the encoder's input, and those of [`FilmFrames::save_while`].
     pub fn write_y4m(
         &self,
         out: impl io::Write,
@@ -248,7 +251,7 @@ impl FilmFrames {
         failure.map_or(written, Err)
     }
 
-    /// A frame to save; what keeps it from that goes to `failure`.
+    /// Reads the next frame to save; its error is stored in `failure`.
     fn next_to_save(
         &self,
         index: u32,
@@ -269,7 +272,7 @@ impl FilmFrames {
         })
     }
 
-    /// Notes that the film is of no more use in parts: the next one may take the folder.
+    /// Marks the film as finished, so that the next film may take the folder.
     ///
     /// # Errors
     /// [`Error::File`].
@@ -278,7 +281,7 @@ impl FilmFrames {
         self.write_identity()
     }
 
-    /// Removes the frames, and the folder if nothing else is in it.
+    /// Removes the frames, and the folder if it is empty then.
     ///
     /// # Errors
     /// [`Error::File`].
@@ -286,12 +289,12 @@ impl FilmFrames {
         self.clear(self.frames())?;
         let path = self.identity_path();
         fs::remove_file(&path).map_err(Error::file(&path))?;
-        // Whatever else somebody put there stays.
+        // Other files in the folder stay.
         let _ = fs::remove_dir(&self.folder);
         Ok(())
     }
 
-    /// Throws the frames of another film away, unless it is not finished.
+    /// Removes the frames of another film, unless it is unfinished.
     fn make_room(&self, before: &FilmIdentity) -> Result<(), Error> {
         let held = self.held(before.frames).count();
         if held > 0 && !before.done {
@@ -312,13 +315,13 @@ impl FilmFrames {
         Ok(())
     }
 
-    /// Those of the first `frames` frames that are there.
+    /// Paths of the existing ones among the first `frames` frames.
     fn held(&self, frames: u32) -> impl Iterator<Item = PathBuf> {
         let paths = (0..frames).map(|i| self.path(i));
         paths.filter(|path| path.is_file())
     }
 
-    /// The film whose frames are there; none if nothing tells.
+    /// The identity of the film in the folder; `None` without one.
     fn before(&self) -> Result<Option<FilmIdentity>, Error> {
         let path = self.identity_path();
         let text = match fs::read_to_string(&path) {
@@ -337,7 +340,7 @@ impl FilmFrames {
 
     fn write_identity(&self) -> Result<(), Error> {
         let text = serde_json::to_string_pretty(&self.identity);
-        // Others may write the same at the same time.
+        // Named by range, as processes of other ranges may write the same file at the same time.
         let partial = format!(".job_{:04}.partial", self.range.first());
         let path = self.identity_path();
         let write = || {
@@ -357,21 +360,21 @@ impl FilmFrames {
     }
 }
 
-/// The kind of a film's file.
+/// Format of a film's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FilmFormat {
-    /// YUV4MPEG2, uncompressed, which video encoders read: `.y4m`.
+    /// YUV4MPEG2, uncompressed, as video encoders read it: `.y4m`.
     Y4m,
-    /// An animated PNG, without loss: `.png`.
+    /// Animated PNG, lossless: `.png`.
     Apng,
 }
 
 impl FilmFormat {
-    /// What a file's name says.
+    /// The format of a file name's extension.
     ///
     /// # Errors
-    /// [`Error::FilmFormat`] for an ending that is not written.
+    /// [`Error::FilmFormat`] for an unsupported extension.
     pub fn of(path: &Path) -> Result<Self, Error> {
         match path.extension().and_then(|ending| ending.to_str()) {
             Some("y4m") => Ok(Self::Y4m),
@@ -382,9 +385,10 @@ impl FilmFormat {
 }
 
 const IDENTITY_FILE: &str = "job.json";
-/// Another version of the library may trace other pixels.
+/// Part of the identity, as another version of the library may trace different pixels.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
-/// More than four hours at 60 a second: bounds what a file can make the program look for.
+/// Maximum number of frames, more than four hours at 60 per second: bounds the work that a damaged
+/// `job.json` can cause.
 pub(super) const FRAMES_MAX: u32 = 1 << 20;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Films: a frame for each state of a scene, traced by a whole farm into a folder.
+//! Films: a frame for each state of a scene, traced by the whole farm into a folder.
 
 mod apng;
 mod frame_range;
@@ -33,7 +33,7 @@ pub use states::FilmState;
 use frames::{FRAMES_MAX, FilmIdentity};
 use states::FilmStates;
 
-/// A film to trace: a frame for each state of a scene.
+/// Description of a film: a frame for each state of a scene, see [`Farm::film`].
 ///
 /// ```
 /// # use carom_farm::prelude::*;
@@ -67,15 +67,16 @@ pub struct Film {
 type ProgressCallback = Box<dyn FnMut(&FilmProgress) + Send>;
 
 impl Film {
-    /// A film of so many pixels, of 64 samples each, with a frame for each of `updates`.
+    /// A film of `width` × `height` pixels at 64 samples each, with a frame for each of `updates`.
     pub fn new(width: u32, height: u32, updates: impl IntoIterator<Item = SceneUpdate>) -> Self {
         let updates = updates.into_iter().collect();
         Self::of(width, height, FilmStates::Updates(updates))
     }
 
-    /// The same with a state for each of `frames` frames, which `make` makes of its number when it is about to be traced:
-    /// for scenes that are deformed. It is called from the job's thread in the order of the frames, not for those that the
-    /// folder holds; an error of it ends the job. Equal films have equal keys, and all others have others.
+    /// A film of `frames` frames whose states `make` creates from the frame's number when it is about to be
+    /// traced: for scenes that deform. `make` is called on the job's thread in the order of the frames,
+    /// except for those that the folder holds; its error ends the job. `key` identifies the film: equal
+    /// films have equal keys, different ones different keys.
     pub fn of_states(
         width: u32,
         height: u32,
@@ -102,54 +103,56 @@ impl Film {
         }
     }
 
-    /// With these settings in place of samples, depth, seed and denoising of their own.
+    /// Sets all render settings: samples, depth, seed and denoising.
     #[must_use]
     pub fn settings(self, settings: RenderSettings) -> Self {
         Self { settings, ..self }
     }
 
-    /// With so many samples per pixel, see [`RenderSettings::samples`].
+    /// Sets the samples per pixel, see [`RenderSettings::samples`].
     #[must_use]
     pub fn samples(mut self, samples: u32) -> Self {
         self.settings.samples = samples;
         self
     }
 
-    /// Denoised, guided by albedo, normal and depth.
+    /// Denoises, guided by albedo, normal and depth.
     #[must_use]
     pub fn denoise(mut self) -> Self {
         self.settings.denoise = true;
         self
     }
 
-    /// Shown with radiance times this. Default: 1.
+    /// Sets the factor of radiance for display. Default: 1.
     #[must_use]
     pub fn exposure(self, exposure: f32) -> Self {
         Self { exposure, ..self }
     }
 
-    /// Only these of its frames, while others are traced elsewhere into the same folder, or into
-    /// folders that are put together later.
+    /// Restricts the job to some of the frames, while others are traced elsewhere into the same folder, or
+    /// into folders that are merged later.
     #[must_use]
     pub fn range(self, range: FrameRange) -> Self {
         Self { range, ..self }
     }
 
-    /// Traced where nothing interactive waits.
+    /// Gives the film background priority: it is traced where nothing interactive waits.
     #[must_use]
     pub fn background(mut self) -> Self {
         self.priority = Priority::Background;
         self
     }
 
-    /// Calls this from the job's thread after each frame, and some ten times a second while tiles come.
+    /// Sets a callback that the job's thread calls after each frame, and some ten times a second while
+    /// tiles arrive.
     #[must_use]
     pub fn on_progress(mut self, callback: impl FnMut(&FilmProgress) + Send + 'static) -> Self {
         self.on_progress = Some(Box::new(callback));
         self
     }
 
-    /// A frame of all samples; in sRGB where they come at once and nothing is left to add up.
+    /// The specification of a frame with all samples: in sRGB if they come in one batch, as then nothing
+    /// has to be summed.
     fn spec(&self, update: SceneUpdate) -> FrameSpec {
         FrameSpec {
             update,
@@ -180,33 +183,34 @@ impl Film {
     }
 }
 
-/// How far a film is.
+/// Progress of a film.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct FilmProgress {
-    /// Frames of its range that are kept.
+    /// Finished frames of its range.
     pub frames_done: u32,
-    /// Frames of its range.
+    /// All frames of its range.
     pub frames: u32,
-    /// Tiles that have come of the frames that are being traced.
+    /// Tiles that have arrived of the frames in progress.
     pub tiles_done: u32,
-    /// Tiles of the frames that are being traced.
+    /// All tiles of the frames in progress.
     pub tiles: u32,
-    /// The frame that some or all samples have just come of, and their statistics; absent between.
+    /// The frame of which samples have just arrived, and their statistics; absent in between.
     pub frame: Option<(u32, FrameStats)>,
 }
 
-/// A film that is being traced. Dropped, it is cancelled.
+/// A film that is being traced. Dropping it cancels it.
 pub type FilmJob = Job<FilmFrames, FilmProgress>;
 
 impl Farm {
-    /// Begins to trace a film on a thread of its own. Each frame lies in `folder` as soon as it is
-    /// finished, and the same call goes on with those that are missing.
+    /// Starts to trace a film on its own thread. Each frame is in `folder` as soon as it is finished, and a
+    /// repeated call resumes with the missing ones.
     ///
     /// # Errors
-    /// [`Error::Tracer`] with the first rule that the scene or a frame breaks,
-    /// [`Error::NoFrameOfRange`], [`Error::FilmLength`], [`Error::UnfinishedFilm`] if the folder holds
-    /// frames of another, [`Error::ForeignFrame`] if it holds some of none, [`Error::Resume`], [`Error::File`], [`Error::Thread`].
+    /// [`Error::Tracer`] with the first rule that the scene or a frame breaks, [`Error::NoFrameOfRange`],
+    /// [`Error::FilmLength`], [`Error::UnfinishedFilm`] if the folder holds frames of another film,
+    /// [`Error::ForeignFrame`] if it holds frames without a film's identity, [`Error::Resume`],
+    /// [`Error::File`], [`Error::Thread`].
     pub fn film(
         &mut self,
         scene: &Scene,
@@ -261,21 +265,21 @@ impl FilmJob {
     }
 }
 
-/// What the thread of a job works on.
+/// State of a film job's thread.
 struct FilmRun {
     submitter: Submitter,
     scene: SceneHandle,
-    /// The last scene of a frame's own.
+    /// The last scene that belonged to a frame, with its handle.
     own_scene: Option<(Arc<Scene>, SceneHandle)>,
     film: Film,
     kept: FilmFrames,
-    /// Frames of which nothing has been asked for.
+    /// Frames of which nothing has been submitted.
     waiting: VecDeque<u32>,
     tracing: Vec<FilmFrame>,
     progress: Arc<Mutex<FilmProgress>>,
 }
 
-/// A frame that is being traced.
+/// A frame in progress.
 struct FilmFrame {
     index: u32,
     scene: SceneHandle,
@@ -290,7 +294,8 @@ impl FilmRun {
             Ok(()) => Ok(self.kept),
             Err(why) => {
                 if self.kept.kept() == 0 && self.film.range == FrameRange::ALL {
-                    // Nothing has begun; what cannot be removed does no harm.
+                    // No frame is finished, so the folder is of no use; what cannot be removed does no
+                    // harm.
                     let _ = self.kept.remove();
                 }
                 Err(why)
@@ -325,7 +330,7 @@ impl FilmRun {
         Ok(())
     }
 
-    /// Asks for as much as the farm takes now, in the order of the frames.
+    /// Submits as much as the farm accepts now, in the order of the frames.
     fn submit(&mut self) -> Result<(), Error> {
         for frame in &mut self.tracing {
             frame
@@ -333,6 +338,7 @@ impl FilmRun {
                 .submit_through(&mut self.submitter, &frame.scene)?;
         }
         loop {
+            // A frame is started once all samples of those before it have been submitted.
             let has_to_wait = |frame: &FilmFrame| frame.render.next_frame().is_some();
             let scenes: BTreeSet<_> = self.tracing.iter().map(|of| of.scene.hash()).collect();
             if self.tracing.iter().any(has_to_wait)
@@ -354,7 +360,7 @@ impl FilmRun {
         }
     }
 
-    /// The scene of a frame: the film's if it has none of its own.
+    /// The handle of a frame's scene: the film's if it has none of its own.
     fn handle(&mut self, own: Option<Arc<Scene>>) -> Result<SceneHandle, Error> {
         let Some(own) = own else {
             return Ok(self.scene.clone());
@@ -370,7 +376,7 @@ impl FilmRun {
         }
     }
 
-    /// Takes in samples of the frame at `place`, and keeps it once they are all there.
+    /// Accepts samples of the frame at index `place`, and stores it once they are complete.
     fn accept(
         &mut self,
         place: usize,
@@ -427,11 +433,11 @@ impl Film {
     }
 }
 
-/// Samples of a pixel that are asked for at a time: more are long to repeat when a node is lost. It
-/// does not depend on the farm, so that all machines make the same bits.
+/// Maximum samples per pixel of a batch: more take long to repeat when a node is lost. Independent of the
+/// farm, so that all machines produce the same bits.
 const BATCH_SAMPLES: u32 = 1024;
-/// Scenes of frames that are traced at a time: one is traced while another travels, and a node, which keeps
+/// Maximum number of scenes in flight: one is traced while another is transferred, and a node, which keeps
 /// [`SCENES_KEPT_MAX`](carom_protocol::limits::SCENES_KEPT_MAX) of them, has room for that of a view.
 const SCENES_IN_FLIGHT_MAX: usize = 2;
-/// How long to wait for a frame before looking at what else there is.
+/// Timeout of a wait for a frame, after which other work is checked.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);

@@ -1,4 +1,4 @@
-//! States of a scene, one for each frame of a film: known from the start, or made as each is traced.
+//! States of a scene, one for each frame of a film: known from the start, or created as each is traced.
 
 use std::sync::Arc;
 
@@ -6,27 +6,27 @@ use carom_tracer::{Scene, SceneUpdate};
 
 use crate::error::Error;
 
-/// What a frame of a film shows.
+/// State of the scene in a frame of a film.
 #[derive(Clone, Debug, Default)]
 pub struct FilmState {
-    /// A scene of the frame's own; absent, the film's.
+    /// The frame's own scene; absent, the film's.
     pub scene: Option<Arc<Scene>>,
-    /// What has moved there.
+    /// Update of that scene.
     pub update: SceneUpdate,
 }
 
-/// Those of a whole film.
+/// States of all frames of a film.
 pub(super) enum FilmStates {
     Updates(Vec<SceneUpdate>),
     Made {
         frames: usize,
-        /// Tells them from all others.
+        /// Identifies the states.
         key: String,
         make: MakeState,
     },
 }
 
-/// Makes the state of the frame of a number, the first being 0.
+/// Creates the state of a frame from its number, the first being 0.
 type MakeState = Box<dyn FnMut(u32) -> Result<FilmState, Error> + Send>;
 
 impl FilmStates {
@@ -37,7 +37,7 @@ impl FilmStates {
         }
     }
 
-    /// The updates that are known from the start, to be checked there.
+    /// The updates known from the start, for validation.
     pub(super) fn known(&self) -> &[SceneUpdate] {
         match self {
             Self::Updates(updates) => updates,
@@ -55,10 +55,10 @@ impl FilmStates {
         }
     }
 
-    /// Adds what tells them from all others.
+    /// Adds what identifies the states.
     pub(super) fn hash_into(&self, hash: &mut blake3::Hasher) {
         match self {
-            // What Rust prints of a number tells it from all others.
+            // Rust's shortest round-trip format of a float identifies its value.
             Self::Updates(updates) => updates.iter().for_each(|update| {
                 hash.update(format!("{update:?}").as_bytes());
             }),

@@ -1,9 +1,9 @@
 //! YUV4MPEG2: uncompressed video that encoders and players read.
 //!
-//! The form is that of mjpegtools (`man yuv4mpeg`): a line with the size and rate, then for each frame
-//! the word FRAME and the planes. Colours are not subsampled (`C444`). The file cannot say which
-//! matrix made its Y'CbCr, and players guess it from the size: BT.709 for high definition, BT.601
-//! below; so that is what is written.
+//! The format is that of mjpegtools (`man yuv4mpeg`): a header line with size and rate, then for each frame
+//! the word FRAME and the planes. Chroma is not subsampled (`C444`). The file cannot state its Y'CbCr
+//! matrix, and players guess it from the size, BT.709 for high definition and BT.601 below, so that is what
+//! is written.
 
 use std::io::{self, Write};
 
@@ -18,7 +18,7 @@ pub(super) struct Y4m<W> {
 }
 
 impl<W: Write> Y4m<W> {
-    /// Begins a film.
+    /// Writes the header.
     pub(super) fn begin(mut out: W, size: ImageSize, frames_per_sec: u16) -> io::Result<Self> {
         let ImageSize { width, height } = size;
         writeln!(
@@ -52,7 +52,7 @@ impl<W: Write> Y4m<W> {
     }
 }
 
-/// The shares of red and blue in luma.
+/// Luma coefficients of red and blue; green's is 1 minus their sum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct YuvMatrix {
     red: f32,
@@ -71,7 +71,7 @@ impl YuvMatrix {
         blue: 0.114,
     };
 
-    /// As players guess.
+    /// The matrix that players assume for a size.
     fn of(size: ImageSize) -> Self {
         if size.width >= 1280 || size.height > 576 {
             Self::HIGH
@@ -80,10 +80,11 @@ impl YuvMatrix {
         }
     }
 
-    /// Luma 16 to 235, chroma 16 to 240 round 128.
+    /// Limited-range 8-bit Y'CbCr: luma 16 to 235, chroma 16 to 240 around 128.
     fn ycc(self, rgb: [u8; 3]) -> [u8; 3] {
         let [r, g, b] = rgb.map(|v| f32::from(v) / 255.0);
         let luma = self.red * r + (1.0 - self.red - self.blue) * g + self.blue * b;
+        // Scaled so that Cb and Cr range over ±½: |B' − Y'| is at most 1 − K_B, and likewise for red.
         let chroma = |colour: f32, share: f32| (colour - luma) / (2.0 * (1.0 - share));
         [
             (16.0 + 219.0 * luma).round() as u8,

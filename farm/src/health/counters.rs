@@ -1,4 +1,4 @@
-//! Figures of a node since it started.
+//! Counters of a node since its start.
 
 use std::fmt::Write as _;
 use std::sync::Mutex;
@@ -9,7 +9,7 @@ use carom_protocol::{NodeInfo, RequestReport};
 
 use crate::lock::lock;
 
-/// What a node has done, counted by those who do it.
+/// Counters of a node, updated by all its parts.
 #[derive(Debug, Default)]
 pub struct NodeCounters {
     pub(super) tiles: AtomicU64,
@@ -23,37 +23,37 @@ pub struct NodeCounters {
     device: Mutex<DeviceUse>,
 }
 
-/// When the device was busy: calls that overlap are not counted twice.
+/// Busy time of the device: calls that overlap are not counted twice.
 #[derive(Debug)]
 struct DeviceUse {
     calls: u32,
-    /// When the number of calls last changed from or to none.
+    /// When the number of calls last changed from or to zero.
     since: Instant,
     busy: Duration,
 }
 
-/// Figures of a node at a moment; all but players and draining only ever rise.
+/// Snapshot of a node's counters; all but players, draining and idle only increase.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NodeFigures {
     /// Tiles traced.
     pub tiles: u64,
-    /// Samples of pixels traced.
+    /// Pixel samples traced.
     pub samples: u64,
     /// Samples that were not finite and count as black.
     pub dropped_samples: u64,
-    /// Bytes handed to the network.
+    /// Bytes passed to the network.
     pub sent_bytes: u64,
     /// Requests answered.
     pub requests: u64,
-    /// Time from their arrival to their last tile's being encoded, summed up.
+    /// Sum of the times from a request's arrival until its last tile was encoded.
     pub response: Duration,
     /// Time the device was busy.
     pub busy: Duration,
-    /// Connections of players now.
+    /// Current connections of players.
     pub players: u64,
-    /// Whether the node is about to end.
+    /// Whether the node is shutting down.
     pub draining: bool,
-    /// Time since the device was last busy, or since the start; zero while it is.
+    /// Time since the device was last busy, or since the start; zero while it is busy.
     pub idle: Duration,
 }
 
@@ -68,12 +68,12 @@ impl Default for DeviceUse {
 }
 
 impl NodeCounters {
-    /// Counts bytes that were handed to the network.
+    /// Counts bytes passed to the network.
     pub fn count_sent(&self, bytes: usize) {
         self.sent_bytes.fetch_add(bytes as u64, Ordering::Relaxed);
     }
 
-    /// Counts a request that was answered, by its report.
+    /// Counts an answered request by its report.
     pub fn count_request(&self, report: &RequestReport) {
         let stages = [
             report.queue_micros,
@@ -85,22 +85,22 @@ impl NodeCounters {
         self.response_micros.fetch_add(micros, Ordering::Relaxed);
     }
 
-    /// Counts a player that has come.
+    /// Counts a player's connection.
     pub fn player_came(&self) {
         self.players.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Counts a player that has gone.
+    /// Counts the end of a player's connection.
     pub fn player_left(&self) {
         self.players.fetch_sub(1, Ordering::Relaxed);
     }
 
-    /// Notes that the node is about to end.
+    /// Marks the node as shutting down.
     pub fn drain(&self) {
         self.draining.store(true, Ordering::Relaxed);
     }
 
-    /// The figures now.
+    /// The current values.
     pub fn figures(&self) -> NodeFigures {
         let (busy, idle) = {
             let device = lock(&self.device);
@@ -146,21 +146,21 @@ impl NodeCounters {
 }
 
 impl NodeFigures {
-    /// The share of `period` that the device was busy, 0 to 1; `before` are the figures at its begin.
+    /// The busy share of the device over `period`, 0 to 1; `before` are the values at its start.
     pub fn load_since(&self, before: &Self, period: Duration) -> f64 {
         let busy = self.busy.saturating_sub(before.busy);
         (busy.as_secs_f64() / period.as_secs_f64().max(1e-9)).min(1.0)
     }
 
-    /// Speed while the device was busy since `before`, in millions of pixel samples per second; absent
-    /// if it was not.
+    /// Speed over the device's busy time since `before`, in millions of pixel samples per second; `None` if
+    /// it was not busy.
     pub fn msamples_per_sec_since(&self, before: &Self) -> Option<f64> {
         let busy = self.busy.saturating_sub(before.busy).as_secs_f64();
         let samples = self.samples.saturating_sub(before.samples) as f64;
         (busy > 0.0 && samples > 0.0).then(|| 1e-6 * samples / busy)
     }
 
-    /// The figures in Prometheus' text format, by the names of the game's statistics.
+    /// The values in Prometheus' text format, named as in the game's statistics.
     pub fn prometheus(&self, info: &NodeInfo) -> String {
         let mut text = String::new();
         let version = env!("CARGO_PKG_VERSION");
@@ -172,7 +172,7 @@ impl NodeFigures {
              carom_node_info{{name=\"{name}\",device=\"{device}\",version=\"{version}\"}} 1"
         );
         for (name, help, value) in self.metrics() {
-            // Prometheus' naming: what only rises ends in `_total`.
+            // Prometheus' convention: names of counters end in `_total`.
             let kind = if name.ends_with("_total") {
                 "counter"
             } else {
@@ -187,7 +187,7 @@ impl NodeFigures {
         text
     }
 
-    /// Names, what they mean, and values.
+    /// Name, description and value of each metric.
     #[rustfmt::skip]
     fn metrics(&self) -> [(&'static str, &'static str, f64); 10] {
         let (busy, idle) = (self.busy.as_secs_f64(), self.idle.as_secs_f64());

@@ -1,5 +1,5 @@
-//! Probes and figures of a node over HTTP, without any key: on a port that only its own machine, or
-//! its cluster, can reach.
+//! Health probes and metrics of a node over HTTP, without authentication: on a port that only its own
+//! machine, or its cluster, can reach.
 
 use std::convert::Infallible;
 use std::net::SocketAddr;
@@ -21,25 +21,25 @@ use super::NodeCounters;
 use crate::Error;
 use crate::net::{StopHandle, runtime};
 
-/// What the probes tell of.
+/// Subject of the probes.
 #[derive(Clone)]
 pub struct NodeProbe {
-    /// The node's figures.
+    /// Counters of the node.
     pub counters: Arc<NodeCounters>,
-    /// Its name and device as they are now.
+    /// Its current name and device.
     pub info: Arc<dyn Fn() -> NodeInfo + Send + Sync>,
-    /// What ends it.
+    /// Handle that stops it.
     pub stop: StopHandle,
 }
 
-/// An HTTP server on a thread of its own, until the process ends.
+/// HTTP server on its own thread, which runs until the process ends.
 ///
 /// | request | answer |
 /// |---|---|
 /// | `GET /healthz` | 200 while the process runs |
-/// | `GET /readyz` | 200 while players may come, 503 once it drains |
-/// | `GET /metrics` | the figures, for Prometheus |
-/// | `POST /drain` | 202, and the node finishes and ends; only from its own machine |
+/// | `GET /readyz` | 200 while it accepts players, 503 once it drains |
+/// | `GET /metrics` | the counters, for Prometheus |
+/// | `POST /drain` | 202, and the node finishes its work and ends; only from its own machine |
 #[derive(Debug)]
 pub struct HealthServer {
     address: SocketAddr,
@@ -49,7 +49,7 @@ impl HealthServer {
     /// Listens at `address`.
     ///
     /// # Errors
-    /// [`Error::Socket`] if the address is in use or not of this machine.
+    /// [`Error::Socket`] if the address is in use or not one of this machine.
     pub fn start(address: SocketAddr, probe: NodeProbe) -> Result<Self, Error> {
         let port = format!("the health port {address}");
         let failed = Error::socket(&port);
@@ -74,8 +74,8 @@ async fn listen(listener: TcpListener, probe: NodeProbe) {
     let places = Arc::new(Semaphore::new(PROBES_MAX));
     loop {
         let (Ok(place), accepted) = (
-            // The place first: while all are taken, calls wait in the system's queue and take no memory
-            // here.
+            // The permit first: while all are taken, connections wait in the system's queue and use no
+            // memory here.
             Arc::clone(&places).acquire_owned().await,
             listener.accept().await,
         ) else {
@@ -97,7 +97,7 @@ async fn listen(listener: TcpListener, probe: NodeProbe) {
     }
 }
 
-/// One request, as a probe sends it.
+/// Serves one request per connection.
 async fn serve(stream: TcpStream, peer: SocketAddr, probe: NodeProbe) {
     let answer = service_fn(|request: Request<Incoming>| {
         let response = answer(&request, peer, &probe);
@@ -123,7 +123,7 @@ fn answer<B>(request: &Request<B>, peer: SocketAddr, probe: &NodeProbe) -> Respo
         }
         (&Method::GET, "/readyz") => (StatusCode::OK, "ready\n".to_owned()),
         (&Method::GET, "/metrics") => (StatusCode::OK, figures.prometheus(&(probe.info)())),
-        // A page in a browser on this machine may send a POST, and then names its origin.
+        // A web page open in a browser on this machine could send a POST, but the browser adds its origin.
         (&Method::POST, "/drain")
             if peer.ip().to_canonical().is_loopback()
                 && !request.headers().contains_key(ORIGIN) =>
@@ -150,9 +150,9 @@ fn answer<B>(request: &Request<B>, peer: SocketAddr, probe: &NodeProbe) -> Respo
     response
 }
 
-/// Bytes of a request's head; a probe's has some hundred. The least that hyper allows.
+/// Maximum bytes of a request's head, of which a probe has some hundred: the minimum that hyper allows.
 const REQUEST_BYTES_MAX: usize = 8192;
-/// The pause after the system has refused a connection, for want of files.
+/// Pause after a failed accept, as when the process is out of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 #[cfg(test)]

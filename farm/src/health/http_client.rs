@@ -1,4 +1,4 @@
-//! Client of small services over plain HTTP: a cloud's metadata, figures of nodes.
+//! Client of small services over plain HTTP: a cloud's metadata, metrics of nodes.
 
 use std::fmt::Display;
 use std::time::Duration;
@@ -18,16 +18,16 @@ use crate::net::runtime;
 /// The text at `http://host:port/path`.
 ///
 /// # Errors
-/// [`Error::Directory`] if there is none within `patience`, or the status is not 200.
+/// [`Error::Directory`] if there is no answer within `patience`, or its status is not 200.
 pub fn http_get(url: &str, patience: Duration) -> Result<String, Error> {
     let mut answers = http_get_all(&[url.to_owned()], patience)?;
     answers.remove(0)
 }
 
-/// The texts of several addresses, asked at once; of each the text or why there is none.
+/// The texts of several URLs, requested concurrently, each with its own error.
 ///
 /// # Errors
-/// [`Error::Directory`] if the system has no files left.
+/// [`Error::Directory`] if the runtime cannot be created, for want of file descriptors.
 pub fn http_get_all(
     urls: &[String],
     patience: Duration,
@@ -62,7 +62,7 @@ async fn get(url: &str, patience: Duration) -> Result<String, Error> {
     }
 }
 
-/// Services that are asked at once.
+/// Maximum number of concurrent requests.
 const AT_ONCE_MAX: usize = 128;
 
 /// A service at a host and port.
@@ -80,8 +80,8 @@ impl HttpService {
         Some(Self { authority })
     }
 
-    /// Asks over a connection of its own; of a longer answer than [`HTTP_ANSWER_BYTES_MAX`] nothing
-    /// is kept.
+    /// Sends a request over its own connection. An answer longer than [`HTTP_ANSWER_BYTES_MAX`] is an
+    /// error.
     pub(super) async fn ask(
         &self,
         method: Method,
@@ -104,7 +104,7 @@ impl HttpService {
         }
         let request = request.body(Empty::<Bytes>::new());
         let request = request.map_err(|why| failed(&why))?;
-        // Ends with the answer; what goes wrong is told by the request.
+        // Ends with the answer; its errors are reported by the request.
         tokio::spawn(connection);
         let response = sender.send_request(request).await;
         let response = response.map_err(|why| failed(&why))?;

@@ -1,4 +1,4 @@
-//! Tracer that counts what its device does.
+//! Tracer that counts the work of its device.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -10,13 +10,13 @@ use carom_tracer::{
 
 use super::NodeCounters;
 
-/// Another tracer, and the counters of what it does.
+/// Wrapper of a tracer that counts its work.
 pub struct MeteredTracer {
     tracer: Arc<dyn Tracer>,
     counters: Arc<NodeCounters>,
 }
 
-/// A call of the device, until it is dropped: also by a panic.
+/// Guard of a device call, which ends when it is dropped, also by a panic.
 struct DeviceCall<'a>(&'a NodeCounters);
 
 impl<'a> DeviceCall<'a> {
@@ -33,7 +33,7 @@ impl Drop for DeviceCall<'_> {
 }
 
 impl MeteredTracer {
-    /// Counts what `tracer` does from now on.
+    /// Counts the work of `tracer` from now on.
     pub const fn new(tracer: Arc<dyn Tracer>, counters: Arc<NodeCounters>) -> Self {
         Self { tracer, counters }
     }

@@ -1,5 +1,5 @@
-//! Health of a node, for those who run it: figures, probes over HTTP, and the notice by which a cloud
-//! takes its machine back.
+//! Health of a node, for its operators: counters, probes over HTTP, and the notice that a cloud reclaims
+//! the machine.
 //!
 //! ```text
 //! MeteredTracer, connections ──▶ NodeCounters ──▶ /metrics, a line a minute, the exit when idle

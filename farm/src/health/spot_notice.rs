@@ -1,5 +1,5 @@
-//! Notice of EC2 that it takes a spot machine back, two minutes ahead, by its instance metadata
-//! service (IMDSv2).
+//! Notice of EC2 that it reclaims a spot machine, two minutes ahead, from its instance metadata service
+//! (IMDSv2).
 
 use std::time::Duration;
 
@@ -9,14 +9,13 @@ use super::http_client::HttpService;
 use crate::Error;
 use crate::net::{StopHandle, runtime};
 
-/// Stops the node at the first notice; asks every five seconds, as AWS advises, until the process ends.
+/// Stops the node at the first notice; polls every five seconds, as AWS recommends, until the process ends.
 ///
-/// The service is where the variable `AWS_EC2_METADATA_SERVICE_ENDPOINT` says, as for AWS' own tools,
-/// or at the address that all machines of EC2 have.
+/// The service is at the URL in the variable `AWS_EC2_METADATA_SERVICE_ENDPOINT`, as for AWS' own tools, or
+/// at the address common to all machines of EC2.
 ///
 /// # Errors
-/// [`Error::Directory`] if the variable holds no `http://` address, [`Error::Socket`] if the system has
-/// no threads left.
+/// [`Error::Directory`] if the variable is no `http://` URL, [`Error::Socket`] if no thread can be started.
 pub fn watch_spot_notice(stop: StopHandle) -> Result<(), Error> {
     let endpoint = std::env::var(ENDPOINT_VARIABLE).unwrap_or_else(|_| ENDPOINT.to_owned());
     let service = MetadataService::at(&endpoint)?;
@@ -33,7 +32,7 @@ pub fn watch_spot_notice(stop: StopHandle) -> Result<(), Error> {
     Ok(())
 }
 
-/// An instance metadata service.
+/// Client of an instance metadata service.
 #[derive(Debug)]
 struct MetadataService(HttpService);
 
@@ -46,7 +45,7 @@ impl MetadataService {
         })
     }
 
-    /// Waits for a notice: AWS' words.
+    /// Waits for a notice and returns its text.
     async fn wait(&self) -> String {
         let mut reported = false;
         loop {
@@ -90,9 +89,9 @@ impl MetadataService {
 const ENDPOINT_VARIABLE: &str = "AWS_EC2_METADATA_SERVICE_ENDPOINT";
 /// The link-local address of the service on every machine of EC2.
 const ENDPOINT: &str = "http://169.254.169.254";
-/// AWS' advice for spot notices.
+/// Polling period, as AWS recommends for spot notices.
 const PERIOD: Duration = Duration::from_secs(5);
-/// The service is on the same host and answers within milliseconds.
+/// Timeout of a request: the service is on the same host and answers within milliseconds.
 const ANSWER_PATIENCE: Duration = Duration::from_secs(2);
 
 #[cfg(test)]
@@ -102,7 +101,7 @@ mod tests {
 
     use super::*;
 
-    /// A service that demands tokens and gives notice at the second question.
+    /// A service that demands tokens and gives notice at the second request.
     fn stub() -> SocketAddr {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();

@@ -1,4 +1,4 @@
-//! A device among several of a machine: what it fails by, and its preparation.
+//! One device of a [`super::MultiDeviceTracer`]: its faults, and its preparation.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,17 +14,17 @@ use carom_tracer::{
 use super::{JobProgress, JobSink};
 use crate::lock::lock;
 
-/// A tracer that may fail for a while.
+/// A tracer that may fail temporarily.
 pub(super) struct Device {
     pub(super) tracer: Arc<dyn Tracer>,
     fault: Mutex<Option<DeviceFault>>,
     preparation: Mutex<Option<Preparation>>,
 }
 
-/// Thread that prepares a device, or has.
+/// Thread that prepares a device, or has finished.
 type Preparation = JoinHandle<Result<(), Error>>;
 
-/// Why a device is not used now.
+/// Why and for how long a device is not used.
 struct DeviceFault {
     why: String,
     since: Instant,
@@ -40,7 +40,7 @@ impl Device {
         }
     }
 
-    /// Prepares the device for jobs like this one in a thread, if none is at it.
+    /// Prepares the device for jobs like this one in a thread, unless one is running.
     pub(super) fn prepare(&self, scene: &CompiledScene, job: &TraceJob<'_>) {
         let mut preparation = lock(&self.preparation);
         if !self.end_preparation(&mut preparation) {
@@ -48,6 +48,7 @@ impl Device {
         }
         let tracer = Arc::clone(&self.tracer);
         let (scene, tile, size) = (scene.clone(), job.tiles[0], job.size);
+        // One sample of one tile: only the compilation of the kernels matters.
         let settings = RenderSettings {
             samples: 1,
             ..job.settings
@@ -70,7 +71,7 @@ impl Device {
         }
     }
 
-    /// Whether no thread prepares the device now. What the last one failed by is the device's fault.
+    /// Whether no preparation is running. If the last one failed, the device is marked as faulty.
     pub(super) fn is_prepared(&self) -> bool {
         self.end_preparation(&mut lock(&self.preparation))
     }
@@ -90,7 +91,7 @@ impl Device {
         true
     }
 
-    /// Traces some tiles of a job until `cancelled`. A panic is the device's fault.
+    /// Traces some tiles of a job until `cancelled`. A panic becomes the device's error.
     pub(super) fn trace(
         &self,
         work: &JobProgress<'_>,
@@ -103,9 +104,7 @@ impl Device {
             cancelled,
             ..*work.job
         };
-        // A device that hands a tile over twice, or has failed after it did: the first counts.
-        // Relaxed: the swap alone tells who is first, and what else reads these flags does so after the
-        // device's threads have been joined.
+        // A device may deliver a tile twice, or fail after delivering: the first copy counts.
         let is_first = |index: usize| !work.done[index].swap(true, Ordering::Relaxed);
         catching(&*self.tracer, || match work.sink {
             JobSink::Radiance(sink) => self.tracer.trace(work.scene, &job, &|tile| {
@@ -126,8 +125,8 @@ impl Device {
         })
     }
 
-    /// A device that has rested is tried again: memory may be free again. A lost device fails at
-    /// once, and its tiles are traced elsewhere again.
+    /// Whether the device may be used. A device is tried again after its rest, as memory may be free again;
+    /// a lost one fails at once, and its tiles are traced elsewhere.
     pub(super) fn is_usable(&self) -> bool {
         let fault = lock(&self.fault);
         fault
@@ -138,6 +137,7 @@ impl Device {
     pub(super) fn fail(&self, why: &Error) {
         let why = why.to_string();
         let mut fault = lock(&self.fault);
+        // A fault stays until the next success, so that repeated failures double the rest.
         let rest = match &*fault {
             Some(before) => (2 * before.rest).min(REST_MAX),
             None => {
@@ -161,7 +161,7 @@ impl Device {
 }
 
 impl Drop for Device {
-    /// Waits for the thread that prepares it: a driver that compiles must not see the process exit.
+    /// Waits for the preparation: a compiling driver must not be torn down by the process exiting.
     fn drop(&mut self) {
         if let Some(thread) = lock(&self.preparation).take() {
             let _ = thread.join();
@@ -169,7 +169,7 @@ impl Drop for Device {
     }
 }
 
-/// Runs `work` of a tracer, whose panic is its error.
+/// Runs `work` of a tracer and turns a panic into an error.
 fn catching(
     tracer: &dyn Tracer,
     work: impl FnOnce() -> Result<TraceStats, Error>,
@@ -182,6 +182,6 @@ fn catching(
     })
 }
 
-/// How long a device rests after its first failure; it doubles with each further one.
+/// Rest of a device after its first failure; it doubles with each further one, up to [`REST_MAX`].
 const REST_MIN: Duration = Duration::from_secs(1);
 const REST_MAX: Duration = Duration::from_secs(64);

@@ -1,8 +1,8 @@
-//! Learned costs of a machine's devices, and whether they are better used together.
+//! Learned costs of a machine's devices, and the choice between using the best one or all.
 //!
-//! Whether a second device pays cannot be told from the costs alone: while it works, it takes
-//! memory bandwidth, cores and power from the first. So frames are timed both ways. The better way
-//! is kept, and the other one is tried again now and then.
+//! Whether a second device pays cannot be told from the costs alone: while it works, it takes memory
+//! bandwidth, cores and power from the first. So frames are timed both ways, the better way is kept, and
+//! the comparison is repeated now and then.
 
 use crate::balancer::{CostModel, Estimator, Observation, water_fill};
 
@@ -14,8 +14,7 @@ pub(super) struct DeviceTiming {
 }
 
 impl DeviceTiming {
-    /// `work` done in `secs`, of which the device's own clock accounts for `device_nanos`, 0 where
-    /// it has none.
+    /// `work` done in `secs`, of which `device_nanos` are by the device's own clock, 0 if it has none.
     pub(super) fn new(work: f64, secs: f64, device_nanos: u64) -> Self {
         let device_secs = device_nanos as f64 * 1e-9;
         let busy_secs = if device_nanos > 0 {
@@ -31,7 +30,7 @@ impl DeviceTiming {
     }
 }
 
-/// Jobs that are alike: what pays for long ones may not for short ones.
+/// Class of similar jobs: using all devices may pay for long jobs and not for short ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct JobClass {
     pub(super) samples: u32,
@@ -40,7 +39,7 @@ pub(super) struct JobClass {
     pub(super) pixels_log2: u32,
 }
 
-/// Models for each class of job; the least recently used are forgotten.
+/// Models per class of jobs; the least recently used are dropped.
 pub(super) struct JobModels {
     devices: usize,
     classes: Vec<(JobClass, DeviceModels)>,
@@ -66,24 +65,24 @@ impl JobModels {
     }
 }
 
-/// Costs of all devices, and how long jobs take either way.
+/// Costs of all devices for a class of jobs, and the durations with one and with all.
 pub(super) struct DeviceModels {
     devices: Vec<Estimator>,
     phase: Phase,
     /// Jobs until the next phase.
     jobs_left: u32,
-    /// Seconds per unit of work of the quickest job of the last trial, with the best device alone
-    /// and with all.
+    /// Seconds per unit of work of the fastest job of the last trial, with the best device alone and with
+    /// all devices.
     alone_pace: f64,
     together_pace: f64,
 }
 
-/// What the next jobs are for.
+/// Purpose of the next jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     TryAlone,
     TryTogether,
-    /// The better way.
+    /// Uses the better way.
     Keep,
 }
 
@@ -98,13 +97,14 @@ impl DeviceModels {
         }
     }
 
-    /// The work of each of the `usable` devices, the quickest of which is first as long as nothing
-    /// is known of them.
+    /// The work of each of the `usable` devices. While nothing is known of them, all work goes to the
+    /// first.
     pub(super) fn divide(&mut self, work: f64, usable: &[usize]) -> Vec<f64> {
         let costs: Vec<CostModel> = usable.iter().map(|&i| self.cost_model(i, work)).collect();
         if self.goes_together() {
             return water_fill(work, &costs).shares;
         }
+        // Alone: the device with the earliest finish for all the work, among those that have been timed.
         let known = |&place: &usize| self.devices[usable[place]].estimate().is_some();
         let finish = |place: usize| costs[place].fixed_secs + costs[place].secs_per_work * work;
         let best = (0..usable.len())
@@ -123,13 +123,13 @@ impl DeviceModels {
         }
     }
 
-    /// Learns from a whole job that was divided, or was not.
+    /// Learns the duration of a whole job, divided or not.
     pub(super) fn judge(&mut self, work: f64, secs: f64, was_divided: bool) {
         if work <= 0.0 {
             return;
         }
         let pace = secs / work;
-        // The first jobs of a trial compile kernels, or find the shares.
+        // The first half of a trial compiles kernels or converges to the shares.
         let counts = self.jobs_left <= TRIAL_JOBS / 2;
         match self.phase {
             Phase::TryAlone if counts && !was_divided => {
@@ -157,8 +157,8 @@ impl DeviceModels {
         };
     }
 
-    /// The cost of a device for a job of `work`. One that is not known gets little, one that is no
-    /// more than some times what it has shown.
+    /// The cost model of a device for a job of `work`. An unknown device is bounded to a small share, a
+    /// known one to a multiple of what it has proven.
     fn cost_model(&self, device: usize, work: f64) -> CostModel {
         let estimates = self.devices.iter().filter_map(Estimator::estimate);
         let paces = estimates.map(|estimate| estimate.secs_per_work);
@@ -174,7 +174,7 @@ impl DeviceModels {
             fixed_secs,
             secs_per_work,
             work_max,
-            // A device's tiles are not asked for twice.
+            // Tiles within a machine are not hedged.
             unmonitored_work: 0.0,
             margin_secs: 0.0,
         }
@@ -194,19 +194,19 @@ impl DeviceModels {
     }
 }
 
-/// Classes of jobs that are remembered: a governor moves among a dozen settings.
+/// Maximum number of classes: a quality governor moves among a dozen settings.
 const CLASSES_MAX: usize = 32;
-/// By how much jobs must be shorter with all devices: less is noise, and heat for nothing. A sixteen-core
-/// CPU beside an H200 could gain 3.5 %; where it was used for that, frames took 0.98 to 1.06 of the time.
+/// Minimum gain in time for using all devices: less is noise and wasted power. Measured: a sixteen-core CPU
+/// beside an H200 could gain 3.5 % in theory, and frames with it took 0.98 to 1.06 times as long.
 const GAIN_MIN: f64 = 0.05;
-/// Jobs of a trial; the first half finds the shares, from the smallest on.
+/// Jobs per trial; the first half converges to the shares, starting from the smallest.
 pub(super) const TRIAL_JOBS: u32 = 12;
-/// Jobs until both ways are tried again. A trial costs 12 jobs of the worse way, which takes at
-/// most twice as long where the better one is to use all devices: 1 % of the time.
+/// Jobs until the next trials. A trial costs 12 jobs of the worse way, which take at most twice as long
+/// where all devices are better: 1 % of the time.
 const KEPT_JOBS: u32 = 1200;
-/// Share of a job that shows how fast an unknown device is.
+/// Maximum share of a job for an unknown device.
 const PROBE_SHARE: f64 = 1.0 / 32.0;
-/// How much more than ever before a device may get at once.
+/// Growth factor: maximum share relative to the largest one so far.
 const GROWTH_MAX: f64 = 4.0;
 
 #[cfg(test)]

@@ -1,17 +1,18 @@
-//! Tracer made of several devices of one machine: all its GPUs and its CPU for one frame.
+//! Tracer that uses several devices of one machine, all its GPUs and its CPU, for one frame.
 //!
 //! ```text
 //! job ──device_model: water_fill──▶ a contiguous range of tiles per device ──Tracer::trace──▶ sink
 //!                           └ what a failed device leaves is traced by the others
 //! ```
 //!
-//! The split is that of frames among nodes ([`crate::balancer`]): each device's cost
-//! y = A + B·w, learned from its own shares, and the earliest common finish over these costs. A
-//! device that does not make frames shorter is left out ([`device_model`]). A device that fails rests,
-//! and its name says why, so that a fallback is seen wherever the device is named.
+//! The split is that of frames among nodes ([`crate::balancer`]): each device's cost y = A + B·w, learned
+//! from its own shares, and the earliest common finish over these costs. A device that does not make frames
+//! shorter is left out ([`device_model`]). A failed device rests for a while, and the tracer's name states
+//! the reason, so that a fallback is visible wherever the device is named.
 //!
-//! A device that is not ready, as a GPU whose kernels for such a scene are not compiled, is prepared in a thread
-//! of its own with a tile of the job, while one that is ready traces; what is then left of a job goes to the others.
+//! A device that is not ready, such as a GPU whose kernels for a scene are not compiled, is prepared in a
+//! separate thread with a tile of the job while a ready one traces; what is left of the job then goes to
+//! the first usable device.
 
 mod device;
 mod device_model;
@@ -31,29 +32,29 @@ use device_model::{DeviceTiming, JobClass, JobModels};
 
 use crate::lock::lock;
 
-/// Traces with several devices at once.
+/// Tracer that divides each job among several devices.
 pub struct MultiDeviceTracer {
     devices: Vec<Device>,
     models: Mutex<JobModels>,
-    /// Why devices that the machine has are not among these.
+    /// Reasons why other devices of the machine are not among these.
     absent: Vec<String>,
 }
 
-/// Tiles of a job that one device is to trace, by their places in the job.
+/// The tiles of a job for one device, as indices into the job's tiles.
 struct DeviceShare {
     device: usize,
     tiles: Vec<usize>,
 }
 
 impl MultiDeviceTracer {
-    /// Jobs of a class until it is known whether the devices are better used together for it.
+    /// Jobs of a class until the trials of one device and of all are finished.
     pub const JOBS_UNTIL_SETTLED: u32 = 2 * device_model::TRIAL_JOBS;
 
-    /// `devices` as one, the quickest first: it traces alone until the others are known. `absent`
-    /// says of each device that cannot be used why.
+    /// Combines `devices`, the fastest first: it traces alone until the others are known. `absent` gives
+    /// for each unusable device the reason.
     ///
     /// # Panics
-    /// If there is no device.
+    /// If `devices` is empty.
     pub fn new(devices: Vec<Arc<dyn Tracer>>, absent: Vec<String>) -> Self {
         assert!(!devices.is_empty(), "a tracer of no device");
         let models = Mutex::new(JobModels::new(devices.len()));
@@ -86,6 +87,8 @@ impl MultiDeviceTracer {
         }
         let is_ready = |&index: &usize| self.devices[index].tracer.is_ready(scene, &job.settings);
         let (ready, unready): (Vec<_>, Vec<_>) = usable.iter().partition(|index| is_ready(index));
+        // While kernels compile, a ready device traces alone; with none ready, all have to wait for their
+        // own.
         let is_meanwhile = !ready.is_empty() && !unready.is_empty();
         let begun = Instant::now();
         let mut stats = TraceStats::default();
@@ -104,6 +107,8 @@ impl MultiDeviceTracer {
             self.parts(&work, &usable)
         };
         let together = parts.len() > 1;
+        // Each round passes what failed devices have left to another one, until nothing is left or no
+        // device is usable.
         while !parts.is_empty() {
             stats = sum(stats, self.trace_parts(&work, &mut parts)?);
             let left: Vec<usize> = parts.into_iter().flat_map(|part| part.tiles).collect();
@@ -112,6 +117,7 @@ impl MultiDeviceTracer {
             }
             parts = vec![self.retrace_failed(left)?];
         }
+        // A job that waited for a compilation, or was cancelled, does not show how long such jobs take.
         if !is_meanwhile && !job.cancelled.load(Ordering::Relaxed) {
             let secs = begun.elapsed().as_secs_f64();
             lock(&self.models)
@@ -121,14 +127,14 @@ impl MultiDeviceTracer {
         Ok(stats)
     }
 
-    /// The devices that may be used now.
+    /// Indices of the devices that may be used now.
     fn usable(&self) -> Vec<usize> {
         let usable = |index: &usize| self.devices[*index].is_usable();
         (0..self.devices.len()).filter(usable).collect()
     }
 
-    /// Traces with `device` until the `unready` ones are prepared for the job. Returns the tiles that are left then; of
-    /// a cancelled job there are none. Nothing is learned from it: jobs are divided otherwise once all are ready.
+    /// Traces with `device` until the `unready` ones are prepared for the job. Returns the tiles left then,
+    /// none if the job is cancelled. Nothing is learned from it, as later jobs are divided differently.
     fn trace_meanwhile(
         &self,
         work: &JobProgress<'_>,
@@ -145,6 +151,8 @@ impl MultiDeviceTracer {
             settled.all(|is_prepared| is_prepared)
         };
         let is_cancelled = || work.job.cancelled.load(Ordering::Relaxed);
+        // A watcher interrupts the trace once the other devices are prepared; `finished` ends the watcher
+        // if the trace ends first.
         let [interrupted, finished] = [(), ()].map(|()| AtomicBool::new(false));
         let mut part = DeviceShare {
             device,
@@ -166,8 +174,7 @@ impl MultiDeviceTracer {
         Ok((stats.unwrap_or_default(), left))
     }
 
-    /// Traces each part with its device, all at once. What a device has failed to trace is left
-    /// in its part.
+    /// Traces all parts concurrently. Tiles that a device has failed to trace remain in its part.
     fn trace_parts(
         &self,
         work: &JobProgress<'_>,
@@ -189,7 +196,7 @@ impl MultiDeviceTracer {
     }
 
     /// # Errors
-    /// What is no fault of the device.
+    /// Errors that are not the device's fault.
     fn trace_part(
         &self,
         work: &JobProgress<'_>,
@@ -211,11 +218,11 @@ impl MultiDeviceTracer {
         Ok(stats)
     }
 
-    /// Traces a part with its device until `cancelled`. `None` if the device fails: what it has not traced is then
-    /// left in the part.
+    /// Traces a part with its device until `cancelled`. `None` if the device fails: the untraced tiles then
+    /// remain in the part.
     ///
     /// # Errors
-    /// What is no fault of the device.
+    /// Errors that are not the device's fault.
     fn attempt(
         &self,
         work: &JobProgress<'_>,
@@ -235,7 +242,7 @@ impl MultiDeviceTracer {
         }
     }
 
-    /// Divides all of a job.
+    /// Divides a whole job among the `usable` devices.
     fn parts(&self, work: &JobProgress<'_>, usable: &[usize]) -> Vec<DeviceShare> {
         let shares = lock(&self.models)
             .get_mut(work.class())
@@ -248,11 +255,11 @@ impl MultiDeviceTracer {
         parts.filter(|part| !part.tiles.is_empty()).collect()
     }
 
-    /// Another device for tiles that a failed one has left: the last that is usable, which is the
-    /// CPU where there is one.
+    /// Assigns the tiles that a failed device has left to the last usable device, which is the CPU where
+    /// there is one.
     ///
     /// # Errors
-    /// [`Error::Device`] with all that has failed if none is left.
+    /// [`Error::Device`] with all faults if no device is left.
     fn retrace_failed(&self, tiles: Vec<usize>) -> Result<DeviceShare, Error> {
         if let Some(&device) = self.usable().last() {
             return Ok(DeviceShare { device, tiles });
@@ -269,25 +276,25 @@ impl MultiDeviceTracer {
     }
 }
 
-/// Where tiles of a job go, and as what.
+/// Destination and format of a job's tiles.
 #[derive(Clone, Copy)]
 enum JobSink<'a> {
     Radiance(&'a (dyn Fn(TileRadiance) + Sync)),
-    /// Of that exposure.
+    /// sRGB of the given exposure.
     Srgb8(f32, &'a (dyn Fn(TileSrgb8) + Sync)),
 }
 
-/// A job and what has been done of it.
+/// A job and its progress.
 struct JobProgress<'a> {
     scene: &'a CompiledScene,
     job: &'a TraceJob<'a>,
     sink: JobSink<'a>,
-    /// By a tile's place in the job.
+    /// By index of a tile in the job: whether it has been delivered.
     done: Vec<AtomicBool>,
 }
 
 impl JobProgress<'_> {
-    /// Pixel samples of some tiles.
+    /// Pixel samples of some of the tiles.
     fn of(&self, places: &[usize]) -> f64 {
         let pixels = places
             .iter()
@@ -313,7 +320,7 @@ impl JobProgress<'_> {
 }
 
 impl Tracer for MultiDeviceTracer {
-    /// The first healthy device's kind, and the names of all with what is wrong with them.
+    /// Kind of the first healthy device, and the names of all with their faults.
     fn info(&self) -> DeviceInfo {
         let healthy: Vec<_> = self
             .devices
@@ -337,7 +344,7 @@ impl Tracer for MultiDeviceTracer {
         }
     }
 
-    /// Whether all devices that are used are.
+    /// Whether all usable devices are ready.
     fn is_ready(&self, scene: &CompiledScene, settings: &RenderSettings) -> bool {
         let is_ready = |index: usize| self.devices[index].tracer.is_ready(scene, settings);
         self.usable().into_iter().all(is_ready)
@@ -362,7 +369,7 @@ impl Tracer for MultiDeviceTracer {
         self.trace_into(scene, job, JobSink::Srgb8(exposure, sink))
     }
 
-    /// The first device that can finds all of them.
+    /// Traces the AOVs with the first device that succeeds.
     fn aovs(
         &self,
         scene: &CompiledScene,
@@ -371,6 +378,7 @@ impl Tracer for MultiDeviceTracer {
     ) -> Result<(), Error> {
         for index in self.usable() {
             let device = &self.devices[index];
+            // Collected first: a device that fails midway must not have passed anything to the sink.
             let found = Mutex::new(Vec::new());
             let keep = |tile| lock(&found).push(tile);
             match device.tracer.aovs(scene, job, &keep) {
@@ -387,7 +395,7 @@ impl Tracer for MultiDeviceTracer {
     }
 }
 
-/// Cuts tiles into contiguous runs whose pixels are in the proportion of `shares`.
+/// Cuts tiles into contiguous runs whose pixel counts are in proportion to `shares`.
 fn cut(tiles: &[Tile], shares: &[f64]) -> Vec<Range<usize>> {
     let pixels: f64 = tiles.iter().map(|tile| tile.pixels() as f64).sum();
     let total: f64 = shares.iter().sum();
@@ -396,7 +404,7 @@ fn cut(tiles: &[Tile], shares: &[f64]) -> Vec<Range<usize>> {
     for share in shares {
         wanted += share / total * pixels;
         let mut end = begin;
-        // A tile goes to whoever gets the larger part of it.
+        // A tile goes to the run that gets the larger part of it.
         while end < tiles.len() && filled + 0.5 * tiles[end].pixels() as f64 <= wanted {
             filled += tiles[end].pixels() as f64;
             end += 1;
@@ -405,7 +413,7 @@ fn cut(tiles: &[Tile], shares: &[f64]) -> Vec<Range<usize>> {
         begin = end;
     }
     if let Some(last) = runs.iter_mut().rev().find(|run| run.start < run.end) {
-        last.end = tiles.len(); // rounding
+        last.end = tiles.len(); // rounding may leave tiles over
     }
     runs
 }
@@ -415,5 +423,5 @@ fn sum(mut a: TraceStats, b: TraceStats) -> TraceStats {
     a
 }
 
-/// Between two looks at whether devices are prepared.
+/// Polling interval of preparations.
 const PREPARATION_PAUSE: Duration = Duration::from_millis(1);

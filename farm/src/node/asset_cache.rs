@@ -1,9 +1,10 @@
-//! Cache of scenes' chunks in a folder: bounded, checked when it is read, shared by the nodes of a machine.
+//! Cache of scene chunks in a folder: bounded, verified on reading, shared by the nodes of a machine.
 //!
-//! A chunk is a file, named by the hash of its bytes and written whole, so nodes that share the folder need no
-//! agreement: whoever writes a chunk writes the same. When a file was last used stands in its time of modification;
-//! what was not used for longest goes first, and before it what was used in the future, by a clock that has been set
-//! since. A file that does not hash to its name is removed.
+//! A chunk is a file named by the hash of its contents and replaced atomically, so nodes that share the
+//! folder need no coordination: all write the same bytes under a name. The modification time of a file is
+//! its last use. The least recently used files are evicted first, preceded by those with a time in the
+//! future, left by a clock that has been corrected since. A file whose contents do not match its name is
+//! removed.
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Read as _, Write as _};
@@ -18,29 +19,29 @@ use carom_protocol::session::ChunkStore;
 use crate::lock::lock;
 use crate::whole_file::WholeFile;
 
-/// Chunks of scenes in a folder. Other files in there are left alone.
+/// Chunks of scenes in a folder. Other files in the folder are left alone.
 #[derive(Debug)]
 pub struct AssetCache {
     folder: PathBuf,
     bytes_max: u64,
-    /// Bytes written since the folder was last looked through.
+    /// Bytes written since the folder was last scanned.
     written: Mutex<u64>,
-    /// A full disk is told of once, not for each chunk.
+    /// Whether a failure has been logged: a full disk is reported once, not per chunk.
     has_failed: AtomicBool,
 }
 
 impl AssetCache {
-    /// A cache of at most `bytes_max` bytes in `folder`, which is made if it is not there. The bound holds for up to
-    /// eight nodes that share a folder; each one beyond may exceed it by a thirty-second.
+    /// Opens a cache of at most `bytes_max` bytes in `folder`, which is created if absent. The limit holds
+    /// for up to eight nodes that share a folder; each further one may exceed it by 1/32.
     ///
     /// # Errors
-    /// The system's, if the folder cannot be made, read or written.
+    /// The I/O error if the folder cannot be created, read or written.
     pub fn open(folder: impl Into<PathBuf>, bytes_max: u64) -> io::Result<Self> {
         let folder = folder.into();
         fs::create_dir_all(&folder)?;
         match WholeFile::claim(&folder.join("writable")) {
             Err(why) if why.kind() != ErrorKind::AlreadyExists => return Err(why),
-            _ => {} // written by another node at this moment, or by this one
+            _ => {} // claimed by another node, or this one, at this moment: then it is writable
         }
         let cache = Self {
             folder,
@@ -52,8 +53,8 @@ impl AssetCache {
         Ok(cache)
     }
 
-    /// `carom/assets` in the user's folder for caches: `$XDG_CACHE_HOME` or `~/.cache` and the like, if the platform
-    /// has one.
+    /// `carom/assets` in the user's cache folder, `$XDG_CACHE_HOME` or `~/.cache` or the platform's
+    /// equivalent, if there is one.
     #[cfg(feature = "cli")]
     pub fn user_folder() -> Option<PathBuf> {
         use etcetera::BaseStrategy as _;
@@ -76,7 +77,8 @@ impl AssetCache {
         Ok(())
     }
 
-    /// Removes the chunks that were not used for longest until with so many bytes more three quarters are taken.
+    /// Removes the least recently used chunks until three quarters of the limit are taken, including
+    /// `bytes` to be written.
     fn evict(&self, bytes: u64, now: SystemTime) -> io::Result<()> {
         let latest = now + CLOCK_DIFFERENCE_MAX;
         let mut files = Vec::new();
@@ -94,11 +96,10 @@ impl AssetCache {
                 files.push((used, entry.path(), found.len()));
             }
         }
-        // By time first; `None`, for times in the future, comes before all others.
+        // By time; `None`, for times in the future, sorts before all others.
         files.sort();
         let all: u64 = files.iter().map(|(_, _, bytes)| bytes).sum();
-        // The quarter that is left is what eight nodes write, a thirty-second each, before they look
-        // again.
+        // The remaining quarter is what eight nodes write, 1/32 each, before they scan again.
         let most = self.bytes_max / 4 * 3;
         let mut excess = (all + bytes).saturating_sub(most);
         for (_, path, bytes) in files {
@@ -125,25 +126,25 @@ impl AssetCache {
 impl ChunkStore for AssetCache {
     fn read(&self, chunk: &ChunkKey) -> Option<Vec<u8>> {
         let path = self.path(chunk);
-        // Windows changes times of files alone that may be written.
+        // Opened for writing, as Windows changes the times only of such files.
         let mut file = OpenOptions::new().read(true).write(true).open(&path).ok()?;
-        // Of another length it is spoiled, or the key is wrong; if it comes, it is replaced.
+        // With another length it is corrupt, or the key is wrong; a new copy replaces it.
         if file.metadata().ok()?.len() != u64::from(chunk.bytes) {
             return None;
         }
-        let _ = file.set_modified(SystemTime::now()); // at worst it goes too early
+        let _ = file.set_modified(SystemTime::now()); // a failure only makes it look older
         let mut bytes = vec![0; chunk.bytes as usize];
         if file.read_exact(&mut bytes).is_ok() && ChunkKey::of(&bytes) == *chunk {
             return Some(bytes);
         }
         tracing::warn!("{} is spoiled, and is removed", path.display());
-        let _ = fs::remove_file(&path); // if it cannot be, it is read in vain once more
+        let _ = fs::remove_file(&path); // on failure, it is only read in vain again
         None
     }
 
     fn write(&self, chunk: &ChunkKey, bytes: &[u8]) {
         match self.try_write(chunk, bytes) {
-            // Another node is writing the same.
+            // Another node is writing the same chunk.
             Err(why) if why.kind() == ErrorKind::AlreadyExists => {}
             Err(why) if !self.has_failed.swap(true, Ordering::Relaxed) => tracing::warn!(
                 "parts of scenes are not kept in {}: {why}",
@@ -154,7 +155,7 @@ impl ChunkStore for AssetCache {
     }
 }
 
-/// Whether a file of that name is a chunk, or what a killed node has left of one.
+/// Whether a file name is that of a chunk, or of a partial chunk left by a killed node.
 fn is_of_cache(name: &str) -> bool {
     let name = name.strip_suffix(".partial").unwrap_or(name);
     let name = name.strip_prefix('.').unwrap_or(name);
@@ -165,9 +166,9 @@ fn is_of_cache(name: &str) -> bool {
 }
 
 const EXTENSION: &str = "chunk";
-/// How far the clock of a file server may be ahead of this machine's.
+/// Maximum by which a file server's clock may be ahead of this machine's.
 const CLOCK_DIFFERENCE_MAX: Duration = Duration::from_secs(3600);
-/// The folder is looked through when one of so many parts of it has been written.
+/// The folder is scanned each time that this part of its limit has been written.
 const SCAN_PARTS: u64 = 32;
 
 #[cfg(test)]
@@ -242,14 +243,14 @@ mod tests {
         };
         (0..10).for_each(|index| last_used(index, now + year));
         (10..20).for_each(|index| last_used(index, now));
-        // Half of the chunks are to go.
+        // Half of the chunks are to be evicted.
         cache.evict(14_000, now).unwrap();
         let is_there = |index: &u8| cache.path(&chunk(*index).0).exists();
         assert_eq!(
             (0..20).filter(is_there).collect::<Vec<_>>(),
             (10..20).collect::<Vec<_>>()
         );
-        // By a clock that is a year behind all of them are of the future.
+        // By a clock that is a year behind, all of them are in the future.
         cache.evict(14_000, now - year).unwrap();
         assert_eq!((0..20).filter(is_there).count(), 10);
     }
@@ -268,7 +269,7 @@ mod tests {
             assert!(!has(&cache, 3));
             assert_eq!(path.exists(), stays);
         }
-        // Who names a right chunk with a wrong length harms nobody.
+        // A correct hash with a wrong length must do no harm.
         cache.write(&key, &bytes);
         let lie = ChunkKey { bytes: 999, ..key };
         assert_eq!(cache.read(&lie), None);

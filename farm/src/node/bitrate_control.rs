@@ -1,9 +1,9 @@
-//! Bitrate control: the pixel precision that a link carries, coarser while tiles keep waiting,
+//! Bitrate control: chooses the pixel precision that a link can carry, coarser while tiles keep waiting,
 //! finer as the link turns out to carry more. Pure; `now` is an argument.
 //!
-//! The level is a position between the precisions. What a link carries is known only while it is
-//! full, so a level below that is probed in steps: towards finer pixels until most of the known
-//! bandwidth is used, further now and then, back at the first sign of a queue, with twice the
+//! The level is a continuous position between the precisions. A link's capacity is known only while it is
+//! saturated, so an unsaturated one is probed in steps: towards finer pixels until most of the known
+//! bandwidth is used, further at intervals, and back at the first sign of a queue, which doubles the
 //! interval until the next probe.
 
 use std::time::Duration;
@@ -15,34 +15,34 @@ use super::rate_model::{EncodedSample, RateModel};
 /// A transport's estimate of its path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkEstimate {
-    /// Bytes per second that may be sent: the congestion window over the round-trip time.
+    /// Bytes per second that may be sent: congestion window over round-trip time.
     pub bytes_per_sec: f64,
     /// Bytes that have not been sent or acknowledged.
     pub waiting_bytes: usize,
 }
 
-/// The controller of one client's precision.
+/// Controller of one client's precision.
 #[derive(Clone, Debug)]
 pub(super) struct BitrateController {
-    /// A position between the precisions' indices, 0 for the finest.
+    /// Position between the precisions' indices, 0 for the finest.
     level: f64,
     model: RateModel,
     last_change: Duration,
-    /// The level before the probe that is under way.
+    /// Level before the current probe.
     probe_start: Option<f64>,
-    /// The time without a change after which a probe starts.
+    /// Time without a change after which a probe starts.
     probe_interval: Duration,
-    /// The time of the first estimate.
+    /// Time of the first estimate.
     start: Option<Duration>,
-    /// The start of the interval that is being measured.
+    /// Start of the current measurement interval.
     interval_start: Duration,
-    /// Encoded in this interval.
+    /// Bytes encoded in this interval.
     offered_bytes: usize,
-    /// Smoothed over some frames.
+    /// Encoded bytes per second, smoothed over some frames.
     offered_bytes_per_sec: f64,
-    /// The shortest wait of this interval, and the bandwidth at that time.
+    /// Shortest wait in this interval in seconds, with the bandwidth at that time.
     min_wait: Option<(f64, f64)>,
-    /// The shortest wait of the interval before.
+    /// Shortest wait of the previous interval.
     last_wait_secs: f64,
 }
 
@@ -63,13 +63,13 @@ impl BitrateController {
         }
     }
 
-    /// The precision for the tiles of the message at `place` in the picture.
+    /// The precision for the tiles of the message at index `place` in the picture.
     pub(super) fn precision(&mut self, range: PrecisionRange, place: u32) -> PixelPrecision {
         let (finest, coarsest) = (range.finest as usize, range.coarsest as usize);
         self.level = self.level.clamp(finest as f64, coarsest as f64);
         let blend = self.model.blend(self.level);
-        // By place, so that a message keeps its precision: delta coding needs a reference of the
-        // same kind.
+        // Chosen by place, so that a message keeps its precision from frame to frame: delta coding needs a
+        // reference of the same kind.
         let is_coarser = dither(place) < blend.share;
         let index = if is_coarser {
             blend.coarser
@@ -90,15 +90,15 @@ impl BitrateController {
         if self.start.is_none() {
             (self.start, self.interval_start) = (Some(now), now);
         }
-        // In time, as a queue of the same bytes is late on a slow link and harmless on a fast one.
+        // As a time: the same number of queued bytes is late on a slow link and harmless on a fast one.
         let wait = link.waiting_bytes as f64 / link.bytes_per_sec.max(1.0);
         if let Some(before) = self.probe_start
             && wait > STANDING_WAIT_SECS
         {
-            // At once, not at the interval's end: the probe itself has made the queue.
+            // At once, not at the interval's end, as the probe itself has caused the queue.
             self.fail_probe(now, before);
         }
-        // The minimum over an interval tells a standing queue from bursts, as CoDel does (Nichols and
+        // The minimum over an interval separates a standing queue from bursts, as in CoDel (Nichols and
         // Jacobson 2012).
         let min_wait = self.min_wait.map_or(f64::INFINITY, |(wait, _)| wait);
         self.min_wait = Some((wait.min(min_wait), link.bytes_per_sec));
@@ -123,13 +123,13 @@ impl BitrateController {
 
     fn decide(&mut self, now: Duration, elapsed: Duration, link: &LinkState) {
         self.offered_bytes_per_sec +=
-            // Smoothed only for the way up: the way down must not wait for a mean.
+            // Smoothed only for steps to finer levels: those to coarser ones must not lag.
             OFFERED_GAIN * (link.offered_bytes_per_sec - self.offered_bytes_per_sec);
         let wait_before = std::mem::replace(&mut self.last_wait_secs, link.standing_wait_secs);
         let unchanged = now.saturating_sub(self.last_change);
         let start = self.start.unwrap_or(now);
-        // Of the first frames a queue would be seen a round trip late, when all frames between wait
-        // in it: at the start no more is offered than the path is known to carry.
+        // At the start, a queue would be noticed only a round trip later, when all frames sent meanwhile
+        // wait in it: no more is offered than the path is known to carry.
         let load = link.offered_bytes_per_sec / link.bytes_per_sec.max(1.0);
         let is_start = now.saturating_sub(start) < START && self.level < START_LEVEL;
         if is_start && load > COARSER_LOAD {
@@ -137,19 +137,19 @@ impl BitrateController {
             self.set_level(now, level);
             return;
         }
-        // What is seen now was encoded before the last change.
+        // The present queue was encoded before the last change.
         if unchanged < SETTLING {
             return;
         }
         if link.standing_wait_secs > STANDING_WAIT_SECS {
-            // A queue that shrinks fast enough needs no action: each step down costs quality.
+            // A queue that drains fast enough needs no action: each coarser step costs quality.
             if link.standing_wait_secs > DRAINING * wait_before {
                 self.set_level(now, self.coarser_level(link));
             }
         } else if link.standing_wait_secs < 0.5 * STANDING_WAIT_SECS && self.level > 0.0 {
             let is_carried = self.offered_bytes_per_sec < FINER_LOAD * link.bytes_per_sec;
             match self.probe_start {
-                // A probe that gained a whole level has succeeded: the next may come soon.
+                // A probe that has gained a whole level has succeeded: the next may start soon.
                 Some(before) if before - self.level >= 1.0 => {
                     self.probe_interval = self.probe_interval.min(PROBE_INTERVAL_MIN);
                 }
@@ -164,19 +164,20 @@ impl BitrateController {
         }
     }
 
-    /// The level for a link on which tiles keep waiting: the finest that loads it by
-    /// [`COARSER_LOAD`] while the queue drains within [`DRAIN_SECS`].
+    /// The level for a link with a standing queue: the finest that loads it by [`COARSER_LOAD`] while the
+    /// queue drains within [`DRAIN_SECS`].
     fn coarser_level(&self, link: &LinkState) -> f64 {
         let step = STEP_BACK + link.standing_wait_secs / STEP_BACK_SECS;
-        // The queue of so many seconds is to drain within DRAIN_SECS, beside the new tiles.
+        // Draining a queue of w seconds within DRAIN_SECS takes the share w / DRAIN_SECS of the bandwidth
+        // from the new tiles.
         let free = COARSER_LOAD - link.standing_wait_secs / DRAIN_SECS;
         let share = free * link.bytes_per_sec / link.offered_bytes_per_sec.max(1.0);
         let level = self.model.level_of(share * self.model.rate(self.level));
-        // At least a step, should the model promise more than pixels hold.
+        // At least one step, in case the rate model is too optimistic.
         level.max(self.level + step)
     }
 
-    /// Ends a probe that made tiles wait.
+    /// Ends a probe that has caused a queue.
     fn fail_probe(&mut self, now: Duration, before: f64) {
         let interval = 2 * self.probe_interval;
         self.probe_interval = interval.clamp(PROBE_INTERVAL_MIN, PROBE_INTERVAL_MAX);
@@ -185,62 +186,65 @@ impl BitrateController {
 
     fn set_level(&mut self, now: Duration, level: f64) {
         (self.level, self.last_change, self.probe_start) = (level, now, None);
-        // The tiles that wait now were encoded at the level before.
+        // The queued tiles were encoded at the previous level, so the measurement restarts.
         (self.interval_start, self.offered_bytes, self.min_wait) = (now, 0, None);
     }
 }
 
-/// The state of a link over one interval.
+/// State of a link over one interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct LinkState {
-    /// The bandwidth of the link.
+    /// Bandwidth of the link.
     bytes_per_sec: f64,
-    /// The load at the present level.
+    /// Load at the present level.
     offered_bytes_per_sec: f64,
-    /// The shortest wait of tiles: bursts come and go, a standing queue stays.
+    /// Shortest wait of tiles: bursts pass, a standing queue remains.
     standing_wait_secs: f64,
 }
 
-/// A number from 0 to 1 for each place: multiples of the golden ratio, which are far apart for
-/// neighbours.
+/// A number in [0, 1) for each place: multiples of 2³² / φ modulo 2³² (φ the golden ratio), a
+/// low-discrepancy sequence, so that neighbours get distant values and any share is spread evenly.
 fn dither(place: u32) -> f64 {
     f64::from(place.wrapping_mul(0x9e37_79b9)) / 4_294_967_296.0
 }
 
-/// Two frames: shorter intervals may hold a burst and no pause.
+/// Measurement interval of two frames: a shorter one may hold a burst and no gap.
 const INTERVAL: Duration = Duration::from_millis(35);
-/// A wait that shows a link far too slow, which may get a second's bytes in a moment.
+/// Wait in seconds that shows a link to be far too slow: then the shorter [`OVERLOAD_INTERVAL`] applies, as
+/// a second's worth of bytes may accumulate quickly.
 const OVERLOAD_SECS: f64 = 0.033;
 const OVERLOAD_INTERVAL: Duration = Duration::from_millis(5);
-/// In the session; tiles that the transport has accepted wait for some 20 ms more.
+/// Standing wait in the session from which on the level gets coarser, in seconds; tiles that the transport
+/// has accepted wait for some 20 ms more.
 const STANDING_WAIT_SECS: f64 = 0.006;
-/// Ten round trips of the longest paths that are played over.
+/// Duration of the start phase: ten round trips of the longest playable paths.
 const START: Duration = Duration::from_millis(500);
-/// How these pixels compress is not known yet: of noise JPEG 90 takes more bytes than quantised
-/// pixels, JPEG 75 few.
+/// Finest level for a link that is overloaded in the start phase, when it is not known how the pixels
+/// compress: of noise, JPEG 90 takes more bytes than quantised pixels, JPEG 75 few.
 const START_LEVEL: f64 = PixelPrecision::Lossy75 as usize as f64;
-/// After a change, tiles that were encoded before still leave for this long.
+/// Time after a change during which tiles encoded before it are still being sent.
 const SETTLING: Duration = Duration::from_millis(50);
-/// Towards finer levels; twice as fast before a probe has failed.
+/// Rate of the steps to finer levels; doubled before the first failed probe.
 const LEVELS_PER_SEC: f64 = 0.5;
-/// Some six frames.
+/// Gain per interval of the smoothed load: a time constant of some six frames.
 const OFFERED_GAIN: f64 = 0.3;
 /// Share of the known bandwidth up to which finer levels need no probe.
 const FINER_LOAD: f64 = 0.85;
-/// After a failed probe: the queue that it built must drain as well.
+/// Minimum step to a coarser level: the queue that a failed probe has built must drain as well.
 const STEP_BACK: f64 = 0.25;
-/// Pixels may compress worse than the model expects: the longer they wait, the longer the step.
+/// Wait in seconds per further level of a coarser step: pixels may compress worse than the model predicts.
 const STEP_BACK_SECS: f64 = 0.02;
-/// Until the first probe, as the start may have been too careful …
+/// Probe interval before the first probe, as the start may have been too careful …
 const FIRST_PROBE_INTERVAL: Duration = Duration::from_millis(250);
-/// … after probes that held …
+/// … its minimum afterwards …
 const PROBE_INTERVAL_MIN: Duration = Duration::from_secs(2);
-/// … and after many that failed: one late frame in two thousand.
+/// … and its maximum after failed probes: one late frame in two thousand.
 const PROBE_INTERVAL_MAX: Duration = Duration::from_secs(32);
-/// Share of the bandwidth that a coarser level is to use.
+/// Target load of a coarser level, as a share of the bandwidth.
 const COARSER_LOAD: f64 = 0.9;
-/// A queue that shrinks by this factor an interval needs no coarser level.
+/// Factor per interval by which a queue must shrink to need no coarser level.
 const DRAINING: f64 = 0.8;
+/// Time in seconds in which a coarser level is to drain the queue.
 const DRAIN_SECS: f64 = 0.1;
 
 #[cfg(test)]
@@ -339,7 +343,7 @@ mod tests {
 
     /// A frame as it was sent.
     struct SentFrame {
-        /// Of what the link carries in a frame.
+        /// Bytes as a share of what the link carries in a frame.
         share: f64,
         /// Seconds that its last tile waits.
         wait: f64,
@@ -469,7 +473,7 @@ mod tests {
         assert!(turns < 5, "{turns} steps down");
     }
 
-    /// Nothing waits yet, as the first window takes it all.
+    /// Nothing waits yet, as the first congestion window takes it all.
     #[test]
     fn the_start_offers_what_the_path_is_known_to_carry() {
         for (megabits, is_coarser) in [(20.0, true), (100.0, false)] {

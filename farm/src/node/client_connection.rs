@@ -1,4 +1,4 @@
-//! The workers' end of a client's session with the node.
+//! Workers' end of a client's session with the node.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,16 +19,16 @@ use super::fair_queue::PlayerId;
 use super::rate_model::EncodedSample;
 use crate::lock::lock;
 
-/// How pixels get to a client.
+/// How pixels are passed to a client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TileSharing {
-    /// In the messages, by the tile codec.
+    /// In the messages, encoded by the tile codec.
     Encoded,
-    /// As they are, beside the messages, to a client in this process.
+    /// Unencoded beside the messages, to a client in this process.
     InMemory,
 }
 
-/// The workers' end of a client's session.
+/// Workers' end of a client's session.
 pub(super) struct ClientConnection {
     pub(super) player: PlayerId,
     pub(super) sharing: TileSharing,
@@ -42,16 +42,15 @@ pub(super) struct ClientConnection {
 
 pub(super) struct ConnectionState {
     pub(super) session: NodeSession,
-    /// Flags of requests that are neither done nor refused.
+    /// Cancellation flags of the requests that are neither done nor refused.
     pub(super) cancelled: BTreeMap<RequestId, Arc<AtomicBool>>,
     pub(super) waker: Option<Waker>,
     /// Whether a worker has queued a packet since the transport last polled.
     pub(super) ready: bool,
-    /// The time a worker waits for the transport to accept a packet; zero once it has waited in
-    /// vain.
+    /// Time that a worker waits for the transport to accept a packet; zero after a wait has timed out.
     pub(super) stall_timeout: Duration,
     pub(super) closed: bool,
-    /// Whether the client has all that it asked for, and asks for nothing more.
+    /// Whether the client has received everything and will send no more requests.
     pub(super) has_left: bool,
 }
 
@@ -77,7 +76,7 @@ impl ClientConnection {
         }
     }
 
-    /// Handles a new estimate of what the link carries.
+    /// Handles a new estimate of the link's bandwidth.
     pub(super) fn on_bandwidth(&self, bytes_per_sec: f64) {
         let link = LinkEstimate {
             bytes_per_sec,
@@ -86,7 +85,8 @@ impl ClientConnection {
         lock(&self.bitrate).on_estimate(self.start.elapsed(), link);
     }
 
-    /// The payload of a request's finished tiles, delta-coded against those that the client holds.
+    /// The payload of a request's finished tiles; sRGB tiles are delta-coded against those that the client
+    /// holds.
     pub(super) fn encode(
         &self,
         encoder: &mut Encoder,
@@ -107,7 +107,7 @@ impl ClientConnection {
                 reference: reference.as_ref(),
             })
             .collect();
-        // The same for a message in every frame, whatever range of tiles a request asks for.
+        // The same for a message in every frame, whichever range of tiles its request asks for.
         let place = part.first / TILES_PER_MESSAGE_MAX;
         let precision = lock(&self.bitrate).precision(request.precision, place);
         let (payload, kept) = encoder.encode_srgb(exposure, precision, &sources);
@@ -121,7 +121,7 @@ impl ClientConnection {
         payload
     }
 
-    /// Sends finished tiles, whose pixels are `shared` or in the payload; `false` if they are no longer
+    /// Sends finished tiles, whose pixels are `shared` or in the payload. Returns whether they are still
     /// wanted.
     pub(super) fn tiles(&self, tiles: TilesDone, shared: Option<TilePixels>) -> bool {
         let mut state = self.lock();
@@ -159,8 +159,8 @@ impl ClientConnection {
         wake(state);
     }
 
-    /// Waits while the network accepts tiles more slowly than they are traced, and returns whether it
-    /// had to. Gives the request up if it accepts none at all: others wait for the device.
+    /// Waits while the network accepts tiles more slowly than they are traced, and returns whether it had
+    /// to. Cancels the request if none is accepted within the stall timeout, as others wait for the device.
     pub(super) fn wait_for_room(&self, cancelled: &AtomicBool) -> bool {
         let full = |state: &mut ConnectionState| {
             state.session.is_full() && !state.closed && !cancelled.load(Ordering::Relaxed)
@@ -173,7 +173,7 @@ impl ClientConnection {
         let waited = self.drained.wait_timeout_while(state, stall_timeout, full);
         let (mut state, waited) = waited.unwrap_or_else(PoisonError::into_inner);
         if waited.timed_out() {
-            // The client has had its chance: its next requests must not block the device as well.
+            // Zero from now on: its next requests must not block the device as well.
             state.stall_timeout = Duration::ZERO;
             cancelled.store(true, Ordering::Relaxed);
         }
@@ -185,7 +185,7 @@ impl ClientConnection {
     }
 }
 
-/// Wakes the transport after the lock is released, so that it does not wait for it.
+/// Wakes the transport after releasing the lock, so that it does not block on it.
 pub(super) fn wake(mut state: MutexGuard<'_, ConnectionState>) {
     state.ready = true;
     let waker = state.waker.take();
@@ -195,6 +195,6 @@ pub(super) fn wake(mut state: MutexGuard<'_, ConnectionState>) {
     }
 }
 
-/// The time for which a client may accept no tiles before its requests are given up: others wait
-/// for the device. A connection may be silent for as long.
+/// Time for which a client may accept no tiles before its requests are cancelled, as others wait for the
+/// device. A connection may be silent for as long.
 pub(crate) const STALL_TIMEOUT: Duration = Duration::from_secs(5);

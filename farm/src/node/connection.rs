@@ -1,4 +1,4 @@
-//! The transport's end of a client's session with the node.
+//! Transport's end of a client's session with the node.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,49 +15,49 @@ use super::job::UncompiledJob;
 use super::queue::JobQueue;
 use crate::Error;
 
-/// The end of a connection's work, seen from outside its session.
+/// Handle for finishing a connection's work, from outside its session.
 #[derive(Clone)]
 pub struct ConnectionDrain {
     client: Arc<ClientConnection>,
 }
 
 impl ConnectionDrain {
-    /// Asks the client for no more requests; those that are on their way are still answered.
+    /// Asks the client to send no more requests; those already under way are still answered.
     pub fn begin(&self) {
         let mut state = self.client.lock();
         state.session.leave();
         wake(state);
     }
 
-    /// Whether the client has said that it has everything.
+    /// Whether the client has confirmed that it has received everything.
     pub fn has_left(&self) -> bool {
         self.client.lock().has_left
     }
 
-    /// Whether all requests that have come are answered, and all answers handed to the transport.
+    /// Whether all received requests are answered, and all answers handed to the transport.
     pub fn is_idle(&self) -> bool {
         let state = self.client.lock();
         state.session.open_requests() == 0 && state.session.waiting_bytes() == 0
     }
 }
 
-/// A session and its owner, as whoever carries their packets sees them.
+/// A session and its owner, as the transport that carries their packets sees them.
 pub trait PacketHandler {
-    /// Handles a packet; an error is the other side's fault and ends the connection.
+    /// Handles a packet; an error is the peer's fault and ends the connection.
     ///
     /// # Errors
-    /// The rule that the other side broke.
+    /// The protocol rule that the peer broke.
     fn handle(&mut self, packet: Packet) -> Result<(), carom_protocol::Error>;
 
-    /// What puts the other side's scenes together, on other threads.
+    /// The assembler of the peer's scenes, which runs on other threads.
     fn assembler(&self) -> SceneAssembler {
         SceneAssembler::default()
     }
 
-    /// Handles what has become of a scene, which comes instead of its packets.
+    /// Handles the progress of a scene's assembly, in place of its packets.
     ///
     /// # Errors
-    /// The rule that the other side broke.
+    /// The protocol rule that the peer broke.
     fn handle_scene(
         &mut self,
         progress: Result<SceneProgress, carom_protocol::Error>,
@@ -65,15 +65,14 @@ pub trait PacketHandler {
         progress.map(drop)
     }
 
-    /// Passes on the events of the packets that have been handled.
+    /// Passes on the events of the handled packets.
     fn flush(&mut self) {}
 
     /// The next packet to send, if there is one now.
     fn poll_transmit(&mut self) -> Option<Packet>;
 
-    /// Executes the next command of this side's owner. Ready when [`PacketHandler::poll_transmit`]
-    /// may have a packet, or with an error to close the connection; otherwise pending, and wakes
-    /// `cx`.
+    /// Executes the next command of this side's owner. Ready when [`PacketHandler::poll_transmit`] may have
+    /// a packet, or with an error to close the connection; otherwise pending, and wakes `cx`.
     fn poll_commands(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Error>>;
 
     /// Requests that have been cancelled since the last call: their streams are reset.
@@ -81,20 +80,21 @@ pub trait PacketHandler {
         Vec::new()
     }
 
-    /// Handles a new estimate of what the path carries.
+    /// Handles a new estimate of the path's bandwidth in bytes per second.
     fn on_bandwidth(&mut self, _bytes_per_sec: f64) {}
 
-    /// What finishes the session's work before its node ends; without it the session is cut off.
+    /// The handle for finishing the session's work before its node ends; without one the session is cut
+    /// off.
     fn drain(&self) -> Option<ConnectionDrain> {
         None
     }
 }
 
-/// The transport's end of a client's session.
+/// Transport's end of a client's session.
 pub struct NodeConnection {
     client: Arc<ClientConnection>,
     queue: Arc<JobQueue>,
-    /// Of the node, for chunks of scenes.
+    /// The node's store for chunks of scenes.
     store: Option<Arc<dyn ChunkStore>>,
 }
 
@@ -113,7 +113,7 @@ impl NodeConnection {
         }
     }
 
-    /// The same with a store for chunks of scenes.
+    /// Adds a store for chunks of scenes.
     pub(super) fn with_store(mut self, store: Option<Arc<dyn ChunkStore>>) -> Self {
         self.store = store;
         self
@@ -121,7 +121,7 @@ impl NodeConnection {
 
     fn on_event(&self, event: Option<NodeEvent>) {
         match event {
-            // The session keeps scenes; they are compiled when they are first drawn.
+            // The session keeps scenes; they are compiled when first traced.
             None | Some(NodeEvent::Scene { .. }) => {}
             Some(NodeEvent::Trace { request, scene }) => {
                 let cancelled = Arc::new(AtomicBool::new(false));
@@ -156,7 +156,7 @@ impl NodeConnection {
 
     /// The next packet to send; wakes `cx` when there is one.
     pub fn poll_packet(&mut self, cx: &mut Context<'_>) -> Poll<Packet> {
-        // The waker first: a packet that is queued in between is returned, or wakes.
+        // The waker is set first, so that a packet queued in between is either returned or wakes.
         self.client.lock().waker = Some(cx.waker().clone());
         self.poll_transmit().map_or(Poll::Pending, Poll::Ready)
     }

@@ -1,4 +1,4 @@
-//! Cost of scenes as it was measured, and the requests that are refused for theirs.
+//! Measured cost of scenes, and the requests that are refused for theirs.
 
 use carom_protocol::SceneHash;
 
@@ -8,28 +8,28 @@ use super::job::NodeJob;
 /// The measured cost of a scene.
 pub(super) struct Cost {
     pub(super) scene: SceneHash,
-    /// Whether it was denoised, which takes a part of the time.
+    /// Whether it was denoised, which adds to the time.
     pub(super) is_denoised: bool,
-    /// The deepest paths that it was measured with.
+    /// Path depth that it was measured with.
     pub(super) max_depth: u32,
     pub(super) secs_per_sample: f64,
-    /// The most samples that were measured at once.
+    /// Maximum samples measured at once.
     pub(super) samples_max: f64,
-    /// Probes since the last slice.
+    /// Number of probes since the last slice.
     pub(super) probes: u32,
 }
 
 impl Cost {
-    /// Whether it is the cost of a job's scene.
+    /// Whether it applies to a job's scene.
     pub(super) fn is_of(&self, job: &NodeJob) -> bool {
         self.scene == job.request.scene && self.is_denoised == job.is_denoised()
     }
 }
 
-/// What to do about a request that is refused for its cost.
+/// Advice for a request that is refused for its cost.
 pub(super) const COST_ADVICE: &str = "ask for fewer samples, shallower paths or smaller tiles";
 
-/// The sentence for a request that takes longer than any may.
+/// The explanation for a request that takes longer than allowed; `None` if it does not.
 pub(super) fn too_costly(job: &NodeJob, secs_per_sample: f64) -> Option<String> {
     let (grid, tiles) = (job.request.grid, job.request.tiles);
     let all_secs = secs_per_sample * job.samples(tiles);
@@ -47,8 +47,8 @@ pub(super) fn too_costly(job: &NodeJob, secs_per_sample: f64) -> Option<String> 
     })
 }
 
-/// Device time of what cannot be divided: a block of a denoised tile, a pixel, a probe.
+/// Maximum device seconds of an indivisible piece: a block of a denoised tile, a pixel, or a probe.
 pub(super) const UNDIVIDED_SECS_MAX: f64 = 10.0;
-/// Device time of a request. A 4K picture of 4,096 samples takes an H200 a minute and four slow
-/// cores the hour, but its requests are parts of it.
+/// Maximum device seconds of a request. A 4K picture with 4,096 samples takes an H200 a minute and four
+/// slow cores an hour, but is split into many requests.
 const REQUEST_SECS_MAX: f64 = 3600.0;

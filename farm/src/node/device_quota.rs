@@ -1,20 +1,20 @@
-//! Quota of device time: what a player may have of a node in an hour, even where nobody else asks for it.
+//! Quota of device time: how much of a node a player may use per hour, even where no other player wants it.
 
 use std::time::Instant;
 
 use super::fair_queue::PlayerId;
 use crate::token_bucket::TokenBucket;
 
-/// A bucket of device seconds for each player: it holds those of an hour, and fills in an hour.
+/// A token bucket of device seconds per player: it holds the quota of an hour, and fills in an hour.
 #[derive(Debug)]
 pub(super) struct DeviceQuota {
     secs_per_hour: f64,
-    /// Of players whose buckets were not full when one was last charged.
+    /// Buckets of the players whose bucket was not full at the last charge.
     buckets: Vec<(PlayerId, TokenBucket)>,
 }
 
 impl DeviceQuota {
-    /// Full buckets for everybody.
+    /// A quota with full buckets for all players.
     pub(super) const fn new(secs_per_hour: f64) -> Self {
         Self {
             secs_per_hour,
@@ -22,7 +22,7 @@ impl DeviceQuota {
         }
     }
 
-    /// Takes what a player has had of the device.
+    /// Charges a player with used device time.
     pub(super) fn charge(&mut self, now: Instant, player: PlayerId, secs: f64) {
         self.buckets.retain_mut(|(_, bucket)| !bucket.is_full(now));
         if let Some(bucket) = self.bucket(player) {
@@ -34,10 +34,11 @@ impl DeviceQuota {
         self.buckets.push((player, bucket));
     }
 
-    /// The sentence for a player that has had all.
+    /// The explanation for a player whose quota is used up, else `None`.
     pub(super) fn refusal(&mut self, now: Instant, player: PlayerId) -> Option<String> {
         let pause = self.bucket(player)?.take(now, 0.0);
-        // With a second of the device to spare, so that who comes back then is not refused at once.
+        // Plus the time in which one device second accrues, so that a player who returns then is not
+        // refused at once.
         let pause_secs = pause.as_secs_f64() + 1.0 / self.per_sec();
         let all_secs = self.secs_per_hour;
         (!pause.is_zero()).then(|| {

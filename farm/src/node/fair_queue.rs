@@ -1,12 +1,12 @@
-//! Fair queueing of a device's time: of the players that wait, the one that has had the least of it
-//! is served next, a slice at a time (start-time fair queueing, Goyal et al. 1996).
+//! Fair queueing of a device's time: of the waiting players, the one that has used the least is served
+//! next, a slice at a time (start-time fair queueing, Goyal et al. 1996).
 //!
-//! Who comes anew or comes back starts with as much as the player that was served last: time that
-//! nobody asked for is not saved up.
+//! A new or returning player starts with the used time of the player served last: unused time is not saved
+//! up.
 
 use std::collections::VecDeque;
 
-/// A player, told apart by its certificate's key.
+/// Identity of a player: the hash of its certificate's key identifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PlayerId([u8; 32]);
 
@@ -20,19 +20,19 @@ impl PlayerId {
     }
 }
 
-/// Jobs that wait, by player.
+/// Waiting jobs by player.
 #[derive(Debug)]
 pub struct FairQueue<J> {
     shares: Vec<Share<J>>,
-    /// Device time of the player that was served last.
+    /// Virtual time: the used device seconds of the player served last.
     served_secs: f64,
 }
 
-/// A player's part of a [`FairQueue`].
+/// State of a player in a [`FairQueue`].
 #[derive(Debug)]
 struct Share<J> {
     player: PlayerId,
-    /// Device time that the player has had.
+    /// Used device seconds, in virtual time.
     used_secs: f64,
     jobs: VecDeque<J>,
 }
@@ -47,7 +47,7 @@ impl<J> FairQueue<J> {
         }
     }
 
-    /// The jobs of a player, the next first, to add one.
+    /// The jobs of a player, the next one first; for adding a job.
     pub fn jobs_mut(&mut self, player: PlayerId) -> &mut VecDeque<J> {
         let (position, served_secs) = (self.position(player), self.served_secs);
         let index = position.unwrap_or_else(|| {
@@ -60,25 +60,25 @@ impl<J> FairQueue<J> {
         });
         let share = &mut self.shares[index];
         if share.jobs.is_empty() {
-            // Time that nobody asked for is not saved up: who comes back starts level with the player
-            // served last.
+            // A returning player starts level with the one served last: unused time is not saved up.
             share.used_secs = share.used_secs.max(served_secs);
         }
         &mut share.jobs
     }
 
-    /// The jobs of the player that is served next, one or more.
+    /// The jobs, at least one, of the player to serve next.
     pub fn next_mut(&mut self) -> Option<&mut VecDeque<J>> {
         let waiting = self
             .shares
             .iter_mut()
             .filter(|share| !share.jobs.is_empty());
         let next = waiting.min_by(|a, b| a.used_secs.total_cmp(&b.used_secs))?;
+        // The virtual time of start-time fair queueing: the start tag of the slice in service.
         self.served_secs = next.used_secs;
         Some(&mut next.jobs)
     }
 
-    /// Adds to the device time that a player has had.
+    /// Adds to the used time of a player.
     pub fn charge(&mut self, player: PlayerId, secs: f64) {
         let served_secs = self.served_secs;
         match self.position(player) {
@@ -89,27 +89,27 @@ impl<J> FairQueue<J> {
                 jobs: VecDeque::new(),
             }),
         }
-        // Only shares behind the clock are forgotten. One that is ahead still owes its time, and would
-        // shed it by leaving and coming back.
+        // Only idle players behind the virtual time are dropped: one that is ahead would shed its debt by
+        // leaving and returning.
         let is_owed = |share: &Share<J>| share.used_secs <= served_secs;
         self.shares
             .retain(|share| !(share.jobs.is_empty() && is_owed(share)));
     }
 
-    /// Drops the jobs that are not `wanted`.
+    /// Keeps only the jobs that are `wanted`.
     pub fn retain(&mut self, wanted: impl Fn(&J) -> bool) {
         for share in &mut self.shares {
             share.jobs.retain(&wanted);
         }
     }
 
-    /// The players whose jobs wait.
+    /// The players with waiting jobs.
     pub fn waiting(&self) -> impl Iterator<Item = PlayerId> {
         let waiting = self.shares.iter().filter(|share| !share.jobs.is_empty());
         waiting.map(|share| share.player)
     }
 
-    /// Whether jobs of other players wait.
+    /// Whether other players have waiting jobs.
     pub fn others_wait(&self, player: PlayerId) -> bool {
         self.waiting().any(|waiting| waiting != player)
     }

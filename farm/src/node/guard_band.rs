@@ -1,26 +1,30 @@
-//! Guard bands of denoised tiles: what is traced for them beyond their own pixels, and where they may be divided.
+//! Guard bands of denoised tiles: the pixels traced beyond their own, and where they may be divided.
 
 use carom_tracer::denoise::SUPPORT;
 use carom_tracer::{ImageSize, Tile, TileGrid, TileRange};
 
-/// Pixels along an edge of the squares that guard bands are made of: they touch what lies in reach of a tile.
+/// Edge in pixels of the blocks that guard bands consist of: all blocks that the denoiser's support around
+/// a tile touches.
 pub(super) const BLOCK: u32 = 8;
 
-/// Pixels that are traced for a denoised rectangle of a picture of `size`.
+/// Number of pixels traced for a denoised rectangle of a picture of `size`.
 pub(super) fn guarded_pixels(tile: Tile, size: ImageSize) -> usize {
     let (columns, rows) = (
         Span::new(tile.x, tile.width, size.width),
         Span::new(tile.y, tile.height, size.height),
     );
+    // Its own pixels plus the touched blocks, less the blocks that lie wholly inside it: those that it
+    // covers in part are counted twice, as they are traced again for the band.
     tile.pixels() + columns.touched * rows.touched - columns.covered * rows.covered
 }
 
-/// Pixels that are traced for a run of denoised tiles, at most: its whole rows share a guard band, and those at its
-/// ends are taken to have their own.
+/// Upper bound of the pixels traced for a run of denoised tiles: its complete rows share a guard band, and
+/// the incomplete ones at its ends are counted with their own.
 pub(super) fn guarded_pixels_of_run(grid: TileGrid, run: TileRange) -> usize {
     let (mut pixels, mut first) = (0, run.first);
     while first < run.end() {
         let (column, left) = (first % grid.columns(), run.end() - first);
+        // From a row's start, all complete rows form one rectangle; otherwise the rest of the row does.
         let rows = if column == 0 {
             left / grid.columns()
         } else {
@@ -42,7 +46,7 @@ pub(super) fn guarded_pixels_of_run(grid: TileGrid, run: TileRange) -> usize {
     pixels
 }
 
-/// The smallest part of a denoised tile that is traced by itself, at its beginning.
+/// The smallest part of a denoised tile that is traced by itself, at the tile's beginning.
 pub(super) fn first_block(tile: Tile) -> Tile {
     let edge = |begin: u32, length: u32| length.min(BLOCK - begin % BLOCK);
     Tile {
@@ -52,8 +56,8 @@ pub(super) fn first_block(tile: Tile) -> Tile {
     }
 }
 
-/// A denoised tile cut between two blocks, so that of no block a part is traced for one half and all for the other;
-/// `None` of a tile in one block.
+/// A denoised tile cut along a block border, so that no block is shared by both halves; `None` for a tile
+/// in one block.
 pub(super) fn halves(tile: Tile) -> Option<[Tile; 2]> {
     let by_columns = || {
         let width = middle(tile.x, tile.width)?;
@@ -79,18 +83,18 @@ pub(super) fn halves(tile: Tile) -> Option<[Tile; 2]> {
     }
 }
 
-/// Pixels up to the block's edge that is nearest to the middle.
+/// Pixels from `begin` to the block border nearest to the middle; `None` if there is none inside.
 fn middle(begin: u32, length: u32) -> Option<u32> {
     let edge = (begin + length / 2 + BLOCK / 2) / BLOCK * BLOCK;
     let before = edge.checked_sub(begin)?;
     (0 < before && before < length).then_some(before)
 }
 
-/// Columns or rows of a picture that a rectangle has a part in.
+/// Columns or rows of a picture that a rectangle and its guard band involve.
 struct Span {
-    /// Of blocks with a pixel within reach.
+    /// Those of blocks within the denoiser's support.
     touched: usize,
-    /// Of blocks that are in the rectangle as a whole.
+    /// Those of blocks wholly inside the rectangle.
     covered: usize,
 }
 
@@ -99,7 +103,7 @@ impl Span {
         let end = begin + length;
         let from = begin.saturating_sub(SUPPORT) / BLOCK * BLOCK;
         let to = (end + SUPPORT).next_multiple_of(BLOCK).min(edge);
-        // The picture's edge ends a block.
+        // A block cut by the picture's edge counts as whole.
         let whole = if end == edge {
             end
         } else {

@@ -1,4 +1,4 @@
-//! A request that a node has taken in, with its scene.
+//! Accepted request of a node, with its scene.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
@@ -12,7 +12,7 @@ use super::guard_band::{guarded_pixels, guarded_pixels_of_run, halves};
 use super::partial_tile::PartialTile;
 use crate::lock::lock;
 
-/// A request whose scene is to be compiled.
+/// A request whose scene has not been compiled.
 pub(super) struct UncompiledJob {
     pub(super) client: Arc<ClientConnection>,
     pub(super) request: Box<TraceRequest>,
@@ -21,22 +21,22 @@ pub(super) struct UncompiledJob {
     pub(super) arrived: Instant,
 }
 
-/// A request to trace.
+/// A request with its compiled scene.
 pub(super) struct NodeJob {
     pub(super) client: Arc<ClientConnection>,
     pub(super) request: Box<TraceRequest>,
     pub(super) cancelled: Arc<AtomicBool>,
     pub(super) arrived: Instant,
-    /// The time at which its first slice was begun.
+    /// Start of its first slice.
     pub(super) begun: OnceLock<Instant>,
     /// The scene without the request's update.
     pub(super) base: Arc<CompiledScene>,
     /// The scene with the request's update.
     pub(super) compiled: Mutex<Option<Arc<CompiledScene>>>,
     pub(super) encode_nanos: AtomicU64,
-    /// Tiles of which a part has been traced: at most one a worker.
+    /// Partly traced tiles: at most one per worker.
     partial: Mutex<Vec<PartialTile>>,
-    /// Tiles that are not finished.
+    /// Number of unfinished tiles.
     unfinished: AtomicU32,
 }
 
@@ -56,12 +56,13 @@ impl NodeJob {
         }
     }
 
-    /// Counts tiles as finished; whether they were the last.
+    /// Counts tiles as finished. Returns whether they were the last.
     pub(super) fn finish(&self, tiles: u32) -> bool {
+        // AcqRel: whoever finishes the last tile sees what other workers have done for theirs.
         self.unfinished.fetch_sub(tiles, Ordering::AcqRel) == tiles
     }
 
-    /// Samples that are traced for some of its tiles, with the guard band of denoised ones.
+    /// Samples traced for some of its tiles, including the guard band of denoised ones.
     pub(super) fn samples(&self, tiles: TileRange) -> f64 {
         let grid = self.request.grid;
         let pixels = match self.is_denoised() {
@@ -80,8 +81,10 @@ impl NodeJob {
         pixels as f64 * self.samples_per_pixel()
     }
 
-    /// The most tiles, of those from `all`'s first on, for which at most so many samples are traced.
+    /// The largest number of tiles from the first of `all` on for which at most `samples` samples are
+    /// traced.
     pub(super) fn tiles_within(&self, all: TileRange, samples: f64) -> u32 {
+        // Binary search: the samples grow with the number of tiles.
         let (mut fitting, mut too_many) = (0, all.count + 1);
         while too_many - fitting > 1 {
             let count = fitting + (too_many - fitting) / 2;
@@ -94,17 +97,17 @@ impl NodeJob {
         fitting
     }
 
-    /// Samples of a pixel.
+    /// Samples per pixel.
     pub(super) fn samples_per_pixel(&self) -> f64 {
         f64::from(self.request.settings.samples)
     }
 
-    /// Whether its tiles are denoised, and need a guard band.
+    /// Whether its tiles are denoised, and so need a guard band.
     pub(super) fn is_denoised(&self) -> bool {
         self.request.settings.denoise
     }
 
-    /// Whether a tile or part can be traced in smaller parts.
+    /// Whether a tile or part can be divided further.
     pub(super) fn is_divisible(&self, part: Tile) -> bool {
         match self.is_denoised() {
             true => halves(part).is_some(),
@@ -112,20 +115,20 @@ impl NodeJob {
         }
     }
 
-    /// Takes out what has been traced of a tile that is traced in parts.
+    /// Removes and returns the progress of a tile that is traced in parts.
     pub(super) fn take_partial(&self, tile: u32) -> Option<PartialTile> {
         let mut partial = lock(&self.partial);
         let place = partial.iter().position(|partial| partial.index == tile)?;
         Some(partial.swap_remove(place))
     }
 
-    /// Keeps what has been traced of a tile for its next part.
+    /// Stores the progress of a tile for its next part.
     pub(super) fn keep_partial(&self, partial: PartialTile) {
         lock(&self.partial).push(partial);
     }
 
-    /// The next part of a tile that has been divided, or is to be: at most so many pixels are traced for it where it can
-    /// be divided further. `None` if the tile is to be traced as a whole.
+    /// The next part of a tile that is traced in parts, or is to be if `divides`: it takes at most `pixels`
+    /// pixels where it can be divided that far. `None` if the tile is to be traced as a whole.
     pub(super) fn next_part(&self, tile: u32, divides: bool, pixels: u32) -> Option<Tile> {
         let mut partial = lock(&self.partial);
         let begun = partial.iter_mut().find(|partial| partial.index == tile);
@@ -141,8 +144,8 @@ impl NodeJob {
         }
     }
 
-    /// Notes that a tile or its next part has been stopped, and returns how often. It is traced in parts from then on:
-    /// a whole tile that is stopped has been traced in vain.
+    /// Records that a tile or its next part has been stopped, and returns how often. The tile is traced in
+    /// parts from then on, as the work on a stopped whole tile is lost.
     pub(super) fn note_stop(&self, tile: u32) -> u32 {
         let mut partial = self.take_partial(tile);
         let begun = partial.get_or_insert_with(|| self.undivided(tile));

@@ -1,4 +1,4 @@
-//! The load of a device: the time that each player has had of it lately.
+//! Load of a device: the time that each player has recently used.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -21,7 +21,7 @@ struct PastTurn {
 }
 
 impl LoadMeter {
-    /// Notes that a player has had the device for `took`.
+    /// Records that a player has used the device for `took`.
     pub(super) fn note(&mut self, now: Instant, player: PlayerId, took: Duration) {
         self.turns.push_back(PastTurn {
             player,
@@ -34,8 +34,8 @@ impl LoadMeter {
         }
     }
 
-    /// What players other than `player` have had; `waiting` are those of them with work in the queue or under
-    /// way.
+    /// The use by players other than `player`; `waiting` are the players with work in the queue or in
+    /// progress.
     pub(super) fn load(
         &self,
         now: Instant,
@@ -62,9 +62,9 @@ impl LoadMeter {
     }
 }
 
-/// How far back is looked.
+/// Averaging window.
 const PERIOD: Duration = Duration::from_secs(1);
-/// Turns that are kept; of more the oldest are forgotten, and the load is told too low.
+/// Maximum number of turns kept; beyond it the oldest are dropped, and the load is underestimated.
 const TURNS_MAX: usize = 4096;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! A node: owns one tracer, traces its clients' requests, and answers with encoded tiles.
+//! Node: owns one tracer, traces its clients' requests, and answers with encoded tiles.
 //!
 //! ```text
 //! NodeConnection (NodeSession) ─UncompiledJob─▶ scene compiler ─NodeJob─▶ queue ─▶ worker: Tracer::trace ─▶ groups of tiles
@@ -6,8 +6,8 @@
 //!       └─────────────────── TilesDone, RequestDone ◀── encoded on rayon's threads ◀───────────┘
 //! ```
 //!
-//! A tracer that fails or panics costs a refused request, never the node. Stale and cancelled
-//! requests leave the queue before they are traced. Durations are measured on the node's own clock.
+//! A tracer that fails or panics costs a refused request, never the node. Stale and cancelled requests
+//! leave the queue before they are traced. Durations are measured on the node's own clock.
 
 mod asset_cache;
 mod bitrate_control;
@@ -52,9 +52,9 @@ pub struct Node {
 }
 
 impl Node {
-    /// Starts the threads of a node called `name`: one that stops requests which take too long, one that compiles
-    /// scenes, and workers: two for a GPU, which then has its next
-    /// work before it has finished this one, one for a processor, which is busy with one.
+    /// Starts the threads of a node called `name`: a watchdog that stops requests which take too long, a
+    /// scene compiler, and the workers. A GPU gets two, so that its next work is submitted before the
+    /// current one ends, a CPU one, which uses all its cores.
     pub fn new(name: impl Into<String>, tracer: Arc<dyn Tracer>) -> Arc<Self> {
         let workers = match tracer.info().kind {
             DeviceKind::Gpu => 2,
@@ -68,7 +68,7 @@ impl Node {
         worker::start_compiler(Arc::clone(&queue));
         Arc::new(Self {
             name: name.into(),
-            // The standard library's random keys.
+            // Random without a dependency: `RandomState` has random keys.
             instance: RandomState::new().hash_one("instance").max(1),
             tracer,
             queue,
@@ -76,19 +76,22 @@ impl Node {
         })
     }
 
-    /// Gives each player at most `secs_per_hour` of the device, above 0, even where nobody else asks for it; without
-    /// this players that ask share all of it. Requests above are refused with a sentence.
+    /// Limits each player to `secs_per_hour` seconds of the device, above 0, even where no other player
+    /// uses it; without a quota, the active players share all of it. Requests beyond the quota are refused
+    /// with an explanation.
     pub fn set_player_quota(&self, secs_per_hour: f64) {
         self.queue.set_quota(secs_per_hour);
     }
 
-    /// Bounds the memory of all scenes that are compiled, in bytes; a player may have half of it. 1 GiB without this.
+    /// Limits the memory of all compiled scenes, in bytes; a player may use half of it. The default is 1
+    /// GiB.
     pub fn set_scene_memory(&self, bytes: u64) {
         self.queue.scenes.set_bytes_max(bytes);
     }
 
-    /// Keeps chunks of players' scenes in `store` from the next connection on, such as an [`AssetCache`]; those that it
-    /// has are not sent again. Without one a node keeps none. Only the first store counts.
+    /// Keeps chunks of players' scenes in `store`, such as an [`AssetCache`], for connections from here on:
+    /// chunks that it holds are not sent again. Without a store, none are kept. Only the first call has an
+    /// effect.
     pub fn set_chunk_store(&self, store: Arc<dyn ChunkStore>) {
         let _ = self.store.set(store);
     }
@@ -102,15 +105,15 @@ impl Node {
         }
     }
 
-    /// Opens a session for a new connection of a player, whose connections share the player's part
-    /// of the device. Dropping it cancels all its requests.
+    /// Opens a session for a new connection of a player, whose connections share the player's part of the
+    /// device. Dropping it cancels all its requests.
     pub fn connect(&self, player: PlayerId) -> NodeConnection {
         let queue = Arc::clone(&self.queue);
         let connection = NodeConnection::new(self.info(), player, queue, TileSharing::Encoded);
         connection.with_store(self.store.get().cloned())
     }
 
-    /// The same for a client in this process: over its connection pixels pass as they are.
+    /// The same for a client in this process, to which pixels are passed without encoding.
     pub(crate) fn connect_local(&self) -> NodeConnection {
         let queue = Arc::clone(&self.queue);
         NodeConnection::new(self.info(), PlayerId::LOCAL, queue, TileSharing::InMemory)
@@ -118,11 +121,11 @@ impl Node {
 }
 
 impl Drop for Node {
-    /// Ends the workers, but does not wait for a device that hangs.
+    /// Ends the workers, but waits for a hanging device no longer than a second.
     fn drop(&mut self) {
         self.queue.close(WORKERS_TIMEOUT);
     }
 }
 
-/// The time that a device gets to finish after it has been told to stop.
+/// Time that the workers get to finish after they have been told to stop.
 const WORKERS_TIMEOUT: Duration = Duration::from_secs(1);

@@ -1,30 +1,31 @@
-//! A tile that takes longer than a slice, traced in parts: of a noisy one blocks of columns, or a part of one column; of
-//! a denoised one rectangles between the blocks of its guard band.
+//! A tile that takes longer than a slice and is traced in parts: without denoising, blocks of columns or a
+//! part of one column; with denoising, rectangles along the block borders of the guard band.
 //!
-//! A pixel does not depend on what it is traced with, so the parts have the bits of the whole tile. A denoised pixel
-//! depends on those within the denoiser's reach, which are traced with each part as its guard band.
+//! A pixel does not depend on the others in its job, so the parts have the bits of the whole tile. A
+//! denoised pixel depends on those within the denoiser's support, which are traced with each part as its
+//! guard band.
 
 use carom_tracer::{ImageSize, Tile, TileRadiance};
 
 use super::guard_band::{guarded_pixels, halves};
 
-/// A tile of which some pixels have been traced.
+/// A partly traced tile.
 pub(super) struct PartialTile {
-    /// The tile's number in its grid.
+    /// Index of the tile in its grid.
     pub(super) index: u32,
     tile: Tile,
-    /// The picture's size, if the tile is denoised.
+    /// Size of the picture if the tile is denoised.
     denoised_in: Option<ImageSize>,
     radiance: Vec<[f32; 3]>,
-    /// What has not been traced, the next last.
+    /// Untraced rectangles; the next one is last.
     left: Vec<Tile>,
     dropped_samples: u32,
-    /// How often the next part has been stopped.
+    /// Times that the next part has been stopped.
     stops: u32,
 }
 
 impl PartialTile {
-    /// None of the pixels of the tile of this number; of a picture of that size if it is denoised.
+    /// An untraced tile of this index; `denoised_in` is the picture's size if it is denoised.
     pub(super) fn new(index: u32, tile: Tile, denoised_in: Option<ImageSize>) -> Self {
         Self {
             index,
@@ -37,7 +38,7 @@ impl PartialTile {
         }
     }
 
-    /// The next part to trace, for which at most `pixels` are traced where it can be divided.
+    /// The next part to trace: at most `pixels` pixels where it can be divided that far.
     pub(super) fn next(&mut self, pixels: u32) -> Tile {
         let part = self.left.pop().unwrap_or(self.tile);
         let part = match self.denoised_in {
@@ -48,8 +49,8 @@ impl PartialTile {
         part
     }
 
-    /// The first pixels of a rectangle, at most `pixels` but for the first: high parts, since tracers divide
-    /// rows among their threads.
+    /// The first pixels of a rectangle, at most `pixels` but at least one: in full-height columns where
+    /// possible, as tracers divide rows among their threads.
     fn next_columns(&mut self, all: Tile, pixels: u32) -> Tile {
         let (columns, rows) = match pixels >= all.height {
             true => ((pixels / all.height).min(all.width), all.height),
@@ -66,6 +67,7 @@ impl PartialTile {
             height: all.height - rows,
             ..all
         };
+        // `below` last, so that a begun column is finished before the next one.
         let rest = [right, below].into_iter().filter(|rest| rest.pixels() > 0);
         self.left.extend(rest);
         Tile {
@@ -75,7 +77,7 @@ impl PartialTile {
         }
     }
 
-    /// A part of a rectangle that has at most `pixels` with its guard band, or lies in one block.
+    /// A part of a rectangle that has at most `pixels` pixels with its guard band, or lies in one block.
     fn next_guarded(&mut self, all: Tile, size: ImageSize, pixels: u32) -> Tile {
         let mut part = all;
         while guarded_pixels(part, size) > pixels as usize
@@ -87,7 +89,7 @@ impl PartialTile {
         part
     }
 
-    /// Takes in what has been traced of [`PartialTile::next`].
+    /// Stores the pixels of the part returned by [`PartialTile::next`].
     pub(super) fn put(&mut self, part: Tile, traced: &TileRadiance) {
         let (left, top) = (part.x - self.tile.x, part.y - self.tile.y);
         let rows = traced.radiance.chunks_exact(part.width as usize);
@@ -101,13 +103,13 @@ impl PartialTile {
         self.stops = 0;
     }
 
-    /// Notes that the next part has been stopped, and returns how often it has been.
+    /// Records that the next part has been stopped, and returns how often.
     pub(super) fn note_stop(&mut self) -> u32 {
         self.stops += 1;
         self.stops
     }
 
-    /// The whole tile, once all of it has been traced.
+    /// The pixels and dropped samples of the whole tile, or the tile itself if parts are missing.
     pub(super) fn whole(self) -> Result<(Vec<[f32; 3]>, u32), Self> {
         match self.left.is_empty() {
             true => Ok((self.radiance, self.dropped_samples)),

@@ -1,14 +1,14 @@
-//! The queue of requests that wait for the device: by turns of the players, the requests of one
-//! client by frame, since the oldest is the next to be shown. They are traced in slices of
-//! [`SLICE_SECS`], so that no player waits for another's whole request; one that takes longer than it
-//! was priced at is cut when somebody waits, and its other tiles are queued again. A tile that takes longer
-//! than a slice is traced in [parts](super::partial_tile); a denoised one, whose parts need a guard band each, where
-//! other players use the node.
+//! Queue of the requests that wait for the device: players in turn by fair queueing, and the requests of
+//! one client by frame, since the oldest is the next to be shown. Requests are traced in slices of
+//! [`SLICE_SECS`], so that no player waits for another's whole request; a slice that takes longer than
+//! estimated is stopped when another player waits, and its remaining tiles are queued again. A tile that
+//! takes longer than a slice is traced in [parts](super::partial_tile); a denoised one, each part of which
+//! needs a guard band, only where other players use the node.
 //!
-//! A client's session admits at most `REQUESTS_QUEUED_MAX` of its requests. What a request costs is
-//! known before it is traced, from [probes](Turn::Probe) and slices of its scene; one that costs too
-//! much is refused. The player of this process has its node to itself: its requests are neither
-//! priced, refused for their cost, nor divided.
+//! A client's session admits at most `REQUESTS_QUEUED_MAX` of its requests. A request's cost is known
+//! before it is traced, from [probes](TurnWork::Probe) and earlier slices of its scene; one that costs too
+//! much is refused. The player of this process has the node to itself: its requests are not probed, refused
+//! for their cost, or divided.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -27,7 +27,7 @@ use super::load_meter::LoadMeter;
 use super::scene_compiler::SceneCompiler;
 use crate::lock::lock;
 
-/// A worker's turn at a request.
+/// A worker's turn: one piece of work of a request.
 pub(super) struct Turn {
     pub(super) job: Arc<NodeJob>,
     pub(super) work: TurnWork,
@@ -35,21 +35,20 @@ pub(super) struct Turn {
     pub(super) stop: Arc<AtomicBool>,
 }
 
-/// What is to be done in a turn.
+/// Work of a turn.
 #[derive(Debug, PartialEq)]
 pub(super) enum TurnWork {
-    /// Some pixels of a request whose scene's cost is not known are to be traced for
-    /// [`JobQueue::set_cost`].
+    /// Trace some pixels of a request whose scene's cost is unknown, for [`JobQueue::set_cost`].
     Probe,
-    /// Tiles of a request are to be traced.
+    /// Trace tiles of a request.
     Trace(TileRange),
-    /// A part of a tile, of this number, is to be traced: the whole takes longer than a slice.
+    /// Trace a part of the tile of this index, as the whole takes longer than a slice.
     TracePart(u32, Tile),
-    /// A request is to be refused with a sentence.
+    /// Refuse a request with an explanation.
     Refuse(String),
 }
 
-/// The queue of a node, shared by connections and workers.
+/// The queue of a node, shared by its connections and workers.
 #[derive(Default)]
 pub(super) struct JobQueue {
     state: Mutex<QueueState>,
@@ -57,9 +56,9 @@ pub(super) struct JobQueue {
     /// Notified when a turn begins or a job is pushed: for [`JobQueue::watch`].
     watched: Condvar,
     pub(super) scenes: SceneCompiler,
-    /// The jobs whose scenes have last had their updates applied, each a copy of its own.
+    /// Jobs with a copy of their scene for their update, the latest first.
     updated: Mutex<VecDeque<Weak<NodeJob>>>,
-    /// The time at which the device last finished something.
+    /// When the device last finished a piece of work.
     last_done: Mutex<Option<Instant>>,
 }
 
@@ -67,7 +66,7 @@ pub(super) struct JobQueue {
 struct QueueState {
     jobs: FairQueue<QueuedJob>,
     costs: VecDeque<Cost>,
-    /// The turns that workers are at.
+    /// Turns in progress.
     running: Vec<RunningTurn>,
     load: LoadMeter,
     quota: Option<DeviceQuota>,
@@ -75,30 +74,30 @@ struct QueueState {
     closed: bool,
 }
 
-/// A job of which tiles are left to hand out.
+/// A job with the tiles that have not been handed out.
 struct QueuedJob {
     job: Arc<NodeJob>,
     left: VecDeque<TileRange>,
 }
 
-/// A turn that a worker is at.
+/// A turn in progress.
 struct RunningTurn {
     job: Arc<NodeJob>,
     stop: Arc<AtomicBool>,
     begun: Instant,
-    /// The time after which it is stopped while nobody else waits; `None` if it can be divided.
+    /// Seconds after which it is stopped while no other player waits; `None` if it can be divided.
     secs_max: Option<f64>,
-    /// The time after which it is stopped when another player waits.
+    /// Seconds after which it is stopped when another player waits.
     secs_max_beside_others: f64,
 }
 
 impl JobQueue {
-    /// Gives each player but that of this process at most so many seconds of the device an hour.
+    /// Limits each player, except that of this process, to so many seconds of the device per hour.
     pub(super) fn set_quota(&self, secs_per_hour: f64) {
         lock(&self.state).quota = Some(DeviceQuota::new(secs_per_hour));
     }
 
-    /// Takes in a job; it waits for its scene first if that is not compiled yet.
+    /// Queues a job, for its scene's compilation first if that is needed.
     pub(super) fn push(&self, job: UncompiledJob) {
         match self.scenes.kept(job.request.scene) {
             Some(scene) => self.push_compiled(job, scene),
@@ -106,7 +105,7 @@ impl JobQueue {
         }
     }
 
-    /// Takes in a job whose scene is compiled.
+    /// Queues a job whose scene is compiled.
     pub(super) fn push_compiled(&self, job: UncompiledJob, scene: Arc<CompiledScene>) {
         let job = NodeJob::new(job, scene);
         let mut state = lock(&self.state);
@@ -121,8 +120,8 @@ impl JobQueue {
         self.watched.notify_all();
     }
 
-    /// Notes that a job has a copy of its scene; the jobs that have had theirs for longest lose them, and make them
-    /// again when they are traced again.
+    /// Records that a job holds a copy of its scene. Beyond [`UPDATED_KEPT_MAX`], the oldest copies are
+    /// dropped, and made again if their jobs are traced again.
     pub(super) fn note_updated(&self, job: &Arc<NodeJob>) {
         let mut updated = lock(&self.updated);
         updated.push_front(Arc::downgrade(job));
@@ -134,12 +133,13 @@ impl JobQueue {
         }
     }
 
-    /// Queues tiles of a job again that a turn has left.
+    /// Queues the tiles that a turn has left unfinished again, before the job's other tiles.
     pub(super) fn put_back(&self, job: &Arc<NodeJob>, tiles: Vec<TileRange>) {
         let mut state = lock(&self.state);
         let jobs = state.jobs.jobs_mut(job.client.player);
         let queued = jobs.iter_mut().find(|queued| Arc::ptr_eq(&queued.job, job));
         match queued {
+            // In reverse, so that the ranges keep their order at the front.
             Some(queued) => tiles
                 .into_iter()
                 .rev()
@@ -156,7 +156,7 @@ impl JobQueue {
         self.changed.notify_one();
     }
 
-    /// Removes cancelled jobs, and stops the turns at them.
+    /// Removes cancelled jobs, and stops their turns.
     pub(super) fn drop_cancelled(&self) {
         self.scenes.drop_cancelled();
         let is_cancelled = |job: &NodeJob| job.cancelled.load(Ordering::Relaxed);
@@ -188,7 +188,7 @@ impl JobQueue {
         self.changed.notify_all();
     }
 
-    /// The next piece of work; `None` when the node is dropped.
+    /// Waits for the next turn; `None` when the node is dropped.
     pub(super) fn next(&self) -> Option<Turn> {
         let mut state = lock(&self.state);
         loop {
@@ -196,7 +196,7 @@ impl JobQueue {
                 return None;
             }
             if let Some(turn) = state.turn() {
-                // Another worker may have a part of the same job.
+                // Another worker may take a part of the same job.
                 self.changed.notify_one();
                 self.watched.notify_all();
                 return Some(turn);
@@ -208,7 +208,7 @@ impl JobQueue {
         }
     }
 
-    /// Ends a turn: its player has had `took` of the device.
+    /// Ends a turn and charges its player with `took` of the device.
     pub(super) fn finish(&self, turn: &Turn, took: Duration) {
         let mut state = lock(&self.state);
         let player = turn.job.client.player;
@@ -220,10 +220,11 @@ impl JobQueue {
         }
         state
             .running
+            // The stop flag identifies the turn.
             .retain(|running| !Arc::ptr_eq(&running.stop, &turn.stop));
     }
 
-    /// What players other than `player` have of the device.
+    /// The use of the device by players other than `player`.
     pub(super) fn load(&self, player: PlayerId) -> NodeLoad {
         let state = lock(&self.state);
         let running = state.running.iter().map(|turn| turn.job.client.player);
@@ -231,7 +232,7 @@ impl JobQueue {
         state.load.load(Instant::now(), player, waiting)
     }
 
-    /// Notes what `samples` of a job's scene took: in a slice, or in a probe.
+    /// Records how long `samples` of a job's scene took, in a slice or in a probe.
     pub(super) fn set_cost(&self, job: &NodeJob, samples: f64, took: Duration, is_probe: bool) {
         let secs_per_sample = took.as_secs_f64() / samples.max(1.0);
         let max_depth = job.request.settings.max_depth;
@@ -242,7 +243,8 @@ impl JobQueue {
         let before_max = state.cost(job).map_or(0.0, |cost| cost.samples_max);
         state.costs.retain(|cost| !cost.is_of(job));
         let (secs_per_sample, probes) = match known {
-            // A device that compiles its kernels first, or is disturbed, is slower than it will be.
+            // The minimum of the probes: a device that compiles kernels first, or is disturbed, is slower
+            // than it will be.
             Some((before, probes)) if is_probe => (secs_per_sample.min(before), probes + 1),
             _ => (secs_per_sample, u32::from(is_probe)),
         };
@@ -257,7 +259,7 @@ impl JobQueue {
         state.costs.truncate(COSTS_KEPT_MAX);
     }
 
-    /// Cancels everything and waits until the workers have ended, for `timeout` at most.
+    /// Cancels everything and waits until the workers have ended, at most for `timeout`.
     pub(super) fn close(&self, timeout: Duration) {
         self.scenes.close();
         let mut state = lock(&self.state);
@@ -270,16 +272,17 @@ impl JobQueue {
         self.changed.notify_all();
         self.watched.notify_all();
         let working = |state: &mut QueueState| state.workers > 0;
-        // A device that hangs must not keep the program from ending.
+        // A hanging device must not keep the process from exiting.
         let ended = self.changed.wait_timeout_while(state, timeout, working);
         drop(ended);
     }
 
-    /// The time since `begun`, or since the device last finished something if that is later:
-    /// requests that overlap on a device are not counted twice.
+    /// Time since `begun`, or since the device last finished something if that is later, so that requests
+    /// that overlap on a device are not counted twice.
     pub(super) fn busy_since(&self, begun: Instant) -> Duration {
         let now = Instant::now();
         let mut last_done = lock(&self.last_done);
+        // A GPU's two workers overlap: each counts only the time since the other's last result.
         let from = last_done.map_or(begun, |last| last.max(begun));
         *last_done = Some(now);
         now.saturating_duration_since(from)
@@ -287,7 +290,7 @@ impl JobQueue {
 }
 
 impl QueueState {
-    /// The next piece of work, if there is any.
+    /// The next turn, if there is any work.
     fn turn(&mut self) -> Option<Turn> {
         let queued = self.jobs.next_mut()?.front()?;
         let (job, next) = (Arc::clone(&queued.job), *queued.left.front()?);
@@ -315,7 +318,7 @@ impl QueueState {
         Some(Turn { job, work, stop })
     }
 
-    /// What to do for a job whose tiles from `next` on are the first in the queue.
+    /// The work for a job whose first queued tiles are `next`.
     fn work(&mut self, job: &NodeJob, next: TileRange) -> Option<TurnWork> {
         if job.client.player == PlayerId::LOCAL {
             return self.take(next.count);
@@ -330,7 +333,7 @@ impl QueueState {
             return Some(TurnWork::Probe);
         };
         let (secs_per_sample, probes) = (cost.secs_per_sample, cost.probes);
-        // A price holds only about as far as it was measured.
+        // A measured cost is extrapolated only so far.
         let samples_max = GROWTH * cost.samples_max;
         if job.begun.get().is_none()
             && let Some(why) = too_costly(job, secs_per_sample)
@@ -338,14 +341,16 @@ impl QueueState {
             if probes < PROBES_BEFORE_REFUSAL {
                 return Some(TurnWork::Probe);
             }
-            // The price is forgotten with the refusal: the next request of the scene is probed again, as
-            // a price may have been measured while the device was disturbed.
+            // The cost is dropped with the refusal, so that the next request of the scene is probed again:
+            // it may have been measured while the device was disturbed.
             self.costs.retain(|cost| !cost.is_of(job));
             self.jobs.next_mut()?.pop_front();
             return Some(TurnWork::Refuse(why));
         }
         let fitting = SLICE_SECS / secs_per_sample.max(1e-12);
         let is_whole = fitting >= job.samples(TileRange { count: 1, ..next });
+        // Dividing a denoised tile repeats its guard bands, which only pays where another player would
+        // wait.
         let divides = !is_whole && (!job.is_denoised() || self.is_shared(job.client.player));
         let fitting = fitting.min(samples_max);
         let pixels = match is_whole {
@@ -357,22 +362,21 @@ impl QueueState {
             return Some(TurnWork::TracePart(next.first, part));
         }
         let fitting = job.tiles_within(next, fitting);
-        // Whole messages, unless one takes too long.
-        // Groups are sent when complete, and an incomplete one is traced again: slices end at their
-        // borders.
+        // Whole messages, unless one takes too long: a group is sent when complete, and the tiles of an
+        // incomplete one are traced again, so slices end at group borders.
         let whole = fitting - fitting % TILES_PER_MESSAGE_MAX;
         let count = if whole > 0 { whole } else { fitting.max(1) };
         self.take(count.min(next.count))
     }
 
-    /// Whether other players wait, or have had the device lately and will probably come back.
+    /// Whether other players wait, or have used the device recently and will probably return.
     fn is_shared(&self, player: PlayerId) -> bool {
         let running = self.running.iter().map(|turn| turn.job.client.player);
         let waiting = running.chain(self.jobs.waiting());
         self.load.load(Instant::now(), player, waiting).players > 0
     }
 
-    /// Takes the first tiles of the next job.
+    /// Takes up to `count` of the first tiles of the next job.
     fn take(&mut self, count: u32) -> Option<TurnWork> {
         let jobs = self.jobs.next_mut()?;
         let left = &mut jobs.front_mut()?.left;
@@ -390,7 +394,7 @@ impl QueueState {
         Some(TurnWork::Trace(TileRange { first, count }))
     }
 
-    /// Stops the turns that take too long, and returns when the next one will.
+    /// Stops overdue turns, and returns when the next one becomes overdue.
     fn stop_overdue(&self, now: Instant) -> Option<Instant> {
         let mut next = None::<Instant>;
         for turn in &self.running {
@@ -412,7 +416,7 @@ impl QueueState {
         next
     }
 
-    /// The cost of a job's scene, unless its paths are deeper than those that were measured.
+    /// The cost of a job's scene, unless its paths are deeper than those measured.
     fn cost(&self, job: &NodeJob) -> Option<&Cost> {
         let settings = job.request.settings;
         self.costs
@@ -421,8 +425,8 @@ impl QueueState {
     }
 }
 
-/// Swaps the newest job with those of the same client that are of later frames; jobs of the
-/// player's other connections keep their places.
+/// Moves the newest job before those of the same client with later frames; jobs of the player's other
+/// connections keep their places.
 fn sort_newest(jobs: &mut VecDeque<QueuedJob>) {
     let mut index = jobs.len() - 1;
     for other in (0..index).rev() {
@@ -438,27 +442,29 @@ fn sort_newest(jobs: &mut VecDeque<QueuedJob>) {
     }
 }
 
-/// Jobs that keep their copies of scenes: those that are traced, and those whose turns come next.
+/// Jobs that keep their copies of scenes: those in progress, and those whose turns come next.
 const UPDATED_KEPT_MAX: usize = 16;
-/// Scenes, denoised or not, whose cost a node remembers.
+/// Number of scenes, counted separately with and without denoising, whose cost is kept.
 const COSTS_KEPT_MAX: usize = 32;
-/// Device time of a slice: what another player's frame waits for. Denoised tiles that take longer are divided where
-/// others use the node: a part has a guard band of a block on each side, so that quarters of a tile of 32 × 32 pixels
-/// take 1.8 times as long as the whole. The least part is a block, for which 24 × 24 pixels are traced.
+/// Target device seconds of a slice, which another player's frame may have to wait for. Denoised tiles that
+/// take longer are divided where others use the node: a part has a guard band of a block on each side, so
+/// that the quarters of a tile of 32 × 32 pixels take 1.8 times as long as the whole. The smallest part is
+/// a block, for which 24 × 24 pixels are traced.
 const SLICE_SECS: f64 = 0.05;
-/// Device time after which a slice is cut if another player waits.
+/// Device seconds after which a slice is stopped if another player waits.
 const SLICE_SECS_MAX: f64 = 2.0 * SLICE_SECS;
-/// A slice has at most so many times the samples of any that was measured: where a probe's pixels were
-/// cheap, the rest of the picture may be dear.
+/// Maximum samples of a slice relative to any measured before: where a probe's pixels were cheap, the rest
+/// of the picture may be expensive.
 const GROWTH: f64 = 8.0;
-/// Device time of a denoised block after which it is stopped if another player waits. Only thousands of samples a pixel
-/// take so long, of which the denoiser leaves the picture as it is.
+/// Device seconds after which a denoised block is stopped if another player waits. Only thousands of
+/// samples per pixel take so long, at which the denoiser leaves the picture unchanged.
 pub(super) const BLOCK_SECS_MAX: f64 = 2.0;
-/// Stops of a denoised block after which its request is refused: the first may have been while a device compiled.
+/// Stops of a denoised block after which its request is refused: the device may have been compiling during
+/// the first one.
 pub(super) const BLOCK_STOPS_MAX: u32 = 2;
-/// The longest pause of [`JobQueue::watch`].
+/// Maximum pause of [`JobQueue::watch`].
 const WATCH_PAUSE_MAX: Duration = Duration::from_secs(3600);
-/// A probe may have been disturbed.
+/// Number of probes before a refusal, as one may have been disturbed.
 const PROBES_BEFORE_REFUSAL: u32 = 2;
 
 #[cfg(test)]

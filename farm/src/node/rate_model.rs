@@ -1,15 +1,15 @@
-//! A model of how many bytes tiles take at each precision: a prior from measured pictures,
-//! corrected by the encoded messages.
+//! Model of the bytes that tiles take at each precision: a prior from measured pictures, corrected by the
+//! actual messages.
 //!
-//! Delta-coded exact tiles cost what has changed in them, JPEG tiles nearly as much as without a
-//! reference: while a few balls roll under a still camera, JPEG 90 may cost more than exact pixels.
-//! Which precisions save bytes is therefore found as they are used.
+//! Delta-coded exact tiles cost as much as has changed in them, JPEG tiles nearly as much as without a
+//! reference: while a few balls roll under a still camera, JPEG 90 may cost more than exact pixels. Which
+//! precisions save bytes is therefore learned in use.
 
 use carom_protocol::PixelPrecision;
 use carom_protocol::tile_codec::DeltaStats;
 
-/// The rate of each precision, by index. Rates are bytes over those of an exact picture that is
-/// coded without references.
+/// Rates of the precisions, by index. A rate is relative to the bytes of an exact picture coded without
+/// references.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RateModel {
     /// Share of the pixels that change from frame to frame; `None` before the first message.
@@ -17,7 +17,7 @@ pub(super) struct RateModel {
     history: [RateHistory; PRECISIONS],
 }
 
-/// The actual and expected bytes of one precision's messages, exponentially decayed.
+/// Actual and expected bytes of one precision's messages, exponentially decayed.
 #[derive(Clone, Copy, Debug, Default)]
 struct RateHistory {
     messages: f64,
@@ -34,7 +34,7 @@ pub(super) struct EncodedSample {
     pub(super) bytes: usize,
 }
 
-/// A mixture of two precisions, by index.
+/// Mixture of two precisions, by index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Blend {
     pub(super) finer: usize,
@@ -49,8 +49,7 @@ impl RateModel {
         let (index, delta) = (message.precision as usize, message.delta);
         if delta.referenced > 0 {
             let share = delta.changed as f64 / delta.referenced as f64;
-            // In terms of exact pixels, so that precisions with coarser steps can be compared by one
-            // number.
+            // Converted to changes of exact pixels, so that one number serves all precisions.
             let changing = (share * CHANGE_MASKING[index]).min(1.0);
             let before = self.changing.unwrap_or(changing);
             self.changing = Some(before + (changing - before) / CHANGING_MESSAGES);
@@ -67,8 +66,8 @@ impl RateModel {
         let inter = message.pixels.saturating_sub(delta.intra) as f64;
         let inter = inter * prior(index, self.changing.unwrap_or(1.0));
         let intra = INTRA_RATE[index] * delta.intra as f64;
-        // Expected by the prior alone, not by the corrected model: the ratio of both is the correction,
-        // and must not be fed back into itself.
+        // By the prior alone, not by the corrected model: the ratio of actual to expected is the
+        // correction, and must not feed back into itself.
         history.expected_bytes += EXACT_BYTES_PER_PIXEL * (inter + intra);
     }
 
@@ -83,13 +82,14 @@ impl RateModel {
         rates[finer] + share * (rates[coarser] - rates[finer])
     }
 
-    /// The finest level with at most this rate; the coarsest, if none has.
+    /// The finest level with at most this rate; the coarsest if none has.
     pub(super) fn level_of(&self, rate: f64) -> f64 {
         let rates = self.rates();
         let mut before: Option<usize> = None;
         for index in useful(&rates) {
             if rates[index] <= rate {
                 return before.map_or(0.0, |finer| {
+                    // Linear interpolation between the two precisions that enclose the rate.
                     let share = (rates[finer] - rate) / (rates[finer] - rates[index]);
                     finer as f64 + share * (index - finer) as f64
                 });
@@ -109,13 +109,13 @@ impl RateModel {
         std::array::from_fn(|index| prior(index, changing) * self.model_error(index))
     }
 
-    /// Actual over expected bytes: the geometric mean over all precisions, weighted by messages and
-    /// by nearness, so that an unused one is corrected by its neighbours.
+    /// Actual over expected bytes: the geometric mean over all precisions, weighted by messages and by
+    /// proximity, so that an unused precision is corrected by its neighbours.
     fn model_error(&self, index: usize) -> f64 {
         let (mut sum, mut weights) = (0.0, 0.0);
         for (other, history) in self.history.iter().enumerate() {
             let weight = history.messages * NEIGHBOUR_WEIGHT[index.abs_diff(other)];
-            // One byte on both sides: a precision without messages must not divide by zero.
+            // Plus one byte on both sides: a precision without messages must not divide by zero.
             let ratio = (history.bytes + 1.0) / (history.expected_bytes + 1.0);
             sum += weight * ratio.ln();
             weights += weight;
@@ -128,15 +128,16 @@ impl RateModel {
     }
 }
 
-/// The rate that is expected where this share of the pixels has changed.
+/// Prior rate where the share `changing` of the pixels has changed.
 fn prior(index: usize, changing: f64) -> f64 {
     INTRA_RATE[index]
         .min(DELTA_RATE[index] * changing)
         .max(RATE_MIN)
 }
 
-/// The precisions that save bytes over each finer one.
+/// The precisions that save bytes over every finer one.
 fn useful(rates: &[f64; PRECISIONS]) -> impl Iterator<Item = usize> + '_ {
+    // Scanned from fine to coarse: a coarser precision that saves nothing over a finer one is dominated.
     let mut least = f64::INFINITY;
     (0..PRECISIONS).filter(move |index| {
         let saves = rates[*index] < USEFUL_BELOW * least;
@@ -166,27 +167,27 @@ fn blend(rates: &[f64; PRECISIONS], level: f64) -> Blend {
 }
 
 const PRECISIONS: usize = PixelPrecision::ALL.len();
-/// The rate of a converged frame that is coded without references, by `bench codec` …
+/// Rate of a converged frame coded without references, measured by `bench codec`.
 const INTRA_RATE: [f64; PRECISIONS] = [1.0, 0.74, 0.65, 0.18, 0.07, 0.036];
-/// … and, where few pixels have changed, that of those: where 10 % change in a few places, JPEG
-/// takes as much as for all.
+/// Rate per share of changed pixels where few have changed: with 10 % changed in a few places, JPEG takes
+/// as much as for all.
 const DELTA_RATE: [f64; PRECISIONS] = [2.8, 1.6, 1.25, 1.8, 0.7, 0.36];
-/// The header of a message.
+/// Minimum rate: the header of a message.
 const RATE_MIN: f64 = 0.005;
-/// Of that exact frame.
+/// Bytes per pixel of the exact frame that rates are relative to.
 const EXACT_BYTES_PER_PIXEL: f64 = 0.37;
-/// Pixels that have changed for each that is seen to have at this precision: quantisation masks
-/// small changes. JPEG compares exact pixels.
+/// Changed pixels per pixel seen to have changed at this precision: quantisation masks small changes. JPEG
+/// compares exact pixels.
 const CHANGE_MASKING: [f64; PRECISIONS] = [1.0, 1.6, 2.0, 1.0, 1.0, 1.0];
-/// Four frames of 16 messages.
+/// Averaging length of `changing` in messages: four frames of 16.
 const CHANGING_MESSAGES: f64 = 64.0;
-/// Longer than [`CHANGING_MESSAGES`]: how well pictures compress changes more slowly than how much
-/// moves in them.
+/// Averaging length of the correction in messages. Longer than [`CHANGING_MESSAGES`], as the
+/// compressibility of pictures changes more slowly than the motion in them.
 const HISTORY_MESSAGES: f64 = 1024.0;
-/// The weight of a message for its own precision, for the next one and for those beyond. After a
-/// few thousand messages without use, a precision is judged by its neighbours.
+/// Weight of a message for its own precision, the next one and those beyond. After a few thousand messages
+/// without use, a precision is judged by its neighbours.
 const NEIGHBOUR_WEIGHT: [f64; PRECISIONS] = [1.0, 0.02, 0.005, 0.00125, 0.0003, 0.0001];
-/// A precision must save a twentieth over a finer one.
+/// Rate below which, relative to the finer ones, a precision is worth using: it must save a twentieth.
 const USEFUL_BELOW: f64 = 0.95;
 
 #[cfg(test)]

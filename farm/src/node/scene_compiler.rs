@@ -1,8 +1,8 @@
-//! Compilation of the scenes of requests, beside the device: one at a time by turns of the players, within a bound on
+//! Compilation of scenes on a thread beside the device: one at a time, players in turn, within a limit on
 //! the memory of all compiled scenes.
 //!
-//! A compressed texture of some kilobytes may take a hundred megabytes and a second to decode: neither may come out
-//! of the device's time, of which others wait for their part.
+//! A compressed texture of some kilobytes may take a hundred megabytes and a second to decode: neither may
+//! come out of the device time of other players.
 
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
@@ -17,7 +17,7 @@ use super::fair_queue::{FairQueue, PlayerId};
 use super::job::UncompiledJob;
 use crate::lock::lock;
 
-/// The scenes that a node has compiled, and the jobs whose scenes are to be.
+/// The compiled scenes of a node, and the jobs that wait for a compilation.
 pub(super) struct SceneCompiler {
     state: Mutex<CompilerState>,
     changed: Condvar,
@@ -25,7 +25,7 @@ pub(super) struct SceneCompiler {
 
 struct CompilerState {
     waiting: FairQueue<UncompiledJob>,
-    /// The one that was used last is the first.
+    /// Compiled scenes, the most recently used first.
     kept: VecDeque<KeptScene>,
     bytes_max: u64,
     closed: bool,
@@ -35,7 +35,7 @@ struct KeptScene {
     hash: SceneHash,
     scene: Arc<CompiledScene>,
     bytes: u64,
-    /// Who asked for it first.
+    /// The player that requested it first.
     player: PlayerId,
 }
 
@@ -60,22 +60,22 @@ impl Default for SceneCompiler {
 }
 
 impl SceneCompiler {
-    /// Bounds the memory of all compiled scenes.
+    /// Limits the memory of all compiled scenes, in bytes.
     pub(super) fn set_bytes_max(&self, bytes: u64) {
         lock(&self.state).bytes_max = bytes;
     }
 
-    /// How much of that a player may have.
+    /// The part of that limit that a player may use, in bytes.
     pub(super) fn player_bytes_max(&self) -> u64 {
         lock(&self.state).bytes_max / PLAYER_PARTS
     }
 
-    /// A scene that is compiled already.
+    /// A scene that is already compiled.
     pub(super) fn kept(&self, hash: SceneHash) -> Option<Arc<CompiledScene>> {
         lock(&self.state).take_kept(hash)
     }
 
-    /// Has the job's scene compiled.
+    /// Queues a job for the compilation of its scene.
     pub(super) fn push(&self, job: UncompiledJob) {
         let mut state = lock(&self.state);
         if !state.closed {
@@ -84,7 +84,7 @@ impl SceneCompiler {
         }
     }
 
-    /// Waits for a job whose scene is to be compiled; `None` when the node is dropped.
+    /// Waits for the next job to compile; `None` when the node is dropped.
     pub(super) fn next(&self) -> Option<UncompiledJob> {
         let mut state = lock(&self.state);
         loop {
@@ -101,13 +101,13 @@ impl SceneCompiler {
         }
     }
 
-    /// A job whose scene is to be compiled, if one waits.
+    /// The next job to compile, if one waits.
     #[cfg(test)]
     pub(super) fn try_next(&self) -> Option<UncompiledJob> {
         lock(&self.state).next()
     }
 
-    /// Compiles a job's scene, or says why not.
+    /// Compiles a job's scene. An error is the reason for refusing the job.
     pub(super) fn compile(&self, job: &UncompiledJob) -> Result<Arc<CompiledScene>, RefusalReason> {
         let (hash, player) = (job.request.scene, job.client.player);
         let begun = Instant::now();
@@ -117,12 +117,13 @@ impl SceneCompiler {
             if let Some(scene) = state.take_kept(hash) {
                 return Ok(scene);
             }
-            // The room stays free while the lock is not held: one thread alone compiles.
+            // The room stays free while the lock is released, as only one thread compiles.
             state.make_room(predicted, player)?;
         }
         // Without the lock, as compiling a large scene takes long.
         let compiled = CompiledScene::new(&job.scene);
         let mut state = lock(&self.state);
+        // This queue is fair in compilation time, separately from the device's.
         state.waiting.charge(player, begun.elapsed().as_secs_f64());
         let scene = Arc::new(compiled.map_err(|why| invalid(&why))?);
         state.kept.push_front(KeptScene {
@@ -140,7 +141,7 @@ impl SceneCompiler {
         lock(&self.state).waiting.retain(|job| !is_cancelled(job));
     }
 
-    /// Drops everything; no job is handed out any more.
+    /// Drops all jobs and scenes; no job is handed out any more.
     pub(super) fn close(&self) {
         let mut state = lock(&self.state);
         state.closed = true;
@@ -163,8 +164,8 @@ impl CompilerState {
         Some(scene)
     }
 
-    /// Drops scenes that no request needs, those first that were not used for longest, until another of so many bytes
-    /// fits. The player of this process has its node to itself.
+    /// Drops unused scenes, the least recently used first, until another one of `bytes` fits. The player of
+    /// this process is not limited to its part.
     fn make_room(&mut self, bytes: u64, player: PlayerId) -> Result<(), RefusalReason> {
         let is_local = player == PlayerId::LOCAL;
         let share = self.bytes_max / PLAYER_PARTS;
@@ -190,9 +191,9 @@ impl CompilerState {
                 |kept: &KeptScene| !kept.is_in_use() && (own_fits || kept.player == player);
             match self.kept.iter().rposition(is_unused) {
                 Some(unused) => drop(self.kept.remove(unused)),
-                // As many scenes are in use as there are players with scenes of their own.
+                // More scenes than usual are in use, one or more per player.
                 None if fits => return Ok(()),
-                // Requests of other scenes have the memory until they are done.
+                // The memory is held by requests for other scenes until these are done.
                 None => return Err(RefusalReason::Busy),
             }
         }
@@ -204,8 +205,8 @@ impl CompilerState {
     }
 }
 
-/// What a scene will take once compiled, known before anything is decoded: texels with their smaller levels, triangles
-/// with their BVH, and the other objects.
+/// Memory of a scene once compiled, predicted before anything is decoded: texels with their mip levels (Σ
+/// 4⁻ⁱ = 4/3), triangles with their BVH, and the other objects.
 fn predicted_bytes(scene: &Scene) -> Result<u64, SceneError> {
     let texels = scene.texture_bytes()?;
     let triangles = scene.objects.iter().map(|object| match &object.shape {
@@ -222,11 +223,11 @@ fn invalid(why: &impl ToString) -> RefusalReason {
     RefusalReason::Invalid(why.to_string())
 }
 
-/// Memory of all compiled scenes of a node where nothing else is said.
+/// Default limit of the memory of all compiled scenes of a node, in bytes.
 pub(super) const SCENE_BYTES_MAX: u64 = 1 << 30;
-/// A player may have one of so many parts of it.
+/// A player may use one of so many parts of it.
 const PLAYER_PARTS: u64 = 2;
-/// Compiled scenes that a node keeps, but for those in use.
+/// Maximum number of compiled scenes, unless more are in use.
 const SCENES_KEPT_MAX: usize = 8;
 const TRIANGLE_BYTES: u64 = 256;
 const OBJECT_BYTES: u64 = 256;
@@ -286,12 +287,12 @@ mod tests {
             why.contains("201 MiB of memory, of at most 200 MiB"),
             "{why}"
         );
-        // Its own scenes go first, though another's was not used for longer.
+        // Its own scenes are dropped first, though another player's was used less recently.
         state.kept.swap(0, 1);
         state.make_room(100 * MIB, far).unwrap();
         let left: Vec<u8> = state.kept.iter().map(|kept| kept.hash.0[0]).collect();
         assert_eq!(left, [0]);
-        // What requests need stays.
+        // Scenes that requests use stay.
         state.kept.push_front(kept(2, 150 * MIB, far));
         let in_use = Arc::clone(&state.kept[0].scene);
         assert_eq!(state.make_room(100 * MIB, far), Err(RefusalReason::Busy));

@@ -1,5 +1,4 @@
-//! A node's worker: traces requests slice by slice, and sends their tiles in groups as they are
-//! finished.
+//! Worker of a node: traces requests slice by slice, and sends their tiles in groups as they finish.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -31,7 +30,8 @@ pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
             while let Some(turn) = queue.next() {
                 run(&queue, &*tracer, &turn);
             }
-            // A driver must not be torn down by a process that is exiting meanwhile.
+            // The tracer is dropped before the worker counts as ended: its driver must not be torn down
+            // while the process exits.
             drop(tracer);
             queue.worker_ends();
         }
@@ -43,7 +43,7 @@ pub(super) fn start(queue: Arc<JobQueue>, tracer: Arc<dyn Tracer>) {
     }
 }
 
-/// Starts the thread that stops turns which take too long; it ends when the queue is closed.
+/// Starts the watchdog thread, which stops turns that take too long; it ends when the queue is closed.
 pub(super) fn start_watch(queue: Arc<JobQueue>) {
     let thread = std::thread::Builder::new().name("carom-node-watch".into());
     if let Err(error) = thread.spawn(move || queue.watch()) {
@@ -72,11 +72,11 @@ pub(super) fn start_compiler(queue: Arc<JobQueue>) {
     }
 }
 
-/// Does a piece of work and reports the outcome to its client.
+/// Executes a turn and reports a failure to its client.
 fn run(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) {
     let begun = Instant::now();
     let job = &turn.job;
-    // A bug in a tracer or a driver must cost one request, not the node of all its players.
+    // A bug in a tracer or a driver must cost one request, not the node of all players.
     let done = catch_unwind(AssertUnwindSafe(|| match &turn.work {
         TurnWork::Probe => probe(queue, tracer, turn),
         TurnWork::Trace(tiles) => trace(queue, tracer, turn, *tiles, None),
@@ -107,26 +107,26 @@ fn run(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) {
     queue.finish(turn, begun.elapsed());
 }
 
-/// Refuses what is left of a job.
+/// Refuses the rest of a job.
 fn give_up(queue: &JobQueue, job: &NodeJob, why: RefusalReason) {
     job.client.refuse(job.request.id, why);
     job.cancelled.store(true, Ordering::Relaxed);
     queue.drop_cancelled();
 }
 
-/// Refuses a job of which what cannot be divided takes too long.
+/// Refuses a job of which an indivisible piece takes too long.
 fn give_up_piece(queue: &JobQueue, job: &NodeJob, piece: &str, secs_max: f64) {
     let why = format!("{piece} of it takes longer than {secs_max} s here: {COST_ADVICE}");
     give_up(queue, job, RefusalReason::Invalid(why));
 }
 
-/// Whether a tile or its part that was stopped can be traced all the same: in smaller parts, or again.
+/// Whether a stopped tile, or part of one, may be traced again: in smaller parts, or as it is.
 fn may_resume(job: &NodeJob, tile: u32, part: Tile) -> bool {
     let stops = job.note_stop(tile);
     job.is_divisible(part) || (job.is_denoised() && stops < BLOCK_STOPS_MAX)
 }
 
-/// Traces a slice: tiles, or a part of one. What it leaves is queued again.
+/// Traces a slice: a range of tiles, or a part of one. What it leaves unfinished is queued again.
 fn trace(
     queue: &JobQueue,
     tracer: &dyn Tracer,
@@ -142,6 +142,8 @@ fn trace(
     if !is_cancelled && !left.is_empty() {
         let is_part_done = slice.part_is_done.load(Ordering::Relaxed);
         let is_stopped = turn.stop.load(Ordering::Relaxed) && !is_part_done;
+        // A stopped slice of several tiles is simply queued again; a single tile or part must become
+        // smaller, or may be retried if it is an indivisible block.
         let lone = part.or((tiles.count == 1).then_some(slice.tiles[0]));
         if is_stopped && lone.is_some_and(|part| !may_resume(job, tiles.first, part)) {
             match job.is_denoised() {
@@ -155,7 +157,7 @@ fn trace(
         }
     } else if job.finish(tiles.count) {
         match is_cancelled {
-            // Its client knows, or takes no tiles and may ask again.
+            // Its client has cancelled it, or accepted no tiles and may request them again.
             true => job.client.refuse(job.request.id, RefusalReason::Busy),
             false => job.client.request_done(job.report()),
         }
@@ -163,7 +165,7 @@ fn trace(
     Ok(())
 }
 
-/// Traces a few pixels in the middle of a request, once each, for its price.
+/// Traces a few pixels in the middle of a request with one sample each, to estimate its cost.
 fn probe(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) -> Result<(), Error> {
     let job = &turn.job;
     let scene = job.updated(queue)?;
@@ -195,7 +197,7 @@ fn probe(queue: &JobQueue, tracer: &dyn Tracer, turn: &Turn) -> Result<(), Error
 }
 
 impl NodeJob {
-    /// The scene with the request's update, made for the first slice.
+    /// The scene with the request's update, created for the first slice.
     fn updated(self: &Arc<Self>, queue: &JobQueue) -> Result<Arc<CompiledScene>, Error> {
         if self.request.update == SceneUpdate::default() {
             return Ok(Arc::clone(&self.base));
@@ -212,7 +214,7 @@ impl NodeJob {
         Ok(scene)
     }
 
-    /// The time at which its first slice was begun, at the latest now.
+    /// Start of its first slice; set to now on the first call.
     fn begin(&self) -> Instant {
         *self.begun.get_or_init(Instant::now)
     }
@@ -232,7 +234,7 @@ impl NodeJob {
     }
 }
 
-/// A part of a request that is being traced.
+/// A part of a request while it is traced.
 struct ActiveSlice<'a> {
     queue: &'a JobQueue,
     job: &'a Arc<NodeJob>,
@@ -240,22 +242,23 @@ struct ActiveSlice<'a> {
     begun: Instant,
     first: u32,
     tiles: Vec<Tile>,
-    /// What is traced of the only tile, if it is not all.
+    /// The part of the only tile that is traced, if not all of it.
     part: Option<Tile>,
     part_is_done: AtomicBool,
     groups: Vec<Mutex<TileGroup>>,
-    /// Whether the network has made the tracer wait.
+    /// Whether backpressure of the network has blocked the tracer.
     stalled: AtomicBool,
 }
 
-/// The tiles of one message.
+/// The tiles of one message, while they complete.
 struct TileGroup {
     pixels: Vec<Option<TracedPixels>>,
     missing: usize,
     dropped_samples: u32,
 }
 
-/// Pixels of a tile: as they are shown where the client takes them so, out of this process's memory.
+/// Pixels of a tile: encoded by the tracer as sRGB where the client shares this process's memory, else
+/// radiance.
 #[derive(Clone)]
 enum TracedPixels {
     Radiance(Vec<[f32; 3]>),
@@ -288,8 +291,8 @@ impl<'a> ActiveSlice<'a> {
         }
     }
 
-    /// Traces the whole slice in one call, as a GPU is fast only on many tiles; groups are encoded
-    /// meanwhile, on rayon's threads, as they become complete.
+    /// Traces the whole slice in one call, as a GPU is efficient only on many tiles; complete groups are
+    /// encoded concurrently on rayon's threads.
     fn trace(&self, tracer: &dyn Tracer) -> Result<(), Error> {
         if self.stop.load(Ordering::Relaxed) {
             return Ok(());
@@ -303,10 +306,10 @@ impl<'a> ActiveSlice<'a> {
             cancelled: self.stop,
         };
         let begun = Instant::now();
-        // The tracer stays on this thread; only encoding goes to rayon's.
+        // The tracer stays on this thread; only encoding moves to rayon's.
         rayon::in_place_scope(|encoders| {
             let take = |index: usize, pixels: TracedPixels, dropped_samples: u32| {
-                // Called from the tracer's threads in any order; the one that completes a group sends it.
+                // Called from the tracer's threads in any order; the call that completes a group sends it.
                 if let Some((first, group)) = self.collect(index, pixels, dropped_samples) {
                     let traced = Instant::now();
                     // Backpressure: blocks the tracer, so that traced pixels cannot pile up.
@@ -338,7 +341,7 @@ impl<'a> ActiveSlice<'a> {
             };
             traced?;
             let is_wanted = !self.job.cancelled.load(Ordering::Relaxed);
-            // Time that the network made the tracer wait is no price of the scene.
+            // Time blocked by the network does not belong to the scene's cost.
             if is_wanted && !self.stalled.load(Ordering::Relaxed) {
                 let samples = self.samples_done();
                 self.queue
@@ -348,12 +351,12 @@ impl<'a> ActiveSlice<'a> {
         })
     }
 
-    /// The tile, once all of it has been traced: a part waits for the others.
+    /// The whole tile once its last part has been traced, `None` before.
     fn completed(&self, traced: TileRadiance) -> Option<TileRadiance> {
         let Some(part) = self.part else {
             return Some(traced);
         };
-        // Relaxed is enough: only one call sees false, and the pixels are handed over by a lock.
+        // Relaxed suffices: only one call sees false, and the pixels are handed over under a lock.
         if self.part_is_done.swap(true, Ordering::Relaxed) {
             return None;
         }
@@ -372,7 +375,7 @@ impl<'a> ActiveSlice<'a> {
         }
     }
 
-    /// Samples that all the time was spent on.
+    /// Samples that the measured time was spent on.
     fn samples_done(&self) -> f64 {
         let count = self.tiles.len() as u32;
         let all = match self.part {
@@ -385,7 +388,8 @@ impl<'a> ActiveSlice<'a> {
         (all * self.share_done()).max(self.job.samples_per_pixel())
     }
 
-    /// The share of the slice that has been traced: of one that was stopped, what has come, or a piece of what was begun.
+    /// Share of the slice that has been traced: for a stopped one, the finished groups or an estimate of
+    /// what was begun.
     fn share_done(&self) -> f64 {
         if self.part.is_some() {
             let is_done = self.part_is_done.load(Ordering::Relaxed);
@@ -394,6 +398,8 @@ impl<'a> ActiveSlice<'a> {
         let pixels = |tile: &Tile| tile.pixels() as f64;
         let finished: f64 = self.finished().map(pixels).sum();
         let all: f64 = self.tiles.iter().map(pixels).sum();
+        // A stopped slice has at least begun its first tile: without this floor its cost would be
+        // unbounded.
         let begun = match self.tiles.len() {
             1 => STOPPED_SHARE * all,
             _ => pixels(&self.tiles[0]),
@@ -413,7 +419,7 @@ impl<'a> ActiveSlice<'a> {
         let mut group = lock(&self.groups[index]);
         let slot = &mut group.pixels[tile % GROUP_TILES];
         if slot.is_some() {
-            return None; // a tracer that delivers a tile twice: the first one counts
+            return None; // the tracer has delivered the tile twice: the first copy counts
         }
         *slot = Some(pixels);
         group.missing -= 1;
@@ -428,12 +434,12 @@ impl<'a> ActiveSlice<'a> {
         Some((index * GROUP_TILES, complete))
     }
 
-    /// Whether each group is complete, by its place.
+    /// Whether each group is complete, in order.
     fn complete(&self) -> impl Iterator<Item = bool> {
         self.groups.iter().map(|group| lock(group).missing == 0)
     }
 
-    /// The tiles of the groups that are complete.
+    /// Tiles of the complete groups.
     fn finished(&self) -> impl Iterator<Item = &Tile> {
         let groups = self.tiles.chunks(GROUP_TILES).zip(self.complete());
         groups
@@ -441,7 +447,7 @@ impl<'a> ActiveSlice<'a> {
             .flat_map(|(tiles, _)| tiles)
     }
 
-    /// The tiles of the groups that are not.
+    /// Tiles of the incomplete groups.
     fn left(&self) -> Vec<TileRange> {
         let mut first = self.first;
         let mut left = Vec::new();
@@ -455,7 +461,7 @@ impl<'a> ActiveSlice<'a> {
         left
     }
 
-    /// Encodes and sends a group of tiles, the last of which was `traced` then.
+    /// Encodes and sends a group of tiles, the last of which finished at `traced`.
     fn send(&self, first: usize, group: &TileGroup, traced: Instant) {
         // Encoding may start long after tracing if all of rayon's threads are busy.
         if self.job.cancelled.load(Ordering::Relaxed) {
@@ -506,7 +512,7 @@ impl<'a> ActiveSlice<'a> {
 }
 
 thread_local! {
-    /// One for each thread: its buffers and its zstd context are reused.
+    /// One per thread, to reuse its buffers and its zstd context.
     static ENCODER: RefCell<Encoder> = RefCell::new(Encoder::new());
 }
 
@@ -521,7 +527,7 @@ fn panic_message(panic: &(dyn Any + Send)) -> &str {
 }
 
 const GROUP_TILES: usize = TILES_PER_MESSAGE_MAX as usize;
-/// The share of a stopped tile that is taken to have been traced: its price rises so quickly.
+/// Assumed share of a stopped tile that has been traced: small, so that its estimated cost rises quickly.
 const STOPPED_SHARE: f64 = 0.125;
-/// Pixels along the edge of a probe: a quarter of a millisecond of one core at most scenes.
+/// Edge of a probe in pixels: a quarter of a millisecond of one core for most scenes.
 const PROBE_EDGE: u32 = 16;

@@ -1,35 +1,35 @@
-//! Efforts of nodes for a frame, and the time in which the same nodes could have traced it.
+//! Contributions of nodes to a frame, and the time in which the same nodes could have traced it.
 
 use super::FrameStats;
 use crate::balancer::{CostModel, water_fill};
 use crate::node_status::NodeIndex;
 
-/// What a node did for a frame; times are seconds from its submission.
+/// A node's contribution to a frame; times are seconds from its submission.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NodeEffort {
-    /// When it could have begun: its first tiles' arrival less the time that it was busy with them.
+    /// When it could have begun: arrival of its first tiles less the time that it was busy with them.
     pub begin_secs: f64,
-    /// How long it was busy, no longer than its answers allow.
+    /// Busy seconds, limited to the time between `begin_secs` and `end_secs`.
     pub busy_secs: f64,
-    /// When its last tiles came.
+    /// Arrival of its last tiles.
     pub end_secs: f64,
-    /// When they were expected, by the predictions under which it was asked; absent without one.
+    /// Predicted arrival of these, as of their requests; absent without a prediction.
     pub expected_secs: Option<f64>,
-    /// The predicted work of what came, in pixel samples of average cost.
+    /// Predicted work of its tiles, in pixel samples of average cost.
     pub work: f64,
-    /// Tiles that came.
+    /// Tiles that arrived.
     pub tiles: u32,
-    /// Of those, the ones that came more than a tenth and a millisecond after their prediction.
+    /// Those that arrived more than a tenth and a millisecond after their prediction.
     pub late_tiles: u32,
-    /// Of those, the ones that another node had brought before.
+    /// Those that another node had delivered before.
     pub duplicate_tiles: u32,
-    /// Bytes of their pixels as they crossed the link.
+    /// Bytes of their pixels as transmitted.
     pub payload_bytes: u64,
 }
 
 impl FrameStats {
-    /// What each node did, by index into [`crate::Farm::nodes`]; nodes at the end that did nothing
-    /// are left out.
+    /// The contribution of each node, by index into [`crate::Farm::nodes`]; trailing nodes without any are
+    /// left out.
     pub fn efforts(&self) -> Vec<NodeEffort> {
         let nodes = self.deliveries.iter().map(|delivery| delivery.node.0 + 1);
         let mut efforts = vec![NodeEffort::default(); nodes.max().unwrap_or(0)];
@@ -59,14 +59,14 @@ impl FrameStats {
         efforts
     }
 
-    /// The shortest time in which the nodes that took part could have traced the frame, had its work
-    /// been divided so that all end together, in seconds: each begins when it did, and is as quick as
-    /// it says that it was. No more than [`FrameStats::makespan_secs`]; 0 if nothing came.
+    /// The shortest time in seconds in which the participating nodes could have traced the frame, had its
+    /// work been divided so that all finish together: each begins when it did, at the speed that it
+    /// reported. At most [`FrameStats::makespan_secs`]; 0 if nothing arrived.
     pub fn ideal_secs(&self) -> f64 {
         self.level_secs().min(self.makespan_secs)
     }
 
-    /// [`FrameStats::ideal_secs`] but for rounding.
+    /// [`FrameStats::ideal_secs`] without the limit.
     fn level_secs(&self) -> f64 {
         let efforts = self.efforts();
         let took_part = efforts.iter().filter(|effort| effort.work > 0.0);
@@ -82,7 +82,7 @@ impl FrameStats {
         water_fill(work, &lines).finish_secs
     }
 
-    /// The node whose tiles came last.
+    /// The node whose fresh tiles arrived last.
     pub fn straggler(&self) -> Option<NodeIndex> {
         let fresh = self.deliveries.iter().rev();
         let mut fresh = fresh.filter(|delivery| delivery.fresh_tiles > 0);
@@ -90,10 +90,10 @@ impl FrameStats {
     }
 }
 
-/// Tiles are late that come after this many times the predicted time, and so many seconds.
+/// Tiles are late after this multiple of the predicted time plus [`LATE_SECS`].
 const LATE: f64 = 1.1;
 const LATE_SECS: f64 = 1e-3;
-/// A node that says that it took no time is believed no more than that.
+/// Lower limit of busy seconds: a node may report 0.
 const BUSY_SECS_MIN: f64 = 1e-7;
 
 #[cfg(test)]
@@ -132,9 +132,9 @@ mod tests {
 
     #[test]
     fn the_ideal_of_two_nodes_is_where_both_end_together() {
-        // Both could begin after 1 ms; one makes a tile a millisecond, the other ten.
+        // Both could begin after 1 ms; one makes a tile per millisecond, the other ten.
         let stats = frame(&[(0, 10, 0.011, 0.010), (1, 10, 0.002, 0.001)]);
-        // 20 tiles at 11 a millisecond.
+        // 20 tiles at 11 per millisecond.
         assert!((stats.ideal_secs() - (0.001 + 20.0 / 11_000.0)).abs() < 1e-12);
         assert_eq!(stats.straggler(), Some(NodeIndex(0)));
     }

@@ -1,18 +1,18 @@
-//! Stages of a tile's latency.
+//! Breakdown of a tile's latency into stages.
 
 use serde::Serialize;
 
-/// Where the time of a tile went, from [`crate::Farm::submit`] until its pixels were there, in
-/// seconds: one after the other, each a duration by one clock.
+/// Breakdown of a tile's time from [`crate::Farm::submit`] until its pixels were available, in seconds:
+/// successive stages, each a duration by one clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct LatencySplit {
-    /// From submission until the node was asked, by the client's clock.
+    /// From submission to the request, by the client's clock.
     pub request_secs: f64,
-    /// What is left of the round trip: both ways through the network, and waiting for it.
+    /// The rest of the round trip: both ways through the network, and queues in it.
     pub network_secs: f64,
     /// Waiting for the node's device, by the node's clock.
     pub queue_secs: f64,
-    /// Tracing, and waiting for the tiles that travel together, by the node's clock.
+    /// Tracing, and waiting for the tiles of the same message, by the node's clock.
     pub trace_secs: f64,
     /// Encoding, by the node's clock.
     pub encode_secs: f64,

@@ -1,4 +1,4 @@
-//! Statistics of finished frames: who delivered what, when, and where the time went.
+//! Statistics of finished frames: which node delivered what, when, and where the time went.
 
 mod efficiency;
 mod latency_split;
@@ -16,72 +16,70 @@ use crate::node_status::NodeIndex;
 pub struct FrameStats {
     /// From [`crate::Farm::submit`] to the last tile, in seconds; with tiles missing, to its deadline.
     pub makespan_secs: f64,
-    /// The longest that a node was busy with the picture, by its own clock, in seconds: pictures in
-    /// flight cannot follow each other faster.
+    /// Maximum over the nodes of the busy time for the picture, by their own clocks, in seconds: pictures
+    /// in flight cannot follow each other faster.
     pub busy_secs: f64,
-    /// How its tiles were divided.
+    /// Balancing of its tiles.
     pub balancing: Balancing,
-    /// How often each tile was traced, with other samples each time: see [`crate::Distribution`].
+    /// Passes in which each tile was traced, each with different samples: see [`crate::Distribution`].
     pub passes: u32,
-    /// Bytes of pixels as they crossed the link.
+    /// Bytes of pixels as transmitted.
     pub payload_bytes: u64,
     /// Bytes of the same pixels before they were encoded.
     pub raw_bytes: u64,
-    /// Tiles that were asked for again because a node was late or lost.
+    /// Tiles that were requested again because a node was late or lost.
     pub reissued_tiles: u32,
-    /// Of those, the ones whose node was lost, refused them or fell silent.
+    /// Those whose node was lost, refused them or fell silent.
     pub lost_tiles: u32,
-    /// Tiles that were not there when the picture had to be shown.
+    /// Tiles that were missing at the deadline.
     pub late_tiles: u32,
-    /// Tiles that came twice; the first was kept.
+    /// Tiles that arrived twice; the first copy was kept.
     pub duplicate_tiles: u32,
     /// Samples that were not finite and count as black.
     pub dropped_samples: u64,
-    /// Tiles that each node delivered, a tile in each pass counted anew, by index into
-    /// [`crate::Farm::nodes`].
+    /// Tiles that each node delivered, counted once per pass, by index into [`crate::Farm::nodes`].
     pub tiles_by_node: Vec<u32>,
-    /// When each node's last tile came, in seconds from [`crate::Farm::submit`], by the same
-    /// index; 0 for a node that delivered none.
+    /// Arrival of each node's last tile, in seconds from [`crate::Farm::submit`], by the same index; 0 for
+    /// a node that delivered none.
     pub response_secs_by_node: Vec<f64>,
-    /// Where the time of each node's last tile went, by the same index.
+    /// Latency breakdown of each node's last tile, by the same index.
     pub split_by_node: Vec<LatencySplit>,
-    /// Pixels along the edge of a tile.
+    /// Edge of a tile in pixels.
     pub tile_edge: u16,
-    /// The work of each tile as it was predicted when they were divided, in pixel samples of average
-    /// cost.
+    /// Predicted work of each tile at the division, in pixel samples of average cost.
     #[serde(skip)]
     pub tile_work: Vec<f32>,
-    /// Everything that came until the picture was whole, in the order of arrival.
+    /// All deliveries until the picture was complete, in order of arrival.
     #[serde(skip)]
     pub deliveries: Vec<Delivery>,
 }
 
-/// Tiles that came together from one node. Times are seconds from [`crate::Farm::submit`].
+/// Tiles of one message of a node. Times are seconds from [`crate::Farm::submit`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Delivery {
-    /// Who traced them.
+    /// Node that traced them.
     pub node: NodeIndex,
-    /// Which.
+    /// Range of the tiles.
     pub tiles: TileRange,
-    /// How many of them had not come from another node before.
+    /// Number of them that had not come from another node before.
     pub fresh_tiles: u32,
     /// Their predicted work, in pixel samples of average cost.
     pub work: f64,
-    /// When the last tile of the same request was expected, as predicted when it was asked for;
-    /// absent while nothing was known of the node.
+    /// Predicted arrival of the last tile of the same request, as of its issue; absent while nothing was
+    /// known of the node.
     pub expected_secs: Option<f64>,
-    /// When they were there.
+    /// Arrival.
     pub arrived_secs: f64,
-    /// How long the node was busy with them, by its own clock.
+    /// Seconds that the node was busy with them, by its own clock.
     pub busy_secs: f64,
-    /// Where their time went.
+    /// Breakdown of their latency.
     pub split: LatencySplit,
-    /// Bytes of their pixels as they crossed the link.
+    /// Bytes of their pixels as transmitted.
     pub payload_bytes: u32,
 }
 
 impl FrameStats {
-    /// Standard deviation of the response times of those nodes that took part, in seconds.
+    /// Standard deviation of the response times of the participating nodes, in seconds.
     pub fn response_deviation_secs(&self) -> f64 {
         let took_part = |secs: &&f64| **secs > 0.0;
         let responses = || self.response_secs_by_node.iter().filter(took_part);
@@ -91,14 +89,14 @@ impl FrameStats {
         variance.sqrt()
     }
 
-    /// Where the time of the very last tile went; absent if no node delivered any.
+    /// Latency breakdown of the very last tile; `None` if no node delivered any.
     pub fn last_split(&self) -> Option<&LatencySplit> {
         let responses = self.response_secs_by_node.iter().enumerate();
         let (last, _) = responses.max_by(|a, b| a.1.total_cmp(b.1))?;
         self.split_by_node.get(last)
     }
 
-    /// The longest response time of a node, in seconds.
+    /// Maximum response time of a node, in seconds.
     pub fn response_max_secs(&self) -> f64 {
         self.response_secs_by_node
             .iter()

@@ -1,9 +1,9 @@
-//! The AB division of the 2016 distributed ray tracer: y = A + B·x with x in tiles, A and B as
-//! averages over the whole run, and the finish T common to all nodes from Σ (T − A) / B = W.
+//! The AB division of the 2016 distributed ray tracer: y = A + B·x with x in tiles, A and B as averages
+//! over all requests so far, and the common finish T from Σ (T − A) / B = W.
 //!
-//! Kept as it was reported, and with averages that forget. Averages over the run make it slow to notice that a node has changed,
-//! and nodes with A ≥ T are cut off at nothing without computing T again; both are what
-//! [`crate::balancer::WaterFilling`] does better, and the comparison shows by how much.
+//! As published, and in a variant with exponential averages. Plain averages follow a change of a node
+//! slowly, and nodes with A ≥ T are clamped to zero without computing T again;
+//! [`crate::balancer::WaterFilling`] improves on both, and the comparison shows by how much.
 
 use std::collections::BTreeMap;
 
@@ -15,12 +15,12 @@ use crate::node_status::NodeIndex;
 #[derive(Debug)]
 pub struct Ab {
     frames: u32,
-    /// What is left of a run's weight with each further one.
+    /// Decay of an observation's weight with each further one.
     kept: f64,
     nodes: BTreeMap<NodeIndex, Averages>,
 }
 
-/// Weighted sums over all runs of a node.
+/// Weighted sums over all requests of a node.
 #[derive(Clone, Copy, Debug, Default)]
 struct Averages {
     runs: f64,
@@ -36,12 +36,12 @@ impl Ab {
     /// Frames that are divided equally before the averages are used.
     pub const WARM_UP_FRAMES: u32 = 60;
 
-    /// With averages over the whole run.
+    /// With plain averages over all requests.
     pub fn averages() -> Self {
         Self::keeping(1.0)
     }
 
-    /// With averages that forget.
+    /// With exponential averages.
     pub fn exponential() -> Self {
         Self::keeping(EXPONENTIAL_KEPT)
     }
@@ -82,6 +82,8 @@ impl Balancer for Ab {
             _ => return Equal.divide(division),
         };
         let tiles = division.work / division.tile_work;
+        // T solves Σ (T − A) / B = W over all nodes, also those with A ≥ T, whose negative shares are cut
+        // off afterwards.
         let speed: f64 = costs.iter().map(|(_, b)| 1.0 / b).sum();
         let head_start: f64 = costs.iter().map(|(a, b)| a / b).sum();
         let finish = (tiles + head_start) / speed;
@@ -111,9 +113,9 @@ impl Averages {
     }
 }
 
-/// Four runs ago counts a third.
+/// Decay per request: after four of them a weight is 0.32.
 const EXPONENTIAL_KEPT: f64 = 0.75;
-/// A faster node is a node whose clock is too coarse.
+/// Lower limit of B: below it, the node's clock is too coarse.
 const SECS_PER_TILE_MIN: f64 = 1e-9;
 
 #[cfg(test)]

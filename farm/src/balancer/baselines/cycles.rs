@@ -1,8 +1,8 @@
-//! The rule of Blender Cycles' `WorkBalancer`: each weight is multiplied by how far its time should
-//! move, a part 1/n of the way to the mean, until all times are within two per cent of it.
+//! The rule of Blender Cycles' `WorkBalancer`: each weight is scaled so that its time moves 1/n of the way
+//! to the mean, until all times are within two per cent of it.
 //!
-//! It knows no latency, and the part shrinks with the number of nodes, so that large farms
-//! converge slowly.
+//! It does not model latency, and the step shrinks with the number of nodes, so that large farms converge
+//! slowly.
 
 use std::collections::BTreeMap;
 
@@ -19,7 +19,7 @@ pub struct Cycles {
 }
 
 impl Cycles {
-    /// Moves the weights once all candidates have reported.
+    /// Updates the weights once all candidates have reported.
     fn rebalance(&mut self, division: &Division<'_>) {
         let nodes = || division.candidates.iter().map(|candidate| candidate.node);
         let times: Option<Vec<f64>> = nodes().map(|node| self.times.get(&node).copied()).collect();
@@ -43,8 +43,8 @@ impl Cycles {
 }
 
 impl Balancer for Cycles {
-    /// A node without a weight counts as the mean of the others. Nobody gets less than one tile,
-    /// or it would never report.
+    /// A node without a weight counts as the mean of the others. No node gets less than one tile, or it
+    /// would never report.
     fn divide(&mut self, division: &Division<'_>) -> Shares {
         self.rebalance(division);
         let nodes = || division.candidates.iter().map(|candidate| candidate.node);
@@ -59,7 +59,7 @@ impl Balancer for Cycles {
     }
 }
 
-/// Deviation from the mean, as a share of it, that is left alone.
+/// Relative deviation from the mean that is tolerated.
 const DEAD_BAND: f64 = 0.02;
 
 #[cfg(test)]

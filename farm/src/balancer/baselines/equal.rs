@@ -1,4 +1,4 @@
-//! The same work for each node: what balancing is measured against.
+//! The same work for each node: the baseline of all comparisons.
 
 use crate::balancer::{Balancer, Division, Shares};
 

@@ -1,5 +1,5 @@
-//! Algorithms that [`super::WaterFilling`] is compared with: those of the 2016 distributed ray
-//! tracer, the rule of Blender Cycles, and guided self-scheduling.
+//! Baselines for [`super::WaterFilling`]: the algorithms of the 2016 distributed ray tracer, the rule of
+//! Blender Cycles, and guided self-scheduling.
 
 mod ab;
 mod cycles;
@@ -15,10 +15,10 @@ pub use pull::Pull;
 
 use super::{Division, Shares, in_proportion};
 
-/// Shorter responses are below the resolution that durations are measured with.
+/// Lower limit of response times in seconds, about the resolution of the clock.
 const RESPONSE_SECS_MIN: f64 = 1e-6;
 
-/// The weight of each node; one that has none counts as the mean of the others.
+/// The weight of each node; an unknown one counts as the mean of the known ones.
 fn known_or_mean(weights: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
     let weights: Vec<_> = weights.collect();
     let known: Vec<f64> = weights.iter().flatten().copied().collect();
@@ -30,7 +30,8 @@ fn known_or_mean(weights: impl Iterator<Item = Option<f64>>) -> Vec<f64> {
     weights.map(|weight| weight.unwrap_or(mean)).collect()
 }
 
-/// In proportion to the weights, but nobody gets less than a tile: it would not be measured again.
+/// Shares in proportion to the weights, but at least a tile each: a node without work would not be measured
+/// again.
 fn at_least_a_tile(division: &Division<'_>, weights: &[f64]) -> Shares {
     let mut shares = in_proportion(division.work, weights);
     for share in &mut shares {
@@ -56,7 +57,7 @@ mod tests {
         })
     }
 
-    /// A frame of so much work, whose time does not count.
+    /// A frame of `work`; its period does not matter.
     pub(super) fn division(work: f64, tile_work: f64, candidates: &[Candidate]) -> Division<'_> {
         Division {
             work,

@@ -1,6 +1,6 @@
-//! In proportion to each node's speed, x / y: response times become equal, but a far node and a
-//! slow one look the same. The speed is that of the last run, the mean of all runs, or the mean of
-//! the first ones for ever, as in the 2016 distributed ray tracer.
+//! Division in proportion to each node's speed x / y. Response times become equal, but a distant node and a
+//! slow one are not distinguished. The speed is that of the last request, the mean of all, or the mean of
+//! the first ones for good, as in the 2016 distributed ray tracer.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ enum Memory {
     Frozen,
 }
 
-/// Mean over runs, in tiles per second.
+/// Mean speed over requests, in tiles per second.
 #[derive(Clone, Copy, Debug, Default)]
 struct Speed {
     mean: f64,
@@ -31,17 +31,17 @@ struct Speed {
 }
 
 impl Naive {
-    /// The last run counts.
+    /// With the speed of the last request.
     pub fn last() -> Self {
         Self::remembering(Memory::Last)
     }
 
-    /// All runs count.
+    /// With the mean over all requests.
     pub fn mean() -> Self {
         Self::remembering(Memory::Mean)
     }
 
-    /// The first 60 runs count.
+    /// With the mean over the first 60 requests.
     pub fn frozen() -> Self {
         Self::remembering(Memory::Frozen)
     }
@@ -53,8 +53,8 @@ impl Naive {
 }
 
 impl Balancer for Naive {
-    /// A node that has not delivered yet counts as the mean of the others. Nobody gets less than
-    /// one tile, or it would never be measured again.
+    /// A node that has not delivered yet counts as the mean of the others. No node gets less than one tile,
+    /// or it would never be measured again.
     fn divide(&mut self, division: &Division<'_>) -> Shares {
         let speeds = division.candidates.iter();
         let speeds = speeds.map(|candidate| Some(self.nodes.get(&candidate.node)?.mean));
@@ -74,7 +74,7 @@ impl Balancer for Naive {
     }
 }
 
-/// Runs that count for ever.
+/// Requests that enter the frozen mean.
 const FROZEN_RUNS: u32 = 60;
 
 #[cfg(test)]

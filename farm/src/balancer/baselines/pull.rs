@@ -1,7 +1,7 @@
-//! Work stealing with credits: nodes take tiles from the frame's pool as they deliver.
+//! Self-scheduling with credits: nodes pull tiles from the frame's pool as they deliver.
 //!
-//! Needs no prediction, but a node must hold enough tiles for the round trip or it idles, and what
-//! slow nodes hold at the end is waited for. Portions shrink as the pool does (guided
+//! It needs no prediction, but a node must hold enough tiles to bridge the round trip or it idles, and the
+//! tiles that slow nodes hold at the end delay the frame. Portions shrink with the pool (guided
 //! self-scheduling: Polychronopoulos and Kuck, IEEE Transactions on Computers 36, 1987).
 
 use crate::balancer::{Balancer, Division, Estimate, Shares};
@@ -11,15 +11,15 @@ use crate::balancer::{Balancer, Division, Estimate, Shares};
 pub struct Pull;
 
 impl Pull {
-    /// The most work that a node may hold: what it does in a round trip, and a tile more. One that
-    /// has not delivered yet may hold two tiles.
+    /// The most work that a node may hold: what it does in a round trip, plus a tile. One that has not
+    /// delivered yet may hold two tiles.
     pub fn credit(estimate: Option<Estimate>, tile_work: f64) -> f64 {
         let in_flight = estimate.map_or(tile_work, |cost| cost.fixed_secs / cost.secs_per_work);
         in_flight + tile_work
     }
 
-    /// What a node takes at once from a pool of `pool_work` that `nodes` nodes share: at least a
-    /// tile, at most [`PORTION_TILES_MAX`].
+    /// Work that a node takes at once from a pool of `pool_work` shared by `nodes` nodes: half of an equal
+    /// share, at least a tile, at most [`PORTION_TILES_MAX`] tiles.
     pub fn portion(pool_work: f64, nodes: usize, tile_work: f64) -> f64 {
         let fair = pool_work / (2 * nodes.max(1)) as f64;
         fair.min(PORTION_TILES_MAX * tile_work).max(tile_work)
@@ -32,7 +32,7 @@ impl Balancer for Pull {
     }
 }
 
-/// More tiles than these in one request gain nothing: they are as many as one message carries.
+/// Maximum portion in tiles: as many as one message carries, more gain nothing.
 const PORTION_TILES_MAX: f64 = 8.0;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Tests of the queue by what it hands out.
+//! Tests of the queue by the work that it hands out.
 
 use carom_protocol::session::ClientSession;
 use carom_protocol::{
@@ -64,18 +64,18 @@ impl Requester {
         }
     }
 
-    /// Asks for a picture in so many tiles.
+    /// Queues a request for a picture of so many tiles.
     fn request(&mut self, frame: u64, tiles: u32) {
         self.request_with(frame, tiles, RenderSettings::default());
     }
 
-    /// Asks for a picture of one sample in so many tiles.
+    /// Queues a request for a picture of so many tiles with one sample per pixel.
     fn request_with(&mut self, frame: u64, tiles: u32, settings: RenderSettings) {
         let size = ImageSize::new(8 * tiles.min(64), 8 * tiles.div_ceil(64));
         self.request_grid(frame, TileGrid::new(size, 8), tiles, settings);
     }
 
-    /// Asks for the first tiles of a picture of one sample.
+    /// Queues a request for the first tiles of a picture with one sample per pixel.
     fn request_grid(&mut self, frame: u64, grid: TileGrid, tiles: u32, settings: RenderSettings) {
         let scene = include_str!("../../../../assets/scenes/pool.json");
         let scene = Scene::from_json(scene).unwrap();
@@ -118,7 +118,7 @@ fn traced(queue: &JobQueue) -> (PlayerId, u64, TileRange) {
     (turn.job.client.player, turn.job.request.id.0, tiles)
 }
 
-/// The sentence of a refusal.
+/// The explanation of a refusal.
 fn refused(queue: &JobQueue) -> String {
     let turn = queue.next().unwrap();
     let TurnWork::Refuse(why) = &turn.work else {
@@ -138,7 +138,7 @@ const DENOISED: RenderSettings = RenderSettings {
     denoise: true,
 };
 
-/// Has the queue believe that a sample of the pool table takes so long.
+/// Sets the cost of a sample of the pool table's scene.
 fn price(queue: &JobQueue, secs_per_sample: f64, probes: u32) {
     for _ in 0..probes {
         let turn = queue.next().unwrap();
@@ -269,7 +269,7 @@ fn slices_grow_from_what_was_measured() {
     let probe = queue.next().unwrap();
     queue.set_cost(&probe.job, 64.0, Duration::from_micros(1), true);
     queue.finish(&probe, Duration::ZERO);
-    // 64 samples a tile: a slice that was priced by one of them may have eight.
+    // 64 samples per tile: a slice whose cost was measured on one tile may have eight.
     assert_eq!(traced(&queue).2.count, 8);
     queue.set_cost(&probe.job, 512.0, Duration::from_micros(8), false);
     assert_eq!(traced(&queue).2.count, 64);
@@ -350,7 +350,8 @@ const LARGE_TILES: TileGrid = TileGrid::new(ImageSize::new(640, 640), 64);
 /// Device time of such a tile, in seconds.
 const DENOISED_SECS: f64 = 5.0;
 
-/// Two players, the first of whom has asked for a picture of denoised tiles that take [`DENOISED_SECS`] each.
+/// Two players, the first of whom has requested a picture of denoised tiles that take [`DENOISED_SECS`]
+/// each.
 fn greedy_and_honest(queue: &Arc<JobQueue>) -> [Requester; 2] {
     let mut players = [b"a", b"b"].map(|key| Requester::new(queue, PlayerId::of_key(key)));
     players[0].request_grid(0, LARGE_TILES, LARGE_TILES.len(), DENOISED);
@@ -366,7 +367,7 @@ fn dear_denoised_tiles_are_whole_while_nobody_waits_and_slices_otherwise() {
     let alone = queue.next().unwrap();
     assert_eq!(alone.work, TurnWork::Trace(first));
     end_traced(&queue, &alone);
-    // Non-denoised samples of the same scene have a price of their own.
+    // Non-denoised samples of the same scene have a cost of their own.
     honest.request(9, 4096);
     let probe = queue.next().unwrap();
     assert_eq!(probe.work, TurnWork::Probe);
@@ -412,7 +413,7 @@ fn a_denoised_tile_stopped_for_another_player_goes_on_in_parts() {
     assert_eq!(turn.job.note_stop(0), 1);
     queue.put_back(&turn.job, vec![TileRange { first: 0, count: 1 }]);
     queue.finish(&turn, Duration::from_secs_f64(SLICE_SECS_MAX));
-    // Even when the other player has left, what has been traced is not to be lost again.
+    // Even when the other player has left, traced parts must not be lost.
     drop(honest);
     queue.drop_cancelled();
     lock(&queue.state)
