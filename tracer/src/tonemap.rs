@@ -137,7 +137,7 @@ pub(crate) const fn linear_from_srgb(y: f64) -> f64 {
 }
 
 /// Fifth root of `a` in (0, 2) by Newton's method: starting above the root, iterates decrease until
-/// rounding stops them. Exact in `const`, where `powf` is not available.
+/// rounding stops them. Usable in `const`, unlike `powf`.
 const fn fifth_root(a: f64) -> f64 {
     let mut root = 2.0;
     loop {

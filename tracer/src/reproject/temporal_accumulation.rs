@@ -28,7 +28,7 @@ pub struct TemporalAccumulation {
     /// The history of the frame being accumulated; afterwards that of the frame before, kept for
     /// its memory.
     next: History,
-    /// The blended frame, afterwards any, for its memory.
+    /// The blended frame; between calls any frame, kept for its memory.
     blended: Vec<[u8; 4]>,
 }
 
