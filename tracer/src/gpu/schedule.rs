@@ -89,8 +89,8 @@ const SOFTWARE_TURNS_MAX: f64 = 65_535.0;
 
 /// Maximum number of samples per pixel of a dispatch on software Vulkan; 0 if not even one is
 /// possible. `turns_per_ray` is an upper bound on the loop iterations per ray, and each scattering
-/// event traces up to four rays: to the surface, to an area light, to that light's mirror image
-/// and, if neighbouring surfaces are close, to the next one.
+/// event takes up to four rays: to the surface, to an area light, to the area light that a coat
+/// mirrors, and, while neighbouring pixels lag behind, to the next surface.
 pub(crate) fn software_samples(settings: &RenderSettings, turns_per_ray: f64) -> u32 {
     let edges = 1.0 + f64::from(settings.max_depth);
     (SOFTWARE_TURNS_MAX / (4.0 * edges * (turns_per_ray + 8.0))) as u32

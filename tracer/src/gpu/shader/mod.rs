@@ -40,8 +40,7 @@ pub(crate) fn source(features: &Features) -> String {
             let (buffer, array) = (copy.buffer, copy.array);
             part.replace(&format!("{buffer}.{array}["), &format!("copied_{array}["))
         });
-        // Rays into and out of a dielectric mesh start at an offset origin; see
-        // `dielectric_mesh.wgsl`.
+        // Rays that pass through a triangle of a dielectric mesh start on its other side.
         text += &match features.has_dielectric_mesh {
             true => part.replace(
                 "Ray(surface.position, next.wi)",

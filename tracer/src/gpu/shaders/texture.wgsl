@@ -1,4 +1,5 @@
-// Procedural textures: numbers on balls, the grain of wood, bricks, a scoreboard, a print (see `texture` in Rust).
+// Procedural textures: numbers on balls, wood, cloth, bricks, scoreboards, prints and cues (see
+// `texture.rs`, also for the formulas).
 
 fn stroke_distance(index: u32, p: vec2f) -> f32 {
     let ends = STROKE_ENDS[index];
@@ -50,7 +51,7 @@ fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f
     return select(CIRCLE_ALBEDO, INK_ALBEDO, is_ink(number, p));
 }
 
-// The sine of an angle in turns, by a polynomial over the first quarter.
+// sin 2πt, by a polynomial on the first quarter.
 fn wave(turns: f32) -> f32 {
     let x = turns - floor(turns + 0.5);
     let t = min(abs(x), 0.5 - abs(x));
