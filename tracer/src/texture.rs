@@ -339,6 +339,7 @@ pub fn wood(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
         let is_sight =
             spacing > 0.0 && nearest.abs() < sights && (is_end || nearest != 0.0) && p.z > 0.0;
         let [long, wide] = SIGHT_HALF_M.map(f64::from);
+        // A rhombus: |x| / a + |y| / b < 1.
         let inside = (along - nearest * spacing).abs() / long + (off.abs() - line).abs() / wide;
         if is_sight && inside < 1.0 {
             return triple(SIGHT_ALBEDO);
@@ -380,6 +381,7 @@ pub fn bricks(material: &MaterialData, p: DVec3) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let [length, height] = BRICK_M.map(f64::from);
     let course = (p.z / height).floor();
+    // Running bond: each course is shifted by half a brick. One of x and y is constant on a wall.
     let along = (p.x + p.y) / length + 0.5 * course;
     let brick = along.floor();
     let joint = f64::from(JOINT_M);
@@ -464,6 +466,7 @@ pub fn cue(material: &MaterialData, from_tip_m: f64) -> DVec3 {
 pub fn cloth(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let most = f64::from(material.scale);
+    // Both coordinates depend on z too, so that vertical cloth has a pattern as well.
     let (u, v) = (p.x + 0.3 * p.z, p.y + 0.8 * p.z);
     let (bend, sway) = (wave(2.3 * u + 1.1 * v), wave(0.9 * u - 2.1 * v));
     let nap = wave(37.0 * v + 3.0 * bend) * wave(23.0 * u + 2.0 * sway);
@@ -516,6 +519,7 @@ fn weave(u: f64, v: f64) -> f64 {
 fn lint(u: f64, v: f64, footprint_m: f64) -> f64 {
     let square = f64::from(LINT_SQUARE_M);
     let (i, j) = ((u / square).floor(), (v / square).floor());
+    // Hashes of the cell's indices, for offset and direction of its fibre.
     let a = wave(0.381_966 * i + 0.271_828 * j);
     let b = wave(0.754_878 * j - 0.137_035 * i);
     let x = u - (i + 0.5 + 0.4 * a) * square;

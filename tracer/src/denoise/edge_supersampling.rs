@@ -40,6 +40,7 @@ impl SupersampledEdges {
         };
         let tiles = job.tiles.par_iter();
         let by_tile: Vec<Vec<_>> = tiles.map(|tile| filter.edge_pixels(level, *tile)).collect();
+        // A prefix sum, so that the lists of all tiles can be concatenated.
         let ends = by_tile.iter().scan(0, |end, pixels| {
             *end += pixels.len();
             Some(*end)
@@ -126,6 +127,7 @@ impl Filter {
             // The normal [`NO_NORMAL`] of pixels that were not traced is so large that their `t` is
             // about 0.
             let other = difference(self.appearance_at(x, y), here);
+            // The constant keeps `t` finite for neighbours that look like the pixel itself.
             let share = product(wanted, other) / (product(other, other) + 1e-4);
             let share = share.clamp(0.0, 1.0);
             let missing = difference(wanted, other.map(|other| other * share));

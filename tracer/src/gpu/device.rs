@@ -167,7 +167,7 @@ impl Device {
     }
 
     /// # Errors
-    /// [`Error::Device`] if something has failed for which no call was to blame.
+    /// [`Error::Device`] if the device has reported a failure asynchronously.
     fn check(&self) -> Result<(), Error> {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure

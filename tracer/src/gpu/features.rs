@@ -94,7 +94,8 @@ impl KernelOutput {
     }
 }
 
-/// The key of a specialised kernel: scenes with equal features share one.
+/// The key of a specialised kernel: scenes with equal features share one. Probabilities are stored as
+/// integers, so that it can be hashed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Features {
     /// Number of primitives of each shape, in the order of [`ShapeKind::ALL`].
@@ -400,6 +401,8 @@ impl Features {
     fn tested(&self, shape: ShapeKind) -> u32 {
         let count = self.count(shape);
         match self.has_bvh(shape) {
+            // At the threshold a BVH costs as much as a linear search; from there on its depth
+            // counts.
             true => bvh_min(shape) as u32 + 8 * count.ilog2(),
             false => count,
         }

@@ -367,6 +367,7 @@ pub(crate) fn mesh_bytes(scene: &CompiledScene) -> Vec<u8> {
     let meshes = &scene.meshes;
     let triangles: &[u8] = cast_slice(&meshes.triangles);
     let finders = finders(scene, ShapeKind::Triangle);
+    // As in `Features::new`, texture coordinates are left out if there are no textures.
     let uvs: &[u8] = match scene.textures.is_empty() {
         true => &[],
         false => cast_slice(&meshes.uvs),

@@ -72,8 +72,10 @@ impl Perceived {
         let [by, bx, bz] = blurred.map(|(plane, sensitivity)| blur(size, plane, sensitivity));
         let pixels = by.iter().zip(&bx).zip(&bz);
         let color = |((y, x), z): ((&f32, &f32), &f32)| {
+            // Filtering may produce colours outside of the gamut.
             hunt_lab(rgb_of_ycxcz([*y, *x, *z]).map(|channel| channel.clamp(0.0, 1.0)))
         };
+        // Relative luminance, without the offset and scale of Y in YCxCz.
         let lightness: Vec<f32> = y.iter().map(|y| (y + 16.0) / 116.0).collect();
         Self {
             colors: pixels.map(color).collect(),
@@ -104,6 +106,7 @@ const SMALL_DIFFERENCES_TO: f32 = 0.95;
 /// Filters a plane by a contrast sensitivity function.
 fn blur(size: ImageSize, plane: &[f32], sensitivity: Sensitivity) -> Vec<f32> {
     let pi = std::f32::consts::PI;
+    // Three standard deviations of the widest Gaussian: exp(−π² x²/b) has σ = √(b / 2π²) degrees.
     let radius = (3.0 * (WIDTH_MAX / (2.0 * pi * pi)).sqrt() * PIXELS_PER_DEGREE).ceil() as i32;
     let gaussian = |width: f32| -> Vec<f32> {
         let at = |x: i32| (x as f32 / PIXELS_PER_DEGREE).powi(2);

@@ -165,6 +165,8 @@ impl View {
         let cones = cones.map(|(now, before)| now.motion_from(before));
         let meshes = self.meshes.iter().zip(&before.meshes);
         let meshes = meshes.map(|((id, now), (_, before))| {
+            // From world to object space by the present pose and back by the former: x ↦ turn (x −
+            // now) + before.
             let turn = Mat3::from_quat(before.rotation * now.rotation.inverse());
             Motion {
                 ids: *id..*id + 1,
@@ -255,6 +257,7 @@ struct PlacedCone {
 impl PlacedCone {
     /// The motion that takes its points to where they were when it was at `before`.
     fn motion_from(&self, before: &Self) -> Motion {
+        // Any rotation from one axis to the other will do, as the cone is rotationally symmetric.
         let turn = Mat3::from_quat(Quat::from_rotation_arc(self.axis, before.axis));
         Motion {
             ids: self.ids.clone(),

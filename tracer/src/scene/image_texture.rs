@@ -269,6 +269,7 @@ const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz
 
 fn base64(bytes: &[u8]) -> String {
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    // Three bytes make four digits of 6 bits; a last group of n bytes makes n + 1 digits.
     for three in bytes.chunks(3) {
         let byte = |i: usize| u32::from(three.get(i).copied().unwrap_or(0));
         let word = byte(0) << 16 | byte(1) << 8 | byte(2);
@@ -307,6 +308,7 @@ pub(crate) fn from_base64(text: &str) -> Result<Vec<u8>, String> {
             };
             word |= u32::from(value) << (18 - 6 * place);
         }
+        // A single digit has 6 bits, less than a byte.
         if four.len() == 1 {
             return Err(format!(
                 "the base64 has {} digits, one too many",

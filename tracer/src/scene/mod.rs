@@ -81,7 +81,7 @@ pub struct Camera {
     pub target: Vec3,
     /// The direction that is up in the image; any length but 0, not parallel to the view.
     pub up: Vec3,
-    /// Full horizontal field of view in degrees, in (0, 180).
+    /// Full horizontal field of view in degrees, in [`validate::FOV_X_DEG`].
     pub fov_x_deg: f32,
     /// The lens, which determines the depth of field; a pinhole by default.
     #[serde(default)]

@@ -42,7 +42,7 @@ pub(crate) struct FilterBuffers {
     pub(in crate::gpu) hits: [wgpu::Buffer; 2],
     /// [`TileEntry`] of each pixel at an edge.
     pub(in crate::gpu) edges: wgpu::Buffer,
-    /// To be cleared before each picture.
+    /// Albedo, inverse depth, normal and emission of each pixel; cleared before each frame.
     pub(in crate::gpu) guides: wgpu::Buffer,
     light: [wgpu::Buffer; 2],
 }

@@ -27,6 +27,7 @@ fn pair(pixel: u32, sample: u32, block: u32, seed: u32) -> vec2f {
     return vec2f(words >> vec2u(8u)) * (1.0 / 16777216.0);
 }
 
+// A hash-based nested uniform (Owen) scramble on reversed bits; see `sampling.rs`.
 fn scramble(bits: u32, seed: u32) -> u32 {
     var word = bits;
     word ^= word * SCRAMBLE.x;

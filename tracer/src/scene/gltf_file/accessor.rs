@@ -57,6 +57,8 @@ impl Document {
         if let Some(elements) = self.elements(accessor, width * size(component), count, &what)? {
             elements.decode(&mut numbers, size(component), decode);
         }
+        // Sparse values replace those of the buffer view, or the zeros that stand for a missing
+        // one.
         if let Some(sparse) = &accessor.sparse {
             let changed = usize::try_from(sparse.count.0)
                 .ok()
@@ -237,6 +239,7 @@ fn part(
         return None;
     }
     let offset = usize::try_from(offset).ok()?;
+    // The last element need not be padded to the stride.
     let length = (count - 1).checked_mul(stride)?.checked_add(bytes)?;
     let bytes = view.get(offset..offset.checked_add(length)?)?;
     Some(Elements { bytes, stride })

@@ -20,6 +20,7 @@ pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Refusal> {
             "it is a GLB of version {version}: it must be of version 2"
         ));
     }
+    // The total length, which the lengths of the chunks make redundant.
     let (_, rest) = word(rest)?;
     let (json, rest) = chunk(rest, *b"JSON")?;
     let json = json.ok_or("its first chunk is no JSON")?;
@@ -164,6 +165,7 @@ fn percent_decoded(uri: &str) -> String {
     while let Some((&byte, after)) = rest.split_first() {
         let digits = after.get(..2).filter(|_| byte == b'%');
         let digits = digits.and_then(|digits| std::str::from_utf8(digits).ok());
+        // A `%` without two hexadecimal digits stays as it is.
         match digits.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
             Some(decoded) => {
                 bytes.push(decoded);

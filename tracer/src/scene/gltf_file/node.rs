@@ -101,6 +101,7 @@ impl Contents<'_> {
         let light = find(lights.map_or(&[], |all| &all.lights), index, "light")?;
         let strength = light.intensity * Vec3::from(light.color);
         let center = world_from_node.w_axis.truncate().as_vec3();
+        // Lights shine along their node's −z axis.
         let direction = world_from_node.transform_vector3(DVec3::NEG_Z);
         let direction = direction.normalize_or_zero().as_vec3();
         let emitter = match (&light.type_, &light.spot) {

@@ -45,6 +45,7 @@ impl Hierarchy {
         let place = root.scene.map_or(0, |scene| scene.value());
         let scene = find(&root.scenes, place, "scene")?;
         let mut is_reached = vec![false; root.nodes.len()];
+        // Depth-first; reversed, as a stack returns the last node first.
         let roots = scene.nodes.iter().rev();
         let mut stack: Vec<_> = roots.map(|node| (node.value(), None)).collect();
         let mut nodes = Vec::new();

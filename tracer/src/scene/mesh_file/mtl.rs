@@ -202,6 +202,7 @@ impl MtlMaterial {
             None if is_physical => Vec3::ONE,
             None => Vec3::ZERO,
         };
+        // The strength is at most 1; what exceeds it goes to the colour.
         let strength = specular.max_element().min(1.0);
         // α = roughness², so roughness = (α²)^¼.
         let by_exponent = |exponent: f32| (2.0 / (exponent + 2.0)).powf(0.25);
