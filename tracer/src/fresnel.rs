@@ -119,7 +119,7 @@ mod tests {
         assert!((internal_diffuse_reflectance(1.5) - 0.596_346).abs() < 1e-6);
     }
 
-    /// Against the definition, an integral over directions inside.
+    /// Compared with the definition, an integral over directions inside.
     #[test]
     fn internal_reflectance_is_the_integral_from_inside() {
         for eta in [1.1f64, 1.33, 1.5, 2.4] {

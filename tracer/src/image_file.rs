@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn equal_pictures_make_equal_exr_files() {
-        // Many blocks, so that threads finish them in another order each time.
+        // Many blocks, so that threads finish them in a different order each time.
         let size = ImageSize::new(640, 640);
         let image = RadianceImage {
             size,

@@ -648,7 +648,7 @@ pub(crate) fn wgsl() -> String {
 mod tests {
     use super::*;
 
-    /// Share of the circle that a number's ink covers, and how far it reaches.
+    /// Fraction of the circle covered by a number's ink, and its extent.
     fn coverage(number: u32) -> (f32, f32) {
         let (mut inked, mut reach) = (0, 0.0f32);
         for i in 0..200 * 200 {

@@ -187,7 +187,8 @@ mod tests {
     #[test]
     fn bombs_are_refused_by_their_size() {
         let mut file = encode_png(&gradient()).unwrap();
-        // Width and height stand behind the signature, the chunk's length and its name; its checksum follows.
+        // Width and height come after the signature, the chunk's length and its name; the checksum
+        // follows them.
         file[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
         let crc = crc32(&file[12..29]);
         file[29..33].copy_from_slice(&crc.to_be_bytes());

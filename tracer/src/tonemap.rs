@@ -232,7 +232,8 @@ mod tests {
 
     #[test]
     fn the_shoulder_keeps_hue_and_ends_in_white() {
-        // Orange light: its channels stay in order and in proportion up to a little white.
+        // Orange light: the order and proportions of its channels are preserved except for a little
+        // white.
         for exposure in [0.5, 1.0, 2.0, 4.0] {
             let shown = srgb8([0.9, 0.45, 0.09], exposure).map(linear);
             assert!(shown[0] > shown[1] && shown[1] > shown[2], "{shown:?}");

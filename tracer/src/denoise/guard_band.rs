@@ -238,7 +238,7 @@ mod tests {
         let mut region = GuardedRegion::around(&wanted, size);
         assert_eq!(region.tiles, wanted);
         assert!(region.rows_with_holes().is_empty());
-        // A tile that lies there twice does not make up for one that is missing.
+        // A duplicate tile does not compensate for a missing one.
         region.tiles[3] = region.tiles[2];
         assert_eq!(region.rows_with_holes(), (0..32).collect::<Vec<_>>());
     }

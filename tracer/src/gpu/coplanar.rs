@@ -117,7 +117,7 @@ mod tests {
             Vec3::ZERO,
             Vec3::new(0.0, 0.0, 1e-3)
         )));
-        // So far away that points of the plane are rounded to half a metre.
+        // So far away that points on the plane are rounded to half a metre.
         assert!(!area_lights_coplanar(&area_lights(
             Vec3::new(5e6, 0.0, 0.0),
             Vec3::ZERO
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn light_occludes_another_only_before_its_face() {
         assert!(!area_lights_occlude(&area_lights(Vec3::ZERO, Vec3::ZERO)));
-        // They shine down: the lower one is before the face of the upper one, whichever it is.
+        // They shine downwards: the lower one is in front of the upper one's face, whichever it is.
         assert!(area_lights_occlude(&area_lights(
             Vec3::new(0.0, 0.0, -0.1),
             Vec3::ZERO

@@ -85,7 +85,7 @@ mod tests {
 
     const SIZE: ImageSize = ImageSize::new(20, 10);
 
-    /// Grey, but for one pixel whose blue differs.
+    /// Grey, except for one pixel with a different blue.
     fn with_blue(index: usize, blue: u8) -> Vec<[u8; 3]> {
         let mut picture = vec![[100; 3]; SIZE.pixels()];
         picture[index][2] = blue;
@@ -120,7 +120,8 @@ mod tests {
             dots_per_million(SIZE, &with_blue(index, 124), reference).unwrap()
         };
         let expected = |all, smooth| Dots { all, smooth };
-        // 23 levels of green beside it are smooth, 24 are a detail.
+        // A neighbour that differs by 23 levels of green counts as smooth, one that differs by 24
+        // as detail.
         let mut reference = with_blue(0, 100);
         reference[104][1] = 123;
         assert_eq!(dots(105, &reference), expected(5000.0, 5000.0));

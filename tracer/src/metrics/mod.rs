@@ -304,7 +304,7 @@ mod tests {
         );
     }
 
-    /// Noise alone gives z of variance 1, a bias of a tenth of the noise is found.
+    /// Pure noise gives a z of variance 1; a bias of a tenth of the noise is detected.
     #[test]
     fn a_bias_shows_where_noise_does_not() {
         let unbiased = compare(&estimate(1.0, 1), &estimate(1.0, 2), 4).unwrap();

@@ -153,7 +153,7 @@ where
 mod tests {
     use super::*;
 
-    /// JSON of as many elements, the last of which is broken.
+    /// A JSON list of `elements` valid elements, followed by an invalid one.
     fn broken_after(element: &str, elements: usize) -> String {
         format!("[{}null]", format!("{element},").repeat(elements))
     }

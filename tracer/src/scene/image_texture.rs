@@ -325,7 +325,7 @@ pub(crate) fn from_base64(text: &str) -> Result<Vec<u8>, String> {
 mod tests {
     use super::*;
 
-    /// Of scenes that are put together.
+    /// As needed when scenes are combined.
     #[test]
     fn all_textures_of_a_material_are_counted_and_shifted() {
         let mut json = serde_json::to_value(MaterialTextures::NONE).unwrap();

@@ -93,7 +93,7 @@ mod tests {
             let [x, y, z, _] = crate::sampling::uniforms(index, 1, 2, 3);
             let point = cloud.min + Vec3::new(x, y, z) * (cloud.max - cloud.min);
             let found = cloud.center(cloud.place(point));
-            // An ulp of a coordinate besides.
+            // Plus one ULP of a coordinate.
             assert!(found.distance(point) <= cloud.error_m() + 1e-7, "{point}");
         }
         let outside = cloud.place(Vec3::new(9.0, f32::NAN, -9.0));
