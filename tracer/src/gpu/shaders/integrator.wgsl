@@ -212,6 +212,8 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
         let density = bitcast<u32>(max(next.pdf * light_weight_sum, 1e-37));
         (*path).pdf = bitcast<f32>(insertBits(density, u32(is_diffuse || is_regularised), 0u, 1u));
     }
+    // Refracted next-event estimation has accounted for area lights found this way: a density of 0
+    // makes them count nothing.
     if (was_scattered && ((*path).start & INSIDE) == 0u
         && exits_by_nee_hemisphere(primitive, hit.t, dot(surface.normal, wo))) {
         (*path).pdf = 0.0;
@@ -223,6 +225,7 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     if (survival <= 0.0) {
         return DONE;
     }
+    // Russian roulette, outside of bodies only.
     if (survival < 1.0 && depth >= ROULETTE_DEPTH && ((*path).start & INSIDE) == 0u) {
         // Uses the random number that flight through a body would take.
         let u = pair((*path).pixel, (*path).sample, block_choice(depth + 1u), job.seed).y;

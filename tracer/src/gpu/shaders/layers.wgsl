@@ -72,6 +72,7 @@ fn reflected_share(cos_o: f32) -> f32 {
 }
 
 fn clearcoat_share(n: vec3f, wo: vec3f) -> f32 {
+    // The weights below are sums over three channels, the coat's reflectance is a single value.
     let weights = weights_below(dot(n, wo));
     let coat = coat_reflected(dot(coat_normal_beside(n), wo));
     return coat / max(fma(1.0 - coat, (weights.x + weights.y) * (1.0 / 3.0), coat), 1e-30);
@@ -94,6 +95,7 @@ fn with_sheen(base: Evaluated, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     let sine2 = clamp(1.0 - along * along / dot(sum, sum), 1e-12, 1.0);
     let power = exp2(0.5 * exponent * log2(sine2));
     let sheen = (2.0 + exponent) * power / (4.0 * (cos_o + cos_i - cos_o * cos_i));
+    // Where the tabulated reflectance exceeds 1, the sheen is reduced by it to conserve energy.
     let f = base.f * max(1.0 - reflected, 0.0) + layers.sheen * (sheen / max(reflected, 1.0));
     return Evaluated(f, base.pdf);
 }

@@ -14,6 +14,7 @@ fn sample_distance(material: u32, boundary: f32, u: f32) -> FreeFlight {
     if (rate > 0.0) {
         let distance = -log(1.0 - u) / rate;
         if (distance < boundary) {
+            // σs exp(−σt d) over the density rate · exp(−rate d); `scattering` is σs / rate.
             let left = exp(-beyond * distance);
             return FreeFlight(distance, true, scene_storage.materials[material].scattering * left);
         }

@@ -78,8 +78,11 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     }
     let it = metallic_roughness;
     let h = normalize(wo + wi);
+    // D G1(o) / (4 cos θo), the density of reflection by visible normals. The BRDF is F G1(i) / cos
+    // θi times it.
     let seen = 0.25 * ggx(it.alpha, n, h) * visibility(it.alpha, cos_o);
     let reflected = schlick(it.f0, it.f90, dot(wo, h)) * (seen * visibility(it.alpha, cos_i));
+    // Normalised such that a white base reflects all light that the reflection lets pass.
     let scale = 1.0 / mean_passed();
     let scattered = it.diffuse * (base_passed(cos_o) * base_passed(cos_i) * scale * (1.0 / PI));
     let share = reflected_share(cos_o);

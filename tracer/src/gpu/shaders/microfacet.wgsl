@@ -47,6 +47,7 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     }
     if (cos_i > 0.0) {
         let h = normalize(wo + wi);
+        // D G1(o) / (4 cos θo), the density of reflection by visible normals.
         let seen = 0.25 * ggx(bsdf.alpha, n, h) * visibility(bsdf.alpha, cos_o);
         let shadowing = visibility(bsdf.alpha, cos_i);
         let o = dot(wo, h);
@@ -69,9 +70,11 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
         return nothing;
     }
     let seen = ggx(bsdf.alpha, n, h) * visibility(bsdf.alpha, cos_o);
+    // The Jacobian of refraction (Walter et al., equation 17), with wi·h = −i.
     let eta2 = bsdf.eta * bsdf.eta;
     let sum = o - bsdf.eta * i;
     let pdf = (1.0 - fresnel_dielectric(o, bsdf.eta)) * seen * o * i * eta2 / (sum * sum);
+    // The BSDF for radiance is divided by η².
     return Evaluated(vec3f(pdf * visibility(bsdf.alpha, -cos_i) / eta2), pdf);
 }
 

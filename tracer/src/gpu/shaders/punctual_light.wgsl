@@ -68,6 +68,7 @@ fn direct_light(
 ) -> ShadowRay {
     var ray = NO_SHADOW_RAY;
     if (PUNCTUAL_SHARE < 1.0) {
+        // OTHERS_SHARE / LAMP_SHARE is 1 − PUNCTUAL_SHARE.
         let rest = clamp((u.x - PUNCTUAL_SHARE) / (OTHERS_SHARE / LAMP_SHARE), 0.0, BELOW_1);
         ray = other_direct_light(surface, bsdf, wo, vec2f(rest, u.y), cone_density, light_weight_sum);
     }

@@ -97,6 +97,7 @@ fn search(r: f32, ior: f32, point: vec2f) -> f32 {
 fn refracted_spread(ray: PlaneRay, ior: f32, outside: f32) -> f32 {
     let moved = ray.length / max(ray.cos_i, 1e-30);
     let bent = ior * ray.cos_i / max(ray.cos_o, 1e-30);
+    // Spread in the ray's plane and perpendicular to it, by Coddington's equations.
     let in_plane = moved * ray.cos_o + outside * (moved + bent * (1.0 - moved));
     let power = ior * ray.cos_i - ray.cos_o;
     return in_plane * (ray.length + outside * (ior - power * ray.length));

@@ -76,6 +76,7 @@ fn passed_share(n: vec3f, wo: vec3f) -> f32 {
     let coat = coat_share_reflected(n, wo);
     let sent = dot(thin_wall.color, vec3f(1.0)) * facet_passed(dot(n, wo));
     let passed = (1.0 - coat) * sent;
+    // Weights are sums over three channels, of which the coat reflects the same.
     let others = (1.0 - coat) * weight_above(dot(n, wo)) + 3.0 * coat;
     return passed / max(passed + others, 1e-30);
 }
