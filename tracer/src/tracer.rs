@@ -110,8 +110,8 @@ impl TraceJob<'_> {
 pub struct TileRadiance {
     /// Index into [`TraceJob::tiles`].
     pub index: usize,
-    /// Mean radiance per pixel over the job's samples, in row-major order: `tile.width ×
-    /// tile.height`.
+    /// Mean radiance per pixel over the job's samples, in row-major order:
+    /// `tile.width × tile.height`.
     pub radiance: Vec<[f32; 3]>,
     /// Number of samples that were not finite and count as black.
     pub dropped_samples: u32,

@@ -102,8 +102,8 @@ impl Filter {
 
     /// The radiance, without emission, of an edge pixel of whose camera rays a fraction `share` has
     /// hit `further`. With `a` the appearance of the pixel as seen by its samples, `s` as seen by
-    /// all rays, and `b` that of a neighbour, the mixture `a + t(b − a)` nearest to `s` has `t =
-    /// (s−a)·(b−a) / |b−a|²` (least squares). Of all neighbours, the one whose mixture is nearest
+    /// all rays, and `b` that of a neighbour, the mixture `a + t(b − a)` nearest to `s` has
+    /// `t = (s−a)·(b−a) / |b−a|²` (least squares). Of all neighbours, the one whose mixture is nearest
     /// is used.
     pub(super) fn mixed(&self, (x, y): (u32, u32), further: &Aovs, share: f32) -> [f32; 3] {
         let (x, y) = ((x - self.bounds.x) as usize, (y - self.bounds.y) as usize);

@@ -10,8 +10,8 @@ use crate::gpu::adapter;
 use crate::gpu::shader::BLOCK_EDGE;
 
 /// Blocks of pixels per workgroup of the path tracer: 16 on NVIDIA GPUs, where it was measured to
-/// pay (H100, a room at 1920x1080 with 16 samples per pixel: 23.1 ms instead of 34.4 ms; `example
-/// gpu_speed`).
+/// pay (H100, a room at 1920x1080 with 16 samples per pixel: 23.1 ms instead of 34.4 ms; example
+/// `gpu_speed`).
 fn workgroup_blocks(info: &wgpu::AdapterInfo, limits: &wgpu::Limits) -> u32 {
     const NVIDIA: u32 = 0x10de;
     const BLOCKS: u32 = 16;

@@ -410,8 +410,8 @@ impl Features {
 }
 
 /// Number of primitives from which a BVH is faster. Measured on an H200: at these numbers by 1.04
-/// (discs) to 1.3; for 10,000 primitives by 10 (balls), 61, 83, 110 and 78 (`carom-bench bvh
-/// --backend gpu --size 960x540`).
+/// (discs) to 1.3; for 10,000 primitives by 10 (balls), 61, 83, 110 and 78
+/// (`carom-bench bvh --backend gpu --size 960x540`).
 const fn bvh_min(shape: ShapeKind) -> usize {
     match shape {
         ShapeKind::Sphere => 256,

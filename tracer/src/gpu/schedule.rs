@@ -54,8 +54,8 @@ impl Pacer {
 
     /// Updates the speed from a dispatch of `samples` samples that took `nanos` nanoseconds.
     /// Without timestamps `nanos` is 0 and the assumed speed stays: dispatches that are too short
-    /// cost less than inserting a clock of one's own. A lower speed is adopted at once, a higher
-    /// one by half: too much work is worse than too little.
+    /// are preferred to a host clock, which this crate does not use. A lower speed is adopted at
+    /// once, a higher one by half: too much work is worse than too little.
     pub(crate) fn learn(&self, samples: u64, work_per_sample: f64, nanos: f64) {
         if nanos == 0.0 {
             return;

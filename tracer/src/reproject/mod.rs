@@ -157,16 +157,15 @@ impl View {
             ids: id..id + 1,
             turn: Mat3::IDENTITY,
             shift: Vec3::from(before.center) - Vec3::from(now.center),
-            // The centre is given, as the id does not tell how a sphere turned: only its
-            // translation counts.
+            // From the centre it follows which side of the sphere faced away from the earlier eye.
             center: Some(now.center.into()),
         });
         let cones = self.cones.iter().zip(&before.cones);
         let cones = cones.map(|(now, before)| now.motion_from(before));
         let meshes = self.meshes.iter().zip(&before.meshes);
         let meshes = meshes.map(|((id, now), (_, before))| {
-            // From world to object space by the present pose and back by the former: x ↦ turn (x −
-            // now) + before.
+            // From world to object space by the present pose, and back by the former one:
+            // x ↦ turn · (x − now) + before.
             let turn = Mat3::from_quat(before.rotation * now.rotation.inverse());
             Motion {
                 ids: *id..*id + 1,

@@ -96,8 +96,8 @@ pub enum Material {
         number: u8,
     },
     /// The metallic-roughness material of glTF 2.0: a base, which is diffuse or, by the fraction
-    /// `metallic`, a metal, under a GGX-rough reflection. `f = base·(1−metallic)/π · (1−F(cos
-    /// θi))(1−F(cos θo))/(1−F_avg) + D·V·F`, with Schlick's `F`
+    /// `metallic`, a metal, under a GGX-rough reflection.
+    /// `f = base·(1−metallic)/π · (1−F(cos θi))(1−F(cos θo))/(1−F_avg) + D·V·F`, with Schlick's `F`
     /// ([`crate::scalar::metallic_roughness`]), which at normal incidence is `base` for metals and
     /// given by `ior` for non-metals.
     MetallicRoughness {
