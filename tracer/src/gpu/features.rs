@@ -464,8 +464,8 @@ fn needs_scale(scene: &CompiledScene) -> bool {
     coplanar::farthest(scene) >= METRES.end || lengths.any(|length| length < METRES.start)
 }
 
-/// Whether the rounding error of a difference of two coordinates exceeds 2⁻¹⁵ of a radius (512 ·
-/// 2⁻²⁴ = 2⁻¹⁵). A pool table's balls (28.6 mm) reach that 15 m from the origin.
+/// Whether the rounding error of a difference of two coordinates exceeds 2⁻¹⁵ of a radius
+/// (512 · 2⁻²⁴ = 2⁻¹⁵). A pool table's balls (28.6 mm) reach that 15 m from the origin.
 fn needs_compensation(scene: &CompiledScene) -> bool {
     const COORDINATE_PER_RADIUS_MAX: f32 = 512.0;
     let visible = scene.spheres.iter().filter(|sphere| sphere.radius > 0.0);

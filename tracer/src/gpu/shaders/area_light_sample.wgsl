@@ -36,7 +36,7 @@ struct LightDirection {
     inverse_pdf: f32,
 }
 
-// Lower bound on arguments of square roots and divisors.
+// Lower bound on arguments of square roots and divisors, against 0 / 0 on the rectangle's edges.
 const ROOT_MIN: f32 = 1e-30;
 
 fn spherical_rectangle(index: u32, point: vec3f) -> SphericalRectangle {
@@ -95,8 +95,7 @@ fn sample_light(point: vec3f, random: vec2f) -> SampledLight {
     return chosen;
 }
 
-// A complex number whose argument is the solid angle of the rectangle from (0, 0) to the corner (x,
-// y).
+// A complex number whose argument is the solid angle of the rectangle from (0, 0) to (x, y).
 fn corner(seen: SphericalRectangle, x: f32, y: f32) -> vec2f {
     return vec2f(seen.height * sqrt(x * x + y * y + seen.height * seen.height), x * y);
 }
@@ -142,9 +141,8 @@ fn sample_direction(seen: SphericalRectangle, chosen: SampledLight) -> LightDire
     return LightDirection(to_point / distance, distance * seen.unit, inverse_pdf);
 }
 
-// Ureña, Fajardo and King, "An Area-Preserving Parametrization for Spherical Rectangles", EGSR
-// 2013. The trigonometric functions of angles are expressed by complex products, which avoids
-// cancellation.
+// Ureña, Fajardo and King, "An Area-Preserving Parametrization for Spherical Rectangles", EGSR 2013,
+// without inverse trigonometric functions: a complex number is rotated in place of their angle.
 fn sample_solid_angle(seen: SphericalRectangle, omega: f32, u: vec2f) -> vec2f {
     let h2 = seen.height * seen.height;
     let low = seen.y.x;

@@ -65,8 +65,8 @@ fn cone_exterior_contains(a: vec3f, b: vec3f, p: vec3f) -> bool {
         && dot(q, b.yz) >= beyond * (beyond - CSG_MARGIN_M);
 }
 
-// Distance at which a ray that is outside of a cone at `t` enters it. The quadratic is |q + t d|² =
-// (radius + growth t)².
+// Distance at which a ray that is outside of a cone at `t` enters it, from the quadratic
+// |q + t d|² = (radius + growth t)².
 fn meet_cone(q: vec3f, d: vec3f, radius: f32, growth: f32, t: f32) -> f32 {
     let d2 = dot(d, d);
     let along = dot(q, d);
