@@ -170,11 +170,11 @@ impl std::ops::AddAssign for TraceStats {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DeviceKind {
-    /// The multi-threaded SIMD tracer.
+    /// The SIMD tracer, on several threads.
     Cpu,
     /// The compute-shader tracer.
     Gpu,
-    /// The single-threaded scalar tracer.
+    /// The scalar f64 tracer.
     Scalar,
 }
 

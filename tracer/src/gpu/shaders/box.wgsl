@@ -8,7 +8,7 @@ struct Slabs {
 fn box_slabs(origin: vec3f, inverse: vec3f, index: u32) -> Slabs {
     let a = (scene_storage.boxes[index].min - origin) * inverse;
     let b = (scene_storage.boxes[index].max - origin) * inverse;
-    // A ray that lies exactly in the plane of a box's upper face never leaves that slab.
+    // A ray that lies exactly in the plane of a face where its slab would end never leaves the slab.
     let is_within = (abs(inverse) >= vec3f(INVERSE_MAX)) & (max(a, b) == vec3f(0.0));
     return Slabs(min(a, b), select(max(a, b), vec3f(T_MISS), is_within));
 }
