@@ -282,7 +282,7 @@ impl FilterBuffers {
         let samples = filter_job.samples;
         let traced = |output: KernelOutput| output.pixel_bytes() * filter_job.traced.pixels;
         let dense = VECTOR_BYTES * filter_job.bounds.pixels() as u64;
-        // A pixel of one sample has no second half.
+        // A single sample has no first half, as that is rounded down.
         let halves = traced(KernelOutput::Reflected) * u64::from(samples.min(2));
         let [hits, further] = &mut self.hits;
         reserve(device, &mut self.halves, halves, USAGE);
