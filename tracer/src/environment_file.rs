@@ -1,4 +1,5 @@
-//! Environment files: OpenEXR and Radiance HDR, whose size is known before memory is taken for it.
+//! Environment-map files: OpenEXR and Radiance HDR, whose dimensions are checked before memory is
+//! allocated.
 
 use std::fmt::Display;
 use std::io::Cursor;
@@ -13,7 +14,7 @@ use crate::{ImageSize, RadianceImage};
 /// Width and height of an OpenEXR or Radiance HDR file.
 ///
 /// # Errors
-/// A sentence if it is neither, or larger than [`ENVIRONMENT_EDGE_MAX`].
+/// A sentence if it is neither, or is larger than [`ENVIRONMENT_EDGE_MAX`].
 pub fn size(file: &[u8]) -> Result<ImageSize, String> {
     let size = match file {
         [0x76, 0x2f, 0x31, 0x01, ..] => exr_size(file)?,
@@ -34,10 +35,11 @@ pub fn size(file: &[u8]) -> Result<ImageSize, String> {
     ))
 }
 
-/// Radiance of each pixel of an OpenEXR or Radiance HDR file. Channels below 0 are taken as 0.
+/// Radiance of each pixel of an OpenEXR or Radiance HDR file. Negative channels become 0.
 ///
 /// # Errors
-/// A sentence if it is neither, too large or broken, or holds a number that is not finite.
+/// A sentence if it is neither, is too large or malformed, or contains a number that is not finite
+/// or too large.
 pub fn decode(file: &[u8]) -> Result<RadianceImage, String> {
     let size = size(file)?;
     let mut image = match file.first() {
@@ -61,7 +63,7 @@ pub fn decode(file: &[u8]) -> Result<RadianceImage, String> {
     Ok(image)
 }
 
-/// An OpenEXR file of a picture; for environment maps made in code.
+/// An image encoded as an OpenEXR file; for environment maps made in code.
 ///
 /// # Errors
 /// A sentence if it cannot be written.
@@ -74,7 +76,7 @@ pub fn encode_exr(picture: &RadianceImage) -> Result<Vec<u8>, String> {
 
 fn exr_size(file: &[u8]) -> Result<ImageSize, String> {
     let meta = MetaData::read_from_buffered(Cursor::new(file), false).map_err(exr_fault)?;
-    // The first layer's, unless another is larger: the reader takes memory for each.
+    // The largest layer's size, as the reader allocates memory for each layer.
     let layers = meta.headers.iter();
     let largest = layers
         .map(|header| header.layer_size)
@@ -88,10 +90,10 @@ fn exr_fault(error: impl Display) -> String {
     format!("its OpenEXR cannot be read: {error}")
 }
 
-/// What a Radiance HDR file begins with (Ward, "Real Pixels", Graphics Gems II, 1991).
+/// Header of a Radiance HDR file (Ward, "Real Pixels", Graphics Gems II, 1991).
 struct HdrHeader<'a> {
     size: ImageSize,
-    /// Behind it.
+    /// The data after the header.
     pixels: &'a [u8],
 }
 
@@ -159,14 +161,15 @@ fn from_rgbe([r, g, b, exponent]: [u8; 4]) -> [f32; 3] {
     if exponent == 0 {
         return [0.0; 3];
     }
-    // 136 is the exponent's bias of 128, and 8 bits more as the mantissas are fractions of 256. No half
-    // step is added to them, so 0 stays 0.
+    // The exponent has a bias of 128, and the mantissas are fractions of 256, which makes 136. No
+    // half step is added to them, so that 0 stays 0.
     let scale = 2f64.powi(i32::from(exponent) - 136);
     [r, g, b].map(|mantissa| (f64::from(mantissa) * scale) as f32)
 }
 
-/// Reads a row and returns what follows it. Rows of 8 to 32,767 pixels that begin with 2, 2 hold runs of each channel;
-/// others hold pixels as they are.
+/// Reads a row and returns the rest of the data; `None` if the row is malformed. Rows of 8 to
+/// 32,767 pixels that begin with the bytes 2, 2 are run-length encoded per channel; others are
+/// uncompressed.
 fn hdr_row<'a>(bytes: &'a [u8], row: &mut [[u8; 4]]) -> Option<&'a [u8]> {
     let [first, second, high, low] = *bytes.first_chunk::<4>()?;
     let is_in_runs = (8..32_768).contains(&row.len()) && first == 2 && second == 2 && high < 128;
@@ -175,6 +178,7 @@ fn hdr_row<'a>(bytes: &'a [u8], row: &mut [[u8; 4]]) -> Option<&'a [u8]> {
         row.copy_from_slice(pixels.as_chunks().0);
         return Some(rest);
     }
+    // The length of the row is repeated in the marker.
     if usize::from(high) << 8 | usize::from(low) != row.len() {
         return None;
     }
@@ -183,7 +187,7 @@ fn hdr_row<'a>(bytes: &'a [u8], row: &mut [[u8; 4]]) -> Option<&'a [u8]> {
         let mut place = 0;
         while place < row.len() {
             let (&count, after) = rest.split_first()?;
-            // Above 128 one value is repeated, else as many follow.
+            // A count above 128 is followed by one value to repeat, otherwise by that many values.
             let (count, is_run) = match count {
                 0 => return None,
                 129.. => (usize::from(count) - 128, true),

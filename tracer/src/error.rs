@@ -1,4 +1,4 @@
-//! Errors of the tracer, each of which says whose fault it is.
+//! Errors of the tracer.
 
 use std::fmt::Display;
 use std::io;
@@ -6,21 +6,21 @@ use std::path::{Path, PathBuf};
 
 use crate::text::{SENTENCE_BYTES_MAX, printable};
 
-/// Each variant says who is at fault; the scene's author for all but [`Error::Device`] and
-/// [`Error::Io`].
+/// An error of the tracer. All variants but [`Error::Device`] and [`Error::Io`] are faults of the
+/// input.
 #[non_exhaustive]
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The scene breaks a rule or a limit.
     #[error("the scene cannot be drawn: {}", sentence(.0))]
     InvalidScene(SceneError),
-    /// A frame's update does not fit its scene.
+    /// A frame's update does not match its scene.
     #[error("the scene update does not fit: {}", sentence(.0))]
     InvalidUpdate(SceneError),
     /// The settings or the image size are out of range.
     #[error("{0}")]
     InvalidSettings(SettingsError),
-    /// A file holds something else than its format asks for.
+    /// A file's contents do not conform to its format.
     #[error("{path}: {message}")]
     Format {
         /// The file.
@@ -28,20 +28,20 @@ pub enum Error {
         /// What is wrong, and where.
         message: String,
     },
-    /// The operating system refused a file.
+    /// The operating system reported an error for a file.
     #[error("{path}: {source}")]
     Io {
         /// The file.
         path: PathBuf,
-        /// Its reason.
+        /// The operating system's error.
         source: io::Error,
     },
-    /// The device cannot do the work: absent, lost, out of memory or wrong.
+    /// The device cannot do the work: it is absent, lost, out of memory or computes wrong results.
     #[error("{device}: {message}")]
     Device {
-        /// The adapter, or the kind of device that was looked for.
+        /// The adapter, or the kind of device that was requested.
         device: String,
-        /// What happened and what to do.
+        /// What happened, and what to do about it.
         message: String,
     },
 }
@@ -59,7 +59,7 @@ impl Error {
         }
     }
 
-    /// This error as one of a file that holds what it is about.
+    /// This error as one about the file that contains its subject.
     pub(crate) fn in_file(self, path: &Path) -> Self {
         Self::format(path, self.to_string())
     }
@@ -69,44 +69,45 @@ impl Error {
     }
 }
 
-/// Names in a scene are a stranger's.
+/// Sanitised, as a scene's names come from untrusted sources.
 fn sentence(fault: &SceneError) -> String {
     printable(&fault.to_string(), SENTENCE_BYTES_MAX)
 }
 
-/// The rule that a scene, or an update of one, breaks: with the value that breaks it, and what to do.
+/// The rule that a scene or an update of one breaks, with the offending value and the allowed
+/// range.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SceneError {
-    /// A part of the scene is at fault: an object, a material, a light, a texture.
+    /// A fault of a part of the scene: an object, a material, a light, a texture.
     #[error("{part}: {fault}")]
     Part {
-        /// Which part, with its index or name.
+        /// The part, with its index or name.
         part: String,
-        /// Its fault.
+        /// The part's fault.
         fault: Box<SceneError>,
     },
-    /// There is more of something than is allowed.
+    /// There are more items of a kind than allowed.
     #[error("it has {count} {what}: at most {max} are allowed")]
     TooMany {
-        /// What there is too much of.
+        /// The kind of item.
         what: &'static str,
-        /// How much there is.
+        /// Number of items.
         count: usize,
-        /// How much may be.
+        /// Maximum number of items.
         max: usize,
     },
-    /// A value is out of its range.
+    /// A value is outside its range.
     #[error("{what} is {value}: {range}")]
     Value {
-        /// The value's name.
+        /// Name of the value.
         what: String,
-        /// It, as it was given.
+        /// The value as given.
         value: String,
-        /// What it must be.
+        /// The allowed range.
         range: String,
     },
-    /// Values do not fit each other.
+    /// Values are inconsistent with each other.
     #[error("{0}")]
     Rule(String),
 }
@@ -143,7 +144,8 @@ impl SceneError {
     }
 }
 
-/// What is wrong with settings, or with the size of a picture or film: the value, its rule and what to do.
+/// What is wrong with settings or with the size of an image or film: the value, its range and what
+/// to do.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{0}")]
 pub struct SettingsError(pub String);

@@ -1,4 +1,4 @@
-//! Film: the sum of tiles and of sample ranges that becomes a picture.
+//! Film: accumulates tiles and ranges of samples into an image.
 
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
@@ -9,10 +9,10 @@ use crate::{
     CompiledScene, Error, ImageSize, RenderSettings, Tile, TileGrid, TileRadiance, TraceJob, Tracer,
 };
 
-/// Sums of samples per pixel, from tiles in any order and of any range of samples.
+/// Sums of samples per pixel, from tiles in any order and with any range of samples.
 ///
-/// Sums are f64, so that the mean of a million frames is as exact as that of one. This is the one
-/// place where radiance that is not finite is dropped and counted.
+/// Sums are f64, so that the mean of a million frames is as exact as that of one. Pixels that are
+/// not finite are dropped here and counted.
 ///
 /// ```
 /// use carom_tracer::film::{Film, trace_image};
@@ -40,13 +40,13 @@ struct Pixel {
     samples: u64,
 }
 
-/// Pixels along the edge of the tiles that [`trace_image`] asks for.
+/// Edge length in pixels of the tiles of [`trace_image`].
 const TILE_EDGE: u16 = 32;
 
-/// Traces a whole picture and waits for it.
+/// Traces a whole image and waits for it.
 ///
 /// # Errors
-/// What [`Tracer::trace`] returns.
+/// As for [`Tracer::trace`].
 pub fn trace_image(
     tracer: &dyn Tracer,
     scene: &CompiledScene,
@@ -59,10 +59,10 @@ pub fn trace_image(
     trace_tiles(tracer, scene, size, settings, &tiles)
 }
 
-/// Traces parts of a picture and waits for them; the rest of the film stays black.
+/// Traces parts of an image and waits for them; the rest of the film stays black.
 ///
 /// # Errors
-/// What [`Tracer::trace`] returns.
+/// As for [`Tracer::trace`].
 pub fn trace_tiles(
     tracer: &dyn Tracer,
     scene: &CompiledScene,
@@ -91,12 +91,12 @@ pub fn trace_tiles(
         .expect("a sink that panicked has ended the call"))
 }
 
-/// Traces `tiles` as `batches` pictures of `settings.samples` samples each, and takes the standard
-/// error of their mean from how much they scatter. Each has a seed of its own, counted up from that
-/// of `settings`: samples of one seed complement each other and are not independent.
+/// Traces `tiles` as `batches` independent images of `settings.samples` samples each, and estimates
+/// the standard error of their mean from their variance. Batches have consecutive seeds, beginning
+/// with that of `settings`: samples of the same seed are stratified and so not independent.
 ///
 /// # Errors
-/// What [`Tracer::trace`] returns; [`Error::InvalidSettings`] if there are fewer than two batches.
+/// As for [`Tracer::trace`]; [`Error::InvalidSettings`] if there are fewer than two batches.
 pub fn trace_estimate(
     tracer: &dyn Tracer,
     scene: &CompiledScene,
@@ -128,12 +128,12 @@ impl Film {
         }
     }
 
-    /// Adds a tile's mean radiance over `samples` samples per pixel, row-major. A pixel that is
-    /// not finite is dropped and counted with all its samples.
+    /// Adds a tile's mean radiance over `samples` samples per pixel, in row-major order. If a pixel
+    /// is not finite, all its samples are dropped and counted.
     ///
     /// # Errors
-    /// [`Error::InvalidSettings`] if the tile does not lie in the film or has another number of
-    /// pixels; the film is unchanged.
+    /// [`Error::InvalidSettings`] if the tile does not lie in the film or `radiance` has another
+    /// number of pixels; the film is then unchanged.
     pub fn add(&mut self, tile: Tile, radiance: &[[f32; 3]], samples: u32) -> Result<(), Error> {
         let right = u64::from(tile.x) + u64::from(tile.width);
         let bottom = u64::from(tile.y) + u64::from(tile.height);
@@ -165,7 +165,7 @@ impl Film {
         Ok(())
     }
 
-    /// Counts samples that a tracer dropped: they are black in its means.
+    /// Counts samples that a tracer has dropped, which are black in its means.
     pub fn count_dropped(&mut self, samples: u32) {
         self.dropped_samples = self.dropped_samples.saturating_add(u64::from(samples));
     }
@@ -182,13 +182,13 @@ impl Film {
         bytes
     }
 
-    /// How many bytes [`Film::to_bytes`] makes of a film of `size`.
+    /// Size in bytes of [`Film::to_bytes`] for a film of `size`.
     pub const fn bytes_of(size: ImageSize) -> usize {
         8 + size.pixels() * PIXEL_BYTES
     }
 
-    /// A film of `size` from [`Film::to_bytes`]; none if there are not as many bytes as it has, or if a pixel has
-    /// sums that samples cannot have.
+    /// A film of `size` from the bytes of [`Film::to_bytes`]; `None` if their number does not
+    /// match, or if a pixel's sums are impossible: not finite, or not 0 without samples.
     pub fn from_bytes(size: ImageSize, bytes: &[u8]) -> Option<Self> {
         let (words, rest) = bytes.as_chunks::<8>();
         let (&dropped_samples, words) = words.split_first()?;
@@ -212,35 +212,35 @@ impl Film {
         })
     }
 
-    /// Forgets all samples.
+    /// Removes all samples.
     pub fn clear(&mut self) {
         self.pixels.fill(Pixel::default());
         self.dropped_samples = 0;
     }
 
-    /// Columns and rows.
+    /// Width and height in pixels.
     pub fn size(&self) -> ImageSize {
         self.size
     }
 
-    /// Samples that were not finite, in tracers or here.
+    /// Number of samples dropped because they were not finite, in tracers or here.
     pub fn dropped_samples(&self) -> u64 {
         self.dropped_samples
     }
 
-    /// The fewest samples of any pixel: 0 while the picture has holes.
+    /// Smallest number of samples of any pixel: 0 while parts of the image are missing.
     pub fn samples_min(&self) -> u64 {
         let samples = self.pixels.iter().map(|pixel| pixel.samples);
         samples.min().unwrap_or(0)
     }
 
-    /// The most samples of any pixel.
+    /// Largest number of samples of any pixel.
     pub fn samples_max(&self) -> u64 {
         let samples = self.pixels.iter().map(|pixel| pixel.samples);
         samples.max().unwrap_or(0)
     }
 
-    /// Mean radiance; black where there is no sample.
+    /// Mean radiance; black where there are no samples.
     pub fn image(&self) -> RadianceImage {
         RadianceImage {
             size: self.size,
@@ -249,7 +249,7 @@ impl Film {
     }
 }
 
-/// Bytes of a pixel in [`Film::to_bytes`].
+/// Bytes per pixel in [`Film::to_bytes`].
 const PIXEL_BYTES: usize = 32;
 
 impl Pixel {

@@ -1,19 +1,19 @@
 //! Fresnel reflectance of smooth surfaces, for one direction and for diffuse light.
 
 //!
-//! Directions are seen from the side on which the index is 1: from inside a body of index η the
-//! relative index is 1/η.
+//! Directions are on the side of index 1; seen from inside a body of index η, the relative index is
+//! 1/η.
 
 use glam::DVec3;
 
-/// Unpolarised Fresnel reflectance of a smooth dielectric of relative index `eta` seen at
-/// `cos_theta` to the normal; 1 where an index below 1 reflects totally.
+/// Unpolarised Fresnel reflectance of a smooth dielectric of relative index `eta`, for an angle of
+/// cosine `cos_theta` to the normal; 1 for total internal reflection (possible if `eta` < 1).
 pub fn fresnel_dielectric(cos_theta: f64, eta: f64) -> f64 {
     let cos_i = cos_theta.clamp(0.0, 1.0);
     if eta < 1.0 && (eta - 1.0) * (eta + 1.0) + cos_i * cos_i <= 0.0 {
         return 1.0;
     }
-    // η²cos²θt = (η²−1) + cos²θi, so that an index of 1 reflects exactly nothing.
+    // η²cos²θt = (η²−1) + cos²θi, factored so that an index of 1 reflects exactly nothing.
     let cos_t = ((eta - 1.0) * (eta + 1.0) + cos_i * cos_i).max(0.0).sqrt() / eta;
     let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
     let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
@@ -23,8 +23,8 @@ pub fn fresnel_dielectric(cos_theta: f64, eta: f64) -> f64 {
     0.5 * (parallel * parallel + perpendicular * perpendicular)
 }
 
-/// Unpolarised Fresnel reflectance per channel of a metal of index `eta + i·k` (Born and Wolf,
-/// "Principles of Optics", section 14.2).
+/// Unpolarised Fresnel reflectance, per channel, of a metal of complex index `eta + i·k` (Born and
+/// Wolf, "Principles of Optics", section 14.2).
 pub fn fresnel_conductor(cos_theta: f64, eta: DVec3, k: DVec3) -> DVec3 {
     let cos2 = cos_theta.clamp(0.0, 1.0).powi(2);
     let sin2 = 1.0 - cos2;
@@ -33,14 +33,14 @@ pub fn fresnel_conductor(cos_theta: f64, eta: DVec3, k: DVec3) -> DVec3 {
     let a = (0.5 * (sum + difference)).max(DVec3::ZERO).map(f64::sqrt);
     let (even, odd) = (sum + cos2, 2.0 * cos2.sqrt() * a);
     let perpendicular = (even - odd) / (even + odd);
-    // The parallel part is the perpendicular one times a quotient of the same form.
+    // Rp = Rs · (cos²θ(a²+b²) + sin⁴θ − 2a cosθ sin²θ) / (… + …), where `sum` is a²+b².
     let (even, odd) = (cos2 * sum + sin2 * sin2, odd * sin2);
     0.5 * perpendicular * (1.0 + (even - odd) / (even + odd))
 }
 
-/// The share of diffuse light from inside that a smooth dielectric of index `eta` ≥ 1 throws
-/// back, by `1 − F_dr,int = (1 − F_dr,ext) / η²` (reciprocity; d'Eon, "A Hitchhiker's Guide to
-/// Multiple Scattering", 2016) and a midpoint rule for `F_dr,ext = ∫ F(c) 2c dc`.
+/// The fraction of diffuse light from inside that a smooth dielectric of index `eta` ≥ 1 reflects
+/// back: `1 − F_dr,int = (1 − F_dr,ext) / η²` by reciprocity (d'Eon, "A Hitchhiker's Guide to
+/// Multiple Scattering", 2016), with a midpoint rule for `F_dr,ext = ∫ F(c) 2c dc`.
 pub fn internal_diffuse_reflectance(eta: f64) -> f64 {
     const STEPS: u32 = 4096;
     let external: f64 = (0..STEPS)
@@ -119,7 +119,7 @@ mod tests {
         assert!((internal_diffuse_reflectance(1.5) - 0.596_346).abs() < 1e-6);
     }
 
-    /// Against the definition, an integral over directions inside.
+    /// Compared with the definition, an integral over directions inside.
     #[test]
     fn internal_reflectance_is_the_integral_from_inside() {
         for eta in [1.1f64, 1.33, 1.5, 2.4] {

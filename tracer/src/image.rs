@@ -1,13 +1,13 @@
-//! Images of radiance.
+//! Images of linear radiance.
 
 use crate::{ImageSize, Tile};
 
 /// Radiance per pixel: linear Rec. 709, W·sr⁻¹·m⁻².
 #[derive(Clone, Debug, PartialEq)]
 pub struct RadianceImage {
-    /// Columns and rows.
+    /// Width and height in pixels.
     pub size: ImageSize,
-    /// Row-major from the top left: `size.pixels()` of them.
+    /// `size.pixels()` pixels in row-major order, from the top left.
     pub pixels: Vec<[f32; 3]>,
 }
 
@@ -20,10 +20,10 @@ impl RadianceImage {
         }
     }
 
-    /// The pixels of a part that lies in the picture, row-major.
+    /// The pixels of a tile in row-major order.
     ///
     /// # Panics
-    /// If it does not lie in the picture.
+    /// If the tile does not lie in the image.
     pub fn cut(&self, tile: Tile) -> Vec<[f32; 3]> {
         let width = self.size.width as usize;
         let columns = tile.x as usize..(tile.x + tile.width) as usize;

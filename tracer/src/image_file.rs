@@ -1,4 +1,4 @@
-//! Image files: OpenEXR keeps radiance, PNG and JPEG what a display shows of it.
+//! Image files: OpenEXR for radiance, PNG and JPEG for tone-mapped images.
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
@@ -14,12 +14,12 @@ use crate::tonemap::srgb8;
 use crate::{Aovs, Error, ImageSize, RadianceImage};
 
 impl RadianceImage {
-    /// Reads the first layer of an OpenEXR file that has channels R, G and B, of whatever number
-    /// format and compression.
+    /// Reads the first layer with channels R, G and B of an OpenEXR file, in any number format and
+    /// compression.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is no such picture or
-    /// larger than [`ImageSize::EDGE_MAX`], which is checked before memory is taken for it.
+    /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is not such a file or is
+    /// larger than [`ImageSize::EDGE_MAX`], which is checked before memory is allocated.
     pub fn read_exr(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let meta = MetaData::read_from_file(path, false).map_err(|error| refused(path, error))?;
@@ -36,7 +36,7 @@ impl RadianceImage {
         decode_exr(BufReader::new(file)).map_err(|error| refused(path, error))
     }
 
-    /// Writes channels R, G and B as 32-bit floats, compressed without loss.
+    /// Writes channels R, G and B as 32-bit floats with lossless compression.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be written.
@@ -47,10 +47,10 @@ impl RadianceImage {
             .map_err(|source| Error::io(path, source))
     }
 
-    /// The bytes of [`RadianceImage::write_exr`], for who has opened the file.
+    /// Writes the bytes of [`RadianceImage::write_exr`] to an open file.
     ///
     /// # Errors
-    /// The writer's.
+    /// The writer's errors.
     pub fn encode_exr(&self, to: impl Write + Seek) -> io::Result<()> {
         let (width, height) = (self.size.width as usize, self.size.height as usize);
         let pixel = |at: openexr::Vec2<usize>| {
@@ -64,12 +64,12 @@ impl RadianceImage {
             .map_err(not_written)
     }
 
-    /// Writes channels R, G and B and what camera rays meet first as layers: `albedo.R`, `albedo.G`
-    /// and `albedo.B`, `normal.X`, `normal.Y` and `normal.Z` in world space, and `Z`, the distance
-    /// along the camera's axis in metres, ∞ where there is nothing. All as 32-bit floats.
+    /// Writes channels R, G and B and the AOVs of first hits as layers: `albedo.R`, `albedo.G` and
+    /// `albedo.B`; `normal.X`, `normal.Y` and `normal.Z` in world space; and `Z`, the distance
+    /// along the camera's axis in metres, ∞ where nothing is hit. All are 32-bit floats.
     ///
     /// # Errors
-    /// The writer's; another if there are not as many first hits as pixels.
+    /// The writer's errors, and one if the number of first hits is not that of pixels.
     pub fn encode_exr_with_aovs(&self, hits: &[Aovs], to: impl Write + Seek) -> io::Result<()> {
         if hits.len() != self.pixels.len() {
             return Err(io::Error::other(format!(
@@ -103,7 +103,7 @@ impl RadianceImage {
             .map_err(not_written)
     }
 
-    /// Writes 8-bit sRGB of `exposure ·` radiance, as [`srgb8`] has it.
+    /// Writes 8-bit sRGB of `exposure ·` radiance, tone mapped by [`srgb8`].
     ///
     /// # Errors
     /// [`Error::Io`] or [`Error::Format`] if the file cannot be written.
@@ -128,11 +128,11 @@ impl RadianceImage {
 }
 
 impl RadianceImage {
-    /// Writes a JPEG of 8-bit sRGB of `exposure ·` radiance, as [`srgb8`] has it, with a quality of 1 to
-    /// 100: higher costs bytes.
+    /// Writes a JPEG of 8-bit sRGB of `exposure ·` radiance, tone mapped by [`srgb8`]. `quality` is
+    /// 1 to 100; higher values need more bytes.
     ///
     /// # Errors
-    /// The writer's, and a sentence for a picture of more than 65,535 pixels an edge.
+    /// The writer's errors, and one for an image with an edge of more than 65,535 pixels.
     pub fn encode_jpeg(&self, exposure: f32, quality: u8, to: impl Write) -> io::Result<()> {
         let ImageSize { width, height } = self.size;
         let (Ok(width), Ok(height)) = (u16::try_from(width), u16::try_from(height)) else {
@@ -152,11 +152,11 @@ impl RadianceImage {
     }
 }
 
-/// Scan lines in increasing order: tiles are written as threads finish them, so that the bytes of
-/// equal pictures differ from run to run.
+/// Scan lines in increasing order. Tiles would be written in the order in which threads finish
+/// them, so the bytes of equal images would differ from run to run.
 const ENCODING: openexr::Encoding = openexr::Encoding::SMALL_LOSSLESS;
 
-/// The first layer that has channels R, G and B, of whatever number format and compression.
+/// The first layer with channels R, G and B, in any number format and compression.
 pub(crate) fn decode_exr(from: impl Read + Seek) -> exr::error::Result<RadianceImage> {
     let image = openexr::read()
         .no_deep_data()
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn equal_pictures_make_equal_exr_files() {
-        // Many blocks, so that threads finish them in another order each time.
+        // Many blocks, so that threads finish them in a different order each time.
         let size = ImageSize::new(640, 640);
         let image = RadianceImage {
             size,

@@ -6,8 +6,9 @@
 //! SceneUpdate ─────────┘  TraceJob ──┘      (CPU, GPU)
 //! ```
 //!
-//! The crate knows no network, no window and no clock. Its features `gpu` (compute shaders),
-//! `image-io` (image files, and with them textures and environment maps) and `gltf` (glTF 2.0 files) are on by default.
+//! The crate has no networking, windows or clocks. Its features `gpu` (compute shaders), `image-io`
+//! (image files, and with them textures and environment maps) and `gltf` (glTF 2.0 files) are
+//! enabled by default.
 
 pub mod aov;
 pub mod bvh;

@@ -1,40 +1,41 @@
-//! Settings of a picture, and presets of them.
+//! Render settings, and presets of them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, SettingsError};
 
-/// How a frame is sampled. The same settings give the same picture on every node of one back end.
+/// How a frame is sampled. Equal settings give equal images on all nodes with the same kind of
+/// tracer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RenderSettings {
-    /// Paths per pixel, 1 to [`RenderSettings::SAMPLES_MAX`]. Higher costs time in proportion;
-    /// lower loses smoothness: the pool table's squared error falls 90-fold from 1 to 16 samples and
-    /// another 4 times to 64. Powers of two are spread best.
+    /// Paths per pixel, 1 to [`RenderSettings::SAMPLES_MAX`]. Time grows in proportion; noise
+    /// falls: the pool table's squared error falls 90-fold from 1 to 16 samples and another 4-fold
+    /// to 64. Powers of two are stratified best.
     pub samples: u32,
-    /// Index of the first sample, modulo 2³². A second picture with `first_sample` raised by
-    /// `samples` complements the first: their mean is the picture of both their samples. Ranges
-    /// that begin at a multiple of their length, a power of two, are the best spread.
+    /// Index of the first sample, modulo 2³². A second image with `first_sample` raised by
+    /// `samples` complements the first: their mean is the image of both sets of samples. Ranges
+    /// whose length is a power of two and whose start is a multiple of it are stratified best.
     pub first_sample: u32,
-    /// Maximum path depth: scattering events per path, 0 to [`RenderSettings::DEPTH_MAX`]; light
-    /// found by the edge after the last one counts. Higher costs a ray and a shadow ray each; lower loses
-    /// light that has been reflected more often.
+    /// Maximum number of scattering events per path, 0 to [`RenderSettings::DEPTH_MAX`]. Light hit
+    /// by the path segment after the last event still counts. Each further event costs a ray and a
+    /// shadow ray; lower values lose light that is reflected more often.
     pub max_depth: u32,
-    /// Chooses the random numbers: pictures of different seeds are independent.
+    /// Seed of the random numbers: images of different seeds are independent.
     pub seed: u32,
-    /// Whether pictures are denoised ([`crate::denoise`]). On a processor it costs as much time as
-    /// two paths per pixel, and a guard band of [`crate::denoise::SUPPORT`] pixels is traced around
-    /// each run of tiles; a GPU filters by itself (`examples/gpu_speed.rs` prints its time).
-    /// Without it, noise stays (`examples/noise.rs` prints how much).
+    /// Whether images are denoised ([`crate::denoise`]). On a CPU this takes as much time as two
+    /// paths per pixel, and a guard band of [`crate::denoise::SUPPORT`] pixels is traced around
+    /// each run of tiles; a GPU filters on its own (`examples/gpu_speed.rs` prints the time). The
+    /// noise of images that are not denoised is printed by `examples/noise.rs`.
     pub denoise: bool,
 }
 
 impl RenderSettings {
-    /// The most samples that one request may ask of a pixel.
+    /// Largest number of samples per pixel of one request.
     pub const SAMPLES_MAX: u32 = 65_536;
     /// The largest maximum depth.
     pub const DEPTH_MAX: u32 = 64;
 
-    /// Checks the ranges.
+    /// Checks that all settings are within their ranges.
     ///
     /// # Errors
     /// [`Error::InvalidSettings`] with the value and its range.
@@ -69,27 +70,27 @@ impl Default for RenderSettings {
     }
 }
 
-/// Choices of all knobs by name, from the fastest to the truest. `carom-farm bench tradeoff` measures
-/// what each takes and loses: by its figures for a processor they lie on or next to the front of
-/// choices that no other beats.
+/// Named settings, from the fastest to the most accurate. `carom-farm bench tradeoff` measures the
+/// time and error of each: on a CPU they lie on or next to the Pareto front.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Preset {
-    /// For pictures that are gone at once: a quarter of the edge, four paths.
+    /// For images that are shown only for a moment: a quarter of the resolution along each axis, 4
+    /// samples.
     Draft,
-    /// Half of the edge, four paths.
+    /// Half of the resolution along each axis, 4 samples.
     Low,
-    /// Three quarters of the edge, four paths.
+    /// Three quarters of the resolution along each axis, 4 samples.
     Medium,
-    /// Every pixel, four paths, denoised.
+    /// Full resolution, 4 samples, denoised.
     High,
-    /// For stills: 256 paths, as they are.
+    /// For stills: 256 samples, not denoised.
     Final,
-    /// To compare others with: 1024 paths.
+    /// As a reference for comparisons: 1024 samples.
     Reference,
 }
 
 impl Preset {
-    /// All, from the fastest.
+    /// All presets, the fastest first.
     pub const ALL: [Self; 6] = [
         Self::Draft,
         Self::Low,
@@ -99,7 +100,7 @@ impl Preset {
         Self::Reference,
     ];
 
-    /// Lower-case, for people and command lines.
+    /// Lower-case name, for display and command lines.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Draft => "draft",
@@ -111,7 +112,7 @@ impl Preset {
         }
     }
 
-    /// Pixels along an edge, as a share of the screen's ([`crate::ImageSize::scaled`]).
+    /// Resolution along each axis as a fraction of the screen's ([`crate::ImageSize::scaled`]).
     pub const fn scale(self) -> f64 {
         match self {
             Self::Draft => 0.25,
@@ -121,7 +122,7 @@ impl Preset {
         }
     }
 
-    /// The rest.
+    /// The render settings of the preset.
     pub fn settings(self) -> RenderSettings {
         let samples = match self {
             Self::Draft | Self::Low | Self::Medium | Self::High => 4,
@@ -136,7 +137,7 @@ impl Preset {
     }
 }
 
-/// The names of [`Preset::name`].
+/// Parses the names of [`Preset::name`].
 impl std::str::FromStr for Preset {
     type Err = SettingsError;
 

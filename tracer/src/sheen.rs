@@ -1,14 +1,14 @@
-//! The sheen of napped cloth: fibres that stand up, seen against the light.
+//! The sheen of napped cloth: retroreflective and grazing scattering by upright fibres.
 //!
-//! The distribution is that of Estevez and Kulla, "Production Friendly Microfacet Sheen BRDF"
-//! (SIGGRAPH 2017 course "Physically Based Shading"), equation 2; the shadowing that of Neubelt and
+//! The distribution is equation 2 of Estevez and Kulla, "Production Friendly Microfacet Sheen BRDF"
+//! (SIGGRAPH 2017 course "Physically Based Shading"); the shadowing term is that of Neubelt and
 //! Pettineo, "Crafting a Next-Gen Material Pipeline for The Order: 1886" (SIGGRAPH 2013 course).
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
-/// The sheen's `f` times 2π for strength 1, from the cosines of both directions and of the
+/// 2π times the sheen's BRDF for a strength of 1, from the cosines of both directions and of the
 /// half vector to the normal, all above 0.
 pub fn sheen(roughness: f64, cos_o: f64, cos_i: f64, cos_h: f64) -> f64 {
     let exponent = 1.0 / roughness;
@@ -17,16 +17,19 @@ pub fn sheen(roughness: f64, cos_o: f64, cos_i: f64, cos_h: f64) -> f64 {
     distribution / (4.0 * (cos_o + cos_i - cos_o * cos_i))
 }
 
-/// The most of the light from any direction that a sheen of strength 1 reflects, with 1 % to spare.
+/// Upper bound on the directional reflectance of a sheen of strength 1, over all directions, with a
+/// margin of 1 %.
 pub fn sheen_reflectance_max(roughness: f64) -> f64 {
-    // Squares lie close together near 0, at grazing angles, where most is reflected.
+    // Squaring concentrates the evaluated cosines near 0, at grazing angles, where reflectance is
+    // highest.
     let most = (0..STEPS).map(|i| reflectance(roughness, midpoint(i).powi(2)));
     1.01 * most.fold(0.0, f64::max)
 }
 
-/// About the share of light that a sheen of strength 1 and a width in [0.1, 1] reflects to cosines whose square roots are 0, 1/5,
-/// … 1: what is between is interpolated in the root, see [`interpolated`], and is at least as much as is reflected. It is above 1
-/// at grazing angles where widths are below 0.2.
+/// Approximate directional reflectance of a sheen of strength 1 and a width in [0.1, 1], at cosines
+/// whose square roots are 0, 1/5, … 1. Values in between are interpolated linearly in the root (see
+/// [`interpolated`]) and are never below the true reflectance. Values exceed 1 at grazing angles
+/// for widths below 0.2.
 pub fn sheen_reflectances(roughness: f64) -> [f64; 6] {
     let last = SHEEN_REFLECTANCES.len() - 1;
     let narrowest = f64::from(SHEEN_ROOT_MIN);
@@ -38,8 +41,9 @@ pub fn sheen_reflectances(roughness: f64) -> [f64; 6] {
     std::array::from_fn(|node| narrower[node] + share * (wider[node] - narrower[node]))
 }
 
-/// What [`sheen_reflectances`] interpolates: a row each for widths whose square roots are evenly spaced from [`SHEEN_ROOT_MIN`]
-/// to 1. Integrals by the midpoint rule, raised until no line between two of them is below what is reflected, and by 1 %.
+/// Table of [`sheen_reflectances`]: one row per width, whose square roots are evenly spaced from
+/// [`SHEEN_ROOT_MIN`] to 1. Computed with the midpoint rule, raised until no linear interpolation
+/// is below the true reflectance, and by a further 1 %.
 pub const SHEEN_REFLECTANCES: [[f32; 6]; 9] = [
     [1.4111, 1.0907, 0.6150, 0.2778, 0.0751, 0.0023],
     [1.1502, 0.9270, 0.5832, 0.3146, 0.1181, 0.0116],
@@ -52,12 +56,13 @@ pub const SHEEN_REFLECTANCES: [[f32; 6]; 9] = [
     [0.6539, 0.5749, 0.4527, 0.3451, 0.2441, 0.1436],
 ];
 
-/// The square root of the least width of a sheen, 0.1.
+/// Square root of the smallest width of a sheen, 0.1.
 pub const SHEEN_ROOT_MIN: f32 = 0.316_227_77;
 
-/// A value between those at six cosines whose square roots are 0, 1/5, … 1.
+/// Linear interpolation in √cos between values at six cosines whose square roots are 0, 1/5, … 1.
 pub fn interpolated(nodes: &[f64; 6], cos: f64) -> f64 {
     let place = 5.0 * cos.clamp(0.0, 1.0).sqrt();
+    // Hat functions instead of an index, in the same form as in SIMD.
     let hats = nodes.iter().zip(0..);
     hats.map(|(value, node)| value * (1.0 - (place - f64::from(node)).abs()).max(0.0))
         .sum()
@@ -69,11 +74,13 @@ fn midpoint(i: usize) -> f64 {
     (i as f64 + 0.5) / STEPS as f64
 }
 
-/// The share of light from all directions that a sheen of strength 1 reflects to one.
+/// Directional reflectance of a sheen of strength 1 towards a direction, by the midpoint rule.
 fn reflectance(roughness: f64, cos_o: f64) -> f64 {
     let wo = DVec3::new((1.0 - cos_o * cos_o).sqrt(), 0.0, cos_o);
     let mut sum = 0.0;
     for place in 0..STEPS * STEPS {
+        // By symmetry half of the azimuths suffice; the mean over them absorbs the factor 2π of
+        // `sheen`.
         let (cos_i, phi) = (midpoint(place / STEPS), PI * midpoint(place % STEPS));
         let sine = (1.0 - cos_i * cos_i).sqrt();
         let wi = DVec3::new(sine * phi.cos(), sine * phi.sin(), cos_i);

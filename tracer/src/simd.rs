@@ -1,14 +1,15 @@
-//! Instruction sets of processors, chosen at run time.
+//! Run-time selection of SIMD instruction sets.
 
 pub use fearless_simd::Level;
 
 #[cfg(not(target_arch = "x86_64"))]
 pub(crate) use fearless_simd::dispatch;
 
-/// Compiles an expression for several instruction sets and evaluates it with that of a [`Level`].
+/// Compiles an expression for several instruction sets and evaluates it with the one of a
+/// [`Level`].
 ///
-/// `fearless_simd::dispatch` without SSE4.2, whose processors run the code for SSE2. Both are 4
-/// lanes wide: SSE4.2 is a tenth faster, for more code than AVX2 and AVX-512 have together.
+/// As `fearless_simd::dispatch`, but without SSE4.2: such processors run the SSE2 code. Both are 4
+/// lanes wide, and SSE4.2 is only a tenth faster for more code than AVX2 and AVX-512 have together.
 #[cfg(target_arch = "x86_64")]
 macro_rules! dispatch {
     ($level:expr, $simd:ident => $op:expr) => {{

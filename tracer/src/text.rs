@@ -1,12 +1,13 @@
-//! Text for people: of strangers, filtered before it reaches a terminal, a log or an interface; of errors, with their causes.
+//! Text for display: sanitises untrusted text before it reaches a terminal, a log or a user
+//! interface; and formats errors with their causes.
 
 use std::error::Error;
 
-/// `text` without what controls a terminal, cut to `bytes_max` bytes.
+/// `text` without characters that control a terminal, truncated to `bytes_max` bytes.
 ///
-/// Control characters (C0, DEL and C1, so every escape sequence) and bidirectional formatting, which
-/// displays letters in another order than they have, are left out. Line breaks become spaces, so that
-/// no text can imitate a line of its own.
+/// Control characters (C0, DEL and C1, and thus every escape sequence) and bidirectional formatting
+/// characters, which change the order in which letters are displayed, are removed. Line breaks
+/// become spaces, so that no text can imitate a line of its own.
 ///
 /// ```
 /// use carom_tracer::text::printable;
@@ -29,7 +30,7 @@ pub fn printable(text: &str, bytes_max: usize) -> String {
     printable
 }
 
-/// An error and its causes in one line, none told twice: many a message ends with that of its cause.
+/// An error and its causes in one line. A cause with which the message so far ends is not repeated.
 pub fn with_causes(error: &(dyn Error + 'static)) -> String {
     let mut told = error.to_string();
     let mut source = error.source();
@@ -49,7 +50,7 @@ const fn is_bidirectional_format(letter: char) -> bool {
         '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// Bytes of a sentence about a stranger's data.
+/// Maximum length in bytes of a sentence about untrusted data.
 pub const SENTENCE_BYTES_MAX: usize = 1024;
 
 #[cfg(test)]

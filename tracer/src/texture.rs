@@ -1,9 +1,10 @@
-//! Procedural textures: numbers on balls, the grain of wood, the marks of cloth, the parts of a cue, a print.
+//! Procedural textures: numbers on balls, wood grain, marks on cloth, the parts of a cue, bricks,
+//! scoreboards and prints.
 //!
-//! Everything is a formula of the point, so that edges are sharp at every distance and the samples of a
-//! pixel smooth them. Waves and lines that a pixel of the camera cannot show fade with its footprint: how wide the surface
-//! is that it sees there, in m, and 0 where paths have gone on. The waves are `wave(t) = sin 2πt`; the same formulas run in
-//! SIMD and WGSL.
+//! All are functions of position, so edges are sharp at every distance and antialiased by a pixel's
+//! samples. Waves and lines too fine for a pixel are faded by its footprint: the width in m of the
+//! surface that a camera ray covers, and 0 for later path segments. Waves are `wave(t) = sin 2πt`;
+//! the same formulas are implemented in SIMD and WGSL.
 
 use std::f64::consts::TAU;
 #[cfg(feature = "gpu")]
@@ -13,98 +14,100 @@ use glam::DVec3;
 
 use crate::compiled::{MaterialData, PATTERN_PLANKS};
 
-/// Sine of the half angle of the white circle that a ball's number stands in.
+/// Sine of the half angle of the white circle around a ball's number.
 pub const CIRCLE_SINE: f32 = 0.37;
-/// Albedo of that circle.
+/// Albedo of the circle.
 pub const CIRCLE_ALBEDO: [f32; 3] = [0.8, 0.78, 0.7];
 /// Albedo of the number.
 pub const INK_ALBEDO: [f32; 3] = [0.012, 0.012, 0.012];
-/// Albedo of the sights in the rails, mother-of-pearl.
+/// Albedo of the sights (diamonds) in the rails, mother-of-pearl.
 pub const SIGHT_ALBEDO: [f32; 3] = [0.78, 0.76, 0.7];
-/// Half the length and width of a sight in m, a diamond.
+/// Half the length and half the width in m of a sight, a rhombus.
 pub const SIGHT_HALF_M: [f32; 2] = [0.0135, 0.0065];
-/// Turns a metre of the rings, fibres and pores of wood, of scale 1.
+/// Spatial frequencies in m⁻¹ of the rings, fibres and pores of wood of scale 1.
 pub const WOOD_TURNS_PER_M: [f32; 3] = [17.0, 151.0, 463.0];
-/// Width of a floor's planks in m.
+/// Width in m of a floor's planks.
 pub const PLANK_M: f32 = 0.13;
-/// Share of a plank's width that the gap beside it takes.
+/// Width of the gap beside a plank, as a fraction of the plank's width.
 pub const PLANK_GAP: f32 = 0.025;
 
-/// Length and height in m of a brick with its joints.
+/// Length and height in m of a brick including its joints.
 pub const BRICK_M: [f32; 2] = [0.225, 0.075];
-/// Width of a joint in m.
+/// Width in m of a joint.
 pub const JOINT_M: f32 = 0.01;
 
-/// How far from its middle the numbers of a dial stand, and their height over 1.5; the radius is 1.
+/// Distance of a dial's numbers from its centre; the dial's radius is 1.
 pub const DIAL_NUMBERS_AT: f32 = 0.66;
-/// See [`DIAL_NUMBERS_AT`].
+/// Scale of a dial's numbers: digits are 1.5 times this high.
 pub const DIAL_DIGIT: f32 = 0.17;
-/// The marks of its numbers reach from here outwards, and so far to both sides.
+/// Radius from which the marks at a dial's numbers extend outwards.
 pub const DIAL_MARKS_FROM: f32 = 0.84;
-/// See [`DIAL_MARKS_FROM`].
+/// Half the width of such a mark.
 pub const DIAL_MARK_HALF: f32 = 0.025;
-/// From the middle of a dial to that of the next one.
+/// Distance between the centres of adjacent dials.
 pub const DIAL_SPACING: f32 = 2.3;
 
-/// Half the width and height of what a print's frame leaves of it; half the height of the whole is 1.
+/// Half the width and height of a print inside its frame; half the height with the frame is 1.
 pub const PRINT_PAPER: [f32; 2] = [1.44, 0.94];
-/// Half the width and height of what its mat leaves of that.
+/// Half the width and height of the picture inside the mat.
 pub const PRINT_VIEW: [f32; 2] = [1.2, 0.7];
-/// Middle and radius of its sun.
+/// Centre (x, y) and radius of the print's sun.
 pub const PRINT_SUN: [f32; 3] = [0.42, 0.12, 0.24];
-/// Albedo of its sun.
+/// Albedo of the print's sun.
 pub const PRINT_SUN_ALBEDO: [f32; 3] = [0.8, 0.4, 0.14];
 
-/// Albedo of chalk on the cloth, and of its lines.
+/// Albedo of chalk and of the lines on the cloth.
 pub const CHALK_ALBEDO: [f32; 3] = [0.5, 0.56, 0.6];
-/// How far a line on the cloth reaches to both sides of its middle, in m.
+/// Half the width in m of a line on the cloth.
 pub const LINE_HALF_M: f32 = 0.0022;
-/// Share of chalk's colour in the middle of a line; towards its sides it falls to 0.
+/// Fraction of chalk's colour at the centre of a line; it falls linearly to 0 at its sides.
 pub const LINE_SHARE: f32 = 0.6;
-/// Radius of a spot on the cloth in m.
+/// Radius in m of a spot on the cloth.
 pub const SPOT_RADIUS_M: f32 = 0.006;
-/// Share of the cloth's light that a spot reflects.
+/// Factor of the cloth's albedo at a spot.
 pub const SPOT_SHARE: f32 = 0.12;
-/// Share of chalk's colour in the wear at the foot spot, where racks are broken, and its reach squared in m².
+/// Maximum fraction of chalk's colour in the worn area around the foot spot, where racks are
+/// broken.
 pub const WORN_SHARE: f32 = 0.07;
-/// See [`WORN_SHARE`].
+/// Square in m² of the worn area's radius, at which the fraction is half its maximum.
 pub const WORN_M2: f32 = 0.0016;
-/// Marks lie no farther from the height 0 in m.
+/// Maximum distance in m of marks from the height 0.
 pub const MARK_REACH_M: f32 = 0.001;
 
-/// Threads of a cloth's weave per m, in pairs, and how much they differ in light.
+/// Spatial frequency in m⁻¹ of a cloth's weave, one period per pair of threads.
 pub const WEAVE_PER_M: f32 = 1100.0;
-/// See [`WEAVE_PER_M`].
+/// Amplitude of the weave, relative to the cloth's albedo.
 pub const WEAVE_SHARE: f32 = 0.2;
-/// Weave and lint fade as waves of so many turns a metre: before a few samples of a pixel show them as noise.
+/// Spatial frequency in m⁻¹ by which weave and lint are faded: early enough for a few samples per
+/// pixel not to show them as noise.
 pub const WEAVE_FADES_PER_M: f32 = 4000.0;
-/// Edge in m of the squares of cloth of which each has a fibre of lint.
+/// Edge length in m of the square cells of cloth, each of which has one fibre of lint.
 pub const LINT_SQUARE_M: f32 = 0.04;
-/// Half the length and width of a fibre of lint in m.
+/// Half the length and half the width in m of a fibre of lint.
 pub const LINT_HALF_M: [f32; 2] = [0.0016, 0.000_1];
-/// Share of chalk's colour in a fibre of lint.
+/// Fraction of chalk's colour in a fibre of lint.
 pub const LINT_SHARE: f32 = 0.25;
 
-/// Where the tip, ferrule, shaft, collar, forearm and wrap of a cue end, in m from the end of its tip;
-/// the butt follows.
+/// Ends of the tip, ferrule, shaft, collar, forearm and wrap of a cue, in m from the end of its
+/// tip; the rest is the butt.
 pub const CUE_ENDS_M: [f32; 6] = [0.008, 0.033, 0.738, 0.75, 1.02, 1.33];
-/// Albedo of a cue's tip, with chalk on it.
+/// Albedo of a cue's chalked tip.
 pub const CUE_TIP_ALBEDO: [f32; 3] = [0.06, 0.19, 0.36];
-/// Albedo of its ferrule.
+/// Albedo of a cue's ferrule.
 pub const CUE_FERRULE_ALBEDO: [f32; 3] = [0.8, 0.78, 0.7];
-/// Albedo of its collar.
+/// Albedo of a cue's collar.
 pub const CUE_COLLAR_ALBEDO: [f32; 3] = [0.62, 0.47, 0.2];
-/// Albedo of its wrap, linen.
+/// Albedo of a cue's linen wrap.
 pub const CUE_WRAP_ALBEDO: [f32; 3] = [0.03, 0.032, 0.038];
 
-/// Half the width of a stroke.
+/// Half the width of a stroke, in the units of [`Stroke`].
 const STROKE_HALF: f32 = 0.125;
-/// Strokes of a digit.
+/// Number of strokes of a digit.
 pub const STROKES: usize = 4;
 
-/// A line from `a` to `b`, or, where `radius` is above 0, an arc about `a` whose middle lies in the
-/// direction `b` and that reaches `cos_half` to both sides of it (−1: a whole circle). Digits are
-/// 0.84 wide and 1.5 high about the origin.
+/// A line segment from `a` to `b`; or, if `radius` is above 0, an arc around `a` whose middle is in
+/// the direction `b` and whose half angle has the cosine `cos_half` (−1: a full circle). Digits are
+/// 0.84 wide and 1.5 high, centred on the origin.
 #[derive(Clone, Copy, Debug)]
 pub struct Stroke {
     a: [f32; 2],
@@ -131,10 +134,10 @@ const fn arc(a: [f32; 2], radius: f32, b: [f32; 2], cos_half: f32) -> Stroke {
     }
 }
 
-/// Far from every number.
+/// An unused stroke, far from every point of a number.
 const NOTHING: Stroke = line([9.0, 9.0], [9.0, 9.0]);
 
-/// The digits from 0 to 9.
+/// The strokes of the digits 0 to 9.
 pub const DIGITS: [[Stroke; STROKES]; 10] = [
     [
         arc([0.0, 0.33], 0.37, [0.0, 1.0], 0.0),
@@ -202,7 +205,7 @@ pub const DIGITS: [[Stroke; STROKES]; 10] = [
 ];
 
 impl Stroke {
-    /// Distance of a point from the stroke's middle line.
+    /// Distance of a point from the stroke's centre line.
     fn distance(&self, x: f32, y: f32) -> f32 {
         let (px, py) = (x - self.a[0], y - self.a[1]);
         if self.radius > 0.0 {
@@ -223,13 +226,12 @@ impl Stroke {
     }
 }
 
-/// Size of a number of one digit, and of two, in a circle of radius 1, and how far from its middle
-/// the two stand.
+/// Scale of the digits of a number of one digit, and of two, in a circle of radius 1.
 pub const DIGIT_SCALE: [f32; 2] = [0.66, 0.52];
-/// See [`DIGIT_SCALE`]; in digits' units.
+/// Distance of each of two digits from the circle's centre, in the units of [`Stroke`].
 pub const DIGIT_SHIFT: f32 = 0.56;
 
-/// Whether the number, 0 to 99, has ink at a point of its circle of radius 1, y up.
+/// Whether a number from 0 to 99 has ink at a point of its circle, whose radius is 1; y points up.
 pub fn is_ink(number: u32, x: f32, y: f32) -> bool {
     if number < 10 {
         return is_digit(number, x / DIGIT_SCALE[0], y / DIGIT_SCALE[0]);
@@ -245,7 +247,7 @@ fn is_digit(digit: u32, x: f32, y: f32) -> bool {
         .any(|stroke| stroke.distance(x, y) < STROKE_HALF)
 }
 
-/// Whether a scoreboard has ink at a point, y up, the radius of its dials 1.
+/// Whether a scoreboard has ink at a point, in units of its dials' radius; y points up.
 pub fn is_scoreboard_ink(x: f32, y: f32) -> bool {
     let dial = (x / DIAL_SPACING + 0.5).floor().clamp(-1.0, 1.0);
     let numbers: u32 = if dial == 0.0 { 12 } else { 10 };
@@ -254,6 +256,7 @@ pub fn is_scoreboard_ink(x: f32, y: f32) -> bool {
     if from_middle > 1.0 {
         return true;
     }
+    // Clockwise from the top, as on a clock; the added turn keeps the value positive.
     let turns = x.atan2(y) / std::f32::consts::TAU + 1.0;
     let nearest = (turns * numbers as f32 + 0.5) as u32 % numbers;
     let (sin, cos) = (std::f32::consts::TAU * nearest as f32 / numbers as f32).sin_cos();
@@ -269,15 +272,17 @@ pub fn is_scoreboard_ink(x: f32, y: f32) -> bool {
     is_ink(number, x / DIAL_DIGIT, y / DIAL_DIGIT)
 }
 
-/// The place of a unit vector from a ball's centre among the circles on ±`axis`, of radius 1, upright along `up`.
+/// Coordinates of a ball's point (as the unit vector `n` from its centre) in the circles around
+/// ±`axis`, which have radius 1 and are upright along `up`.
 pub fn in_circle(n: DVec3, axis: DVec3, up: DVec3) -> [f32; 2] {
+    // Mirrored on the far side, so that the number is legible on both.
     let side = n.dot(axis);
     let (across, along) = (n.dot(up.cross(axis)) * side.signum(), n.dot(up));
     [across as f32 / CIRCLE_SINE, along as f32 / CIRCLE_SINE]
 }
 
-/// The albedo of a numbered ball at a unit vector from its centre, `base` where there is no circle.
-/// The circles stand on ±`axis`, upright along `up`.
+/// Albedo of a numbered ball at the unit vector `n` from its centre, `base` outside the circles,
+/// which are centred on ±`axis` and upright along `up`.
 pub fn numbered(number: u32, n: DVec3, axis: DVec3, up: DVec3, base: DVec3) -> DVec3 {
     let [x, y] = in_circle(n, axis, up);
     if x * x + y * y >= 1.0 {
@@ -291,34 +296,37 @@ pub fn numbered(number: u32, n: DVec3, axis: DVec3, up: DVec3, base: DVec3) -> D
     DVec3::from(albedo.map(f64::from))
 }
 
-/// Coefficients of `t`, `t³`, `t⁵` and `t⁷` in `sin 2πt` for `t` from 0 to ¼, within 8e-7 in f32.
+/// Coefficients of `t`, `t³`, `t⁵` and `t⁷` of a polynomial for `sin 2πt`, for `t` from 0 to ¼; its
+/// error in f32 is below 8e-7.
 pub(crate) const SINE_OF_TURNS: [f32; 4] = [6.283_164, -41.337_143, 81.340_8, -70.993_744];
 
 fn wave(turns: f64) -> f64 {
     (TAU * turns).sin()
 }
 
-/// What the mean over a footprint leaves of a wave of so many turns a metre: about `sin πx / πx`.
+/// The factor by which averaging over a footprint reduces a wave of this spatial frequency:
+/// approximately `sin πx / πx`, with x the number of periods in the footprint.
 fn faded(turns_per_m: f32, footprint_m: f64) -> f64 {
     let turns = (f64::from(turns_per_m) * footprint_m).min(1.0);
-    // Exact at 0 and 1, the first zero of the sinc; its small waves beyond are cut off.
+    // Exact at 0 and at 1, the first zero of the sinc; the sinc's small lobes beyond are cut off.
     (1.0 - turns * turns) * (1.0 - turns * turns)
 }
 
-/// Share of a line at a distance from its middle, to both sides of which it falls to 0: wider by the footprint, and paler
-/// by as much.
+/// Coverage of a line at a distance from its centre, falling linearly to 0 at both sides. The
+/// footprint widens the line and reduces its coverage in proportion, so that the line's total stays
+/// the same.
 fn line_share(distance_m: f64, half_m: f32, footprint_m: f64) -> f64 {
     let half = f64::from(half_m) + 0.5 * footprint_m;
     f64::from(half_m) / half * (1.0 - distance_m / half).max(0.0)
 }
 
-/// The albedo of wood at a point of the world.
+/// Albedo of wood at a point in world space.
 pub fn wood(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let [spacing, line_x, line_y] = material.sights.map(f64::from);
     let mut axis = material.grain_axis;
     if line_x > 0.0 {
-        // Four rails with mitred corners: the grain follows the nearer one.
+        // Four rails with mitred corners: the grain runs along the nearer one.
         let is_end = p.x.abs() - line_x > p.y.abs() - line_y;
         axis = u32::from(is_end);
         let (along, off, line) = if is_end {
@@ -331,6 +339,7 @@ pub fn wood(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
         let is_sight =
             spacing > 0.0 && nearest.abs() < sights && (is_end || nearest != 0.0) && p.z > 0.0;
         let [long, wide] = SIGHT_HALF_M.map(f64::from);
+        // A rhombus: |x| / a + |y| / b < 1.
         let inside = (along - nearest * spacing).abs() / long + (off.abs() - line).abs() / wide;
         if is_sight && inside < 1.0 {
             return triple(SIGHT_ALBEDO);
@@ -350,11 +359,14 @@ pub fn wood(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
         if b / f64::from(PLANK_M) - plank < f64::from(PLANK_GAP) {
             return 0.3 * triple(material.stripe_albedo);
         }
-        // Steps of the golden section: tones spread without a period, in whatever run of planks is seen.
+        // Multiples of the golden ratio's fraction are equidistributed, so tones vary without a
+        // period in any run of planks.
         tone = 0.28 * wave(0.381_966 * plank);
-        // Each plank is cut from another place of the tree.
+        // Each plank is cut from a different place in the tree.
         a += 1.7 * plank;
     }
+    // `bend` distorts the rings as a tree's growth does; all three waves run nearly parallel to the
+    // grain.
     let bend = 0.45 * wave(0.61 * a + 0.2) + 0.2 * wave(1.7 * a + 2.3 * b);
     let ring = wave(17.0 * b + 11.0 * height + bend);
     let fibre = wave(151.0 * b + 83.0 * height + 0.8 * wave(1.3 * a + 3.1 * b) + 2.0 * a);
@@ -364,20 +376,22 @@ pub fn wood(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
     triple(material.albedo).lerp(triple(material.stripe_albedo), dark)
 }
 
-/// The albedo of a wall of bricks at a point of the world.
+/// Albedo of a brick wall at a point in world space.
 pub fn bricks(material: &MaterialData, p: DVec3) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let [length, height] = BRICK_M.map(f64::from);
     let course = (p.z / height).floor();
+    // Running bond: each course is shifted by half a brick. One of x and y is constant on a wall.
     let along = (p.x + p.y) / length + 0.5 * course;
     let brick = along.floor();
     let joint = f64::from(JOINT_M);
     if (along - brick) * length < joint || p.z - course * height < joint {
         return triple(material.sights);
     }
-    // A sum would repeat in rows that are seen from afar as stripes.
-    // The golden section and its like in two dimensions (1 over the plastic number): both spread without
-    // a period.
+    // Tones of neighbouring bricks are hashed, as the sum of two waves would repeat along rows,
+    // visible from afar as stripes.
+    // Golden ratio and 1 / plastic number, its analogue in two dimensions: multiples of both are
+    // equidistributed.
     let kiln = [
         wave(0.381_966 * brick + 0.271 * course),
         wave(0.754_878 * course - 0.137 * brick),
@@ -388,7 +402,7 @@ pub fn bricks(material: &MaterialData, p: DVec3) -> DVec3 {
     triple(material.albedo).lerp(triple(material.stripe_albedo), dark)
 }
 
-/// The albedo of a scoreboard at a point of the world.
+/// Albedo of a scoreboard at a point in world space.
 pub fn scoreboard(material: &MaterialData, p: DVec3) -> DVec3 {
     let [y, z, radius] = material.sights.map(f64::from);
     let (across, up) = ((y - p.y) / radius, (p.z - z) / radius);
@@ -400,10 +414,12 @@ pub fn scoreboard(material: &MaterialData, p: DVec3) -> DVec3 {
     DVec3::from(albedo.map(f64::from))
 }
 
-/// The albedo of a framed print at a point of the world.
+/// Albedo of a framed print at a point in world space.
 pub fn print(material: &MaterialData, p: DVec3) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let q = (p - triple(material.sights)) * f64::from(material.scale);
+    // One of x and y is constant on a wall along an axis, so their sum is the coordinate along the
+    // wall.
     let (x, y) = (q.x + q.y, q.z);
     let is_beyond = |[half_x, half_y]: [f32; 2]| x.abs() > half_x.into() || y.abs() > half_y.into();
     if is_beyond(PRINT_PAPER) {
@@ -412,7 +428,7 @@ pub fn print(material: &MaterialData, p: DVec3) -> DVec3 {
     if is_beyond(PRINT_VIEW) {
         return triple(CIRCLE_ALBEDO);
     }
-    // From near to far: the first range that reaches so high hides the others.
+    // From near to far: the first mountain range that covers the point hides those behind it.
     for range in [3.0, 2.0, 1.0] {
         let ridge = 0.09 * wave((0.17 + 0.13 * range) * x + 0.37 * range)
             + 0.035 * wave((0.9 + 0.4 * range) * x + 0.61 * range);
@@ -429,7 +445,7 @@ pub fn print(material: &MaterialData, p: DVec3) -> DVec3 {
     }
 }
 
-/// The albedo of a cue at a distance in m from the end of its tip.
+/// Albedo of a cue at a distance in m from the end of its tip.
 pub fn cue(material: &MaterialData, from_tip_m: f64) -> DVec3 {
     let part = CUE_ENDS_M
         .iter()
@@ -445,11 +461,12 @@ pub fn cue(material: &MaterialData, from_tip_m: f64) -> DVec3 {
     DVec3::from(albedo.map(f64::from))
 }
 
-/// The albedo of cloth at a point of the world: patches of wear, its nap, a table's marks, and, of what a camera sees from
-/// near, weave and lint.
+/// Albedo of cloth at a point in world space: worn patches, nap, a table's marks, and, near the
+/// camera, weave and lint.
 pub fn cloth(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
     let triple = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let most = f64::from(material.scale);
+    // Both coordinates depend on z too, so that vertical cloth has a pattern as well.
     let (u, v) = (p.x + 0.3 * p.z, p.y + 0.8 * p.z);
     let (bend, sway) = (wave(2.3 * u + 1.1 * v), wave(0.9 * u - 2.1 * v));
     let nap = wave(37.0 * v + 3.0 * bend) * wave(23.0 * u + 2.0 * sway);
@@ -489,7 +506,7 @@ pub fn cloth(material: &MaterialData, p: DVec3, footprint_m: f64) -> DVec3 {
     colour.min(DVec3::splat(most))
 }
 
-/// Threads that pass over and under each other, thicker here and thinner there, in [−1, 1].
+/// Pattern of warp and weft threads of varying thickness, in [−1, 1].
 fn weave(u: f64, v: f64) -> f64 {
     let threads = f64::from(WEAVE_PER_M);
     let (warp, weft) = (wave(61.0 * v + 13.0 * u), wave(53.0 * u - 17.0 * v));
@@ -497,10 +514,12 @@ fn weave(u: f64, v: f64) -> f64 {
     over * (0.75 + 0.25 * warp * weft)
 }
 
-/// Share of lint: a fibre in each square of the cloth, somewhere and in some direction.
+/// Coverage of lint: one fibre of pseudo-random position and direction in each square cell of the
+/// cloth.
 fn lint(u: f64, v: f64, footprint_m: f64) -> f64 {
     let square = f64::from(LINT_SQUARE_M);
     let (i, j) = ((u / square).floor(), (v / square).floor());
+    // Hashes of the cell's indices, for offset and direction of its fibre.
     let a = wave(0.381_966 * i + 0.271_828 * j);
     let b = wave(0.754_878 * j - 0.137_035 * i);
     let x = u - (i + 0.5 + 0.4 * a) * square;
@@ -512,7 +531,7 @@ fn lint(u: f64, v: f64, footprint_m: f64) -> f64 {
     line_share(along, half_length, footprint_m) * line_share(across, half_width, footprint_m)
 }
 
-/// The constants of cloth for the kernels.
+/// WGSL constants of cloth.
 #[cfg(feature = "gpu")]
 fn cloth_wgsl() -> String {
     let ([x, y, z], [length, width]) = (CHALK_ALBEDO, LINT_HALF_M);
@@ -534,7 +553,7 @@ fn cloth_wgsl() -> String {
     )
 }
 
-/// The constants of prints for the kernels.
+/// WGSL constants of prints.
 #[cfg(feature = "gpu")]
 fn print_wgsl() -> String {
     let numbers = |v: &[f32]| {
@@ -555,7 +574,7 @@ fn print_wgsl() -> String {
     )
 }
 
-/// The constants above for the kernels.
+/// WGSL constants of all textures.
 #[cfg(feature = "gpu")]
 pub(crate) fn wgsl() -> String {
     let triple = |v: [f32; 3]| format!("vec3f({:?}, {:?}, {:?})", v[0], v[1], v[2]);
@@ -629,7 +648,7 @@ pub(crate) fn wgsl() -> String {
 mod tests {
     use super::*;
 
-    /// Share of the circle that a number's ink covers, and how far it reaches.
+    /// Fraction of the circle covered by a number's ink, and its extent.
     fn coverage(number: u32) -> (f32, f32) {
         let (mut inked, mut reach) = (0, 0.0f32);
         for i in 0..200 * 200 {

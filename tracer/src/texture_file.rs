@@ -1,4 +1,4 @@
-//! Texture files: PNG and JPEG, whose size is known before memory is taken for it.
+//! Texture files: PNG and JPEG, whose dimensions are checked before memory is allocated.
 
 use std::io::Cursor;
 
@@ -8,19 +8,19 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::scene::TEXTURE_EDGE_MAX;
 
-/// A picture of 8-bit red, green, blue and alpha, row-major from the top left.
+/// An image of 8-bit red, green, blue and alpha, in row-major order from the top left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Texels {
-    /// Texels across and down.
+    /// Width and height in texels.
     pub size: [u32; 2],
-    /// Red in the lowest byte.
+    /// Red, green, blue and alpha of each texel.
     pub texels: Vec<[u8; 4]>,
 }
 
 /// Width and height of a PNG or JPEG file.
 ///
 /// # Errors
-/// A sentence if it is neither, or larger than [`TEXTURE_EDGE_MAX`].
+/// A sentence if it is neither, or is larger than [`TEXTURE_EDGE_MAX`].
 pub fn size(file: &[u8]) -> Result<[u32; 2], String> {
     let size = match file {
         [0x89, b'P', b'N', b'G', ..] => {
@@ -52,10 +52,10 @@ pub fn size(file: &[u8]) -> Result<[u32; 2], String> {
     ))
 }
 
-/// The picture of a PNG or JPEG file. Numbers of 16 bits are cut to 8.
+/// The texels of a PNG or JPEG file. 16-bit channels are truncated to 8 bits.
 ///
 /// # Errors
-/// A sentence if it is neither, too large or broken.
+/// A sentence if it is neither, or is too large or malformed.
 pub fn decode(file: &[u8]) -> Result<Texels, String> {
     let size = size(file)?;
     let texels = match file.first() {
@@ -72,10 +72,10 @@ pub fn decode(file: &[u8]) -> Result<Texels, String> {
     Ok(Texels { size, texels })
 }
 
-/// A PNG file of a picture; for textures made in code.
+/// An image encoded as a PNG file; for textures made in code.
 ///
 /// # Errors
-/// A sentence if the picture has another number of texels than its size.
+/// A sentence if the number of texels is not that of the size.
 pub fn encode_png(picture: &Texels) -> Result<Vec<u8>, String> {
     let [width, height] = picture.size;
     let mut file = Vec::new();
@@ -92,7 +92,7 @@ pub fn encode_png(picture: &Texels) -> Result<Vec<u8>, String> {
 
 fn png_decoder(file: &[u8]) -> png::Decoder<Cursor<&[u8]>> {
     let edge = TEXTURE_EDGE_MAX as usize;
-    // Beside the picture itself: its last two rows, and text that nobody reads.
+    // Memory beside the texels themselves: the last two rows, and text chunks, which are not read.
     let limits = png::Limits {
         bytes: 16 * edge + (1 << 20),
     };
@@ -187,7 +187,8 @@ mod tests {
     #[test]
     fn bombs_are_refused_by_their_size() {
         let mut file = encode_png(&gradient()).unwrap();
-        // Width and height stand behind the signature, the chunk's length and its name; its checksum follows.
+        // Width and height come after the signature, the chunk's length and its name; the checksum
+        // follows them.
         file[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
         let crc = crc32(&file[12..29]);
         file[29..33].copy_from_slice(&crc.to_be_bytes());

@@ -1,4 +1,4 @@
-//! An image as tiles in a fixed order: the unit in which work is handed out.
+//! Images as tiles in a fixed order, the unit in which work is distributed.
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,23 +10,23 @@ use crate::Error;
 /// Width and height in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct ImageSize {
-    /// Columns.
+    /// Width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels.
     pub height: u32,
 }
 
 impl ImageSize {
-    /// With `scale` times the edges, rounded, of a pixel at least.
+    /// The size with both edges multiplied by `scale` and rounded, each at least 1.
     pub fn scaled(self, scale: f64) -> Self {
         let edge = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
         Self::new(edge(self.width), edge(self.height))
     }
 
-    /// The widest and highest image that is traced; pixel coordinates share a 32-bit hash key.
+    /// Maximum width and height of an image; pixel coordinates share a 32-bit hash key.
     pub const EDGE_MAX: u32 = 16_384;
 
-    /// An image of `width` columns and `height` rows.
+    /// A size of `width` × `height` pixels.
     pub const fn new(width: u32, height: u32) -> Self {
         Self { width, height }
     }
@@ -36,10 +36,10 @@ impl ImageSize {
         self.width as usize * self.height as usize
     }
 
-    /// Checks that there is something to trace, and not too much.
+    /// Checks that width and height are within their range.
     ///
     /// # Errors
-    /// [`Error::InvalidSettings`] with the size and the range.
+    /// [`Error::InvalidSettings`] with the size and its range.
     pub fn validate(self) -> Result<(), Error> {
         let range = 1..=Self::EDGE_MAX;
         if range.contains(&self.width) && range.contains(&self.height) {
@@ -52,14 +52,14 @@ impl ImageSize {
     }
 }
 
-/// `WIDTHxHEIGHT`.
+/// Formats as `WIDTHxHEIGHT`.
 impl fmt::Display for ImageSize {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}x{}", self.width, self.height)
     }
 }
 
-/// `WIDTHxHEIGHT` in pixels, as people write it, checked by [`ImageSize::validate`].
+/// Parses `WIDTHxHEIGHT` in pixels and checks it with [`ImageSize::validate`].
 impl FromStr for ImageSize {
     type Err = Error;
 
@@ -78,16 +78,16 @@ impl FromStr for ImageSize {
     }
 }
 
-/// A rectangle of pixels; row-major wherever its pixels are listed.
+/// A rectangle of pixels, which are always listed in row-major order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Tile {
     /// Leftmost column.
     pub x: u32,
     /// Topmost row.
     pub y: u32,
-    /// Columns, at least 1.
+    /// Width in pixels, at least 1.
     pub width: u32,
-    /// Rows, at least 1.
+    /// Height in pixels, at least 1.
     pub height: u32,
 }
 
@@ -98,18 +98,18 @@ impl Tile {
     }
 }
 
-/// An image cut into square tiles, numbered row by row from the top left. Those at the right and
-/// bottom edges are as narrow as what is left.
+/// An image divided into square tiles, numbered row by row from the top left. Tiles at the right
+/// and bottom edges may be smaller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct TileGrid {
-    /// The whole image.
+    /// Size of the image.
     pub size: ImageSize,
-    /// Pixels along a tile's edge, at least 1.
+    /// Edge length of a tile in pixels, at least 1.
     pub edge: u16,
 }
 
 impl TileGrid {
-    /// Cuts `size` into tiles of `edge` × `edge` pixels.
+    /// Divides an image of `size` into tiles of `edge` × `edge` pixels.
     ///
     /// # Panics
     /// If `edge` is 0.
@@ -118,27 +118,27 @@ impl TileGrid {
         Self { size, edge }
     }
 
-    /// Tiles in a row.
+    /// Number of tiles per row.
     pub const fn columns(self) -> u32 {
         self.size.width.div_ceil(self.edge as u32)
     }
 
-    /// Tiles in a column.
+    /// Number of rows of tiles.
     pub const fn rows(self) -> u32 {
         self.size.height.div_ceil(self.edge as u32)
     }
 
-    /// Tiles in the image.
+    /// Number of tiles of the image.
     pub const fn len(self) -> u32 {
         self.columns() * self.rows()
     }
 
-    /// Whether the image has no pixel.
+    /// Whether the image has no pixels.
     pub const fn is_empty(self) -> bool {
         self.len() == 0
     }
 
-    /// All tiles as one run.
+    /// The range of all tiles.
     pub const fn all(self) -> TileRange {
         TileRange {
             first: 0,
@@ -146,10 +146,10 @@ impl TileGrid {
         }
     }
 
-    /// The tile of number `index`.
+    /// The tile with index `index`.
     ///
     /// # Panics
-    /// If `index` is not below [`TileGrid::len`].
+    /// If `index` is not less than [`TileGrid::len`].
     pub fn tile(self, index: u32) -> Tile {
         assert!(index < self.len(), "tile {index} of {}", self.len());
         let edge = u32::from(self.edge);
@@ -164,17 +164,17 @@ impl TileGrid {
         }
     }
 
-    /// The tiles of a run, in order.
+    /// The tiles of a range, in order.
     pub fn tiles(self, run: TileRange) -> impl ExactSizeIterator<Item = Tile> {
         (run.first..run.end()).map(move |index| self.tile(index))
     }
 
-    /// Number of pixels in a run's tiles.
+    /// Number of pixels in the tiles of a range.
     pub fn pixels(self, run: TileRange) -> usize {
         self.pixels_before(run.end()) - self.pixels_before(run.first)
     }
 
-    /// Pixels of the tiles below `index`: whole rows of tiles, and the beginning of one.
+    /// Number of pixels of the tiles before `index`: whole rows of tiles and a part of one.
     fn pixels_before(self, index: u32) -> usize {
         let (columns, edge) = (self.columns().max(1), u32::from(self.edge));
         let (row, column) = (index / columns, index % columns);
@@ -185,22 +185,22 @@ impl TileGrid {
     }
 }
 
-/// Tiles that follow one another in a [`TileGrid`]'s order.
+/// A range of consecutive tiles, in the order of a [`TileGrid`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct TileRange {
-    /// Number of the first tile.
+    /// Index of the first tile.
     pub first: u32,
-    /// How many tiles.
+    /// Number of tiles.
     pub count: u32,
 }
 
 impl TileRange {
-    /// The number after the last tile, saturating.
+    /// Index after the last tile, saturating.
     pub const fn end(self) -> u32 {
         self.first.saturating_add(self.count)
     }
 
-    /// The tile numbers.
+    /// The tiles' indices.
     pub const fn indices(self) -> std::ops::Range<u32> {
         self.first..self.end()
     }

@@ -1,12 +1,14 @@
-//! Radiance to display values, the same on every machine: a tone curve, then the sRGB transfer function.
+//! Tone mapping from radiance to display values, identical on all machines: a tone curve, then the
+//! sRGB transfer function.
 //!
-//! Libraries differ in the last bit of `powf`, and then two nodes would differ by a step in the
-//! same pixel. So the 255 thresholds between steps are constants: the least f32 that reaches each
-//! step, computed by the compiler in f64. A test shows that none lies so near to the border
-//! between two f32 that an error of 10⁻¹² would move it.
+//! Implementations of `powf` differ in the last bit, which would make two nodes differ by a level
+//! in the same pixel. So the 255 thresholds between levels are constants: the smallest f32 that
+//! reaches each level, computed by the compiler in f64. A test shows that no threshold lies so near
+//! the border between two f32 values that an error of 10⁻¹² would move it.
 
-/// 8-bit sRGB of `exposure · radiance`: the tone curve, then each channel through the sRGB transfer
-/// function (IEC 61966-2-1) and rounded to nearest. What is negative or NaN is 0, +∞ is 255.
+/// 8-bit sRGB of `exposure · radiance`: applies the tone curve, then to each channel the sRGB
+/// transfer function (IEC 61966-2-1), and rounds to nearest. Negative values and NaN become 0, +∞
+/// becomes 255.
 ///
 /// ```
 /// use carom_tracer::tonemap::srgb8;
@@ -19,41 +21,42 @@
 pub fn srgb8(radiance: [f32; 3], exposure: f32) -> [u8; 3] {
     let [r, g, b] = radiance.map(|channel| exposure * channel);
     let peak = r.max(g).max(b);
-    // ∞ over ∞ below would be NaN, which is black; the plain step makes of it 255.
+    // An infinite peak would give ∞/∞ = NaN, which is black; `step` maps ∞ to 255.
     if peak > SHOULDER && peak.is_finite() {
         return shoulder([r, g, b], peak).map(step);
     }
     [r, g, b].map(step)
 }
 
-/// The compression of "Khronos PBR Neutral" (Khronos Group, ToneMapping, 2024), which scales the three
-/// channels alike, so that hue stays, and mixes in white as the peak rises far beyond 1. Its toe is left
-/// out: that takes from black what a rasteriser's constant Fresnel term has added, which a path tracer
-/// never adds. It needs no function that libraries round differently.
+/// The highlight compression of "Khronos PBR Neutral" (Khronos Group, ToneMapping, 2024). It scales
+/// the three channels equally, which preserves hue, and mixes in white as the peak goes far beyond
+/// 1. The toe is omitted: it subtracts the constant Fresnel term that rasterisers add to black, and
+/// that a path tracer does not have. Only exactly rounded operations are needed.
 #[inline]
 fn shoulder(rgb: [f32; 3], peak: f32) -> [f32; 3] {
     const RANGE: f32 = 1.0 - SHOULDER;
     let shown = 1.0 - RANGE * RANGE / (peak + (RANGE - SHOULDER));
     let white = 1.0 - 1.0 / (DESATURATION * (peak - shown) + 1.0);
     let scale = shown / peak;
-    // A negative channel is none: mixed with white it must not brighten less than black does.
+    // A negative channel counts as 0, so that mixing it with white does not leave it darker than
+    // black would be.
     rgb.map(|channel| {
         let channel = channel.max(0.0) * scale;
         channel + white * (shown - channel)
     })
 }
 
-/// What is darker is shown as it is.
+/// Peak value up to which radiance is not compressed.
 pub(crate) const SHOULDER: f32 = 0.7;
 pub(crate) const DESATURATION: f32 = 0.15;
 
-/// The linear light that an 8-bit sRGB step shows, 0 to 1.
+/// Linear light, 0 to 1, of an 8-bit sRGB level.
 #[inline]
 pub fn linear(step: u8) -> f32 {
     SRGB_LINEAR[step as usize]
 }
 
-/// The linear share of light of each sRGB byte (IEC 61966-2-1).
+/// Linear light, 0 to 1, of each 8-bit sRGB level (IEC 61966-2-1).
 pub(crate) static SRGB_LINEAR: [f32; 256] = light();
 
 const fn light() -> [f32; 256] {
@@ -66,9 +69,10 @@ const fn light() -> [f32; 256] {
     light
 }
 
-/// The sRGB step of linear light. A bucket holds the 2¹⁶ floats that share their upper 16 bits:
-/// at most one threshold lies among them. Its entry is `step << 16` for the bucket's first float,
-/// plus what makes the sum with the lower bits carry into the step from the threshold on.
+/// The 8-bit sRGB level of linear light. The table has one entry for each bucket of 2¹⁶ floats that
+/// share their upper 16 bits, among which there is at most one threshold. An entry is `level << 16`
+/// for the bucket's first float, plus an offset with which the lower 16 bits carry into the level
+/// from the threshold on.
 #[inline]
 fn step(x: f32) -> u8 {
     #[expect(clippy::manual_clamp, reason = "`max` turns NaN into the lower bound")]
@@ -77,12 +81,13 @@ fn step(x: f32) -> u8 {
     ((STEPS[bucket as usize % BUCKETS] + (bits & 0xffff)) >> 16) as u8
 }
 
-/// Below the first threshold, 1.5e-4.
+/// A value below the first threshold, 1.5e-4.
 pub(crate) const X_MIN: f32 = 1.0 / 8192.0;
-/// The greatest f32 below 1.
+/// The largest f32 below 1.
 pub(crate) const X_MAX: f32 = 1.0 - f32::EPSILON / 2.0;
 pub(crate) const FIRST_BUCKET: u32 = X_MIN.to_bits() >> 16;
-/// 13 octaves of 128 buckets, rounded up to a power of two so that an index needs no check.
+/// 13 octaves of 128 buckets, rounded up to a power of two so that a modulo replaces the bounds
+/// check.
 pub(crate) const BUCKETS: usize = 2048;
 
 pub(crate) static STEPS: [u32; BUCKETS] = steps();
@@ -94,6 +99,8 @@ const fn steps() -> [u32; BUCKETS] {
     let mut bucket = 0;
     while bucket < BUCKETS {
         let first = (FIRST_BUCKET + bucket as u32) << 16;
+        // A threshold at a bucket's first float changes the entry itself; one inside it is the
+        // carry below.
         if next <= first && step < 255 {
             step += 1;
             next = threshold(step + 1).to_bits();
@@ -109,7 +116,7 @@ const fn steps() -> [u32; BUCKETS] {
     steps
 }
 
-/// The least f32 whose sRGB value rounds to at least `step`.
+/// The smallest f32 whose sRGB value rounds to at least `step`.
 const fn threshold(step: u32) -> f32 {
     let exact = linear_from_srgb((step as f64 - 0.5) / 255.0);
     let nearest = exact as f32;
@@ -120,7 +127,7 @@ const fn threshold(step: u32) -> f32 {
     }
 }
 
-/// The linear share of light of a share of sRGB (IEC 61966-2-1), both from 0 to 1.
+/// Linear light of an sRGB value (IEC 61966-2-1), both from 0 to 1.
 pub(crate) const fn linear_from_srgb(y: f64) -> f64 {
     if y <= 0.040_45 {
         return y / 12.92;
@@ -129,7 +136,8 @@ pub(crate) const fn linear_from_srgb(y: f64) -> f64 {
     t * t * fifth_root(t * t) // t to the power of 2.4
 }
 
-/// Newton's method from above, where it falls until rounding stops it; for `a` in (0, 2).
+/// Fifth root of `a` in (0, 2) by Newton's method: starting above the root, iterates decrease until
+/// rounding stops them. Usable in `const`, unlike `powf`.
 const fn fifth_root(a: f64) -> f64 {
     let mut root = 2.0;
     loop {
@@ -224,7 +232,8 @@ mod tests {
 
     #[test]
     fn the_shoulder_keeps_hue_and_ends_in_white() {
-        // Orange light: its channels stay in order and in proportion up to a little white.
+        // Orange light: the order and proportions of its channels are preserved except for a little
+        // white.
         for exposure in [0.5, 1.0, 2.0, 4.0] {
             let shown = srgb8([0.9, 0.45, 0.09], exposure).map(linear);
             assert!(shown[0] > shown[1] && shown[1] > shown[2], "{shown:?}");

@@ -1,4 +1,4 @@
-//! The one seam between back ends: work in, tiles of radiance out.
+//! The interface between tracers and their users: takes jobs, delivers tiles of radiance.
 
 use std::sync::atomic::AtomicBool;
 
@@ -7,24 +7,26 @@ use serde::{Deserialize, Serialize};
 use crate::tonemap::srgb8;
 use crate::{CompiledScene, Error, ImageSize, RenderSettings, Tile, TileAovs};
 
-/// A device that traces tiles. It keeps nothing between calls but caches, so that any number of
-/// threads may call it at once: a GPU has two frames in flight when two threads do.
+/// A device that traces tiles. It has no state but caches and may be called from several threads at
+/// once: a GPU then has two frames in flight.
 pub trait Tracer: Send + Sync {
-    /// What the device is.
+    /// Description of the device.
     fn info(&self) -> DeviceInfo;
 
-    /// Whether a job of `settings` can begin at once. A device that has to prepare itself first says no, as a GPU does
-    /// that takes seconds to compile the kernels for such a scene; its next job prepares it.
+    /// Whether a job with these settings can start at once. A device that needs preparation returns
+    /// false, such as a GPU that takes seconds to compile the kernels for such a scene; the next
+    /// job prepares it.
     fn is_ready(&self, _scene: &CompiledScene, _settings: &RenderSettings) -> bool {
         true
     }
 
-    /// Traces every tile of `job`, handing each to `sink` as it is finished, in any order and
-    /// perhaps from several threads at once. Returns when the last has been handed over, or early
-    /// when [`TraceJob::cancelled`] turns true.
+    /// Traces all tiles of `job` and passes each to `sink` when it is finished, in any order and
+    /// possibly from several threads at once. Returns after the last tile, or early if
+    /// [`TraceJob::cancelled`] becomes true.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device is lost or refuses; tiles already handed over are right.
+    /// [`Error::Device`] if the device is lost or refuses; tiles that were handed over before are
+    /// valid.
     fn trace(
         &self,
         scene: &CompiledScene,
@@ -32,11 +34,11 @@ pub trait Tracer: Send + Sync {
         sink: &(dyn Fn(TileRadiance) + Sync),
     ) -> Result<TraceStats, Error>;
 
-    /// Traces like [`Tracer::trace`], and hands tiles over as they are shown: by [`crate::tonemap::srgb8`] of
-    /// `exposure`, up to a step where a device rounds otherwise.
+    /// As [`Tracer::trace`], but hands over tone-mapped tiles: those of [`crate::tonemap::srgb8`]
+    /// with `exposure`, up to one level where a device rounds differently.
     ///
     /// # Errors
-    /// As those of [`Tracer::trace`].
+    /// As for [`Tracer::trace`].
     fn trace_srgb8(
         &self,
         scene: &CompiledScene,
@@ -47,11 +49,11 @@ pub trait Tracer: Send + Sync {
         self.trace(scene, job, &|tile| sink(tile.srgb8(exposure)))
     }
 
-    /// Finds what the camera rays of `job`'s samples meet first, and hands it over like
-    /// [`Tracer::trace`].
+    /// Traces the AOVs of the first hits of `job`'s samples, and hands them over as
+    /// [`Tracer::trace`] does.
     ///
     /// # Errors
-    /// As those of [`Tracer::trace`]; by default [`Error::Device`], of a tracer that has radiance alone.
+    /// As for [`Tracer::trace`]; by default [`Error::Device`], for tracers without AOVs.
     fn aovs(
         &self,
         _scene: &CompiledScene,
@@ -65,7 +67,7 @@ pub trait Tracer: Send + Sync {
     }
 }
 
-/// What to trace of a scene.
+/// What to trace of a scene, and how.
 #[derive(Clone, Copy, Debug)]
 pub struct TraceJob<'a> {
     /// The whole image, of which the tiles are parts.
@@ -74,12 +76,12 @@ pub struct TraceJob<'a> {
     pub tiles: &'a [Tile],
     /// Samples, maximum depth and seed.
     pub settings: RenderSettings,
-    /// Looked at now and then; `true` ends the work early.
+    /// Checked now and then; `true` ends the job early.
     pub cancelled: &'a AtomicBool,
 }
 
 impl TraceJob<'_> {
-    /// Checks the image's size, the settings and that each tile lies in the image.
+    /// Checks the image size, the settings, and that all tiles lie in the image.
     ///
     /// # Errors
     /// [`Error::InvalidSettings`] with the value and its range.
@@ -108,14 +110,15 @@ impl TraceJob<'_> {
 pub struct TileRadiance {
     /// Index into [`TraceJob::tiles`].
     pub index: usize,
-    /// Mean radiance per pixel over the job's samples, row-major: `tile.width × tile.height`.
+    /// Mean radiance per pixel over the job's samples, in row-major order:
+    /// `tile.width × tile.height`.
     pub radiance: Vec<[f32; 3]>,
-    /// Samples that were not finite and count as black.
+    /// Number of samples that were not finite and count as black.
     pub dropped_samples: u32,
 }
 
 impl TileRadiance {
-    /// The tile as it is shown: by [`srgb8`] of `exposure`.
+    /// The tile tone mapped by [`srgb8`] with `exposure`.
     pub fn srgb8(&self, exposure: f32) -> TileSrgb8 {
         let mut pixels = Vec::with_capacity(self.radiance.len());
         pixels.extend(self.radiance.iter().map(|light| srgb8(*light, exposure)));
@@ -127,29 +130,29 @@ impl TileRadiance {
     }
 }
 
-/// A finished tile as it is shown.
+/// A finished, tone-mapped tile.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TileSrgb8 {
     /// Index into [`TraceJob::tiles`].
     pub index: usize,
-    /// 8-bit sRGB, row-major: `tile.width × tile.height`.
+    /// 8-bit sRGB in row-major order: `tile.width × tile.height`.
     pub pixels: Vec<[u8; 3]>,
-    /// Samples that were not finite and count as black.
+    /// Number of samples that were not finite and count as black.
     pub dropped_samples: u32,
 }
 
-/// What a call of [`Tracer::trace`] did.
+/// Statistics of a call of [`Tracer::trace`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TraceStats {
-    /// Paths begun.
+    /// Number of paths started.
     pub samples: u64,
-    /// Rays traced, shadow rays among them; 0 where the device does not count them.
+    /// Number of rays including shadow rays; 0 if the device does not count them.
     pub rays: u64,
-    /// Time the device itself measured, in nanoseconds; 0 where it measures none.
+    /// Time in nanoseconds as measured by the device; 0 if it measures none.
     pub device_nanos: u64,
-    /// Of it, what first hits for the denoiser took.
+    /// The part of `device_nanos` spent on first hits for the denoiser.
     pub first_hits_nanos: u64,
-    /// Of it, what the denoiser's filter took.
+    /// The part of `device_nanos` spent on the denoiser's filter.
     pub filter_nanos: u64,
 }
 
@@ -163,27 +166,27 @@ impl std::ops::AddAssign for TraceStats {
     }
 }
 
-/// What kind of device traces.
+/// Kind of device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DeviceKind {
-    /// SIMD over threads.
+    /// The SIMD tracer, on several threads.
     Cpu,
-    /// Compute shaders.
+    /// The compute-shader tracer.
     Gpu,
-    /// The scalar tracer.
+    /// The scalar f64 tracer.
     Scalar,
 }
 
-/// A device in words and numbers.
+/// Description of a device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceInfo {
-    /// Kind of back end.
+    /// Kind of device.
     pub kind: DeviceKind,
-    /// For people: processor or adapter, and the instruction set or driver in use.
+    /// For display: processor or adapter, and the instruction set or driver in use.
     pub name: String,
-    /// Lanes of one instruction; 1 for a GPU.
+    /// SIMD lanes; 1 for a GPU.
     pub width: u32,
-    /// Threads; 1 for a GPU.
+    /// Number of threads; 1 for a GPU.
     pub threads: u32,
 }

@@ -1,5 +1,6 @@
-//! Edge supersampling for pictures of few samples: where something else is seen beside a pixel, more camera
-//! rays look at it than it has paths, and it becomes a mixture of its own light and a neighbour's.
+//! Edge supersampling for images of few samples: pixels at edges of geometry or colour get more
+//! camera rays than they have paths, and their light becomes a mixture of their own and a
+//! neighbour's.
 
 use std::ops::Range;
 
@@ -15,14 +16,14 @@ use crate::aov::{further_rays, further_share};
 use crate::simd::{Level, dispatch};
 use crate::{Aovs, CompiledScene, Tile, TraceJob};
 
-/// Pixels that more rays look at than they have paths, and what the further ones meet.
+/// Pixels with further camera rays, and what these hit.
 #[derive(Default)]
 pub(super) struct SupersampledEdges {
     pixels: Vec<(u32, u32)>,
     hits: Vec<Aovs>,
-    /// Where each tile's end.
+    /// End of each tile's range in the other two vectors.
     ends: Vec<usize>,
-    /// Share of the further rays among all that look at such a pixel.
+    /// Fraction of the further rays among all camera rays of such a pixel.
     pub(super) share: f32,
 }
 
@@ -39,6 +40,7 @@ impl SupersampledEdges {
         };
         let tiles = job.tiles.par_iter();
         let by_tile: Vec<Vec<_>> = tiles.map(|tile| filter.edge_pixels(level, *tile)).collect();
+        // A prefix sum, so that the lists of all tiles can be concatenated.
         let ends = by_tile.iter().scan(0, |end, pixels| {
             *end += pixels.len();
             Some(*end)
@@ -54,7 +56,7 @@ impl SupersampledEdges {
         }
     }
 
-    /// The pixels of the tile of this index.
+    /// The edge pixels of the tile with this index, and what their further rays hit.
     pub(super) fn of_tile(&self, index: usize) -> impl Iterator<Item = (&(u32, u32), &Aovs)> {
         let end = self.ends.get(index).copied().unwrap_or(0);
         let begin = index
@@ -65,7 +67,7 @@ impl SupersampledEdges {
 }
 
 impl Filter {
-    /// The pixels of a tile beside which something else is seen, as places on the picture.
+    /// The pixels of a tile that differ from one of their four neighbours, as image coordinates.
     pub(super) fn edge_pixels(&self, level: Level, tile: Tile) -> Vec<(u32, u32)> {
         let mut edge_pixels = Vec::new();
         let (columns, rows) = self.places(tile);
@@ -98,10 +100,11 @@ impl Filter {
         }
     }
 
-    /// The radiance without emission of a pixel at an edge, of whose rays a `share` has met `further`: with `a` the
-    /// appearance of the pixel to its samples, `s` to all rays, and `b` a neighbour's, the mixture
-    /// `a + t(b − a)` nearest to `s` has `t = (s−a)·(b−a) / |b−a|²`; of all neighbours that one is taken
-    /// whose mixture is nearest.
+    /// The radiance, without emission, of an edge pixel of whose camera rays a fraction `share` has
+    /// hit `further`. With `a` the appearance of the pixel as seen by its samples, `s` as seen by
+    /// all rays, and `b` that of a neighbour, the mixture `a + t(b − a)` nearest to `s` has
+    /// `t = (s−a)·(b−a) / |b−a|²` (least squares). Of all neighbours, the one whose mixture is nearest
+    /// is used.
     pub(super) fn mixed(&self, (x, y): (u32, u32), further: &Aovs, share: f32) -> [f32; 3] {
         let (x, y) = ((x - self.bounds.x) as usize, (y - self.bounds.y) as usize);
         let own = self.radiance_at(x, y);
@@ -121,14 +124,16 @@ impl Filter {
             if x >= self.bounds.width as usize || y >= self.bounds.height as usize {
                 continue;
             }
-            // What was not traced is so far off that its share is nothing.
+            // The normal [`NO_NORMAL`] of pixels that were not traced is so large that their `t` is
+            // about 0.
             let other = difference(self.appearance_at(x, y), here);
+            // The constant keeps `t` finite for neighbours that look like the pixel itself.
             let share = product(wanted, other) / (product(other, other) + 1e-4);
             let share = share.clamp(0.0, 1.0);
             let missing = difference(wanted, other.map(|other| other * share));
             let missing = product(missing, missing);
-            // The margin keeps rounding from choosing between neighbours that are as near, where CPU and
-            // GPU would differ.
+            // The margin keeps rounding from deciding between equally near neighbours, where CPU
+            // and GPU would differ.
             if missing < nearest * 0.999 {
                 (nearest, best) = (missing, Some((x, y, share)));
             }
@@ -149,7 +154,7 @@ impl Filter {
     }
 }
 
-/// What edges are seen by.
+/// The features by which edges are detected.
 struct Appearance<S: Simd> {
     albedo: [Float<S>; 3],
     normal: [Float<S>; 3],
@@ -169,16 +174,19 @@ impl<S: Simd> Appearance<S> {
 
     #[inline(always)]
     fn differs(&self, there: &Self) -> Mask<S> {
+        // A quarter, as `appearance` takes half the normal.
         let apart = distance_squared(self.normal, there.normal) * 0.25
             + distance_squared(self.albedo, there.albedo);
         let brighter = (self.brightness - there.brightness).abs();
         let brightest = self.brightness.max(there.brightness);
         let differs = apart.simd_gt(EDGE_MIN) | brighter.simd_gt(brightest * BRIGHTNESS_SHARE);
+        // Only the x component of a missing normal is set: traced pixels are below [`NO_NORMAL`].
         differs & there.normal[0].simd_lt(NO_NORMAL)
     }
 }
 
-/// Albedo and half the normal, whose difference between two sides of a box is larger.
+/// Albedo and half the normal: without the factor, the normals of two sides of a box would outweigh
+/// albedos.
 fn appearance([r, g, b]: [f32; 3], [x, y, z]: [f32; 3]) -> [f32; 6] {
     [r, g, b, 0.5 * x, 0.5 * y, 0.5 * z]
 }

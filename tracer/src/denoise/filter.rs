@@ -1,12 +1,13 @@
-//! The filter: light divided by albedo, averaged over neighbours that look alike, times albedo.
+//! The denoising filter: light is divided by albedo, averaged over similar neighbours, and
+//! multiplied by albedo.
 //!
-//! Three passes of an à-trous wavelet (Dammertz et al., "Edge-Avoiding À-Trous Wavelet Transform for
-//! fast Global Illumination Filtering", HPG 2010), of 9 taps 1, 2 and then 4 pixels apart. A neighbour
-//! counts by how near its albedo, normal and inverse depth are, and its light by the pixel's
-//! variance (Schied et al., "Spatiotemporal Variance-Guided Filtering", HPG 2017), which comes from
-//! how far two halves of the samples are apart. The variance falls with more samples, and the
-//! filter fades with it: pictures of many samples stay as they are. Their edges need none of what
-//! [`super::edge_supersampling`] does for those of few.
+//! Three passes of an à-trous wavelet (Dammertz et al., "Edge-Avoiding À-Trous Wavelet Transform
+//! for fast Global Illumination Filtering", HPG 2010) with 9 taps at distances of 1, 2 and then 4
+//! pixels. A neighbour is weighted by the similarity of its albedo, normal and inverse depth, and
+//! of its light in relation to the pixel's variance (Schied et al., "Spatiotemporal Variance-Guided
+//! Filtering", HPG 2017), which is estimated from the difference of two halves of the samples. The
+//! variance falls as samples are added, and the filter fades with it: images of many samples are
+//! left as they are, and their edges do not need [`super::edge_supersampling`] either.
 
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -24,28 +25,29 @@ use crate::Tile;
 use crate::aov::further_share;
 use crate::simd::{Level, dispatch};
 
-/// A picture in the making, in planes.
+/// An image while it is filtered, as planes of floats.
 pub(super) struct Filter {
     pub(super) bounds: Tile,
     samples: u32,
-    /// [`LIGHT`] and [`VARIANCE`]; after the last pass radiance without emission.
+    /// Planes [`LIGHT`] and [`VARIANCE`]; after the last pass, radiance without emission.
     pub(super) light: SoaImage,
-    /// What a pass makes of them.
+    /// Output of the current pass, which then becomes `light`.
     next: SoaImage,
-    /// What comes after them in [`super::DenoiseInput`]; of emission the sum over the channels, and only
-    /// where edges are looked for.
+    /// The planes that follow in [`super::DenoiseInput`]: albedo, normal and inverse depth; of
+    /// emission only the sum over the channels, and only if edges are to be found.
     pub(super) guides: SoaImage,
 }
 
-/// Memory of a filter that is done, for the next: to ask the system for so much again takes as long
-/// as a pass.
+/// Memory of a finished filter, for reuse by the next: allocating as much anew takes as long as a
+/// pass.
 #[derive(Default)]
 pub(crate) struct FilterMemory(Mutex<[Vec<f32>; 3]>);
 
-/// More than a filter of 1280×720 pixels takes; a larger one's memory is given back.
+/// Maximum number of floats that are kept, more than a filter of 1280×720 pixels takes; a larger
+/// filter's memory is freed.
 const KEPT_FLOATS_MAX: usize = 1 << 25;
 
-/// Takes in tiles, from any thread.
+/// Writes tiles into the planes, from any thread.
 pub(super) struct FilterWriter<'a> {
     bounds: Tile,
     takes_emission: bool,
@@ -53,7 +55,7 @@ pub(super) struct FilterWriter<'a> {
 }
 
 impl Filter {
-    /// Without pixels yet.
+    /// A filter for `region`, whose pixels are to be written by [`Self::writer`].
     pub(super) fn new(region: &GuardedRegion, samples: u32, memory: &FilterMemory) -> Self {
         let bounds = region.bounds;
         let columns = EMISSION + usize::from(further_share(samples) > 0.0);
@@ -65,7 +67,7 @@ impl Filter {
             next: SoaImage::new(bounds, VARIANCE + 1, next),
             guides: SoaImage::new(bounds, guide(columns), guides),
         };
-        // What is not traced has no light and no normal.
+        // Pixels that are not traced have no light, and a normal that no surface has.
         filter.guides.surround(guide(NORMAL), NO_NORMAL);
         for y in region.rows_with_holes() {
             filter.light.fill_row(y, LIGHT..VARIANCE + 1, 0.0);
@@ -93,9 +95,9 @@ impl Filter {
         }
     }
 
-    /// Smooths the light, which becomes radiance without emission.
+    /// Runs all passes; `light` then holds radiance without emission.
     pub(super) fn run(&mut self, level: Level) {
-        // Taken out, because rows of it are written while the rest of the filter is read.
+        // Taken out of `self`, as its rows are written while the rest of the filter is read.
         let mut next = std::mem::replace(&mut self.next, SoaImage::new(EMPTY, 0, Vec::new()));
         for (index, weights) in PASSES.into_iter().enumerate() {
             let pass = Pass {
@@ -114,7 +116,7 @@ impl Filter {
         self.next = next;
     }
 
-    /// One pass of the wavelet.
+    /// One pass of the wavelet over a row.
     #[inline(always)]
     fn smooth_row<S: Simd>(
         &self,
@@ -133,8 +135,8 @@ impl Filter {
             let own = || around.at(0).1.load(simd, VARIANCE, x, 0);
             let variance = match (pass.is_first, is_single) {
                 (true, true) => columns.variance(simd, x, true),
-                // A bright dot has a larger variance than its neighbours' mean tells, and would otherwise
-                // be kept as a feature.
+                // A bright outlier has a larger variance than the mean of its neighbourhood tells;
+                // with the mean alone it would be preserved as a feature.
                 (true, false) => columns.variance(simd, x, false).max(own()),
                 (false, _) => around.mean_variance(simd, x, pass.step),
             };
@@ -143,14 +145,14 @@ impl Filter {
             let factors = Factors {
                 normal: pass.weights.normal,
                 albedo: pass.weights.albedo,
-                // Relative to the pixel's own depth: a pixel sees more of what is farther away.
+                // Relative to the pixel's own depth, as the footprint of a pixel grows with
+                // distance.
                 depth: pass.weights.depth / square.max(1e-20),
-                // Once no noise is left, only light that is the same counts: the filter fades as samples
-                // grow.
+                // Without noise only equal light counts, so the filter fades as samples are added.
                 light: 1.0 / (variance * pass.variances + 1e-10),
             };
             let one = Float::splat(simd, 1.0);
-            // The pixel itself counts fully: the sum of weights is never 0.
+            // The pixel itself has weight 1, so the sum of weights is never 0.
             let (mut weights, mut squares, mut sum) = (one, one, here.light);
             for (dx, dy) in NEIGHBOURS {
                 let there = Look::new(simd, &around, x, dx as isize * pass.step, dy as isize);
@@ -172,13 +174,13 @@ impl Filter {
                 out.store(LIGHT + channel, x, light);
             }
             if !pass.is_last {
-                // Var[Σ w l / Σ w] of independent neighbours that are about as noisy.
+                // Var[Σ w l / Σ w] of independent taps of equal variance: Var[l] Σ w² / (Σ w)².
                 out.store(VARIANCE, x, variance * squares * (inverse * inverse));
             }
         }
     }
 
-    /// A tile's radiance without emission, once the filter has run.
+    /// Radiance of a tile without emission, after the filter has run.
     pub(super) fn radiance(&self, tile: Tile) -> Vec<[f32; 3]> {
         let (columns, rows) = self.places(tile);
         let mut pixels = Vec::with_capacity(tile.pixels());
@@ -191,7 +193,7 @@ impl Filter {
         pixels
     }
 
-    /// Columns and rows of a tile in the planes.
+    /// Ranges of columns and rows of a tile in the planes.
     pub(super) fn places(&self, tile: Tile) -> (Range<usize>, Range<usize>) {
         let (x, y) = (
             (tile.x - self.bounds.x) as usize,
@@ -203,13 +205,14 @@ impl Filter {
 
 impl FilterMemory {
     fn lock(&self) -> MutexGuard<'_, [Vec<f32>; 3]> {
-        // Whatever a panic elsewhere has left is only memory.
+        // The memory's contents do not matter, so it may be reused after a panic.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl FilterWriter<'_> {
-    /// Takes in what of a tile lies in the bounds: blocks of a guard band may jut out.
+    /// Writes the part of a tile that lies in the bounds: blocks of the guard band may extend
+    /// beyond them.
     pub(super) fn put(&self, input: &DenoiseInputTile) {
         let (tile, bounds) = (input.tile, self.bounds);
         let skipped = bounds.x.saturating_sub(tile.x).min(tile.width) as usize;
@@ -223,7 +226,7 @@ impl FilterWriter<'_> {
             let Some(to) = y.and_then(|y| self.rows.get(y as usize)) else {
                 continue;
             };
-            // A lock a row: tiles side by side share rows, those above each other none.
+            // One lock per row: tiles side by side share rows, tiles above each other do not.
             let mut to = to.lock().unwrap_or_else(PoisonError::into_inner);
             let [light, guides] = &mut *to;
             let begin = (row * tile.width) as usize;
@@ -247,13 +250,13 @@ struct Pass {
     step: isize,
     weights: PassWeights,
     variances: f32,
-    /// Its variances are single pixels' yet.
+    /// Whether the variances are still those of single pixels.
     is_first: bool,
-    /// It makes radiance of light.
+    /// Whether it multiplies light by albedo.
     is_last: bool,
 }
 
-/// What the taps of a pass see of pixels.
+/// A pixel's features that taps are weighted by.
 struct Look<S: Simd> {
     albedo: [Float<S>; 3],
     normal: [Float<S>; 3],
@@ -261,7 +264,7 @@ struct Look<S: Simd> {
     light: [Float<S>; 3],
 }
 
-/// Factors of squared differences.
+/// Factors of squared differences in a tap's distance.
 struct Factors<S: Simd> {
     normal: f32,
     albedo: f32,
@@ -281,7 +284,7 @@ impl<S: Simd> Look<S> {
         }
     }
 
-    /// How much a neighbour counts, from 0 to 1.
+    /// Weight of a neighbour, from 0 to 1.
     #[inline(always)]
     fn weight(&self, simd: S, there: &Self, factors: &Factors<S>) -> Float<S> {
         let by_depth = self.inverse_depth - there.inverse_depth;
@@ -289,15 +292,17 @@ impl<S: Simd> Look<S> {
         distance += distance_squared(self.albedo, there.albedo) * factors.albedo;
         distance += distance_squared(self.normal, there.normal) * factors.normal;
         distance += by_depth * by_depth * factors.depth;
+        // A squared parabola (Tukey's biweight) falls smoothly to 0 at distance 1 and needs no
+        // exponential.
         let near = 1.0 - distance;
-        // Nothing counts where this is not a number.
+        // A comparison with NaN is false, so such a tap has no weight.
         let counts = distance.simd_lt(1.0);
         counts.select(near * near, Float::splat(simd, 0.0))
     }
 }
 
-/// Guides lie in the order in which they come.
+/// The guides lie in the order of [`super::DenoiseInput`]'s columns.
 const _: () = assert!(NORMAL == ALBEDO + 3 && guide(ALBEDO) == 0 && VARIANCE + 1 == ALBEDO);
-/// What a pixel depends on: the taps of all passes, and a neighbour that it is mixed with.
+/// Reach of a pixel's dependencies: the taps of all passes, and a neighbour that it is mixed with.
 const _: () =
     assert!((PASSES[0].step + PASSES[1].step + PASSES[2].step + 1) as u32 == super::SUPPORT);

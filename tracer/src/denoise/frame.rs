@@ -1,4 +1,4 @@
-//! Denoised frames: tiles traced with their guard band, filtered, and handed over.
+//! Denoised frames: traces tiles with their guard band, filters them, and hands them over.
 
 use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
@@ -33,7 +33,8 @@ pub(crate) fn trace_denoised(
     })
 }
 
-/// Gives `trace` as many of the job's tiles at a time as may be filtered together, and the place of the first.
+/// Calls `trace` with parts of the job, each with as many tiles as may be filtered together, and
+/// the index of its first tile.
 pub(crate) fn in_parts(
     job: &TraceJob<'_>,
     limits: RegionLimits,
@@ -77,8 +78,8 @@ fn trace_together(
     })?;
     drop(writer);
     let traced = std::mem::take(&mut *lock(&traced));
-    // A pixel depends on all that lies within reach: tiles beside a hole would be wrong, so none is
-    // handed over.
+    // A pixel depends on all pixels within the filter's reach: tiles next to a missing one would be
+    // wrong, so none is handed over.
     if traced.len() < region.tiles.len() || job.cancelled.load(Ordering::Relaxed) {
         return Ok(stats);
     }
@@ -98,6 +99,7 @@ fn trace_together(
         for (place, hit) in edges.of_tile(*index) {
             let at = ((place.1 - tile.y) * tile.width + place.0 - tile.x) as usize;
             let mixed = filter.mixed(*place, hit, edges.share);
+            // The emission of all camera rays is a mixture by `share` as well.
             radiance[at] = std::array::from_fn(|c| {
                 let own = emission.as_ref().map_or(0.0, |emission| emission[c][at]);
                 mixed[c] + edges.share.mul_add(hit.emission[c] - own, own)
@@ -114,6 +116,6 @@ fn trace_together(
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    // A panic elsewhere cannot leave a list half changed.
+    // A panic elsewhere cannot leave the list in an inconsistent state.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

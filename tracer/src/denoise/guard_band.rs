@@ -1,24 +1,25 @@
-//! Tiles with the guard band that a filter needs around them.
+//! Tiles with the guard band of surrounding pixels that the filter needs.
 
 use super::SUPPORT;
 use crate::{ImageSize, Tile};
 
-/// Pixels along an edge of the squares that guard bands are made of.
+/// Edge length in pixels of the square blocks that guard bands consist of.
 const BLOCK: u32 = 8;
-/// Pixels of a guard tile's width: short ones are spread over threads more evenly.
+/// Maximum width of a guard tile in pixels: shorter tiles are distributed over threads more evenly.
 const GUARD_WIDTH_MAX: u32 = 64;
 
 /// The part of an image that has to be traced so that some tiles can be filtered.
 #[derive(Debug)]
 pub(crate) struct GuardedRegion {
-    /// Encloses all of it.
+    /// Smallest rectangle around the wanted tiles and all pixels within the filter's reach.
     pub(crate) bounds: Tile,
     /// The wanted tiles, then those of the guard band.
     pub(crate) tiles: Vec<Tile>,
 }
 
 impl GuardedRegion {
-    /// For `wanted` tiles, of which there must be one, in an image of `size`.
+    /// The region around the `wanted` tiles, of which there must be at least one, in an image of
+    /// `size`.
     pub(crate) fn around(wanted: &[Tile], size: ImageSize) -> Self {
         let grown: Vec<Tile> = wanted.iter().map(|&tile| grown(tile, size)).collect();
         let (columns, rows) = (size.width.div_ceil(BLOCK), size.height.div_ceil(BLOCK));
@@ -33,8 +34,8 @@ impl GuardedRegion {
                 }
             }
         };
-        // All within reach of a wanted tile, less what is wanted: that is traced as the tile it is,
-        // and no pixel twice.
+        // All blocks within reach of a wanted tile, except those that wanted tiles cover entirely,
+        // which are traced with these.
         for &tile in &grown {
             mark(tile, true, blocks_touched);
         }
@@ -49,13 +50,13 @@ impl GuardedRegion {
         Self { bounds, tiles }
     }
 
-    /// Rows of the bounds, from 0, in which pixels are not traced.
+    /// Rows of the bounds, counted from 0, that have pixels which are not traced.
     pub(super) fn rows_with_holes(&self) -> Vec<usize> {
         let bounds = self.bounds;
         let width = bounds.width as usize;
         let mut traced = vec![false; bounds.pixels()];
         for tile in &self.tiles {
-            // Blocks may jut out.
+            // Blocks may extend beyond the bounds.
             let clipped = |begin: u32, length: u32, first: u32, bound: u32| {
                 let place = |x: u32| x.saturating_sub(first).min(bound) as usize;
                 place(begin)..place(begin + length)
@@ -71,15 +72,15 @@ impl GuardedRegion {
     }
 }
 
-/// What may be filtered together, if it is more than a tile: a node that waited for all of a long run would seem dead,
-/// and the planes of the filter, a hundred bytes a pixel, would be large.
+/// Limits of a region of more than one tile: a node that delivered nothing until the end of a long
+/// job would seem dead, and the filter's planes of a hundred bytes per pixel would become large.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RegionLimits {
     pub(crate) samples: u64,
     pub(crate) pixels: u64,
 }
 
-/// How many of the first tiles may be filtered together, at least 1.
+/// Number of leading tiles that may be filtered together, at least 1.
 pub(crate) fn leading(tiles: &[Tile], samples: u32, limits: RegionLimits) -> usize {
     let mut bounds = EMPTY;
     let within = |tile: &&Tile| {
@@ -94,8 +95,9 @@ pub(crate) fn leading(tiles: &[Tile], samples: u32, limits: RegionLimits) -> usi
     tiles.iter().take_while(within).count().max(1)
 }
 
-/// Samples traced before their tiles are handed out, of a device that is not quicker: a frame of 1280×720 at 4 samples,
-/// some seconds of a slow processor. Fewer would cost more guard bands.
+/// Number of samples that are traced before their tiles are handed over, unless a device is faster:
+/// a frame of 1280×720 at 4 samples, which takes a slow processor some seconds. Fewer would need
+/// more guard bands.
 pub(crate) const REGION_SAMPLES: u64 = 1 << 22;
 
 pub(super) const EMPTY: Tile = Tile {
@@ -128,13 +130,14 @@ fn joined(a: Tile, b: Tile) -> Tile {
     }
 }
 
-/// Blocks with a pixel from `begin` to `end`.
+/// Range of the blocks that have a pixel in `begin..end`.
 fn blocks_touched(begin: u32, end: u32, _: u32) -> (u32, u32) {
     (begin / BLOCK, end.div_ceil(BLOCK))
 }
 
-/// Blocks all of whose pixels in an image that ends at `edge` are from `begin` to `end`.
-// A block that is covered in part stays in the band: the rest of it belongs to no wanted tile.
+/// Range of the blocks all of whose pixels, in an image that ends at `edge`, lie in `begin..end`.
+// A block that is covered only in part stays in the guard band, as the rest of it belongs to no
+// wanted tile.
 fn blocks_covered(begin: u32, end: u32, edge: u32) -> (u32, u32) {
     let last = if end == edge {
         end.div_ceil(BLOCK)
@@ -235,7 +238,7 @@ mod tests {
         let mut region = GuardedRegion::around(&wanted, size);
         assert_eq!(region.tiles, wanted);
         assert!(region.rows_with_holes().is_empty());
-        // A tile that lies there twice does not make up for one that is missing.
+        // A duplicate tile does not compensate for a missing one.
         region.tiles[3] = region.tiles[2];
         assert_eq!(region.rows_with_holes(), (0..32).collect::<Vec<_>>());
     }

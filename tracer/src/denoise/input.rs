@@ -1,10 +1,10 @@
-//! Input of the filter: light over albedo with its variance, and AOVs, per pixel.
+//! Input of the filter per pixel: light divided by albedo, its variance, and AOVs.
 
 use super::weights::{ALBEDO_MIN, half_ratio};
 use crate::aov::AOV_CHANNELS;
 use crate::{Aovs, CompiledScene, Error, ImageSize, RenderSettings, Tile, TraceJob, TraceStats};
 
-/// A tile before it is denoised.
+/// A traced tile before it is denoised.
 pub(crate) struct DenoiseInputTile {
     /// Index into the job's tiles.
     pub(crate) index: usize,
@@ -13,38 +13,40 @@ pub(crate) struct DenoiseInputTile {
     pub(crate) dropped_samples: u32,
 }
 
-/// What the filter needs of pixels, row-major, in columns.
+/// The filter's input for some pixels in row-major order, as one column per channel.
 #[derive(Default)]
 pub(crate) struct DenoiseInput {
     pub(super) columns: [Vec<f32>; COLUMNS],
 }
 
-/// Radiance without the light that is in [`crate::Aovs::emission`], over albedo.
+/// Radiance without the light of [`crate::Aovs::emission`], divided by albedo (demodulated).
 pub(super) const LIGHT: usize = 0;
-/// Of its mean, over all channels; empty of single samples.
+/// Variance of the pixel's mean light, summed over the channels; empty if there is a single sample
+/// per pixel.
 pub(super) const VARIANCE: usize = 3;
-/// First hits of the same samples.
+/// First column of the AOVs of the samples' first hits.
 pub(super) const ALBEDO: usize = 4;
 pub(super) const NORMAL: usize = 7;
 pub(super) const INVERSE_DEPTH: usize = 10;
-/// Light that is not filtered.
+/// Light that is not filtered, from [`crate::Aovs::emission`].
 pub(super) const EMISSION: usize = 11;
 const COLUMNS: usize = 14;
 
-/// Sums over the samples of pixels, in columns.
+/// Sums over the samples of some pixels, as columns.
 pub(crate) struct SampleSums<'a> {
-    /// Samples that were summed up: all, and those of `half`; 1 where means are given.
+    /// Number of samples in the sums and in `half`; 1 if means are given instead.
     pub(crate) counts: [u32; 2],
-    /// Radiance without emission.
+    /// Sum of radiance without emission.
     pub(crate) radiance: [&'a [f32]; 3],
-    /// The same of the first half of the samples, rounded down; of a single sample anything.
+    /// The same of the first half of the samples (rounded down); arbitrary if there is a single
+    /// sample.
     pub(crate) half: [&'a [f32]; 3],
-    /// The columns of [`crate::Aovs`].
+    /// Sums of the columns of [`crate::Aovs`].
     pub(crate) hits: [&'a [f32]; AOV_CHANNELS],
 }
 
 impl DenoiseInput {
-    /// Appends pixels of `samples` samples each. All columns must be as long as the first.
+    /// Appends pixels of `samples` samples each. All columns must be equally long.
     #[inline(always)]
     pub(crate) fn extend(&mut self, samples: u32, sums: &SampleSums<'_>) {
         let pixels = sums.radiance[0].len();
@@ -67,22 +69,22 @@ impl DenoiseInput {
             before[LIGHT + channel].resize(begin + pixels, 0.0);
             let to = before[LIGHT + channel][begin..].iter_mut();
             for ((to, light), albedo) in to.zip(light).zip(albedo) {
-                // Without its texture light varies slowly, and the filter may average across what the
-                // albedo brings back.
+                // Demodulated light varies slowly, so the filter can average it across texture
+                // detail, which multiplication by the albedo restores.
                 *to = light * share / (albedo + ALBEDO_MIN);
             }
             let Some(ratio) = variance_of else { continue };
             let to = before[VARIANCE][begin..].iter_mut();
             let halves = light.iter().zip(sums.half[channel]);
             for ((to, (light, half)), albedo) in to.zip(halves).zip(albedo) {
-                // Both halves estimate the same light: how far they are apart is noise alone.
+                // Both halves estimate the same light, so their difference is pure noise.
                 let apart = ratio * (half * half_share - light * share) / (albedo + ALBEDO_MIN);
                 *to += apart * apart;
             }
         }
     }
 
-    /// Of each pixel the sum of its emission.
+    /// The sum over the channels of each pixel's emission.
     pub(super) fn brightness(&self) -> Vec<f32> {
         let [.., r, g, b] = &self.columns;
         r.iter()
@@ -92,7 +94,7 @@ impl DenoiseInput {
             .collect()
     }
 
-    /// Light that is not filtered; none where it is all black.
+    /// The light that is not filtered; `None` if it is all black.
     pub(super) fn into_emission(self) -> Option<[Vec<f32>; 3]> {
         let [.., r, g, b] = self.columns;
         let emission = [r, g, b];
@@ -110,9 +112,9 @@ impl DenoiseInput {
     }
 }
 
-/// A tracer that gives what the filter needs.
+/// A tracer that provides the filter's input.
 pub(crate) trait DenoiseSource {
-    /// [`crate::Tracer::trace`] for noisy tiles.
+    /// As [`crate::Tracer::trace`], but hands over noisy tiles with their guides.
     fn trace_denoise_input(
         &self,
         scene: &CompiledScene,
@@ -120,8 +122,8 @@ pub(crate) trait DenoiseSource {
         sink: &(dyn Fn(DenoiseInputTile) + Sync),
     ) -> Result<TraceStats, Error>;
 
-    /// What the camera rays of single pixels, columns and rows of the job's picture, meet first: means
-    /// over the samples of `settings`.
+    /// First hits of the camera rays of single pixels, given as columns and rows of the job's
+    /// image: means over the samples of `settings`.
     fn trace_hits(
         &self,
         scene: &CompiledScene,

@@ -4,8 +4,8 @@
 //! tiles ─▶ GuardedRegion: the tiles and a guard band ─▶ paths, first hits ─▶ filter ─▶ the tiles
 //! ```
 //!
-//! A pixel's result depends on what lies within [`SUPPORT`] pixels of it and on nothing else, and
-//! all of that is traced with it, so that denoised pictures too do not depend on the partition.
+//! A pixel's result depends only on what lies within [`SUPPORT`] pixels of it, and all of that is
+//! traced with it, so denoised images do not depend on their partition into tiles either.
 
 mod edge_supersampling;
 mod filter;
@@ -25,6 +25,7 @@ pub(crate) use frame::trace_denoised;
 pub(crate) use guard_band::{GuardedRegion, REGION_SAMPLES, RegionLimits};
 pub(crate) use input::{DenoiseInput, DenoiseInputTile, DenoiseSource, SampleSums};
 
-/// Pixels from which a denoised pixel takes light, in each direction. Wider finds more to average
-/// and costs every run of tiles a wider guard band, from 9 on by a block of 8 pixels more.
+/// Radius in pixels, along each axis, of the area from which a denoised pixel takes light. A larger
+/// one averages more, but needs a wider guard band around every run of tiles: from 9 on, one more
+/// block of 8 pixels.
 pub const SUPPORT: u32 = 8;

@@ -1,19 +1,20 @@
-//! Neighbourhood of a row of pixels: light and guides of the rows that a pass reads.
+//! The neighbourhood of a row of pixels: light and guides of the rows that a filter pass reads.
 
 use fearless_simd::prelude::*;
 
 use super::input::{ALBEDO, NORMAL, VARIANCE};
 use super::soa_image::{Float, SoaImage, SoaRow};
 
-/// No surface has this normal, so that nothing mixes with what was not traced.
+/// The x component of the normal of pixels that were not traced. It is so far from any real normal
+/// that nothing mixes with them.
 pub(super) const NO_NORMAL: f32 = 1e6;
 
-/// Where in the guides a column is.
+/// Index of a column of [`super::DenoiseInput`] among the guides.
 pub(super) const fn guide(column: usize) -> usize {
     column - ALBEDO
 }
 
-/// The rows that the taps of one row lie in.
+/// The three rows in which the taps of one row lie.
 pub(super) struct Neighbourhood<'a> {
     guides: [SoaRow<'a>; 3],
     light: [SoaRow<'a>; 3],
@@ -28,8 +29,8 @@ impl<'a> Neighbourhood<'a> {
         }
     }
 
-    /// The mean variance of a pixel and its eight taps, `step` pixels apart, as far as they were traced. Of a pixel
-    /// alone it may be nothing by chance: all light around it has missed.
+    /// Mean variance of a pixel and its eight taps at distance `step`, as far as these were traced.
+    /// The variance of the pixel alone may be 0 by chance, if all of its paths missed the light.
     #[inline(always)]
     pub(super) fn mean_variance<S: Simd>(&self, simd: S, x: usize, step: isize) -> Float<S> {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
@@ -44,7 +45,7 @@ impl<'a> Neighbourhood<'a> {
         sum / count.max(1.0)
     }
 
-    /// Guides and light `dy` steps further down.
+    /// Guides and light of the row `dy` steps (−1 to 1) below.
     #[inline(always)]
     pub(super) fn at(&self, dy: isize) -> (SoaRow<'a>, SoaRow<'a>) {
         let row = 1usize.wrapping_add_signed(dy);

@@ -1,4 +1,4 @@
-//! Pictures as planes of numbers, with room around them that taps may reach.
+//! Images as planes of floats (structure of arrays), with padding that taps may read.
 
 use std::ops::Range;
 
@@ -11,36 +11,37 @@ pub(super) type Float<S> = f32x16<S>;
 pub(super) type Mask<S> = mask32x16<S>;
 pub(super) const LANES: usize = 16;
 
-/// Columns on each side of the picture.
+/// Padding on each side of the image, in columns.
 const PAD: usize = 4;
 
-/// SoaImage of numbers, row by row: a row of the first plane, of the second, …, then the next row.
+/// An image of several float planes, interleaved by row: a row of the first plane, of the second,
+/// …, then the next row.
 pub(super) struct SoaImage {
     stride: usize,
     floats: usize,
-    /// A row of what lies above and below the picture.
+    /// A row that stands for all rows above and below the image.
     outside: Vec<f32>,
     data: Vec<f32>,
 }
 
-/// One row of all planes, to read: looked up once for a row of results rather than for each tap.
+/// One row of all planes, for reading: looked up once per row of results rather than per tap.
 #[derive(Clone, Copy)]
 pub(super) struct SoaRow<'a> {
     stride: usize,
     data: &'a [f32],
 }
 
-/// One row of all planes.
+/// One row of all planes, for writing.
 pub(super) struct SoaRowMut<'a> {
     stride: usize,
     data: &'a mut [f32],
 }
 
 impl SoaImage {
-    /// As large as `bounds`: 0 around it, in it anything that `memory` held.
+    /// An image of the size of `bounds`, with padding of 0; its pixels hold whatever `memory` held.
     pub(super) fn new(bounds: Tile, planes: usize, memory: Vec<f32>) -> Self {
-        // Room for the taps of the last pass on both sides and for one whole register beyond the last
-        // pixel, so that no load has to ask where the picture ends.
+        // Padding for the taps of the last pass on both sides, and for a whole vector beyond the
+        // last pixel, so that no load needs a bounds check of its own.
         let stride = bounds.width as usize + 2 * PAD + LANES;
         let floats = planes * stride;
         let mut data = memory;
@@ -61,7 +62,7 @@ impl SoaImage {
         self.data
     }
 
-    /// Fills what lies around the picture in a plane.
+    /// Fills the padding of a plane, on all four sides.
     pub(super) fn surround(&mut self, plane: usize, value: f32) {
         let columns = plane * self.stride..(plane + 1) * self.stride;
         for row in self.data.chunks_exact_mut(self.floats) {
@@ -72,13 +73,13 @@ impl SoaImage {
         self.outside[columns].fill(value);
     }
 
-    /// Fills a row of planes.
+    /// Fills one row of some planes.
     pub(super) fn fill_row(&mut self, y: usize, planes: Range<usize>, value: f32) {
         let columns = planes.start * self.stride..planes.end * self.stride;
         self.data[y * self.floats..][columns].fill(value);
     }
 
-    /// A number of one plane.
+    /// One pixel of a plane.
     pub(super) fn get(&self, plane: usize, x: usize, y: usize) -> f32 {
         self.data[y * self.floats + plane * self.stride + PAD + x]
     }
@@ -97,7 +98,7 @@ impl SoaImage {
         rows.map(move |data| SoaRowMut { stride, data }).enumerate()
     }
 
-    /// The row `dy` below `y`, which may lie outside.
+    /// The row `dy` below `y`, or padding if that lies outside the image.
     pub(super) fn row(&self, y: usize, dy: isize) -> SoaRow<'_> {
         let begin = y.checked_add_signed(dy).map(|y| y * self.floats);
         let inside = begin.and_then(|begin| self.data.get(begin..begin + self.floats));
@@ -115,7 +116,7 @@ impl<'a> SoaRow<'a> {
         Float::from_slice(simd, &self.data[begin..][..LANES])
     }
 
-    /// The numbers of some columns of one plane.
+    /// Some columns of one plane.
     pub(super) fn numbers(self, plane: usize, columns: Range<usize>) -> &'a [f32] {
         &self.data[plane * self.stride + PAD..][columns]
     }
@@ -137,10 +138,11 @@ impl<'a> SoaRow<'a> {
 }
 
 impl SoaRowMut<'_> {
-    /// Sets numbers of one plane from column `x` on.
+    /// Writes values to one plane from column `x` on.
     pub(super) fn put(&mut self, plane: usize, x: usize, values: &[f32]) {
         let to = self.columns(plane, x, values.len());
-        // Tiles' rows are short: most of a call's time would be its beginning and end.
+        // Copies whole vectors: a tile's rows are so short that most of the time of a `memcpy` call
+        // would be its overhead.
         let ((to, to_rest), (from, rest)) = (to.as_chunks_mut::<LANES>(), values.as_chunks());
         for (to, from) in to.iter_mut().zip(from) {
             *to = *from;

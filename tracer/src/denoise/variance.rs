@@ -1,6 +1,6 @@
-//! The variance of a row's pixels before the first pass: means over 3 × 3 pixels, from sums down the
-//! columns that neighbours share, or the pixel's own if that is larger. The mean alone would take a
-//! dot for a ninth as uncertain as it is, and leave it.
+//! The variance of a row's pixels before the first pass: the mean over 3 × 3 pixels, computed from
+//! column sums that neighbours share, or the pixel's own variance if that is larger. The mean alone
+//! would make an outlier a ninth as uncertain as it is, and so preserve it.
 
 use fearless_simd::prelude::*;
 
@@ -8,13 +8,13 @@ use super::input::{LIGHT, NORMAL, VARIANCE};
 use super::neighbourhood::{NO_NORMAL, Neighbourhood, dot, guide};
 use super::soa_image::{Float, LANES};
 
-/// SoaImage of sums: how many pixels were traced, their squares, their light.
+/// Planes of sums: number of traced pixels; variances or squares of light; light.
 const COUNT: usize = 0;
 const SQUARES: usize = 1;
 const SUM: usize = 2;
 const PLANES: usize = SUM + 3;
 
-/// Sums over three rows, of one column each; memory that one row's columns after another's use.
+/// Sums over three rows for each column; the memory is reused from row to row.
 #[derive(Default)]
 pub(super) struct ColumnSums {
     stride: usize,
@@ -22,7 +22,7 @@ pub(super) struct ColumnSums {
 }
 
 impl ColumnSums {
-    /// Sums up the `width` columns of a row and one on each side of them.
+    /// Computes the sums for the `width` columns of a row and one column on each side.
     #[inline(always)]
     pub(super) fn sum_up<S: Simd>(
         &mut self,
@@ -38,8 +38,8 @@ impl ColumnSums {
             let (mut count, mut squares, mut sum) = (zero, zero, [zero; 3]);
             for dy in -1..=1 {
                 let (guides, light) = around.at(dy);
-                // One column to the left of x: the sums of columns x − 1, x and x + 1 then lie side by
-                // side.
+                // Offset by one column: index x then holds the sum of column x − 1, so that the
+                // sums of columns x − 1 to x + 1 are adjacent.
                 let traced = guides.load(simd, guide(NORMAL), x, -1).simd_lt(NO_NORMAL);
                 count += traced.select(one, zero);
                 if is_single {
@@ -60,8 +60,8 @@ impl ColumnSums {
         }
     }
 
-    /// The mean variance of the 3 × 3 pixels around those from `x` on; of single samples, their
-    /// variance among each other.
+    /// Mean variance of the 3 × 3 pixels around each pixel from `x` on; with a single sample per
+    /// pixel, the variance of light among these pixels.
     #[inline(always)]
     pub(super) fn variance<S: Simd>(&self, simd: S, x: usize, is_single: bool) -> Float<S> {
         let inverse = 1.0 / self.three(simd, COUNT, x).max(1.0);
@@ -69,7 +69,8 @@ impl ColumnSums {
         if !is_single {
             return mean_square;
         }
-        // Not mapped: a closure is compiled for every processor alike, so that its sums would be calls.
+        // Not `map`: closures are not compiled for the caller's instruction set, so its SIMD
+        // operations would become calls.
         let sum = [
             self.three(simd, SUM, x),
             self.three(simd, SUM + 1, x),
@@ -78,7 +79,7 @@ impl ColumnSums {
         (mean_square - dot(sum, sum) * (inverse * inverse)).max(0.0)
     }
 
-    /// The sum over a column, the one before and the one after it.
+    /// Sum over three adjacent columns, centred at each column from `x` on.
     #[inline(always)]
     fn three<S: Simd>(&self, simd: S, plane: usize, x: usize) -> Float<S> {
         let begin = plane * self.stride + x;

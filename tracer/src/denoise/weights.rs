@@ -1,25 +1,27 @@
-//! Taps and weights of the filter's passes, of CPU and GPU alike.
+//! Taps and weights of the filter's passes, shared by CPU and GPU.
 
-/// One pass: how far apart its taps are, and what they weigh.
+/// Parameters of one pass: distance and weights of its taps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PassWeights {
     /// Pixels between taps.
     pub(crate) step: i32,
-    /// Weights of the four taps beside the middle one, and of the four at the corners; the middle one has 1.
+    /// Weights of the four taps at the sides and of the four at the corners, relative to 1 for the
+    /// centre.
     pub(crate) side: f32,
     pub(crate) corner: f32,
-    /// A neighbour's distance is the sum of these factors times squared differences; from 1 on it does
-    /// not count.
+    /// Factors of squared differences, whose sum is a tap's distance; taps at a distance of 1 or
+    /// more have no weight.
     pub(crate) normal: f32,
     pub(crate) albedo: f32,
-    /// Of the difference of inverse depths relative to the pixel's own.
+    /// Factor for the difference of inverse depths, relative to the pixel's own inverse depth.
     pub(crate) depth: f32,
 }
 
-/// The passes in their order. Their numbers and those of [`variances`] are a minimum of FLIP, and of a seventh as much of relMSE,
-/// over two views of the game's room of 1, 2, 4, 16 and 64 samples: gradient descent (Kingma and Ba, "Adam: A Method for Stochastic
-/// Optimization", ICLR 2015) through a copy of the filter and the metric. The first pass, whose light is noise, goes by
-/// where pixels lie, the later ones by what they show.
+/// The passes in their order. These numbers and those of [`variances`] minimise FLIP plus a seventh
+/// of relMSE over two views of the game's room at 1, 2, 4, 16 and 64 samples. They were found by
+/// gradient descent through a copy of the filter and the metric (Kingma and Ba, "Adam: A Method for
+/// Stochastic Optimization", ICLR 2015). The first pass, in which light is mostly noise, weights
+/// taps mainly by their position, the later ones by their features.
 pub(crate) const PASSES: [PassWeights; 3] = [
     PassWeights {
         step: 1,
@@ -48,13 +50,13 @@ pub(crate) const PASSES: [PassWeights; 3] = [
 ];
 
 impl PassWeights {
-    /// The weight of one of [`NEIGHBOURS`] as a tap.
+    /// The spatial weight of the tap at one of the offsets [`NEIGHBOURS`].
     pub(crate) const fn tap(&self, (dx, dy): (i32, i32)) -> f32 {
         if dx * dy == 0 { self.side } else { self.corner }
     }
 }
 
-/// The eight pixels around one.
+/// Offsets of the eight pixels around a pixel.
 pub(crate) const NEIGHBOURS: [(i32, i32); 8] = [
     (-1, -1),
     (0, -1),
@@ -66,34 +68,36 @@ pub(crate) const NEIGHBOURS: [(i32, i32); 8] = [
     (1, 1),
 ];
 
-/// Added to the albedo by which light is divided: what is black has light too, from its coat.
+/// Added to the albedo that light is divided by, as black surfaces reflect light too, from their
+/// coat.
 pub(crate) const ALBEDO_MIN: f32 = 0.02;
 
-/// A neighbour's albedo and half its normal differ by more than this, squared, or its emission by more
-/// than this share, where more rays are needed for a smooth edge.
+/// Thresholds of an edge between two pixels, which needs further rays: on the squared difference of
+/// albedo and half the normal, and on the difference of emission relative to the brighter one.
 pub(crate) const EDGE_MIN: f32 = 1e-3;
 pub(crate) const BRIGHTNESS_SHARE: f32 = 0.05;
 
-/// Where the first hits of more rays differ less than this, squared, from a pixel's own, its light
-/// is not mixed.
+/// Squared difference between the appearance of the further rays' hits and the pixel's own (scaled
+/// by the rays' share) up to which its light is not mixed.
 pub(crate) const MIXED_MIN: f32 = 1e-6;
 
-/// Variances by which light may differ in the pass of that index.
+/// Factor of the variance in the distance of light, in the pass with index `pass`.
 pub(crate) fn variances(samples: u32, pass: usize) -> f32 {
     match samples {
-        // Of single samples only the scatter among neighbours is known, which says less.
+        // From single samples only the scatter among neighbouring pixels is known, which says less.
         1 => [4600.0, 44.0, 29.0][pass],
-        // Of few it is a bad estimate, and a dot in one half is all of it.
+        // From few samples the estimate is poor: an outlier in one half dominates it.
         2..=4 => [140.0, 19.0, 21.0][pass],
         5..=64 => [55.0, 47.0, 8.0][pass],
-        // The halves of a Sobol sequence complement each other: the more samples, the less noise
-        // their mean has than their difference tells, until nothing should be smoothed.
+        // The two halves of a Sobol sequence complement each other: the more samples, the less
+        // noise their mean has than their difference suggests, until nothing should be smoothed.
         _ => variances(64, pass) * (64.0 / samples as f32).powi(2),
     }
 }
 
-/// How far the means of two halves of `samples` are apart for the variance of the whole: of n
-/// samples the mean is a part from that of the first m, the two halves n/(n−m) times as far.
+/// Factor from the difference between the mean of the first m = ⌊n/2⌋ samples and the mean of all n
+/// to the standard error of the latter. The difference of the two halves' means is n/(n−m) times as
+/// large, and half of it estimates the standard error.
 pub(crate) fn half_ratio(samples: u32) -> f32 {
     0.5 * samples as f32 / (samples - samples / 2) as f32
 }

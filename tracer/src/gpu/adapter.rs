@@ -1,19 +1,20 @@
-//! GPUs of this machine, and the choice of one.
+//! Enumeration of this machine's GPUs, and selection of one.
 
 use std::fmt;
 
 use crate::Error;
 
-/// A device that Vulkan offers.
+/// A compute-capable device that wgpu reports.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterDescription {
     /// Its name.
     pub name: String,
     /// The driver and its version.
     pub driver: String,
-    /// The interface it is reached through.
+    /// The graphics API through which it is accessed.
     pub backend: String,
-    /// Whether a processor pretends to be a GPU: right, but slower than [`crate::CpuTracer`].
+    /// Whether it is a software implementation on the CPU (such as Mesa's llvmpipe): correct, but
+    /// slower than [`crate::CpuTracer`].
     pub software: bool,
 }
 
@@ -23,11 +24,11 @@ pub enum AdapterChoice {
     /// The most capable real GPU: a discrete one before an integrated one.
     #[default]
     Gpu,
-    /// The same, or software if there is no real one.
+    /// The same, but a software implementation if there is no real GPU.
     Any,
-    /// By its place in [`adapters`].
+    /// The one at this index of [`adapters`].
     Index(usize),
-    /// The first whose name contains this, whatever its case.
+    /// The first whose name contains this string, ignoring case.
     Name(String),
 }
 
@@ -74,7 +75,7 @@ pub(crate) fn find(choice: &AdapterChoice) -> Result<wgpu::Adapter, Error> {
         .ok_or_else(|| not_found(choice, &described))
 }
 
-/// All real GPUs, the most capable first.
+/// All adapters that are not software implementations, the most capable first.
 pub(crate) fn real() -> Vec<wgpu::Adapter> {
     let mut adapters = enumerate();
     adapters.retain(|adapter| !describe(adapter).software);
@@ -91,7 +92,7 @@ fn enumerate() -> Vec<wgpu::Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     // Validation layers, the default of debug builds, cost speed and need a package of their own.
     descriptor.flags = wgpu::InstanceFlags::empty();
-    // OpenGL has no timestamps and looks for a display.
+    // The OpenGL backend has no timestamps and needs a display connection.
     descriptor.backends = wgpu::Backends::PRIMARY;
     let instance = wgpu::Instance::new(descriptor);
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));

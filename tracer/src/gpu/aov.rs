@@ -1,11 +1,11 @@
-//! First hits, as another output of the kernel.
+//! First-hit AOVs (arbitrary output variables), as another output of the kernel.
 
 use super::GpuTracer;
 use super::features::KernelOutput;
 use crate::{Aovs, CompiledScene, Error, TileAovs, TraceJob};
 
 impl GpuTracer {
-    /// First hits of the job's tiles.
+    /// Traces the AOVs of the job's tiles.
     pub(super) fn trace_aovs(
         &self,
         scene: &CompiledScene,
@@ -26,7 +26,7 @@ impl GpuTracer {
     }
 }
 
-/// As `shaders/aov.wgsl` writes them.
+/// One pixel's AOVs, in the order in which `shaders/aov.wgsl` writes them.
 fn aovs(numbers: &[f32]) -> Aovs {
     let triple = |first: usize| [numbers[first], numbers[first + 1], numbers[first + 2]];
     Aovs {

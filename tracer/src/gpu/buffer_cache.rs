@@ -1,17 +1,18 @@
-//! Buffers that are made once for what does not change from picture to picture.
+//! A cache of device buffers whose contents stay the same from frame to frame.
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use crate::Error;
 use crate::gpu::device::Device;
 
-/// Buffers by what they were made of.
+/// Device buffers, keyed by the identity of the vector that they were filled from.
 pub(crate) struct BufferCache<T> {
     kept: Mutex<Vec<CachedBuffer<T>>>,
 }
 
 struct CachedBuffer<T> {
-    /// Nobody changes it while this points at it.
+    /// The vector that the buffer was filled from; it cannot be changed in place while this weak
+    /// pointer exists.
     source: Weak<Vec<T>>,
     has_bvh: bool,
     buffer: Arc<wgpu::Buffer>,
@@ -25,19 +26,20 @@ impl<T> Default for BufferCache<T> {
 }
 
 impl<T> BufferCache<T> {
-    /// Buffers kept: a node keeps as many scenes.
+    /// Number of buffers kept: a node keeps as many scenes.
     const KEPT_MAX: usize = 4;
 
-    /// The buffer of `source`, of its two with and without a BVH over it.
+    /// The buffer of `source` with (`has_bvh`) or without a BVH, created with `create` unless it is
+    /// cached.
     pub(crate) fn get_or_create(
         &self,
         source: &Arc<Vec<T>>,
         has_bvh: bool,
         create: impl FnOnce() -> Result<wgpu::Buffer, Error>,
     ) -> Result<Arc<wgpu::Buffer>, Error> {
-        // `Arc::make_mut` gives vectors that have weak pointers a new place before they are changed, and
-        // a weak pointer keeps the old place from being used again: so the same place means the same
-        // contents.
+        // Pointer equality implies equal contents: `Arc::make_mut` moves a vector that has weak
+        // pointers to a new allocation before it is changed, and a weak pointer keeps the old
+        // allocation from being reused.
         let source = Arc::downgrade(source);
         let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let is_same =
@@ -49,8 +51,8 @@ impl<T> BufferCache<T> {
         if let Some(found) = found {
             return Ok(found);
         }
-        // Without the lock, as filling a buffer takes long: two threads may make the same one, which
-        // costs memory alone.
+        // Without holding the lock, as filling a buffer takes long: two threads may create the same
+        // buffer, which costs only memory.
         let buffer = Arc::new(create()?);
         let mut kept = kept();
         kept.retain(|kept| kept.source.strong_count() > 0);
@@ -66,13 +68,13 @@ impl<T> BufferCache<T> {
     }
 }
 
-/// The most bytes that a kernel can read of one buffer.
+/// The largest size in bytes of a storage buffer that a kernel can bind.
 pub(crate) fn buffer_bytes_max(device: &Device) -> u64 {
     let limits = device.device.limits();
     (limits.max_storage_buffer_binding_size).min(limits.max_buffer_size)
 }
 
-/// A buffer of parts, one behind another.
+/// A storage buffer that holds `parts` one after another.
 pub(crate) fn upload(device: &Device, label: &str, parts: &[&[u8]]) -> Result<wgpu::Buffer, Error> {
     device.guarded(|wgpu| {
         let buffer = wgpu.create_buffer(&wgpu::BufferDescriptor {

@@ -1,23 +1,23 @@
-//! Coplanarity of discs and of area lights, by which a kernel may leave tests out.
+//! Coplanarity of discs and of area lights, which lets a kernel omit intersection tests.
 
 use glam::Vec3;
 
 use crate::compiled::{AreaLightData, CompiledScene, DiscData};
 
-/// Coordinates over the smallest extent up to which a point of a plane, which is off by 4 · 2⁻²⁴ of
-/// its coordinates, is off by less than a thousandth of that extent.
+/// Largest ratio of coordinate to smallest extent at which the rounding error of a point in a
+/// plane, 4 · 2⁻²⁴ of its coordinates, is below a thousandth of that extent (4096 · 2⁻²² = 2⁻¹⁰).
 const COORDINATE_PER_EXTENT_MAX: f32 = 4096.0;
-/// Distance from a plane, over the largest coordinate, that is rounding.
+/// Distance from a plane, relative to the largest coordinate, that counts as rounding error.
 const ROUNDING: f32 = 4.0 * f32::EPSILON;
 
-/// Whether a ray may be tested against the plane of all discs once.
+/// Whether all discs lie in one plane, so that a ray is intersected with that plane only once.
 pub(crate) fn discs_coplanar(scene: &CompiledScene) -> bool {
     let plane = |disc: &DiscData| (disc.center.into(), disc.normal.into());
     let extents = scene.discs.iter().map(|disc| disc.radius);
     in_one_plane(scene.discs.iter().map(plane), extents, farthest(scene))
 }
 
-/// The same of area lights.
+/// Whether all area lights lie in one plane; see [`discs_coplanar`].
 pub(crate) fn area_lights_coplanar(scene: &CompiledScene) -> bool {
     let plane = |light: &AreaLightData| (light.center.into(), light.normal.into());
     let area_lights = scene.area_lights.iter();
@@ -29,8 +29,8 @@ pub(crate) fn area_lights_coplanar(scene: &CompiledScene) -> bool {
     )
 }
 
-/// Whether a point of some area light is before another's face: only there is it between that area light and
-/// what the area light shines on.
+/// Whether a point of some area light lies in front of another's face: only there can it block the
+/// light that this other one emits.
 pub(crate) fn area_lights_occlude(scene: &CompiledScene) -> bool {
     let rounding = ROUNDING * farthest(scene);
     let before = |light: &AreaLightData, other: &AreaLightData| {
@@ -49,8 +49,8 @@ pub(crate) fn area_lights_occlude(scene: &CompiledScene) -> bool {
     pairs.any(|(light, other)| before(light, other))
 }
 
-/// Whether planes, each a point and a unit normal, are one, and no extent is so small for the
-/// largest coordinate that a point of the plane does not tell what it lies in.
+/// Whether all planes, each given by a point and a unit normal, are the same one, and the smallest
+/// extent is large enough for a rounded intersection point to tell which surface it lies on.
 fn in_one_plane(
     mut planes: impl Iterator<Item = (Vec3, Vec3)>,
     extents: impl Iterator<Item = f32>,
@@ -76,7 +76,7 @@ fn corners(light: &AreaLightData) -> impl Iterator<Item = Vec3> + use<> {
         .map(move |corner| center + corner)
 }
 
-/// The largest coordinate of the camera and everything that can be met.
+/// The largest absolute coordinate of the camera and all surfaces, in metres.
 pub(crate) fn farthest(scene: &CompiledScene) -> f32 {
     let reach = |center: [f32; 3], extent: f32| Vec3::from(center).abs().max_element() + extent;
     let length = |v: [f32; 3]| Vec3::from(v).length();
@@ -117,7 +117,7 @@ mod tests {
             Vec3::ZERO,
             Vec3::new(0.0, 0.0, 1e-3)
         )));
-        // So far away that points of the plane are rounded to half a metre.
+        // So far away that points on the plane are rounded to half a metre.
         assert!(!area_lights_coplanar(&area_lights(
             Vec3::new(5e6, 0.0, 0.0),
             Vec3::ZERO
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn light_occludes_another_only_before_its_face() {
         assert!(!area_lights_occlude(&area_lights(Vec3::ZERO, Vec3::ZERO)));
-        // They shine down: the lower one is before the face of the upper one, whichever it is.
+        // They shine downwards: the lower one is in front of the upper one's face, whichever it is.
         assert!(area_lights_occlude(&area_lights(
             Vec3::new(0.0, 0.0, -0.1),
             Vec3::ZERO

@@ -1,4 +1,4 @@
-//! A wgpu device whose every failure is an [`Error::Device`].
+//! A wgpu device, all of whose failures are reported as [`Error::Device`].
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, channel};
@@ -9,8 +9,9 @@ use crate::Error;
 use crate::gpu::adapter;
 use crate::gpu::shader::BLOCK_EDGE;
 
-/// Blocks of pixels that a workgroup of the path tracer takes: 16 where that was measured to pay, on an H100 from
-/// 34.4 to 23.1 ms for the room that was played then, 1920x1080 pixels of 16 samples (`example gpu_speed`).
+/// Blocks of pixels per workgroup of the path tracer: 16 on NVIDIA GPUs, where it was measured to
+/// pay (H100, a room at 1920x1080 with 16 samples per pixel: 23.1 ms instead of 34.4 ms; example
+/// `gpu_speed`).
 fn workgroup_blocks(info: &wgpu::AdapterInfo, limits: &wgpu::Limits) -> u32 {
     const NVIDIA: u32 = 0x10de;
     const BLOCKS: u32 = 16;
@@ -25,33 +26,33 @@ fn workgroup_blocks(info: &wgpu::AdapterInfo, limits: &wgpu::Limits) -> u32 {
     }
 }
 
-/// How long one submission may take before the device counts as hung. A dispatch takes less than
-/// 0.1 s on a GPU, a few seconds on loaded software Vulkan.
+/// Time after which a submission counts as hung. A dispatch takes less than 0.1 s on a GPU and up
+/// to a few seconds on loaded software Vulkan.
 const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// Between two looks at whether the device is done.
+/// Shortest and longest pause between two polls for completion.
 const PAUSE_MIN: Duration = Duration::from_micros(20);
 const PAUSE_MAX: Duration = Duration::from_millis(2);
 
-/// A device, its queue and what has gone wrong with it.
+/// A device, its queue, and the first failure that it reported asynchronously.
 pub(crate) struct Device {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
     pub(crate) name: String,
-    /// Nanoseconds of a timestamp's tick; `None` where there are no timestamps.
+    /// Nanoseconds per timestamp tick; `None` if timestamps are not supported.
     pub(crate) tick_nanos: Option<f64>,
-    /// Whether buffers that kernels write can be mapped.
+    /// Whether buffers that kernels write can be mapped directly (`MAPPABLE_PRIMARY_BUFFERS`).
     pub(crate) maps_storage: bool,
-    /// Whether a processor pretends to be a GPU.
+    /// Whether it is a software implementation on the CPU.
     pub(crate) is_software: bool,
-    /// Blocks of pixels that a workgroup of the path tracer takes.
+    /// Blocks of pixels per workgroup of the path tracer; see [`workgroup_blocks`].
     pub(crate) workgroup_blocks: u32,
-    /// The first failure that no call reported.
+    /// The first failure that was reported by a callback rather than by a call.
     failure: Arc<Mutex<Option<String>>>,
 }
 
 impl Device {
-    /// Opens an adapter with all that it offers.
+    /// Opens an adapter with all of its limits and the optional features used here.
     ///
     /// # Errors
     /// [`Error::Device`] if it refuses.
@@ -85,7 +86,7 @@ impl Device {
         })
     }
 
-    /// Runs `work` and turns every failure of this thread's calls into an error.
+    /// Runs `work` and returns every failure of its calls on this thread as an error.
     ///
     /// # Errors
     /// [`Error::Device`] if a call was invalid, the device is lost or out of memory.
@@ -110,7 +111,7 @@ impl Device {
         Ok(value)
     }
 
-    /// Submits commands and waits until all of `mapped` is in this process's memory.
+    /// Submits commands and waits until all buffer slices of `mapped` are mapped.
     ///
     /// # Errors
     /// [`Error::Device`] if the device is lost, hangs or refuses.
@@ -133,16 +134,16 @@ impl Device {
         mapped.iter().try_for_each(|_| self.wait(&receiver))
     }
 
-    /// Waits for a mapping. The driver's own wait wakes late when several threads are in it: two
-    /// frames in flight took as long as one after the other on an H200. So this looks now and
-    /// then, with pauses of a sixteenth of the time waited so far.
+    /// Waits for a mapping by polling, with pauses of a sixteenth of the time waited so far. The
+    /// driver's blocking wait wakes up late when several threads are in it: on an H200, two frames
+    /// in flight took as long as one after the other.
     fn wait(&self, mapping: &Receiver<Result<(), wgpu::BufferAsyncError>>) -> Result<(), Error> {
         let mut waited = Duration::ZERO;
         while waited < SUBMISSION_TIMEOUT {
-            // wgpu 30 panics when the device is lost, which is no bug of anybody in this process.
+            // wgpu 30 panics in `poll` when the device is lost, which is not a bug of this process.
             let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::Poll)));
-            // Before the result is looked at: a lost device has told its reason in a callback of that
-            // very poll.
+            // Before `polled` is looked at: the device-lost callback, which knows the reason, has
+            // run within that poll.
             self.check()?;
             match polled {
                 Ok(Ok(_)) => {}
@@ -166,7 +167,7 @@ impl Device {
     }
 
     /// # Errors
-    /// [`Error::Device`] if something has failed for which no call was to blame.
+    /// [`Error::Device`] if the device has reported a failure asynchronously.
     fn check(&self) -> Result<(), Error> {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure
@@ -175,11 +176,11 @@ impl Device {
     }
 }
 
-/// Keeps the first failure that the device reports by itself.
+/// Installs callbacks that keep the first failure that the device reports asynchronously.
 fn watch(device: &wgpu::Device, failure: &Arc<Mutex<Option<String>>>) {
     let keep = |failure: &Mutex<Option<String>>, message: String| {
         let mut failure = failure.lock().unwrap_or_else(PoisonError::into_inner);
-        // What follows the first failure is mostly its consequence.
+        // Later failures are mostly consequences of the first.
         failure.get_or_insert(message);
     };
     let uncaptured = Arc::clone(failure);

@@ -1,4 +1,5 @@
-//! Features of a scene that a kernel is built for: what it has none of is left out.
+//! Features of a scene, by which its kernel is specialised: code that the scene does not need is
+//! left out.
 
 use crate::bvh::Bvh;
 use crate::compiled::clusters::Clusters;
@@ -22,23 +23,23 @@ impl ShapeKind {
         }
     }
 
-    /// The prefix or suffix of its functions in WGSL.
+    /// Prefix or suffix of the shape's functions in WGSL.
     pub(crate) const fn function(self) -> &'static str {
         self.names()[0]
     }
 
-    /// The prefix of its constants in WGSL.
+    /// Prefix of the shape's constants in WGSL.
     pub(crate) const fn constant(self) -> &'static str {
         self.names()[1]
     }
 
-    /// Its array in the scene.
+    /// Name of the shape's array in WGSL.
     pub(crate) const fn array(self) -> &'static str {
         self.names()[2]
     }
 
-    /// The buffer that holds its primitives, and what rays find them by: triangles, which are many and seldom
-    /// change, have one of their own.
+    /// Name of the buffer that holds the shape's primitives and its acceleration structure.
+    /// Triangles have a buffer of their own, as they are many and seldom change.
     pub(crate) const fn buffer(self) -> &'static str {
         match self {
             Self::Triangle => "mesh",
@@ -47,30 +48,30 @@ impl ShapeKind {
     }
 }
 
-/// Where the scene's arrays lie on the device.
+/// Address space of the scene's arrays on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum SceneMemory {
-    /// Constant memory: 5–7 times faster on software Vulkan, but small.
+    /// Uniform (constant) memory: 5–7 times as fast on software Vulkan, but limited in size.
     Uniform,
-    /// Any memory.
+    /// Storage memory, of any size.
     Storage,
 }
 
-/// What the kernel finds for each pixel: the mean over its samples of
+/// What the kernel computes for each pixel, as the mean over its samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum KernelOutput {
-    /// radiance,
+    /// Radiance.
     Radiance,
-    /// radiance without what is in [`crate::Aovs::emission`],
+    /// Radiance without the light that [`crate::Aovs::emission`] holds.
     Reflected,
-    /// or its [`crate::Aovs`].
+    /// The [`crate::Aovs`] of the first hit.
     Aovs,
 }
 
 impl KernelOutput {
     pub(crate) const ALL: [Self; 3] = [Self::Radiance, Self::Reflected, Self::Aovs];
 
-    /// Its name in WGSL.
+    /// Name of its constant in WGSL.
     pub(crate) const fn constant(self) -> &'static str {
         match self {
             Self::Radiance => "OUTPUT_RADIANCE",
@@ -79,7 +80,7 @@ impl KernelOutput {
         }
     }
 
-    /// Numbers of a pixel.
+    /// Floats per pixel.
     pub(crate) const fn floats(self) -> usize {
         match self {
             Self::Radiance | Self::Reflected => 3,
@@ -87,108 +88,114 @@ impl KernelOutput {
         }
     }
 
-    /// Bytes of a pixel.
+    /// Bytes per pixel.
     pub(crate) const fn pixel_bytes(self) -> u64 {
         (self.floats() * size_of::<f32>()) as u64
     }
 }
 
-/// The key of a kernel: scenes with the same features share one.
+/// The key of a specialised kernel: scenes with equal features share one. Probabilities are stored as
+/// integers, so that it can be hashed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Features {
-    /// Primitives of each shape, in the order of [`ShapeKind::ALL`].
+    /// Number of primitives of each shape, in the order of [`ShapeKind::ALL`].
     pub(crate) counts: [u32; ShapeKind::ALL.len()],
-    /// CSG boxes, which the faces belong to.
+    /// Number of CSG boxes, whose faces are counted in `counts`.
     pub(crate) csg_boxes: u32,
-    /// Triangles with vertex normals.
+    /// Number of triangles with vertex normals.
     pub(crate) smooth_triangles: u32,
-    /// Some are of dielectrics.
+    /// Whether some triangle has a dielectric material.
     pub(crate) has_dielectric_mesh: bool,
-    /// Those with texture coordinates, if any material has a texture.
+    /// Number of triangles with texture coordinates; 0 if no material has a texture.
     pub(crate) uv_triangles: u32,
-    /// Image textures and views of them, if any material has one.
+    /// Number of image textures (including views of the same image); 0 if no triangle has texture
+    /// coordinates.
     pub(crate) textures: u32,
-    /// Materials that may have one: those of particles follow them.
+    /// Number of materials that may have textures; the materials of particles come after them.
     pub(crate) textured_materials: u32,
-    /// Some have textures of their sheen or specular reflection.
+    /// Whether some material has a texture of its sheen or specular reflection.
     pub(crate) has_layer_factors: bool,
-    /// Some clear coat has another normal than what is below.
+    /// Whether some clear coat has a normal of its own.
     pub(crate) has_coat_normals: bool,
-    /// Those up to the last with vertex colours.
+    /// Number of triangles up to the last one with vertex colours.
     pub(crate) colored_triangles: u32,
-    /// Rays pass some.
+    /// Whether some surface is partly transparent to rays (alpha test).
     pub(crate) has_opacity: bool,
-    /// Pixels across and down the environment map; 0 without.
+    /// Width and height of the environment map in pixels; 0 without one.
     pub(crate) environment_map: [u32; 2],
     pub(crate) area_lights: u32,
-    /// Surfaces that emit, of each shape.
+    /// Number of emissive surfaces of each shape.
     pub(crate) emissive_surfaces: [u32; ShapeKind::ALL.len()],
-    /// Their probability in light sampling.
+    /// Probability with which light sampling selects emissive surfaces, in sixteenths.
     pub(crate) emissive_surface_sixteenths: u32,
-    /// Some surface emits.
+    /// Whether some surface is emissive.
     pub(crate) has_emission: bool,
-    /// Lights without extent.
+    /// Number of punctual lights (without extent).
     pub(crate) punctual_lights: u32,
-    /// Their probability in light sampling, in halves.
+    /// Probability with which light sampling selects punctual lights rather than other lights that
+    /// are not emissive surfaces, in halves.
     pub(crate) punctual_halves: u32,
-    /// At least 1: an array has no length of 0.
+    /// Number of materials, at least 1: WGSL has no arrays of length 0.
     pub(crate) materials: u32,
-    /// Rays find the primitives of a shape by a BVH.
+    /// Whether rays find the primitives of each shape by a BVH.
     pub(crate) bvhs: [bool; ShapeKind::ALL.len()],
-    /// Of boxes, if rays do not find them by a BVH, and of CSG boxes.
+    /// Clusters of boxes, none if these have a BVH, and of CSG boxes.
     pub(crate) box_clusters: Clusters,
     pub(crate) csg_clusters: Clusters,
-    /// Some CSG box has a cone's exterior.
+    /// Whether some CSG box has the exterior of a cone as a face.
     pub(crate) has_csg_cone: bool,
-    /// Some material has a dielectric coat.
+    /// Whether some material has a dielectric coat.
     pub(crate) has_coat: bool,
-    /// Some coat is rough.
+    /// Whether some coat is rough.
     pub(crate) has_rough_coat: bool,
-    /// Some material has a stripe.
+    /// Whether some material has a stripe.
     pub(crate) has_stripe: bool,
-    /// Some ball has a number.
+    /// Whether some ball has a number.
     pub(crate) has_number: bool,
-    /// Some ball of metal or a dielectric has its number on discs of another material.
+    /// Whether some ball of metal or a dielectric has its number on discs of another material.
     pub(crate) has_number_disc: bool,
-    /// Some material is wood, marked cloth or a cue.
+    /// Whether some material has a procedural pattern other than a number (wood, planks, cloth
+    /// marks, cue, …).
     pub(crate) has_wood: bool,
-    /// Some material is napped.
+    /// Whether some material has the sheen of napped cloth.
     pub(crate) has_sheen: bool,
-    /// Some material is a conductor or a dielectric.
+    /// Whether some material is a conductor or a dielectric.
     pub(crate) has_microfacet: bool,
-    /// Some material is a dielectric.
+    /// Whether some material is a dielectric.
     pub(crate) has_dielectric: bool,
-    /// Some material is that of glTF.
+    /// Whether some material follows glTF's metallic-roughness model.
     pub(crate) has_metallic_roughness: bool,
-    /// Some of that has a clear coat or a sheen.
+    /// Whether some metallic-roughness material has a clear coat or a sheen.
     pub(crate) has_layers: bool,
-    /// Some of that is a thin wall.
+    /// Whether some metallic-roughness material is a thin wall.
     pub(crate) has_thin_walls: bool,
-    /// Some thin wall has a texture of its transmission.
+    /// Whether some thin wall has a transmission texture.
     pub(crate) has_transmission_textures: bool,
-    /// Some ball may allow refracted NEE: its material is a smooth dielectric and scatters light inside.
+    /// Whether some ball may allow refracted next-event estimation: its material is a smooth
+    /// dielectric that scatters light inside.
     pub(crate) has_refracted_nee: bool,
     pub(crate) output: KernelOutput,
-    /// Balls are so far from the origin that the rounding of coordinates shows.
+    /// Whether balls are so far from the origin that the rounding of coordinates would be visible.
     pub(crate) is_compensated: bool,
-    /// All discs lie in one plane, which a ray meets once, and are not so far from the origin for
-    /// their size that rounding there shows.
+    /// Whether all discs lie in one plane, which a ray is intersected with once, and are large
+    /// enough in relation to their distance from the origin for rounding not to matter.
     pub(crate) discs_coplanar: bool,
-    /// The same of area lights.
+    /// The same for area lights.
     pub(crate) area_lights_coplanar: bool,
-    /// Some area light may be before the face of another, or before another light.
+    /// Whether some area light may lie in front of another's face, or in front of a light of
+    /// another kind.
     pub(crate) area_lights_occlude: bool,
-    /// The radiance of some area light depends on the place.
+    /// Whether the radiance of some area light varies over its surface.
     pub(crate) area_lights_graded: bool,
-    /// Solid angles in metres would leave the range of f32.
+    /// Whether intermediate results of solid angles in metres would leave the range of f32.
     pub(crate) area_lights_scaled: bool,
     pub(crate) memory: SceneMemory,
-    /// Blocks of pixels that a workgroup traces.
+    /// Blocks of pixels per workgroup.
     pub(crate) workgroup_blocks: u32,
 }
 
 impl Features {
-    /// Of a shape that has some.
+    /// The clusters of a shape.
     pub(crate) fn clusters(&self, shape: ShapeKind) -> Clusters {
         match shape {
             ShapeKind::Box => self.box_clusters,
@@ -197,7 +204,7 @@ impl Features {
         }
     }
 
-    /// What `scene` requires, its arrays in constant memory.
+    /// The features of `scene`, with its arrays in uniform memory.
     pub(crate) fn new(scene: &CompiledScene) -> Self {
         let any = |has: fn(&MaterialData) -> bool| scene.materials.iter().any(has);
         let has_textures = !(scene.textures.is_empty() || scene.meshes.uvs.is_empty());
@@ -265,8 +272,9 @@ impl Features {
         }
     }
 
-    /// Blocks of a workgroup on a device that takes `blocks_max`: one where a BVH makes neighbouring rays take unlike
-    /// times, for which others would wait: 28 % longer for a mesh of 20,000 triangles on an H100.
+    /// Blocks per workgroup on a device that allows `blocks_max`. One block where a BVH makes the
+    /// times of neighbouring rays diverge, as all threads of a workgroup wait for the slowest: with
+    /// 16 blocks, a mesh of 20,000 triangles took 28 % longer on an H100.
     pub(crate) fn workgroup_blocks(&self, blocks_max: u32) -> u32 {
         match self.bvhs.contains(&true) {
             true => 1,
@@ -274,11 +282,14 @@ impl Features {
         }
     }
 
-    /// Samples of a pixel whose camera rays are traced together before all else; 0 where each is when its turn comes.
-    /// More leave fewer threads waiting for the last of a batch, and cost a little each: denoised pictures are of few.
+    /// Number of a pixel's samples whose camera rays are traced together, before their paths
+    /// continue; 0 where each camera ray is traced when its path begins. Larger batches leave fewer
+    /// threads idle at the end of each, at a small cost per sample; denoised frames have few
+    /// samples.
     pub(crate) const fn first_hits(&self) -> u32 {
         match self.output {
-            // Of BVHs, and of devices where it was not seen to pay: software Vulkan takes 14 % longer.
+            // Kernels with BVHs, and devices where it does not pay: software Vulkan takes 14 %
+            // longer.
             _ if self.workgroup_blocks == 1 => 0,
             KernelOutput::Radiance => 32,
             KernelOutput::Reflected => 16,
@@ -286,8 +297,8 @@ impl Features {
         }
     }
 
-    /// Whether a workgroup of several blocks keeps primitives in its own memory, of which it has 32 KiB: 12 KiB are
-    /// its pixels'.
+    /// Whether a workgroup of several blocks copies primitives to its 32 KiB of workgroup memory,
+    /// 12 KiB of which hold its pixels.
     pub(crate) const fn copies_primitives(&self) -> bool {
         const BYTES_MAX: usize = 16 << 10;
         let bytes = self.count(ShapeKind::CsgFace) as usize * size_of::<CsgFaceData>()
@@ -297,34 +308,34 @@ impl Features {
         self.workgroup_blocks > 1 && bytes <= BYTES_MAX
     }
 
-    /// How many primitives of a shape there are.
+    /// Number of primitives of a shape.
     pub(crate) const fn count(&self, shape: ShapeKind) -> u32 {
         self.counts[shape as usize]
     }
 
-    /// Whether light is looked for elsewhere than at area lights.
+    /// Whether light sampling selects among other lights than area lights.
     pub(crate) const fn shares_light_sampling(&self) -> bool {
         self.has_environment_map() || self.punctual_lights > 0 || self.has_emissive_surfaces()
     }
 
-    /// Whether light sampling aims at surfaces that emit.
+    /// Whether light sampling includes emissive surfaces.
     pub(crate) const fn has_emissive_surfaces(&self) -> bool {
         self.emissive_surface_sixteenths > 0
     }
 
-    /// Surfaces that emit and are no triangles.
+    /// Number of emissive surfaces other than triangles.
     pub(crate) fn emissive_shapes(&self) -> u32 {
         self.emissive_surfaces.iter().sum::<u32>() - self.emissive_triangles()
     }
 
-    /// The shapes that some of them are of.
+    /// The shapes of which there are emissive surfaces.
     pub(crate) fn emissive_kinds(&self) -> impl Iterator<Item = ShapeKind> + use<> {
         let counts = self.emissive_surfaces;
         let shapes = ShapeKind::ALL.into_iter();
         shapes.filter(move |shape| counts[*shape as usize] > 0)
     }
 
-    /// Triangles that emit.
+    /// Number of emissive triangles.
     pub(crate) const fn emissive_triangles(&self) -> u32 {
         self.emissive_surfaces[ShapeKind::Triangle as usize]
     }
@@ -334,24 +345,25 @@ impl Features {
         self.environment_map[0] > 0
     }
 
-    /// Whether textures have more than [`crate::compiled::MaterialTextureData`].
+    /// Whether there is layer texture data beside [`crate::compiled::MaterialTextureData`].
     pub(crate) const fn has_layer_textures(&self) -> bool {
         self.has_layer_factors || self.has_coat_normals
     }
 
-    /// Whether some triangle may be shaded with another normal than its own.
+    /// Whether some triangle may have a shading normal that differs from its geometric normal.
     pub(crate) const fn has_shading_normals(&self) -> bool {
         self.smooth_triangles > 0 || self.uv_triangles > 0
     }
 
-    /// The shapes whose primitives have numbers in kernels: triangles only where there are some.
+    /// The shapes whose primitives are numbered in kernels: all, but triangles only where there are
+    /// some.
     pub(crate) fn numbered_shapes(&self) -> impl Iterator<Item = ShapeKind> + use<> {
         let has_triangles = self.count(ShapeKind::Triangle) > 0;
         let shapes = ShapeKind::ALL.into_iter();
         shapes.filter(move |shape| *shape != ShapeKind::Triangle || has_triangles)
     }
 
-    /// The shapes that occur in the scene's own buffer.
+    /// The shapes that occur in the scene's buffer.
     pub(crate) fn shapes_of_scene(&self) -> impl Iterator<Item = ShapeKind> + use<> {
         self.shapes().filter(|shape| *shape != ShapeKind::Triangle)
     }
@@ -369,14 +381,15 @@ impl Features {
         self.bvhs[shape as usize]
     }
 
-    /// Surfaces that a ray is tested against, or about as many as going down BVHs costs.
+    /// Equivalent number of surfaces that a ray is tested against, counting the traversal of BVHs
+    /// at its cost.
     pub(crate) fn primitives(&self) -> u32 {
         let tested = ShapeKind::ALL.map(|shape| self.tested(shape));
         tested.iter().sum::<u32>() + self.area_lights
     }
 
-    /// Turns that the loops of a ray take at most: those that go from subtraction to subtraction come round again, and
-    /// some rays through a BVH meet four times as much as most.
+    /// An upper bound on the loop iterations of one ray: loops over subtractions restart at each
+    /// one, and some rays meet four times as many BVH nodes as most.
     pub(crate) fn turns_per_ray(&self) -> f64 {
         let in_bvhs = ShapeKind::ALL
             .into_iter()
@@ -388,15 +401,17 @@ impl Features {
     fn tested(&self, shape: ShapeKind) -> u32 {
         let count = self.count(shape);
         match self.has_bvh(shape) {
+            // At the threshold a BVH costs as much as a linear search; from there on its depth
+            // counts.
             true => bvh_min(shape) as u32 + 8 * count.ilog2(),
             false => count,
         }
     }
 }
 
-/// From so many on, rays find the primitives of a shape faster by a BVH: on an H200 by 1.04 (discs) to
-/// 1.3 there, and for 10,000 by 10 (balls), 61, 83, 110 and 78:
-/// `carom-bench bvh --backend gpu --size 960x540`.
+/// Number of primitives from which a BVH is faster. Measured on an H200: at these numbers by 1.04
+/// (discs) to 1.3; for 10,000 primitives by 10 (balls), 61, 83, 110 and 78
+/// (`carom-bench bvh --backend gpu --size 960x540`).
 const fn bvh_min(shape: ShapeKind) -> usize {
     match shape {
         ShapeKind::Sphere => 256,
@@ -407,7 +422,7 @@ const fn bvh_min(shape: ShapeKind) -> usize {
     }
 }
 
-/// The BVH by which rays find the primitives of a shape, where they do.
+/// The BVH by which kernels find the primitives of a shape, if they use one.
 pub(crate) fn bvh(scene: &CompiledScene, shape: ShapeKind) -> Option<&Bvh> {
     scene.bvh(shape, bvh_min(shape))
 }
@@ -420,7 +435,7 @@ fn emissive_surfaces(scene: &CompiledScene) -> [u32; ShapeKind::ALL.len()] {
     counts
 }
 
-/// Beside surfaces that emit.
+/// Probability of punctual lights among the lights that are not emissive surfaces, in halves.
 fn punctual_halves(scene: &CompiledScene) -> u32 {
     let others = 1.0 - scene.emissive_surfaces.probability();
     match others > 0.0 {
@@ -429,7 +444,8 @@ fn punctual_halves(scene: &CompiledScene) -> u32 {
     }
 }
 
-/// Whether some ball may have [`crate::compiled::SphereData::allows_refracted_nee`], wherever it moves.
+/// Whether some ball may have [`crate::compiled::SphereData::allows_refracted_nee`], wherever it
+/// moves.
 fn has_refracted_nee(scene: &CompiledScene) -> bool {
     let scatters = |material: &MaterialData| {
         material.kind == KIND_DIELECTRIC && material.alpha == 0.0 && material.sampling_density > 0.0
@@ -439,8 +455,8 @@ fn has_refracted_nee(scene: &CompiledScene) -> bool {
     !scene.area_lights.is_empty() && balls.any(|ball| material(ball).is_some_and(scatters))
 }
 
-/// Whether area lights are so small or so far away that eighth powers of lengths in metres, which solid
-/// angles are made of, are not well within the range of f32.
+/// Whether area lights are so small or so far away that eighth powers of lengths in metres, which
+/// occur in the computation of solid angles, come near the limits of f32's range.
 fn needs_scale(scene: &CompiledScene) -> bool {
     const METRES: std::ops::Range<f32> = 1e-3..1e3;
     let area_lights = scene.area_lights.iter();
@@ -448,8 +464,8 @@ fn needs_scale(scene: &CompiledScene) -> bool {
     coplanar::farthest(scene) >= METRES.end || lengths.any(|length| length < METRES.start)
 }
 
-/// Whether the difference of two coordinates, rounded, is off by more than 2⁻¹⁵ of a radius. A
-/// pool table's balls (28.6 mm) reach that 15 m from the origin.
+/// Whether the rounding error of a difference of two coordinates exceeds 2⁻¹⁵ of a radius
+/// (512 · 2⁻²⁴ = 2⁻¹⁵). A pool table's balls (28.6 mm) reach that 15 m from the origin.
 fn needs_compensation(scene: &CompiledScene) -> bool {
     const COORDINATE_PER_RADIUS_MAX: f32 = 512.0;
     let visible = scene.spheres.iter().filter(|sphere| sphere.radius > 0.0);

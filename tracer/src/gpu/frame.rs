@@ -1,4 +1,4 @@
-//! The buffers of one frame in flight.
+//! The buffers and passes of one frame in flight.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -13,32 +13,34 @@ use crate::gpu::mesh_buffer::{OptionalBuffers, SceneUpload};
 use crate::gpu::pipeline::Kernel;
 use crate::gpu::schedule::Chunk;
 
-/// Passes of one submission at most: the samples, two sets of first hits, seven of the filter, and two more
-/// where samples are cut.
+/// Maximum number of passes per submission: the samples, two sets of first hits, seven of the
+/// filter, and two to spare for samples that are divided.
 pub(crate) const PASSES_MAX: usize = 12;
 /// Two 64-bit timestamps of each pass: before and after it.
 const TIMESTAMPS_BYTES: u64 = 16 * PASSES_MAX as u64;
-/// Bytes between the uniforms of two passes: a multiple of every device's alignment.
+/// Bytes from the uniforms of one pass to those of the next: a multiple of the uniform-buffer
+/// offset alignment of every device.
 pub(crate) const SLOT_BYTES: u64 = 256;
-/// Bytes of a pixel: red, green and blue.
+/// Bytes per pixel of the film: red, green and blue.
 pub(crate) const PIXEL_BYTES: u64 = KernelOutput::Radiance.pixel_bytes();
-/// Bytes of the sum of a pixel's samples, and of what it has lost to rounding. It stays on the
-/// device; the film may lie in the host's memory.
+/// Bytes per pixel of the sum of its samples and the sum's rounding error (compensated summation).
+/// The sums stay on the device, while the film may lie in host memory.
 pub(crate) const SUM_BYTES: u64 = 2 * PIXEL_BYTES;
-/// Workgroups along the x axis of a dispatch; any number below Vulkan's 65,535.
+/// Largest number of workgroups along a dispatch's x axis; anything below Vulkan's guaranteed
+/// 65,535.
 const GROUPS_X_MAX: u32 = 32_768;
 
-/// Buffers that grow to what has been asked of them.
+/// Buffers of one frame in flight, which grow as needed.
 pub(crate) struct FrameBuffers {
     scene: wgpu::Buffer,
-    /// Of the present scene.
+    /// Bytes of the current scene in `scene`.
     scene_bytes: u64,
     optional: OptionalBuffers,
-    /// A slot for each pass of a submission.
+    /// One slot of [`SLOT_BYTES`] for each pass of a submission.
     uniforms: wgpu::Buffer,
     pub(super) tiles: wgpu::Buffer,
     pub(super) film: wgpu::Buffer,
-    /// A copy of the film that can be mapped, where the film itself cannot.
+    /// A mappable copy of the film, where the film itself cannot be mapped.
     picture: Option<wgpu::Buffer>,
     film_sums: wgpu::Buffer,
     pub(super) counters: wgpu::Buffer,
@@ -47,25 +49,25 @@ pub(crate) struct FrameBuffers {
     pub(super) filter: Option<FilterBuffers>,
 }
 
-/// A kernel's run over blocks of pixels.
+/// One dispatch of a kernel over blocks of pixels.
 pub(crate) struct Pass<'a> {
     pub(crate) pipeline: &'a wgpu::ComputePipeline,
     pub(crate) bindings: wgpu::BindGroup,
-    /// Workgroups.
+    /// Number of workgroups along x and y.
     pub(crate) groups: [u32; 2],
-    /// What [`FrameBuffers::slot`] of its place holds.
+    /// Contents of the pass's [`FrameBuffers::slot`].
     pub(crate) uniforms: Vec<u8>,
 }
 
-/// Workgroups of a pass over a chunk's blocks, `workgroup_blocks` each.
+/// Workgroups of a pass over `blocks` blocks of pixels, `workgroup_blocks` per workgroup.
 pub(crate) fn groups(blocks: u32, workgroup_blocks: u32) -> [u32; 2] {
     let groups = blocks.div_ceil(workgroup_blocks);
     let columns = groups.min(GROUPS_X_MAX);
-    // The last row may go beyond the blocks: kernels leave out blocks from `block_count` on.
+    // The last row may extend beyond the blocks: kernels skip blocks from `block_count` on.
     [columns, groups.div_ceil(columns.max(1))]
 }
 
-/// Measures passes by the device's own clock.
+/// Timestamp queries, which measure passes by the device's clock.
 struct Timer {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
@@ -78,10 +80,10 @@ pub(crate) struct BufferPool {
 }
 
 impl BufferPool {
-    /// Sets kept for later: as many as frames are in flight at once.
+    /// Number of sets kept for reuse: as many as there are frames in flight.
     const IDLE_MAX: usize = 4;
 
-    /// A set that nobody else uses.
+    /// A set of buffers for exclusive use.
     pub(crate) fn take(&self, device: &Device) -> Result<FrameBuffers, Error> {
         let idle = self
             .idle
@@ -91,7 +93,8 @@ impl BufferPool {
         idle.map_or_else(|| device.guarded(|_| FrameBuffers::new(device)), Ok)
     }
 
-    /// Gives a set back whose work has ended well; others are better dropped.
+    /// Returns a set whose work has ended without errors; after an error, the set is dropped
+    /// instead.
     pub(crate) fn put(&self, buffers: FrameBuffers) {
         let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         if idle.len() < Self::IDLE_MAX {
@@ -136,7 +139,7 @@ impl FrameBuffers {
         }
     }
 
-    /// Uploads the scene and the chunk's tiles and makes room for the results.
+    /// Uploads the scene and the chunk's tiles and makes the buffers large enough for the results.
     ///
     /// # Errors
     /// [`Error::Device`] if there is not enough memory.
@@ -174,7 +177,8 @@ impl FrameBuffers {
         })
     }
 
-    /// Binds a tracing kernel to the uniforms of a slot, to the tiles that it traces, and to `film` for its results.
+    /// The bind group of a tracing kernel, with the uniforms of a slot, the tiles to trace, and
+    /// `film` for its results.
     pub(crate) fn bind(
         &self,
         wgpu: &wgpu::Device,
@@ -190,7 +194,8 @@ impl FrameBuffers {
             whole(3, film),
             whole(4, &self.counters),
             whole(5, &self.film_sums),
-            // Again, always as storage: for reads whose place differs from thread to thread.
+            // The same buffer again, always as storage: for reads whose address differs between
+            // threads.
             part(6, &self.scene, 0, self.scene_bytes),
         ];
         let optional = self.optional.iter();
@@ -205,7 +210,7 @@ impl FrameBuffers {
         })
     }
 
-    /// The uniforms of a submission's pass, which are of `bytes`.
+    /// A binding of the `bytes` bytes of uniforms of a submission's pass.
     pub(crate) fn slot(&self, binding: u32, slot: usize, bytes: usize) -> wgpu::BindGroupEntry<'_> {
         part(
             binding,
@@ -215,9 +220,9 @@ impl FrameBuffers {
         )
     }
 
-    /// Clears some buffers, runs a chunk's passes one after the other and waits for them; after the
-    /// last ones the results can be read. Returns the device's time of each pass in nanoseconds, 0
-    /// where it has no clock.
+    /// Clears the buffers of `cleared`, runs `passes` one after the other and waits for them;
+    /// results can be read after the last submission (`is_last`). Returns the device time of each
+    /// pass in nanoseconds, 0 where there are no timestamps.
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails.
@@ -251,9 +256,9 @@ impl FrameBuffers {
             self.readback.slice(..layout.counters_end()),
             self.picture().slice(..layout.film_bytes),
         ];
-        // The thread waits for a mapping, so one is asked for even where no times are measured. A mapped
-        // buffer may not be used by a submission: those before the last leave the film alone and unmap
-        // the times below.
+        // Waiting works by mapping a buffer, so the timestamps are mapped even where no times are
+        // measured. A submission must not use a mapped buffer: those before the last leave the film
+        // alone, and the timestamps are unmapped below.
         let mapped = if is_last { &results[..] } else { &[timestamps] };
         device.submit_and_map(commands, mapped)?;
         let nanos = (0..passes.len()).map(|pass| self.nanos(device, pass));
@@ -264,7 +269,7 @@ impl FrameBuffers {
         Ok(nanos)
     }
 
-    /// The device's time of a pass.
+    /// Device time of a pass in nanoseconds.
     fn nanos(&self, device: &Device, pass: usize) -> Result<f64, Error> {
         device.tick_nanos.map_or(Ok(0.0), |tick_nanos| {
             let [begin, end]: [u64; 2] = self.read(device, 16 * pass as u64)?;
@@ -272,11 +277,11 @@ impl FrameBuffers {
         })
     }
 
-    /// Hands the chunk's rays, its tiles' dropped samples and its pixels' numbers to `take` once the
-    /// last pass is done.
+    /// Calls `take` with the chunk's number of rays, the dropped samples of each tile and the film,
+    /// once the last submission is done.
     ///
     /// # Errors
-    /// [`Error::Device`] if the results are not there.
+    /// [`Error::Device`] if the results are not mapped.
     pub(crate) fn results<T>(
         &self,
         device: &Device,
@@ -300,7 +305,7 @@ impl FrameBuffers {
         Ok(taken)
     }
 
-    /// What is mapped to read the film.
+    /// The buffer that is mapped in order to read the film.
     fn picture(&self) -> &wgpu::Buffer {
         self.picture.as_ref().unwrap_or(&self.film)
     }
@@ -360,7 +365,7 @@ impl FrameBuffers {
     }
 }
 
-/// How much of a chunk's results is read back: timestamps and counters, then the film.
+/// What is read back for a chunk: timestamps and counters in one buffer, the film in another.
 pub(crate) struct ReadbackLayout {
     pub(crate) tiles: u64,
     pub(crate) film_bytes: u64,
@@ -394,7 +399,7 @@ fn part(binding: u32, buffer: &wgpu::Buffer, offset: u64, bytes: u64) -> wgpu::B
     }
 }
 
-/// A binding of all of a buffer.
+/// A binding of a whole buffer.
 pub(crate) fn whole(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntry<'_> {
     wgpu::BindGroupEntry {
         binding,
@@ -413,8 +418,8 @@ const COUNTERS_USAGE: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE
 const READBACK_USAGE: wgpu::BufferUsages =
     wgpu::BufferUsages::MAP_READ.union(wgpu::BufferUsages::COPY_DST);
 
-/// A film in memory that this process can map needs no copy: the kernel's writes cross the bus
-/// while it still traces.
+/// A film in memory that the host can map needs no copy: the kernel's writes cross the bus while it
+/// is still tracing.
 fn film_usage(device: &Device) -> wgpu::BufferUsages {
     let read = match device.maps_storage {
         true => wgpu::BufferUsages::MAP_READ,
@@ -423,7 +428,7 @@ fn film_usage(device: &Device) -> wgpu::BufferUsages {
     wgpu::BufferUsages::STORAGE | read
 }
 
-/// Replaces a buffer that is too small.
+/// Replaces a buffer that is smaller than `bytes`, without keeping its contents.
 pub(crate) fn reserve(
     device: &wgpu::Device,
     current: &mut wgpu::Buffer,

@@ -1,4 +1,5 @@
-//! The image textures and environment maps of scenes on the device: uploaded once, not with each picture.
+//! The image textures and environment maps of scenes on the device, uploaded once rather than with
+//! each frame.
 
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ use crate::gpu::device::Device;
 use crate::tonemap::SRGB_LINEAR;
 use crate::{CompiledScene, Error};
 
-/// Buffers of the scenes that were traced last.
+/// Cached image buffers of the most recently traced scenes.
 #[derive(Default)]
 pub(crate) struct ImageBuffers {
     textures: BufferCache<u32>,
@@ -20,10 +21,10 @@ pub(crate) struct ImageBuffers {
 }
 
 impl ImageBuffers {
-    /// The textures of a scene; none without any.
+    /// The texture buffer of a scene; `None` without textures.
     ///
     /// # Errors
-    /// [`Error::Device`] if they do not fit.
+    /// [`Error::Device`] if they do not fit into a buffer.
     pub(crate) fn textures(
         &self,
         device: &Device,
@@ -38,10 +39,10 @@ impl ImageBuffers {
         buffer.map(Some)
     }
 
-    /// The environment map of a scene; none without.
+    /// The environment-map buffer of a scene; `None` without one.
     ///
     /// # Errors
-    /// [`Error::Device`] if it does not fit.
+    /// [`Error::Device`] if it does not fit into a buffer.
     pub(crate) fn environment_map(
         &self,
         device: &Device,
@@ -57,7 +58,7 @@ impl ImageBuffers {
     }
 }
 
-/// The kernel's `TextureMemory`.
+/// A buffer with the contents of the kernel's `TextureMemory`.
 fn create_textures(device: &Device, textures: &CompiledTextures) -> Result<wgpu::Buffer, Error> {
     let count = textures.images.len();
     let what = format!("{count} textures take");
@@ -75,7 +76,7 @@ fn create_textures(device: &Device, textures: &CompiledTextures) -> Result<wgpu:
     )
 }
 
-/// The kernel's `EnvironmentMemory`.
+/// A buffer with the contents of the kernel's `EnvironmentMemory`.
 fn create_environment_map(
     device: &Device,
     map: &CompiledEnvironment,

@@ -1,4 +1,5 @@
-//! The bytes that a kernel reads: what [`crate::compiled`] holds, one array behind another.
+//! Memory layout of the buffers that a kernel reads: the arrays of [`crate::compiled`] one after
+//! another.
 
 use bytemuck::{Pod, Zeroable, bytes_of, cast_slice};
 use glam::Vec3;
@@ -16,17 +17,18 @@ use crate::gpu::coplanar;
 use crate::gpu::features::{self, Features, SceneMemory};
 use crate::{Error, ImageSize, SceneError};
 
-/// What stands before the scene's arrays.
+/// The data before the scene's arrays.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct SceneHeader {
     pub(crate) camera: CameraFrame,
     pub(crate) environment: [f32; 3],
-    /// 0, which the shader's compiler cannot know.
+    /// Always 0; the shader compiler cannot know this, which keeps it from simplifying certain
+    /// expressions.
     pub(crate) zero: u32,
 }
 
-/// What one dispatch does: samples `sample_begin..sample_end` of `samples` in blocks of pixels.
+/// Uniforms of one dispatch: samples `sample_begin..sample_end` of `samples`, in blocks of pixels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct DispatchData {
@@ -40,16 +42,18 @@ pub(crate) struct DispatchData {
     pub(crate) first_sample: u32,
     pub(crate) seed: u32,
     pub(crate) max_depth: u32,
-    /// Whether the tiles are single pixels, as many as [`LISTED_PIXELS`] says.
+    /// 1 if the tiles are single pixels, whose number is the counter at [`LISTED_PIXELS`];
+    /// otherwise 0.
     pub(crate) is_list: u32,
 }
 
-/// Words of the counters before those of the tiles: rays, low and high, and the length of the list of edges.
+/// Number of 32-bit counters before those of the tiles: low and high word of the number of rays,
+/// and length of the list of edge pixels.
 pub(crate) const COUNTERS_BEFORE_TILES: u64 = 3;
-/// Which of them is that length.
+/// Index of the counter that holds the length of the list of edge pixels.
 pub(crate) const LISTED_PIXELS: u64 = 2;
 
-/// A tile, and how many blocks and pixels come before it.
+/// A tile, and the numbers of blocks and pixels before it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct TileEntry {
@@ -61,7 +65,7 @@ pub(crate) struct TileEntry {
     pub(crate) first_pixel: u32,
 }
 
-/// A ball for the test of whether a ray may meet it.
+/// A ball, prepared for a conservative test of whether a ray may hit it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct SphereBound {
@@ -70,23 +74,24 @@ pub(crate) struct SphereBound {
     pub(crate) power: f32,
 }
 
-/// A box for the test of whether a ray may meet it: its middle and half its extent.
+/// A box, prepared for a conservative test of whether a ray may hit it: centre and half extents.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct BoxBound {
     pub(crate) center: [f32; 3],
     padding0: u32,
-    /// Larger than the box by what rounding can be.
+    /// Half extents, enlarged by a bound on the rounding error.
     pub(crate) half: [f32; 3],
     padding1: u32,
 }
 
-/// Both halves of a part of a BVH. Boxes are widened by its slack; each ray widens them by that of its origin.
+/// The two children of a BVH node. Their boxes are enlarged by the BVH's slack; each ray enlarges
+/// them further by the slack of its origin.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct BvhNodeData {
     pub(crate) left_center: [f32; 3],
-    /// A node, or with [`BVH_LEAF`] a leaf.
+    /// Index of a node, or of a leaf if [`BVH_LEAF`] is set.
     pub(crate) left: u32,
     pub(crate) left_half: [f32; 3],
     pub(crate) right: u32,
@@ -96,7 +101,7 @@ pub(crate) struct BvhNodeData {
     padding1: u32,
 }
 
-/// Balls of a leaf, the last one repeated.
+/// The balls of a leaf; the last one is repeated to fill it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(crate) struct SphereLeaf {
@@ -111,14 +116,15 @@ pub(crate) const MESH_BINDING: u32 = 9;
 pub(crate) const TEXTURE_BINDING: u32 = 10;
 /// The binding of a scene's environment map.
 pub(crate) const ENVIRONMENT_BINDING: u32 = 11;
-/// Set in the number of a leaf.
+/// Flag that marks the index of a leaf.
 pub(crate) const BVH_LEAF: u32 = 1 << 31;
 
-/// How much a box's bounds are wider than the box, over the largest coordinate of the scene. The
-/// quick test and the exact one together err by 12 · 2⁻²⁴ of it.
+/// Enlargement of a box's bounds relative to the scene's largest coordinate. The combined error of
+/// the conservative test and the exact one is 12 · 2⁻²⁴ of that coordinate.
 const BOX_SLACK: f32 = 16.0 * 0.5 * f32::EPSILON;
-/// With |o| and |c| the distances of a ray's origin and a ball's centre from the world's origin,
-/// rounding moves the quick test's `b² − q` by less than 38 · 2⁻²⁴ (|o|² + |c|²).
+/// Slack of the conservative sphere test: with |o| and |c| the distances of a ray's origin and a
+/// ball's centre from the world's origin, rounding changes the test's `b² − q` by less than 38 ·
+/// 2⁻²⁴ (|o|² + |c|²).
 pub(crate) const SPHERE_SLACK: f32 = 4e-6;
 
 impl SphereBound {
@@ -138,8 +144,8 @@ impl BvhNodeData {
         let center = |part: &BvhNode| 0.5 * (part.min + part.max);
         let half = |part: &BvhNode| {
             let center = center(part);
-            // Both differences: the centre is rounded, and the half extent has to reach the farther
-            // corner from there.
+            // The larger of the two differences: as the centre is rounded, the half extent has to
+            // reach the farther corner.
             ((part.max - center).max(center - part.min) + slack).to_array()
         };
         let number = |part: &BvhNode| match part.is_leaf() {
@@ -181,12 +187,12 @@ impl BoxBound {
     }
 }
 
-/// What `scene` requires on a device whose uniform buffers hold `uniform_bytes_max`.
+/// Features of `scene` for a device whose uniform buffers hold up to `uniform_bytes_max` bytes.
 pub(crate) fn features(scene: &CompiledScene, uniform_bytes_max: u64) -> Features {
     let mut features = Features::new(scene);
-    // Rays of a group take different paths down a BVH, and a device reads constants for them in turn:
-    // twice the time for 256 balls.
-    // That of triangles lies in a buffer of its own.
+    // Uniform memory serves differing addresses one after another, and the threads of a workgroup
+    // take different paths through a BVH: for 256 balls it took twice the time. The BVH of
+    // triangles does not matter here, as it lies in a buffer of its own.
     let has_bvh = features
         .shapes_of_scene()
         .any(|shape| features.has_bvh(shape));
@@ -196,7 +202,7 @@ pub(crate) fn features(scene: &CompiledScene, uniform_bytes_max: u64) -> Feature
     features
 }
 
-/// An array of a buffer, as the kernel declares it.
+/// An array in a buffer, as the kernel declares it.
 pub(crate) struct ArrayLayout {
     pub(crate) name: String,
     pub(crate) element: &'static str,
@@ -231,8 +237,8 @@ impl ArrayLayout {
     }
 }
 
-/// What lies in the scene's buffer behind the header, in the order of [`scene_bytes`]: of what a scene has none of, no
-/// array is declared.
+/// The arrays after the header of the scene's buffer, in the order of [`scene_bytes`]. Empty arrays
+/// are not declared.
 pub(crate) fn scene_arrays(features: &Features) -> Vec<ArrayLayout> {
     let shapes = || features.shapes_of_scene();
     let (csg_boxes, lights) = (features.csg_boxes, features.area_lights);
@@ -250,7 +256,7 @@ pub(crate) fn scene_arrays(features: &Features) -> Vec<ArrayLayout> {
     arrays.filter(|array| array.count > 0).collect()
 }
 
-/// What lies in the triangles' buffer, in the order of [`mesh_bytes`].
+/// The arrays of the triangles' buffer, in the order of [`mesh_bytes`].
 pub(crate) fn mesh_arrays(features: &Features) -> Vec<ArrayLayout> {
     let (normals, uvs) = (features.smooth_triangles, features.uv_triangles);
     let (colors, lights) = (features.colored_triangles, features.emissive_triangles());
@@ -266,8 +272,8 @@ pub(crate) fn mesh_arrays(features: &Features) -> Vec<ArrayLayout> {
     arrays.filter(|array| array.count > 0).collect()
 }
 
-/// What rays find the primitives of a shape by: the nodes and leaves of a BVH, or bounds for a quick test of whether a
-/// ray may meet one.
+/// The acceleration structure of a shape: nodes and leaves of a BVH, or else bounds for a
+/// conservative intersection test.
 fn finder_arrays(features: &Features, shape: ShapeKind) -> Vec<ArrayLayout> {
     let (name, count) = (shape.function(), features.count(shape));
     if features.has_bvh(shape) {
@@ -304,23 +310,24 @@ fn finder_arrays(features: &Features, shape: ShapeKind) -> Vec<ArrayLayout> {
     }
 }
 
-/// Length of [`scene_bytes`].
+/// Length of [`scene_bytes`] in bytes.
 pub(crate) fn scene_bytes_len(features: &Features) -> u64 {
     let arrays = scene_arrays(features);
     let arrays = arrays.iter().map(ArrayLayout::bytes);
     (size_of::<SceneHeader>() + arrays.sum::<usize>()) as u64
 }
 
-/// Length of [`mesh_bytes`].
+/// Length of [`mesh_bytes`] in bytes.
 pub(crate) fn mesh_bytes_len(features: &Features) -> u64 {
     let arrays = mesh_arrays(features);
     arrays.iter().map(ArrayLayout::bytes).sum::<usize>() as u64
 }
 
-/// The scene as the kernel's `SceneData`.
+/// The contents of the kernel's `SceneData`.
 ///
 /// # Errors
-/// [`Error::InvalidScene`] if a primitive's material does not exist: the kernel does not check.
+/// [`Error::InvalidScene`] if a primitive's material does not exist, which the kernel does not
+/// check.
 pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<u8>, Error> {
     check_materials(scene)?;
     let header = SceneHeader {
@@ -355,11 +362,12 @@ pub(crate) fn scene_bytes(scene: &CompiledScene, size: ImageSize) -> Result<Vec<
     Ok(bytes)
 }
 
-/// The scene's triangles as the kernel's `MeshData`.
+/// The contents of the kernel's `MeshData`.
 pub(crate) fn mesh_bytes(scene: &CompiledScene) -> Vec<u8> {
     let meshes = &scene.meshes;
     let triangles: &[u8] = cast_slice(&meshes.triangles);
     let finders = finders(scene, ShapeKind::Triangle);
+    // As in `Features::new`, texture coordinates are left out if there are no textures.
     let uvs: &[u8] = match scene.textures.is_empty() {
         true => &[],
         false => cast_slice(&meshes.uvs),
@@ -371,7 +379,7 @@ pub(crate) fn mesh_bytes(scene: &CompiledScene) -> Vec<u8> {
     [triangles, normals, uvs, colors, lights, &finders].concat()
 }
 
-/// What rays find the primitives of a shape by.
+/// The acceleration structure of a shape, in the order of [`finder_arrays`].
 fn finders(scene: &CompiledScene, shape: ShapeKind) -> Vec<u8> {
     if let Some(bvh) = features::bvh(scene, shape) {
         let nodes = bvh.nodes.iter();
@@ -402,7 +410,7 @@ fn finders(scene: &CompiledScene, shape: ShapeKind) -> Vec<u8> {
     }
 }
 
-/// The [`BoxBound`]s of boxes, and those of their clusters.
+/// The [`BoxBound`]s of boxes, followed by those of their clusters.
 fn box_bounds(scene: &CompiledScene, boxes: Vec<Bounds>, clusters: Clusters) -> Vec<u8> {
     let farthest = coplanar::farthest(scene);
     let of_clusters = clusters.bounds(&boxes);

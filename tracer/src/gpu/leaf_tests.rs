@@ -1,4 +1,4 @@
-//! The kernel's leaves, run alone on a device over thousands of inputs.
+//! Tests of single functions of the kernel, run on a device over thousands of inputs.
 
 use bytemuck::{cast_slice, pod_collect_to_vec};
 use glam::{DVec3, Vec3};
@@ -16,7 +16,7 @@ use crate::scalar::basis::basis;
 use crate::scalar::{Ray, intersect};
 use crate::{CompiledScene, ImageSize, PunctualEmitter, PunctualLight};
 
-/// A device, or none and a reason.
+/// A device, or the reason why there is none.
 fn device() -> Option<Device> {
     match adapter::find(&AdapterChoice::Any).and_then(|adapter| Device::open(&adapter)) {
         Ok(device) => Some(device),
@@ -28,18 +28,18 @@ fn device() -> Option<Device> {
     }
 }
 
-/// Evenly spread numbers in [0, 1), four for each `i`.
+/// Evenly distributed numbers in [0, 1), four for each `i`.
 fn random(i: usize) -> [f64; 4] {
     uniforms(i as u32, 1, 2, 3).map(f64::from)
 }
 
-/// Runs `body` for each `i` below `count`, a multiple of 64: it reads words with `word(at)` and
-/// numbers with `number(at)` and `triple(at)`, and writes four words with `result(i, vec4u)`.
+/// Runs `body` for each `i` below `count`, a multiple of 64. It reads its input with `word(at)`,
+/// `number(at)` and `triple(at)` and writes four words with `result(i, vec4u)`.
 fn run(scene: &CompiledScene, body: &str, input: &[u32], count: usize) -> Option<Vec<[u32; 4]>> {
     device().map(|device| run_on(&device, scene, body, input, count))
 }
 
-/// [`run`] where there is a device. Drivers give only some tens of devices to a process.
+/// Calls [`run`] if there is a device. Drivers allow only some tens of devices per process.
 fn run_on(
     device: &Device,
     scene: &CompiledScene,
@@ -96,7 +96,7 @@ fn run_on(
     pod_collect_to_vec(&view)
 }
 
-/// Pixels across and down the image of a scene's camera.
+/// Width and height of the image of a scene's camera.
 const EDGE: u32 = 64;
 
 const ENTRY: &str = "
@@ -332,7 +332,7 @@ fn fresnel_reflectance_is_that_of_scalar() {
     }
 }
 
-/// Rays along axes, in faces and through edges among them.
+/// Rays including some along axes, in faces and through edges.
 fn rays(count: usize) -> Vec<[f32; 6]> {
     let ray = |i: usize| {
         let [a, b, c, d] = random(i);
@@ -354,7 +354,8 @@ fn rays(count: usize) -> Vec<[f32; 6]> {
 
 #[test]
 fn rays_hit_what_scalar_rays_hit() {
-    // One area light lower than the other, before its face; far from the origin for its size.
+    // One area light lower than the other and in front of its face; far from the origin in relation
+    // to its size.
     let mut unequal = probe::scene();
     unequal.area_lights[1].center.z = 1.9;
     let mut far = unequal.clone();
@@ -369,7 +370,8 @@ fn rays_hit_what_scalar_rays_hit() {
     }
 }
 
-/// Where light is looked for elsewhere too, area lights are in its way, of which one may be all there are.
+/// If there are other lights, area lights occlude their shadow rays; a single area light is
+/// possible too.
 #[test]
 fn the_light_that_a_shadow_ray_asks_for_is_not_in_its_way() {
     const COUNT: usize = 4096;
@@ -387,7 +389,7 @@ fn the_light_that_a_shadow_ray_asks_for_is_not_in_its_way() {
     assert!(features.area_lights_coplanar && features.area_lights_occlude);
     let light = scene.area_lights.pop().unwrap();
     let unlit = CompiledScene::new(&scene).unwrap();
-    // From a metre off, at the light and past its edges.
+    // From a distance of a metre, towards the light and beyond its edges.
     let ray = |i: usize| {
         let [a, b, c, d] = random(i).map(|v| 2.0 * v as f32 - 1.0);
         let aim = light.center + 1.2 * (a * light.half_u + b * light.half_v);
@@ -447,7 +449,7 @@ fn compare_rays(scene: &CompiledScene, area_lights_occlude: bool) {
         });
         let t_expected = hit.map_or(f64::INFINITY, |hit| hit.t);
         let t = f64::from(f32::from_bits(t));
-        // Behind an area light that is not asked about there may be anything.
+        // What is behind an area light without occlusion is not tested.
         let is_shadow_known = area_lights_occlude || !(4..u32::MAX).contains(&expected);
         let is_shadow_same = (shadowed == 1) == (t_expected < 1.5)
             || (t_expected - 1.5).abs() < 1e-5
@@ -459,7 +461,7 @@ fn compare_rays(scene: &CompiledScene, area_lights_occlude: bool) {
             differing.push((ray, [primitive, expected], [t, t_expected], shadowed));
         }
     }
-    // Rays that pass an edge within rounding, or an edge of the box exactly.
+    // Rays that pass within rounding of an edge, or exactly through an edge of the box.
     let (count, some) = (differing.len(), &differing[..differing.len().min(9)]);
     assert!(count * 2000 <= COUNT, "{count} of {COUNT}: {some:?}");
 }
@@ -508,7 +510,8 @@ fn rays_in_the_planes_of_a_box_hit_it() {
     }
 }
 
-/// Impacts a few ulps inside and outside of a ball's edge: beyond 4 of them none is mistaken.
+/// Rays that hit or miss a ball by a few ULPs at its silhouette: beyond 4 ULPs all results are
+/// right.
 #[test]
 fn grazing_rays_are_exact_to_4_ulps() {
     let mut scene = probe_scene();
@@ -565,7 +568,8 @@ fn balls_are_hit_from_any_distance_as_in_f64() {
                 expected => wrong += usize::from(expected.is_some() || is_hit),
             }
         }
-        // Without compensation a device that rounds `fma` twice is off in proportion.
+        // Without compensation, the error of a device whose `fma` rounds twice is proportional to
+        // the distance.
         let is_compensated = layout::features(&scene, 65_536).is_compensated;
         let bound = if is_compensated {
             3e-5
@@ -581,7 +585,7 @@ fn balls_are_hit_from_any_distance_as_in_f64() {
 }
 
 const RADIUS: f32 = 0.028_575;
-/// Not the origin, so that its difference to an eye far away is rounded.
+/// Not the origin, so that the difference to a distant eye is rounded.
 const BALL: [f32; 3] = [0.31, -0.22, 0.17];
 
 /// A ray from `distance` that passes the ball's centre within 1.2 radii.
@@ -608,7 +612,7 @@ fn normal_in_f64(ray: &[f32; 6]) -> Option<DVec3> {
     (half_squared > 0.0).then(|| (nearest - half_squared.sqrt() * direction).normalize())
 }
 
-/// What rays meet by a BVH is what they meet one by one.
+/// Hits found by a BVH are those of a linear search.
 #[test]
 fn bvh_hits_equal_those_of_a_linear_scan() {
     use crate::bvh::test_scenes::{ARRANGEMENTS, SHAPES, ray, test_scene};
@@ -675,8 +679,8 @@ fn no_ray_passes_an_edge_or_a_corner_of_a_closed_mesh() {
     }
 }
 
-/// What the camera rays of a block meet among the primitives in its frustum is what they meet among all, seen wide and
-/// through a telescope, with and without a lens, and far from the origin.
+/// Camera rays of a block find the same hits among the primitives in its frustum as among all: with
+/// wide and very narrow fields of view, with and without a lens, and far from the origin.
 #[test]
 fn camera_rays_meet_the_same_in_their_frustum() {
     use crate::bvh::test_scenes::{Arrangement, test_scene};
@@ -703,7 +707,7 @@ fn camera_rays_meet_the_same_in_their_frustum() {
     let Some(device) = device() else {
         return;
     };
-    // Corners of pixels, too.
+    // Including corners of pixels.
     let jitter = (0..COUNT).flat_map(|i| {
         let [x, y, is_corner, _] = random(i);
         [x, y].map(|at| if is_corner < 0.2 { at.round() } else { at } as f32)

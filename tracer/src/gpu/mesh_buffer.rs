@@ -1,4 +1,4 @@
-//! The triangles of scenes on the device: uploaded once, not with each picture.
+//! The triangles of scenes on the device, uploaded once rather than with each frame.
 
 use std::sync::Arc;
 
@@ -12,18 +12,18 @@ use crate::gpu::layout::{
 };
 use crate::{CompiledScene, Error, ImageSize};
 
-/// What a picture's kernels read of its scene.
+/// The scene data that a frame's kernels read.
 pub(crate) struct SceneUpload {
     /// See [`scene_bytes`].
     pub(crate) bytes: Vec<u8>,
     pub(crate) optional: OptionalBuffers,
 }
 
-/// Triangles as [`mesh_bytes`] has them, image textures and an environment map, each behind its binding and none without
-/// any.
+/// Buffers that not every scene has, with their bindings: triangles (see [`mesh_bytes`]), image
+/// textures and the environment map.
 pub(crate) type OptionalBuffers = [(u32, Option<Arc<wgpu::Buffer>>); 3];
 
-/// Buffers of the scenes that were traced last.
+/// Cached buffers of the most recently traced scenes.
 #[derive(Default)]
 pub(crate) struct MeshBuffers {
     meshes: BufferCache<TriangleData>,
@@ -31,10 +31,11 @@ pub(crate) struct MeshBuffers {
 }
 
 impl MeshBuffers {
-    /// What is to be uploaded with a picture of `scene`.
+    /// The data to upload or bind for a frame of `scene`.
     ///
     /// # Errors
-    /// [`Error::InvalidScene`] as [`scene_bytes`] says; [`Error::Device`] if triangles or pictures do not fit.
+    /// [`Error::InvalidScene`] as for [`scene_bytes`]; [`Error::Device`] if triangles or images do
+    /// not fit into a buffer.
     pub(crate) fn upload(
         &self,
         device: &Device,
@@ -86,5 +87,5 @@ fn create(
     upload(device, "mesh", &[&mesh_bytes(scene)])
 }
 
-/// The largest type of a shader, which naga bounds.
+/// The largest size in bytes of a shader's type that naga accepts.
 const TYPE_BYTES_MAX: u64 = 1 << 30;

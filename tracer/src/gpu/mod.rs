@@ -7,12 +7,13 @@
 //! TraceJob ──Chunk::next────────┘
 //! ```
 //!
-//! Denoised pictures are filtered there too (`denoise`).
+//! Denoised frames are filtered on the device too (`denoise`).
 //!
-//! A job is one dispatch if it is short enough (`schedule`), and a frame in flight has buffers of
-//! its own, so that the device traces one while another is read back. The estimator is that of
-//! [`crate::scalar`], with the same random numbers: pictures differ by rounding only, where
-//! rounding sends a path another way by more, and not at all between partitions.
+//! A job is a single dispatch if it is short enough (`schedule`). Each frame in flight has its own
+//! buffers, so that the device traces one while another is read back. The estimator is that of
+//! [`crate::scalar`], with the same random numbers: the images differ from it by rounding only (and
+//! by more where rounding changes a path), and not at all between partitions into tiles or
+//! dispatches.
 
 mod adapter;
 mod aov;
@@ -58,13 +59,13 @@ use mesh_buffer::{MeshBuffers, SceneUpload};
 use pipeline::{Kernel, KernelCache};
 use schedule::{Chunk, ChunkLimits, Pacer};
 
-/// Traces on a GPU.
+/// A tracer that runs on a GPU.
 pub struct GpuTracer {
     device: Device,
-    /// What the start-up probe has shown, once it has been traced.
+    /// Result of the start-up probe, once it has been traced.
     proof: OnceLock<Result<(), String>>,
     kernels: KernelCache,
-    /// Compiled for the first picture that is denoised.
+    /// Filter kernels, compiled for the first denoised frame.
     filter: OnceLock<FilterKernels>,
     pool: BufferPool,
     meshes: MeshBuffers,
@@ -72,10 +73,10 @@ pub struct GpuTracer {
     pixels_max: u64,
 }
 
-/// Receives a chunk's dropped samples, by tile, and numbers, by pixel.
+/// Receives a chunk with the numbers of dropped samples by tile and the film by pixel.
 type ChunkSink<'a> = dyn Fn(&Chunk, &[u32], &[f32]) + 'a;
 
-/// What all dispatches of a job share.
+/// What all dispatches of a job have in common.
 struct Work<'a> {
     job: &'a TraceJob<'a>,
     output: KernelOutput,
@@ -88,21 +89,23 @@ struct Work<'a> {
 }
 
 impl GpuTracer {
-    /// Pixels traced before any is read back, if the device allows: all of a 4K frame.
+    /// Maximum number of pixels of a chunk, if the device allows it: enough for a 4K frame.
     const CHUNK_PIXELS_MAX: u64 = 1 << 23;
 
-    /// Opens a GPU and lets it prove itself on a small scene.
+    /// Opens a GPU and verifies it with the start-up probe.
     ///
     /// # Errors
-    /// [`Error::Device`] if there is none of that choice, it refuses, or it traces wrongly.
+    /// [`Error::Device`] if there is no such GPU, the driver refuses it, or it traces the probe
+    /// wrongly.
     pub fn new(choice: &AdapterChoice) -> Result<Self, Error> {
         let tracer = Self::open(&adapter::find(choice)?)?;
         tracer.prove()?;
         Ok(tracer)
     }
 
-    /// Every real GPU of this machine, the most capable first, or why it cannot be used. Each proves itself before
-    /// its first job, which fails if it cannot: that takes seconds where a driver has not compiled the kernels before.
+    /// All real GPUs of this machine, the most capable first, or the reason why one cannot be used.
+    /// Each is verified by the start-up probe before its first job, which fails if the probe does;
+    /// this takes seconds if the driver has not compiled the kernels before.
     pub fn all() -> Vec<Result<Self, Error>> {
         adapter::real().iter().map(Self::open).collect()
     }
@@ -125,7 +128,7 @@ impl GpuTracer {
         })
     }
 
-    /// Traces the start-up probe, if that has not been done.
+    /// Traces the start-up probe, unless that has been done.
     ///
     /// # Errors
     /// [`Error::Device`] if the device refuses or traces it wrongly.
@@ -139,14 +142,13 @@ impl GpuTracer {
         proof.clone().map_err(|message| self.device.error(message))
     }
 
-    /// Ends the device as a driver that loses it does: all work fails from now on. For tests of
-    /// what then happens.
+    /// Destroys the device, so that all further work fails as after a device loss. For tests.
     pub fn destroy(&self) {
         self.device.device.destroy();
     }
 
-    /// Compiles what a picture needs, side by side with the start-up probe: each takes a second or more where the driver
-    /// has not compiled it before.
+    /// Compiles the kernels that a frame needs, concurrently with the start-up probe: each takes a
+    /// second or more if the driver has not compiled it before.
     ///
     /// # Errors
     /// [`Error::Device`] if the device refuses or traces the probe wrongly.
@@ -164,8 +166,9 @@ impl GpuTracer {
         };
         let filter = settings.denoise.then_some(None);
         let parts = outputs(settings).iter().copied().map(Some).chain(filter);
-        // On threads of their own: one of a pool that waits may begin another job, which would wait for the probe that it
-        // is tracing itself. What gets no thread is compiled when it is needed.
+        // On dedicated threads: a rayon thread that waits may start another job, which would wait
+        // for the probe that this very thread is tracing. Kernels for which no thread can be
+        // spawned are compiled when needed.
         thread::scope(|scope| {
             let spawn = |part| thread::Builder::new().spawn_scoped(scope, move || compile(part));
             let threads: Vec<_> = parts.filter_map(|part| spawn(part).ok()).collect();
@@ -194,8 +197,8 @@ impl GpuTracer {
         buffers: &mut FrameBuffers,
         sink: &ChunkSink<'_>,
     ) -> Result<TraceStats, Error> {
-        // `self.pixels_max` is of the buffer of sums, which is the largest unless pixels have more
-        // numbers than these.
+        // `self.pixels_max` is for the buffer of sums, which is the largest unless the output has
+        // more bytes per pixel.
         let pixels_max = self.pixels_max * SUM_BYTES / work.output.pixel_bytes().max(SUM_BYTES);
         let mut stats = TraceStats::default();
         let mut next = 0;
@@ -220,7 +223,7 @@ impl GpuTracer {
         Ok(stats)
     }
 
-    /// Traces all samples of a chunk, unless cancelled: then it returns false.
+    /// Traces all samples of a chunk; returns false if cancelled.
     fn trace_chunk(
         &self,
         work: &Work<'_>,
@@ -252,7 +255,8 @@ impl GpuTracer {
             pass.uniforms = bytes_of(&data).to_vec();
             let passes = std::slice::from_ref(&pass);
             let cleared = [&buffers.counters];
-            // Counters go on over all dispatches of a chunk, as they are read once after the last.
+            // Counters accumulate over all dispatches of a chunk, as they are read once after the
+            // last.
             let cleared = if begin == 0 { &cleared[..] } else { &[] };
             let is_last = end == settings.samples;
             let nanos = buffers.run(&self.device, passes, &layout, cleared, is_last)?;
@@ -328,7 +332,7 @@ impl Tracer for GpuTracer {
     }
 }
 
-/// A GPU that is tracing its start-up probe.
+/// A GPU during its start-up probe: traces without waiting for the probe's result.
 struct UnprovenTracer<'a>(&'a GpuTracer);
 
 impl Tracer for UnprovenTracer<'_> {
@@ -347,7 +351,7 @@ impl Tracer for UnprovenTracer<'_> {
 }
 
 impl GpuTracer {
-    /// Traces pictures that are not denoised.
+    /// Traces radiance without denoising.
     fn trace_radiance(
         &self,
         scene: &CompiledScene,
@@ -384,10 +388,10 @@ impl GpuTracer {
         Ok(stats)
     }
 
-    /// Samples of a pixel that a dispatch may take.
+    /// Maximum number of samples per pixel in a dispatch.
     ///
     /// # Errors
-    /// [`Error::Device`] if not one can be traced.
+    /// [`Error::Device`] if not even one sample can be traced.
     fn pixel_samples(&self, job: &TraceJob<'_>, features: &Features) -> Result<u32, Error> {
         if !self.device.is_software {
             return Ok(u32::MAX);
@@ -414,7 +418,7 @@ impl GpuTracer {
     }
 }
 
-/// What the kernels of a picture find.
+/// The outputs of the kernels that a frame needs.
 const fn outputs(settings: &RenderSettings) -> &'static [KernelOutput] {
     match settings.denoise {
         true => &[KernelOutput::Reflected, KernelOutput::Aovs],
@@ -422,7 +426,7 @@ const fn outputs(settings: &RenderSettings) -> &'static [KernelOutput] {
     }
 }
 
-/// Passes tiles on as radiance, numbered from `first` on.
+/// A sink for chunks that passes their tiles on as radiance, with indices from `first` on.
 fn radiance_sink(
     first: usize,
     sink: &(dyn Fn(TileRadiance) + Sync),
@@ -439,8 +443,8 @@ fn radiance_sink(
     }
 }
 
-/// Hands a chunk's tiles over, their pixels and dropped samples, on all of rayon's threads: a single one copies
-/// 3–5 GB/s, which is slower than a large GPU traces.
+/// Calls `sink` with each of a chunk's tiles, its pixels and its number of dropped samples, on all
+/// rayon threads: a single thread copies 3–5 GB/s, which is slower than a large GPU traces.
 fn deliver<P: Sync>(
     chunk: &Chunk,
     dropped: &[u32],
@@ -457,5 +461,5 @@ fn deliver<P: Sync>(
     entries.enumerate().for_each(deliver);
 }
 
-/// Tiles that one of rayon's tasks hands over: 0.1 MB of 32 × 32 pixels.
+/// Minimum number of tiles per rayon task: 0.1 MB for tiles of 32 × 32 pixels.
 const DELIVERED_TOGETHER: usize = 8;

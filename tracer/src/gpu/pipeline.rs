@@ -1,4 +1,4 @@
-//! Kernels, compiled once per set of features.
+//! Compiled kernels, cached by the features they are specialised for.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,13 +10,13 @@ use crate::gpu::features::{Features, SceneMemory};
 use crate::gpu::layout::{ENVIRONMENT_BINDING, MESH_BINDING, TEXTURE_BINDING};
 use crate::gpu::shader;
 
-/// A compiled kernel and the layout of what it reads and writes.
+/// A compiled kernel and its bind-group layout.
 pub(crate) struct Kernel {
     pub(crate) pipeline: wgpu::ComputePipeline,
     pub(crate) layout: wgpu::BindGroupLayout,
-    /// Bindings of those buffers beside the scene's that it reads: triangles, image textures, the environment map.
+    /// Bindings of the optional buffers that it reads: triangles, image textures, environment map.
     pub(crate) optional_bindings: Vec<u32>,
-    /// Blocks of pixels that a workgroup traces.
+    /// Blocks of pixels per workgroup.
     pub(crate) workgroup_blocks: u32,
 }
 
@@ -27,17 +27,18 @@ pub(crate) struct KernelCache {
 }
 
 impl KernelCache {
-    /// Scenes come and go; kernels of this many kinds of scene are kept.
+    /// Maximum number of kernels kept.
     const KERNELS_MAX: usize = 32;
 
-    /// Whether the kernel for `features` is compiled.
+    /// Whether the kernel for `features` has been compiled.
     pub(crate) fn has(&self, features: &Features) -> bool {
         let kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         kernels.contains_key(features)
     }
 
-    /// The kernel for `features`, compiled if need be. Two threads that need the same new kernel
-    /// compile it twice rather than make a third wait.
+    /// The kernel for `features`, compiled if needed. The lock is not held meanwhile: two threads
+    /// that need the same new kernel both compile it, but threads that need another one do not
+    /// wait.
     ///
     /// # Errors
     /// [`Error::Device`] if the driver does not compile it.
@@ -101,7 +102,7 @@ pub(crate) fn compile(
             module: &module,
             entry_point: Some("trace"),
             compilation_options: wgpu::PipelineCompilationOptions {
-                // The workgroup's sum of rays and what it knows of its threads begin at 0.
+                // The workgroup's ray counter and the state shared by its threads must start at 0.
                 zero_initialize_workgroup_memory: true,
                 ..Default::default()
             },
@@ -116,7 +117,8 @@ pub(crate) fn compile(
     })
 }
 
-/// Without the bounds checks that wgpu adds: 21 → 26 Gray/s on an H200 for 16 balls and 6 boxes.
+/// A shader module without the bounds checks that wgpu adds: 26 instead of 21 Gray/s on an H200 for
+/// 16 balls and 6 boxes.
 #[expect(
     unsafe_code,
     reason = "every index is a loop's counter or a candidate's bit below an array's length, a \
@@ -129,7 +131,7 @@ fn shader_module(device: &wgpu::Device, source: String) -> wgpu::ShaderModule {
         label: Some("trace"),
         source: wgpu::ShaderSource::Wgsl(source.into()),
     };
-    // SAFETY: the kernel reads and writes in bounds and ends, as the reason above says.
+    // SAFETY: the kernel accesses memory within bounds and terminates, for the reasons given above.
     unsafe {
         device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked())
     }

@@ -1,8 +1,8 @@
-//! The start-up probe: a GPU that does not trace a small scene as the scalar tracer does is not used.
+//! The start-up probe: a GPU is only used if it traces two small scenes as the scalar tracer does.
 //!
-//! Drivers compile, fuse and round as they like, and now and then wrongly. Of two scenes the first is
-//! of plain balls and boxes under area lights; the second has what most pictures lack: a wooden CSG box, a
-//! number, napped cloth, rough metal, a mesh, and rough glass with a medium that scatters.
+//! Drivers compile, fuse and round differently, and some miscompile. The first scene has plain
+//! balls and boxes under area lights; the second has rarer features: a wooden CSG box, a number,
+//! napped cloth, rough metal, a mesh, and a rough dielectric with a scattering medium.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -16,7 +16,7 @@ use crate::{
     Shape, Stripe, Subtraction, Tile, TraceJob, Tracer,
 };
 
-/// 32 × 24 pixels of 4 samples: 10 ms of the scalar tracer.
+/// Image size and sampling of the probe: 32 × 24 pixels of 4 samples, 10 ms of the scalar tracer.
 const SIZE: ImageSize = ImageSize::new(32, 24);
 const SETTINGS: RenderSettings = RenderSettings {
     samples: 4,
@@ -25,12 +25,13 @@ const SETTINGS: RenderSettings = RenderSettings {
     seed: 1,
     denoise: false,
 };
-/// Rounding moves a pixel by about 1e-6; a path whose next edge it sends past the other side of an
-/// edge changes it by as much as the light does. Such paths are below 1 in 1000.
+/// Tolerance of a pixel, absolute plus relative. Rounding changes a pixel by about 1e-6; where it
+/// makes a path miss an edge, the change is as large as the light itself. Fewer than 1 in 1000
+/// paths are affected.
 const ERROR_MAX: f32 = 1e-3;
 const PIXELS_OFF_MAX: usize = SIZE.pixels() / 50;
 
-/// Compares `tracer` with the scalar tracer.
+/// Compares `tracer` with the scalar tracer on both scenes.
 ///
 /// # Errors
 /// [`Error::Device`] if it fails or too many pixels differ.
@@ -60,7 +61,7 @@ fn prove_with(tracer: &dyn Tracer, scene: &Scene) -> Result<(), Error> {
 
 fn is_off(a: [f32; 3], b: [f32; 3]) -> bool {
     let error = (Vec3::from(a) - Vec3::from(b)).abs();
-    // Written so that NaN is off.
+    // In this form a NaN counts as off.
     !error.cmple(ERROR_MAX * (1.0 + Vec3::from(b))).all()
 }
 
@@ -87,7 +88,7 @@ fn trace(tracer: &dyn Tracer, scene: &CompiledScene) -> Result<Vec<[f32; 3]>, Er
     Ok(picture.into_inner().expect("no sink panics"))
 }
 
-/// A ball, a box and two discs under two area lights.
+/// A ball, a box, a disc and a rectangle under two area lights.
 pub(crate) fn scene() -> Scene {
     let materials = [
         (
@@ -153,7 +154,8 @@ pub(crate) fn scene() -> Scene {
     }
 }
 
-/// [`scene`] in other materials, its box carved, with a ball of rough wax beside the other.
+/// [`scene`] with other materials, its box a CSG box, and further objects: a ball of rough wax, a
+/// cue and a mesh.
 pub(crate) fn dressed_scene() -> Scene {
     let mut scene = scene();
     for (name, material) in dressed_materials() {
@@ -275,7 +277,7 @@ fn dressed_materials() -> [(&'static str, Material); 6] {
     ]
 }
 
-/// A pyramid, shaded as if it were round.
+/// A pyramid with the vertex normals of a round shape.
 fn pyramid() -> Mesh {
     let corners = [
         Vec3::new(0.2, 0.0, 0.0),
@@ -297,7 +299,7 @@ fn object((shape, material): (Shape, &str)) -> Object {
     }
 }
 
-/// An area light that shines down from 2 m.
+/// An area light that shines down from a height of 2 m.
 fn light(x: f32, radiance: f32) -> AreaLight {
     AreaLight {
         name: "lamp".to_owned(),

@@ -1,11 +1,11 @@
-//! Division of work into chunks of tiles, and of chunks into dispatches of some samples.
+//! Division of jobs into chunks of tiles, and of chunks into dispatches of some of their samples.
 //!
-//! A dispatch should take [`DISPATCH_NANOS`]: long enough that starting it costs nothing, short
-//! enough for the watchdogs of display GPUs (2 s), for cancelling, and for other programs that
-//! use the GPU. So its work is what the device did in that time before. Where a job's samples
-//! fit, it is one dispatch; else its tiles are cut into chunks that are read back one by one; and
-//! where even a chunk just large enough to fill a GPU is too much, its samples are cut. A pixel's
-//! samples are added in their order however they are cut, so the picture does not depend on it.
+//! A dispatch should take [`DISPATCH_NANOS`]: long enough for its launch overhead not to matter,
+//! short enough for the watchdogs of display GPUs (2 s), for cancellation, and for other programs
+//! that use the GPU. So its size follows from the speed measured before. A job whose samples fit is
+//! one dispatch; otherwise its tiles are divided into chunks that are read back one by one; and
+//! where even a chunk that just fills a GPU is too much, its samples are divided. A pixel's samples
+//! are always added in the same order, so the image does not depend on the division.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,25 +14,29 @@ use crate::gpu::layout::{DispatchData, TileEntry};
 use crate::gpu::shader::BLOCK_EDGE;
 use crate::{RenderSettings, Tile};
 
-/// What a dispatch should take.
+/// Intended duration of a dispatch in nanoseconds.
 const DISPATCH_NANOS: f64 = 30e6;
-/// Dispatches that are shorter, and should be, say more about starting them than about speed.
+/// Duration in nanoseconds below which a dispatch tells more about launch overhead than about
+/// speed, unless it was expected to take longer.
 const LEARN_NANOS_MIN: f64 = 1e6;
-/// Femtoseconds per unit of work before anything is known: 30 Msample/s in a pool scene.
+/// Assumed speed in femtoseconds per unit of work before anything is measured: 30 Msample/s in a
+/// pool scene.
 const FEMTOS_PER_WORK: u64 = 100_000;
-/// Blocks that fill a large GPU: 4096 × 64 pixels, 2000 threads on each of 132 processors.
+/// Number of blocks that fills a large GPU: 4096 × 64 pixels, 2000 threads on each of 132
+/// multiprocessors.
 const CHUNK_BLOCKS_MIN: u32 = 4096;
-/// Blocks of which a dispatch takes some samples rather than a chunk some tiles: the end of a dispatch, where processors
-/// run out of work one by one, is short beside the rest of eight times what fills a GPU.
+/// Number of blocks from which a chunk's samples are divided rather than its tiles: with eight
+/// times what fills a GPU, the tail of a dispatch, when multiprocessors run out of work one by one,
+/// is short compared with the rest.
 const CHUNK_BLOCKS: u32 = 1 << 15;
-/// Samples that such a dispatch takes at least.
+/// Minimum number of samples per pixel of a dispatch that takes only a part of a chunk's samples.
 const DISPATCH_SAMPLES_MIN: u32 = 8;
-/// Tiles of a chunk: their list stays small.
+/// Maximum number of tiles of a chunk, so that their list stays small.
 const CHUNK_TILES_MAX: usize = 1 << 16;
-/// Pixels of a block.
+/// Pixels per block.
 pub(crate) const BLOCK_PIXELS: u64 = (BLOCK_EDGE * BLOCK_EDGE) as u64;
 
-/// The device's speed, learned from what it did.
+/// The speed of a device, learned from the durations of its dispatches.
 pub(crate) struct Pacer {
     femtos_per_work: AtomicU64,
 }
@@ -43,21 +47,22 @@ impl Pacer {
         Self { femtos_per_work }
     }
 
-    /// Samples for a dispatch, at least 1.
+    /// Number of samples for a dispatch of [`DISPATCH_NANOS`], at least 1.
     pub(crate) fn samples_per_dispatch(&self, work_per_sample: f64) -> u64 {
         (DISPATCH_NANOS / (self.nanos_per_work() * work_per_sample)).max(1.0) as u64
     }
 
-    /// Learns from a dispatch; `nanos` is 0 where the device has no timestamps, and then its speed
-    /// stays the assumed one: short dispatches cost less than a clock in here. A slower one is believed at once, a faster one by half: too much
-    /// work is worse than too little.
+    /// Updates the speed from a dispatch of `samples` samples that took `nanos` nanoseconds.
+    /// Without timestamps `nanos` is 0 and the assumed speed stays: dispatches that are too short
+    /// are preferred to a host clock, which this crate does not use. A lower speed is adopted at
+    /// once, a higher one by half: too much work is worse than too little.
     pub(crate) fn learn(&self, samples: u64, work_per_sample: f64, nanos: f64) {
         if nanos == 0.0 {
             return;
         }
         let work = samples as f64 * work_per_sample;
         let known = self.nanos_per_work();
-        // A dispatch that was short although a long one had been expected does tell of speed.
+        // A dispatch that was short although it was expected to be long does tell about speed.
         if nanos.max(known * work) < LEARN_NANOS_MIN {
             return;
         }
@@ -72,32 +77,33 @@ impl Pacer {
     }
 }
 
-/// An upper bound of a sample's work, in surfaces tested: path edges and shadow rays, each against
-/// all primitives, and about eight primitives' worth of shading.
+/// An upper bound of a sample's work, in surfaces tested: path segments and shadow rays, each
+/// against all primitives, and shading at the cost of about eight primitives.
 pub(crate) fn work_per_sample(settings: &RenderSettings, primitives: u32) -> f64 {
     (1.0 + 2.0 * f64::from(settings.max_depth)) * f64::from(primitives + 8)
 }
 
-/// Turns of a kernel's loops, all together, after which Mesa's llvmpipe ends them without a word
-/// (`LP_MAX_TGSI_LOOP_ITERATIONS`): the rest of the light would be missing.
+/// Total number of loop iterations in an invocation after which Mesa's llvmpipe silently ends its
+/// loops (`LP_MAX_TGSI_LOOP_ITERATIONS`), so that the remaining light would be missing.
 const SOFTWARE_TURNS_MAX: f64 = 65_535.0;
 
-/// How many of a pixel's samples a dispatch of software Vulkan gets through, if `turns_per_ray` is an
-/// upper bound: each scattering comes with four rays at most, to the surface, to its area light, to its
-/// mirror's and, while neighbours are not so far, to the next.
+/// Maximum number of samples per pixel of a dispatch on software Vulkan; 0 if not even one is
+/// possible. `turns_per_ray` is an upper bound on the loop iterations per ray, and each scattering
+/// event takes up to four rays: to the surface, to an area light, to the area light that a coat
+/// mirrors, and, while neighbouring pixels lag behind, to the next surface.
 pub(crate) fn software_samples(settings: &RenderSettings, turns_per_ray: f64) -> u32 {
     let edges = 1.0 + f64::from(settings.max_depth);
     (SOFTWARE_TURNS_MAX / (4.0 * edges * (turns_per_ray + 8.0))) as u32
 }
 
-/// The most that one chunk may hold.
+/// Limits of one chunk.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChunkLimits {
-    /// Pixels that a buffer holds.
+    /// Maximum number of pixels, given by buffer sizes.
     pub(crate) pixels: u64,
-    /// Samples that a dispatch should take.
+    /// Number of samples that a dispatch should take.
     pub(crate) samples: u64,
-    /// Of one pixel, samples that it can take.
+    /// Maximum number of samples per pixel of a dispatch.
     pub(crate) pixel_samples: u32,
 }
 
@@ -106,14 +112,14 @@ pub(crate) struct ChunkLimits {
 pub(crate) struct Chunk {
     /// Indices into the job's tiles.
     pub(crate) tiles: Range<usize>,
-    /// The tiles as the kernel wants them.
+    /// The tiles in the kernel's format.
     pub(crate) entries: Vec<TileEntry>,
     pub(crate) blocks: u32,
     pub(crate) pixels: u64,
 }
 
 impl Chunk {
-    /// The next tiles from `first` on: at least one, whatever the limits say.
+    /// The chunk of the next tiles from `first` on: at least one, even if it exceeds the limits.
     pub(crate) fn next(tiles: &[Tile], first: usize, samples: u32, limits: ChunkLimits) -> Self {
         let mut chunk = Self {
             tiles: first..first,
@@ -127,9 +133,9 @@ impl Chunk {
             let is_long = |samples: u32| {
                 u64::from(blocks) * BLOCK_PIXELS * u64::from(samples) > limits.samples
             };
-            // A chunk that fills a GPU ends where a few samples of it take too long; where all of its
-            // samples do, but those few do not, it grows eight times as large before its samples are cut
-            // instead.
+            // A chunk that fills a GPU ends where even its minimum number of samples would take too
+            // long. If these do not, but all of its samples do, it grows to eight times that size
+            // before its samples are divided instead.
             let is_long = is_long(samples.min(DISPATCH_SAMPLES_MIN)) && blocks > CHUNK_BLOCKS_MIN
                 || is_long(samples) && blocks > CHUNK_BLOCKS;
             if !chunk.entries.is_empty() && (is_long || pixels > limits.pixels) {
@@ -140,7 +146,7 @@ impl Chunk {
         chunk
     }
 
-    /// All of `tiles`, whatever their number.
+    /// A chunk of all of `tiles`, however many.
     pub(crate) fn new(tiles: &[Tile]) -> Self {
         let mut chunk = Self {
             tiles: 0..0,
@@ -152,7 +158,7 @@ impl Chunk {
         chunk
     }
 
-    /// A run of samples of all its pixels.
+    /// The uniforms of a dispatch of some samples of all pixels.
     pub(crate) fn dispatch(&self, settings: &RenderSettings, samples: Range<u32>) -> DispatchData {
         DispatchData {
             tile_count: self.entries.len() as u32,
@@ -183,12 +189,13 @@ impl Chunk {
         self.tiles.end += 1;
     }
 
-    /// Samples of each dispatch over the whole chunk, about as many in all: so the last is no short one.
+    /// Number of samples of each dispatch over the whole chunk, evenly distributed so that the last
+    /// one is not short.
     pub(crate) fn samples_per_dispatch(&self, samples: u32, limits: ChunkLimits) -> u32 {
         let most = limits.samples / (u64::from(self.blocks) * BLOCK_PIXELS).max(1);
         let most = most.clamp(1, u64::from(limits.pixel_samples)) as u32;
-        // As few dispatches as there can be, and then as even ones: 17 samples of which 16 fit are 9 and
-        // 8.
+        // The minimum number of dispatches first, then an even division: 17 samples of which 16 fit
+        // are divided into 9 and 8.
         samples.div_ceil(samples.div_ceil(most).max(1))
     }
 }

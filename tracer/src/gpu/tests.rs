@@ -17,7 +17,8 @@ fn tracer() -> Option<GpuTracer> {
     }
 }
 
-/// More samples than workgroups of several blocks trace in a batch.
+/// Traces the probe's scene with more samples than a batch of camera rays in workgroups of several
+/// blocks holds.
 fn trace(tracer: &GpuTracer) -> Result<(Vec<TileRadiance>, TraceStats), Error> {
     let scene = CompiledScene::new(&probe::scene())?;
     let tiles: Vec<_> = GRID.tiles(GRID.all()).collect();
@@ -39,7 +40,7 @@ fn trace(tracer: &GpuTracer) -> Result<(Vec<TileRadiance>, TraceStats), Error> {
 fn picture_is_independent_of_dispatches() {
     let Some(mut tracer) = tracer() else { return };
     let (tiles, stats) = trace(&tracer).unwrap();
-    // A device that seems slow is given one sample of each pixel at a time.
+    // A device that seems slow gets one sample per pixel at a time.
     tracer.pacer = Pacer::new();
     tracer.pacer.learn(1, 1.0, 1e12);
     let (cut_tiles, cut_stats) = trace(&tracer).unwrap();
@@ -113,7 +114,7 @@ fn it_is_ready_for_what_its_kernels_are_compiled_for() {
         denoise: true,
         ..RenderSettings::default()
     };
-    // The probe has compiled the plain ones of its scene.
+    // The probe has compiled the kernels of its scene without denoising.
     assert!(tracer.is_ready(&scene, &RenderSettings::default()));
     assert!(!tracer.is_ready(&scene, &denoised));
     let tiles: Vec<_> = GRID.tiles(GRID.all()).take(1).collect();
@@ -138,7 +139,7 @@ fn a_device_that_has_not_proved_itself_does_so_with_its_first_job() {
     tracer.proof = OnceLock::from(Err("it traces the probe wrongly".to_owned()));
     let error = trace(&tracer).unwrap_err().to_string();
     assert!(error.contains("the probe wrongly"), "{error}");
-    // A job has to say so.
+    // Ready, so that the next job reports the error.
     assert!(tracer.is_ready(&scene, &RenderSettings::default()));
 }
 
@@ -172,7 +173,7 @@ fn workgroups_of_several_blocks_trace_the_same_bits() {
         tracer.device.workgroup_blocks = blocks;
         tracer.pacer = Pacer::new();
         assert_eq!(trace(&tracer).unwrap().0, tiles, "{blocks} blocks");
-        // Samples one at a time.
+        // One sample at a time.
         tracer.pacer.learn(1, 1.0, 1e12);
         let (cut_tiles, cut_stats) = trace(&tracer).unwrap();
         assert_eq!(cut_tiles, tiles, "{blocks} blocks");
@@ -205,7 +206,7 @@ fn memory_that_the_device_has_not_is_an_error() {
 
 #[test]
 fn wrong_tracer_fails_the_probe() {
-    /// The scalar tracer with other random numbers: right on average, wrong sample for sample.
+    /// The scalar tracer with a different seed: right on average, but different in every sample.
     struct Wrong;
     impl Tracer for Wrong {
         fn info(&self) -> DeviceInfo {

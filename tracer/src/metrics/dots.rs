@@ -1,24 +1,25 @@
-//! Dots: single pixels that noise has left far brighter than what lies around them.
+//! Outlier pixels ("fireflies"): single pixels that noise has made far brighter than their
+//! surroundings.
 
 use super::compared_pixels;
 use crate::{Error, ImageSize};
 
-/// Dots in a million pixels.
+/// Number of outlier pixels per million.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dots {
-    /// Anywhere.
+    /// Anywhere in the image.
     pub all: f64,
-    /// Of these the ones where the reference is smooth: no channel of a pixel and those around it spans [`DOT_LEVELS`].
-    /// The others lie at edges and in details of a pixel's size, whose own contrast passes that height in the test
-    /// picture and not in the reference.
+    /// Those where the reference is smooth: no channel varies by [`DOT_LEVELS`] or more among a
+    /// pixel and its neighbours. The others lie at edges and in details of a pixel's size, whose
+    /// own contrast exceeds the threshold in the test image but not in the reference.
     pub smooth: f64,
 }
 
-/// The dots of an 8-bit picture: a channel is [`DOT_LEVELS`] or more above the median of the eight pixels around it, and
-/// in the reference it is not.
+/// Outliers of an 8-bit image: pixels of which a channel is [`DOT_LEVELS`] or more above the median
+/// of the eight pixels around it, but is not in the reference.
 ///
 /// # Errors
-/// [`Error::InvalidSettings`] if a picture has not as many pixels as `size`, or there are none.
+/// [`Error::InvalidSettings`] if the number of pixels of an image is not that of `size`, or is 0.
 pub fn dots_per_million(
     size: ImageSize,
     test: &[[u8; 3]],
@@ -41,11 +42,11 @@ pub fn dots_per_million(
     })
 }
 
-/// Steps of 255 above its neighbours' median from which a pixel is a dot.
+/// Levels (of 255) above the median of its neighbours from which a pixel is an outlier.
 pub const DOT_LEVELS: i32 = 24;
 
-/// How far a channel is above the median of the pixels around it; of an even number the higher one
-/// of the two in the middle.
+/// Difference between a channel and the median of the pixels around it; of an even number, the
+/// upper median.
 fn rise(size: ImageSize, picture: &[[u8; 3]], index: usize, channel: usize) -> i32 {
     let (mut around, mut count) = ([0; 8], 0);
     for place in around_pixel(size, index) {
@@ -58,7 +59,7 @@ fn rise(size: ImageSize, picture: &[[u8; 3]], index: usize, channel: usize) -> i
     i32::from(picture[index][channel]) - i32::from(median)
 }
 
-/// How far a channel of a pixel and those around it are apart.
+/// Range of a channel among a pixel and those around it.
 fn span(size: ImageSize, picture: &[[u8; 3]], index: usize, channel: usize) -> i32 {
     let (mut least, mut most) = (picture[index][channel], picture[index][channel]);
     for place in around_pixel(size, index) {
@@ -68,7 +69,7 @@ fn span(size: ImageSize, picture: &[[u8; 3]], index: usize, channel: usize) -> i
     i32::from(most) - i32::from(least)
 }
 
-/// The pixels around one, eight in the midst of a picture.
+/// Indices of the pixels around one, eight of them inside the image.
 fn around_pixel(size: ImageSize, index: usize) -> impl Iterator<Item = usize> {
     let (width, height) = (size.width as usize, size.height as usize);
     let (x, y) = (index % width, index / width);
@@ -84,7 +85,7 @@ mod tests {
 
     const SIZE: ImageSize = ImageSize::new(20, 10);
 
-    /// Grey, but for one pixel whose blue differs.
+    /// Grey, except for one pixel with a different blue.
     fn with_blue(index: usize, blue: u8) -> Vec<[u8; 3]> {
         let mut picture = vec![[100; 3]; SIZE.pixels()];
         picture[index][2] = blue;
@@ -119,7 +120,8 @@ mod tests {
             dots_per_million(SIZE, &with_blue(index, 124), reference).unwrap()
         };
         let expected = |all, smooth| Dots { all, smooth };
-        // 23 levels of green beside it are smooth, 24 are a detail.
+        // A neighbour that differs by 23 levels of green counts as smooth, one that differs by 24
+        // as detail.
         let mut reference = with_blue(0, 100);
         reference[104][1] = 123;
         assert_eq!(dots(105, &reference), expected(5000.0, 5000.0));

@@ -1,8 +1,8 @@
-//! FLIP: how different two pictures look when one flips between them.
+//! FLIP: the difference that is perceived when flipping between two images.
 //!
-//! Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator
-//! for Alternating Images", 2020, for displays of low dynamic range, and the constants of its
-//! authors' evaluator, with which it agrees within 1e-3:
+//! After Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference
+//! Evaluator for Alternating Images", 2020, for low dynamic range. With the constants of the
+//! authors' evaluator, it agrees with that within 1e-3:
 //!
 //! ```text
 //! sRGB ─▶ YCxCz ─▶ contrast sensitivity ─▶ CIELAB, Hunt ─▶ HyAB ─▶ colour difference ──┐
@@ -15,36 +15,37 @@ use super::compared_pixels;
 use crate::tonemap::linear;
 use crate::{Error, ImageSize};
 
-/// How different two pictures look, from 0, not at all, to 1.
+/// Perceived difference of two images, from 0 (none) to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flip {
-    /// Of all pixels.
+    /// Mean over all pixels.
     pub mean: f64,
-    /// Of each pixel, row-major from the top left.
+    /// Value of each pixel, row-major from the top left.
     pub map: Vec<f32>,
 }
 
-/// Compares 8-bit sRGB pictures as seen with 67 pixels to a degree of the visual field: a 0.7 m wide
-/// screen of 3840 pixels from 0.7 m.
+/// Compares 8-bit sRGB images at 67 pixels per degree of the visual field: a 0.7 m wide screen of
+/// 3840 pixels seen from 0.7 m.
 ///
 /// # Errors
-/// [`Error::InvalidSettings`] if a picture has not as many pixels as `size`, or there are none.
+/// [`Error::InvalidSettings`] if the number of pixels of an image is not that of `size`, or is 0.
 pub fn flip(size: ImageSize, test: &[[u8; 3]], reference: &[[u8; 3]]) -> Result<Flip, Error> {
     let pixels = compared_pixels(size, test, reference)?;
     let (test, reference) = rayon::join(
         || Perceived::new(size, test),
         || Perceived::new(size, reference),
     );
-    // Green and blue are farther apart than any other two colours of the screen.
+    // Green and blue have the largest distance of any two colours of the screen.
     let color_max = color_distance(hunt_lab([0.0, 1.0, 0.0]), hunt_lab([0.0, 0.0, 1.0]));
     let pixel = |index: usize| {
         let color = color_distance(test.colors[index], reference.colors[index]);
         let color = redistribute(color, color_max);
         let edge = (test.edges[index] - reference.edges[index]).abs();
         let point = (test.points[index] - reference.points[index]).abs();
-        // Both detectors answer up to √2, as lengths of two components of up to 1.
+        // A detector's response is the length of a vector of two components of up to 1, so at most
+        // √2.
         let feature = (edge.max(point) * std::f32::consts::FRAC_1_SQRT_2).powf(FEATURE_EXPONENT);
-        // A difference of features, below 1, raises that of colours.
+        // As `color` is at most 1, a larger feature difference raises the result.
         color.powf(1.0 - feature)
     };
     let map: Vec<f32> = (0..pixels).into_par_iter().map(pixel).collect();
@@ -52,9 +53,9 @@ pub fn flip(size: ImageSize, test: &[[u8; 3]], reference: &[[u8; 3]]) -> Result<
     Ok(Flip { mean, map })
 }
 
-/// What is seen of a picture.
+/// An image as it is perceived.
 struct Perceived {
-    /// L*a*b* after the eye's blur and Hunt's effect.
+    /// L*a*b* after the contrast sensitivity filter and the Hunt effect.
     colors: Vec<[f32; 3]>,
     edges: Vec<f32>,
     points: Vec<f32>,
@@ -71,8 +72,10 @@ impl Perceived {
         let [by, bx, bz] = blurred.map(|(plane, sensitivity)| blur(size, plane, sensitivity));
         let pixels = by.iter().zip(&bx).zip(&bz);
         let color = |((y, x), z): ((&f32, &f32), &f32)| {
+            // Filtering may produce colours outside of the gamut.
             hunt_lab(rgb_of_ycxcz([*y, *x, *z]).map(|channel| channel.clamp(0.0, 1.0)))
         };
+        // Relative luminance, without the offset and scale of Y in YCxCz.
         let lightness: Vec<f32> = y.iter().map(|y| (y + 16.0) / 116.0).collect();
         Self {
             colors: pixels.map(color).collect(),
@@ -82,27 +85,28 @@ impl Perceived {
     }
 }
 
-/// Two Gaussians of a contrast sensitivity function: weight and width, the latter in degrees².
+/// The two Gaussians of a contrast sensitivity function, each a weight and a width in degrees².
 type Sensitivity = [(f32, f32); 2];
 
 const LIGHTNESS: Sensitivity = [(1.0, 0.0047), (0.0, 1e-5)];
 const RED_GREEN: Sensitivity = [(1.0, 0.0053), (0.0, 1e-5)];
 const BLUE_YELLOW: Sensitivity = [(34.1, 0.04), (13.5, 0.025)];
-/// The widest of all: every filter is as large.
+/// The largest of these widths, which determines the size of all filters.
 const WIDTH_MAX: f32 = 0.04;
 const PIXELS_PER_DEGREE: f32 = 67.0;
-/// Width of a feature, degrees.
+/// Width of a feature in degrees.
 const FEATURE_WIDTH: f32 = 0.082;
 const COLOR_EXPONENT: f32 = 0.7;
 const FEATURE_EXPONENT: f32 = 0.5;
-/// Colour differences up to this share of the greatest take up [`SMALL_DIFFERENCES_TO`] of the
-/// scale.
+/// Colour differences up to this fraction of the largest one take up [`SMALL_DIFFERENCES_TO`] of
+/// the scale.
 const SMALL_DIFFERENCES: f32 = 0.4;
 const SMALL_DIFFERENCES_TO: f32 = 0.95;
 
-/// The picture through the eye's lens.
+/// Filters a plane by a contrast sensitivity function.
 fn blur(size: ImageSize, plane: &[f32], sensitivity: Sensitivity) -> Vec<f32> {
     let pi = std::f32::consts::PI;
+    // Three standard deviations of the widest Gaussian: exp(−π² x²/b) has σ = √(b / 2π²) degrees.
     let radius = (3.0 * (WIDTH_MAX / (2.0 * pi * pi)).sqrt() * PIXELS_PER_DEGREE).ceil() as i32;
     let gaussian = |width: f32| -> Vec<f32> {
         let at = |x: i32| (x as f32 / PIXELS_PER_DEGREE).powi(2);
@@ -112,11 +116,12 @@ fn blur(size: ImageSize, plane: &[f32], sensitivity: Sensitivity) -> Vec<f32> {
     let mut sum = vec![0.0; plane.len()];
     let mut total = 0.0;
     for (weight, width) in sensitivity.into_iter().filter(|(weight, _)| *weight > 0.0) {
-        // A sensitivity a·exp(−b f²) by frequency is a·√(π/b)·exp(−π² x²/b) as a filter: its Fourier
-        // transform in one dimension, as the authors have it.
+        // A sensitivity a·exp(−b f²) over frequency is a filter a·√(π/b)·exp(−π² x²/b) over
+        // position: its one-dimensional Fourier transform, as in the authors' evaluator.
         let weight = weight * (pi / width).sqrt();
         let kernel = gaussian(width);
-        // The 2-D kernel is the 1-D one times itself, and so is its sum.
+        // The 2-D kernel is the outer product of the 1-D kernel with itself, so its sum is the
+        // square.
         total += weight * kernel.iter().sum::<f32>().powi(2);
         let filtered = separable(size, plane, &kernel, &kernel);
         for (sum, value) in sum.iter_mut().zip(filtered) {
@@ -127,24 +132,24 @@ fn blur(size: ImageSize, plane: &[f32], sensitivity: Sensitivity) -> Vec<f32> {
     sum
 }
 
-/// A feature detector, across and along a feature.
+/// A separable feature detector: weights across and along a feature.
 struct Detector {
     across: Vec<f32>,
     along: Vec<f32>,
 }
 
 impl Detector {
-    /// A derivative of a Gaussian.
+    /// First derivative of a Gaussian.
     fn edge() -> Self {
         Self::new(|x, _| -x)
     }
 
-    /// Its second derivative.
+    /// Second derivative of a Gaussian.
     fn point() -> Self {
         Self::new(|x, deviation| x * x / (deviation * deviation) - 1.0)
     }
 
-    /// Positive weights sum to 1 and negative ones to −1.
+    /// Normalised so that positive weights sum to 1 and negative ones to −1.
     fn new(shape: impl Fn(f32, f32) -> f32) -> Self {
         let deviation = 0.5 * FEATURE_WIDTH * PIXELS_PER_DEGREE;
         let radius = (3.0 * deviation).ceil() as i32;
@@ -162,7 +167,7 @@ impl Detector {
     }
 }
 
-/// The strength of features, whatever their direction.
+/// Magnitude of the detector's responses along both axes.
 fn features(size: ImageSize, lightness: &[f32], detector: &Detector) -> Vec<f32> {
     let horizontal = separable(size, lightness, &detector.across, &detector.along);
     let vertical = separable(size, lightness, &detector.along, &detector.across);
@@ -170,7 +175,7 @@ fn features(size: ImageSize, lightness: &[f32], detector: &Detector) -> Vec<f32>
     pairs.map(|(x, y)| x.hypot(*y)).collect()
 }
 
-/// Correlates a picture with `horizontal` ⊗ `vertical`; beyond its edges it goes on as it ends.
+/// Correlates an image with `horizontal` ⊗ `vertical`; the image is extended by its border pixels.
 fn separable(size: ImageSize, plane: &[f32], horizontal: &[f32], vertical: &[f32]) -> Vec<f32> {
     let (width, height) = (size.width as usize, size.height as usize);
     let mut rows = vec![0.0; plane.len()];
@@ -199,7 +204,8 @@ fn tap(at: usize, index: usize, kernel: &[f32], end: usize) -> usize {
     (at + index).saturating_sub(kernel.len() / 2).min(end - 1)
 }
 
-/// HyAB (Abasi et al., "Distance metrics for very large color differences", 2020), compressed.
+/// HyAB distance (Abasi et al., "Distance metrics for very large color differences", 2020), raised
+/// to [`COLOR_EXPONENT`].
 fn color_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     let lightness = (a[0] - b[0]).abs();
     let chroma = (a[1] - b[1]).hypot(a[2] - b[2]);
@@ -215,13 +221,13 @@ fn redistribute(distance: f32, greatest: f32) -> f32 {
     SMALL_DIFFERENCES_TO + rest * (1.0 - SMALL_DIFFERENCES_TO)
 }
 
-/// CIE XYZ of linear Rec. 709, relative to white.
+/// CIE XYZ of linear Rec. 709, relative to the white point.
 fn xyz([r, g, b]: [f32; 3]) -> [f32; 3] {
     let row = |[x, y, z]: [f32; 3]| (x * r + y * g + z * b) / (x + y + z);
     XYZ_FROM_RGB.map(row)
 }
 
-/// A linearised CIELAB: the opponent channels in which the eye blurs.
+/// YCxCz, a linearised CIELAB, in which the contrast sensitivity filters are applied.
 fn ycxcz(rgb: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = xyz(rgb);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
@@ -235,7 +241,7 @@ fn rgb_of_ycxcz([luma, red_green, blue_yellow]: [f32; 3]) -> [f32; 3] {
     RGB_FROM_XYZ.map(|row| row[0] * x + row[1] * y + row[2] * z)
 }
 
-/// CIELAB, less colourful where it is dark (Hunt's effect).
+/// CIELAB with chroma reduced in proportion to lightness (Hunt effect).
 fn hunt_lab(rgb: [f32; 3]) -> [f32; 3] {
     let compress = |t: f32| {
         const BREAK: f32 = 6.0 / 29.0;
@@ -251,7 +257,7 @@ fn hunt_lab(rgb: [f32; 3]) -> [f32; 3] {
     [lightness, hunt * 500.0 * (x - y), hunt * 200.0 * (y - z)]
 }
 
-/// IEC 61966-2-1 in the digits of Lindbloom's matrices.
+/// Matrices of IEC 61966-2-1, with Lindbloom's digits.
 const XYZ_FROM_RGB: [[f32; 3]; 3] = [
     [0.412_390_8, 0.357_584_33, 0.180_480_8],
     [0.212_639, 0.715_168_7, 0.072_192_32],

@@ -1,4 +1,4 @@
-//! Measures of how far a picture is from another: error, bias, and the odds of chance alone.
+//! Metrics of the difference between images: error, bias, and its statistical significance.
 
 mod dots;
 mod flip;
@@ -9,10 +9,10 @@ pub use flip::{Flip, flip};
 use crate::image::RadianceImage;
 use crate::{Error, ImageSize, Tile, TileGrid};
 
-/// Pixels of two pictures of `size`.
+/// The number of pixels of two images of `size`.
 ///
 /// # Errors
-/// [`Error::InvalidSettings`] if one has not as many, or there are none.
+/// [`Error::InvalidSettings`] if the number of pixels of an image is not that of `size`, or is 0.
 fn compared_pixels(
     size: ImageSize,
     test: &[[u8; 3]],
@@ -30,7 +30,7 @@ fn compared_pixels(
     Ok(pixels)
 }
 
-/// A picture with the standard error of each pixel and channel.
+/// An image with the standard error of each pixel and channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Mean radiance.
@@ -39,7 +39,7 @@ pub struct Estimate {
     pub stderr: RadianceImage,
 }
 
-/// Two pictures of one view, compared by [`compare`].
+/// Two images of the same view, compared by [`compare`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
     /// [`rel_mse`].
@@ -52,28 +52,29 @@ pub struct Comparison {
     pub regions: Vec<Region>,
 }
 
-/// Part of two pictures.
+/// A region of two images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Region {
-    /// Its pixels.
+    /// The region's pixels.
     pub tile: Tile,
-    /// Mean radiance in the picture.
+    /// Mean radiance in the image.
     pub mean: [f64; 3],
     /// Mean radiance in the reference.
     pub reference: [f64; 3],
-    /// Difference of the means in standard errors of that difference. Without bias it is
-    /// distributed normally: above 4 once in 16,000 cases.
+    /// Difference of the means in units of its standard error. Without bias it is normally
+    /// distributed: |z| exceeds 4 once in 16,000 cases.
     pub z: [f64; 3],
 }
 
-/// The rounding of f32 sums that a mean may hold beside its standard error, relative to it:
-/// where every sample is the same, nothing else is left.
+/// Rounding error of f32 sums in a mean, relative to it: the only error left if all samples are
+/// equal.
 const ROUNDING: f64 = 1e-5;
 
-/// Everything at once; regions are of `region_edge` × `region_edge` pixels, narrower at the edges.
+/// Computes all metrics; regions have `region_edge` × `region_edge` pixels, fewer at the right and
+/// bottom.
 ///
 /// # Errors
-/// [`Error::InvalidSettings`] if the pictures differ in size.
+/// [`Error::InvalidSettings`] if the images differ in size.
 pub fn compare(
     picture: &Estimate,
     reference: &Estimate,
@@ -90,34 +91,35 @@ pub fn compare(
     })
 }
 
-/// Mean over pixels and channels of `(x − r)² / (r² + 0.01)`: squared error as the eye weighs it.
+/// Mean over pixels and channels of `(x − r)² / (r² + 0.01)`: the squared error relative to
+/// brightness, much as it is perceived.
 ///
 /// # Errors
-/// [`Error::InvalidSettings`] if the pictures differ in size.
+/// [`Error::InvalidSettings`] if the images differ in size.
 pub fn rel_mse(picture: &RadianceImage, reference: &RadianceImage) -> Result<f64, Error> {
     mean_of(picture, reference, |x, r| (x - r).powi(2) / (r * r + 0.01))
 }
 
-/// `10 log₁₀(peak² / mean squared error)` in dB of linear radiance; +∞ for equal pictures.
+/// `10 log₁₀(peak² / mean squared error)` of linear radiance, in dB; +∞ for equal images.
 ///
 /// # Errors
-/// [`Error::InvalidSettings`] if the pictures differ in size.
+/// [`Error::InvalidSettings`] if the images differ in size.
 pub fn psnr(picture: &RadianceImage, reference: &RadianceImage, peak: f64) -> Result<f64, Error> {
     let mse = mean_of(picture, reference, |x, r| (x - r).powi(2))?;
     Ok(10.0 * (peak * peak / mse).log10())
 }
 
-/// The picture's mean over the reference's, per channel: 1 without bias.
+/// Ratio of the image's mean to the reference's, per channel: 1 without bias.
 ///
 /// # Errors
-/// [`Error::InvalidSettings`] if the pictures differ in size.
+/// [`Error::InvalidSettings`] if the images differ in size.
 pub fn mean_ratio(picture: &RadianceImage, reference: &RadianceImage) -> Result<[f64; 3], Error> {
     same_size(picture.size, reference.size)?;
     let (picture, reference) = (mean(picture), mean(reference));
     Ok([0, 1, 2].map(|channel| picture[channel] / reference[channel]))
 }
 
-/// Mean radiance of a picture, per channel.
+/// Mean radiance of an image, per channel.
 pub fn mean(picture: &RadianceImage) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for pixel in &picture.pixels {
@@ -126,10 +128,11 @@ pub fn mean(picture: &RadianceImage) -> [f64; 3] {
     sum.map(|sum| sum / picture.pixels.len() as f64)
 }
 
-/// Means of one region and their difference in standard errors. Pixels are taken as independent.
+/// Means of one region, and their difference in standard errors. Pixels are assumed to be
+/// independent.
 ///
 /// # Errors
-/// [`Error::InvalidSettings`] if the pictures differ in size.
+/// [`Error::InvalidSettings`] if the images differ in size.
 pub fn region(picture: &Estimate, reference: &Estimate, tile: Tile) -> Result<Region, Error> {
     for image in [&picture.stderr, &reference.mean, &reference.stderr] {
         same_size(picture.mean.size, image.size)?;
@@ -155,10 +158,10 @@ pub fn region(picture: &Estimate, reference: &Estimate, tile: Tile) -> Result<Re
 }
 
 impl Estimate {
-    /// The mean of pictures with as many samples each, none shared, and how much they scatter.
+    /// Mean and standard error of independent images with the same number of samples each.
     ///
     /// # Errors
-    /// [`Error::InvalidSettings`] if there are fewer than two or they differ in size.
+    /// [`Error::InvalidSettings`] if there are fewer than two, or they differ in size.
     pub fn from_batches(batches: &[RadianceImage]) -> Result<Self, Error> {
         let [first, _, ..] = batches else {
             let sentence = "a standard error needs at least two pictures";
@@ -176,13 +179,14 @@ impl Estimate {
                 let average = values().sum::<f64>() / count;
                 let squares = values().map(|value| (value - average).powi(2)).sum::<f64>();
                 mean.pixels[pixel][channel] = average as f32;
+                // Standard error of the mean, with Bessel's correction: √(Σ(x − x̄)² / (n(n−1))).
                 stderr.pixels[pixel][channel] = (squares / (count * (count - 1.0))).sqrt() as f32;
             }
         }
         Ok(Self { mean, stderr })
     }
 
-    /// Mean of a region and the variance of that mean.
+    /// Mean of a region, and the variance of that mean.
     fn region(&self, tile: Tile) -> ([f64; 3], [f64; 3]) {
         let (mut mean, mut variance) = ([0.0; 3], [0.0; 3]);
         for y in tile.y..tile.y + tile.height {
@@ -204,7 +208,7 @@ impl Estimate {
 }
 
 impl Comparison {
-    /// The largest `|z|` of all regions and channels, and its region; none without regions.
+    /// The largest `|z|` of all regions and channels, with its region; `None` without regions.
     pub fn worst_region(&self) -> Option<(f64, &Region)> {
         let worst = |region: &Region| region.z.map(f64::abs).into_iter().fold(0.0, f64::max);
         let regions = self.regions.iter().map(|region| (worst(region), region));
@@ -300,7 +304,7 @@ mod tests {
         );
     }
 
-    /// Noise alone gives z of variance 1, a bias of a tenth of the noise is found.
+    /// Pure noise gives a z of variance 1; a bias of a tenth of the noise is detected.
     #[test]
     fn a_bias_shows_where_noise_does_not() {
         let unbiased = compare(&estimate(1.0, 1), &estimate(1.0, 2), 4).unwrap();

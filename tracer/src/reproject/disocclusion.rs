@@ -1,12 +1,12 @@
-//! Stand-ins for disoccluded pixels: of what a reprojected picture shows and the earlier one did not.
+//! Substitutes for disoccluded pixels, which a reprojected image shows and the earlier one did not.
 
 use std::collections::HashMap;
 
 use super::Channel;
 use crate::cpu::FirstHits;
 
-/// The pixels of a row that are there with their neighbours, in order: what lies next to a gap holds some of what was
-/// in it.
+/// The pixels of a row that were found together with both neighbours, in ascending order. Pixels
+/// next to a gap are left out, as they contain some of the light of what occluded it.
 pub(super) fn whole_neighbourhoods(width: usize, missing: &[usize]) -> Vec<usize> {
     let mut whole = vec![true; width];
     for &x in missing {
@@ -15,8 +15,8 @@ pub(super) fn whole_neighbourhoods(width: usize, missing: &[usize]) -> Vec<usize
     (0..width).filter(|x| whole[*x]).collect()
 }
 
-/// The pixel of a row that stands in for the missing one at `x`: the nearest `whole` one of the same primitive, unless
-/// that is far.
+/// The pixel of a row that is substituted for the missing one at `x`: the nearest of `whole` with
+/// the same primitive, unless it is too far away.
 pub(super) fn stand_in(primitives: &[u32], whole: &[usize], x: usize) -> Option<usize> {
     let reach = (primitives.len() / STAND_IN_SHARE).max(1);
     let (before, after) = whole.split_at(whole.partition_point(|at| *at < x));
@@ -28,10 +28,10 @@ pub(super) fn stand_in(primitives: &[u32], whole: &[usize], x: usize) -> Option<
     nearest.copied().min_by_key(|at| at.abs_diff(x))
 }
 
-/// Mean pixels of a picture by the primitive that they show, of every [`MEAN_STRIDE`]-th row and column.
+/// Mean colour of each primitive in an image, from every [`MEAN_STRIDE`]-th row and column.
 pub(super) struct PrimitiveMeans<T, const N: usize> {
     by_primitive: HashMap<u32, [T; N]>,
-    /// Of the whole picture.
+    /// Mean colour of the whole image.
     whole: [T; N],
 }
 
@@ -42,7 +42,8 @@ impl<T: Channel, const N: usize> PrimitiveMeans<T, N> {
         for row in (0..pixels.len()).step_by(width * MEAN_STRIDE) {
             let (primitives, pixels) = (&hits.primitive[row..][..width], &pixels[row..][..width]);
             let of_row = primitives.iter().zip(pixels).step_by(MEAN_STRIDE);
-            // Looked up once a run of pixels of one primitive: threads wait for this.
+            // The map is accessed once per run of pixels of the same primitive, as other threads
+            // wait for this.
             let mut run = (primitives[0], [0.0; N], 0.0);
             let mut end = |(primitive, of_run, pixels): (u32, [f32; N], f32)| {
                 let (sum, count) = sums.entry(primitive).or_insert(([0.0; N], 0.0));
@@ -74,7 +75,7 @@ impl<T: Channel, const N: usize> PrimitiveMeans<T, N> {
         }
     }
 
-    /// The mean of a primitive; of the picture, if it does not show it.
+    /// The mean of a primitive, or of the whole image if that does not show it.
     pub(super) fn of(&self, primitive: u32) -> [T; N] {
         *self.by_primitive.get(&primitive).unwrap_or(&self.whole)
     }
@@ -86,9 +87,9 @@ fn add<const N: usize>(sum: &mut [f32; N], pixel: &[f32; N]) {
     }
 }
 
-/// Stand-ins are at most this share of a row away.
+/// A substitute is at most this fraction (1/16) of a row's width away.
 const STAND_IN_SHARE: usize = 16;
-/// Of rows and columns.
+/// Stride of rows and columns in [`PrimitiveMeans`].
 const MEAN_STRIDE: usize = 3;
 
 #[cfg(test)]

@@ -1,14 +1,16 @@
-//! A picture as it would look from elsewhere, or a moment later: what is on the screen while the
-//! picture that was asked for is still being traced.
+//! Reprojection: an image as it would look from another view, or a moment later. It is shown while
+//! the requested image is still being traced.
 //!
 //! The scene is known exactly, so nothing is guessed from neighbouring pixels: a ray through each
-//! pixel of the new view finds the point that it sees, the point is moved back to where its ball, cue or
-//! mesh was, and the old picture is looked up there (reverse re-projection: Nehab et al., "Accelerating
+//! pixel of the new view finds the visible point, the point is moved back to where its ball, cue or
+//! mesh was, and the old image is sampled there (reverse reprojection: Nehab et al., "Accelerating
 //! Real-Time Shading with Reverse Reprojection Caching", 2007). A primitive is convex, so the point
-//! was visible if the old picture shows the same primitive there, from the same side; a mesh is taken for
-//! one, and so are all surfaces of particles, which are taken to stay where they are. Where it was not, the nearest pixel of the same
-//! primitive stands in, or, where that is far, the primitive's mean in the old picture, and is counted. Mirror images, shadows and
-//! turning numbers stay as they were: the price of no tracing, gone with the next picture.
+//! was visible if the old image shows the same primitive there from the same side. A mesh is
+//! treated as convex too, and so are all surfaces of particles, which are also assumed not to move.
+//! Where the point was not visible, the nearest pixel of the same primitive is substituted, or, if
+//! that is far away, the primitive's mean in the old image; such pixels are counted. Reflections,
+//! shadows and the numbers on turning balls stay as they were until the next image, as nothing is
+//! traced.
 
 mod disocclusion;
 pub mod temporal_accumulation;
@@ -25,28 +27,29 @@ use rayon::prelude::*;
 
 use disocclusion::{PrimitiveMeans, stand_in, whole_neighbourhoods};
 
-/// What a picture was, or is to be, taken of: a camera, the balls, and what each pixel sees.
+/// The state an image is taken of: a camera, the objects that move, and the first hit of each
+/// pixel.
 #[derive(Clone, Debug)]
 pub struct View {
     camera: CameraFrame,
     spheres: Vec<SphereData>,
     cones: Vec<PlacedCone>,
-    /// Each with the number that its pixels have.
+    /// Each mesh's pose, with the primitive number of its pixels.
     meshes: Vec<(u32, ObjectPose)>,
     hits: FirstHits,
 }
 
-/// A picture moved to another [`View`].
+/// An image reprojected to another [`View`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reprojected<P> {
     /// Row-major from the top left.
     pub pixels: Vec<P>,
-    /// Pixels that the old picture did not show and a neighbour or a mean stands in for.
+    /// Number of pixels that the old image did not show and that hold a substitute.
     pub guessed: usize,
 }
 
 impl View {
-    /// Looks at `scene`, as its last update left it, in a picture of `size`.
+    /// A view of `scene` in its current state, for an image of `size`.
     pub fn new(scene: &CompiledScene, size: ImageSize) -> Self {
         Self {
             camera: scene.camera_frame(size),
@@ -57,7 +60,7 @@ impl View {
         }
     }
 
-    /// Looks again at the same scene, as its last update left it, and keeps the memory.
+    /// Updates the view to the current state of the same scene, reusing its memory.
     pub fn update(&mut self, scene: &CompiledScene, size: ImageSize) {
         self.camera = scene.camera_frame(size);
         self.spheres.clone_from(&scene.spheres);
@@ -66,15 +69,15 @@ impl View {
         self.hits.update(scene, size);
     }
 
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub fn size(&self) -> ImageSize {
         self.hits.size
     }
 
-    /// The picture `pixels` of `self`, as it looks from `to`; both views are of the same scene.
+    /// The image `pixels` of this view as it looks from `to`. Both views must be of the same scene.
     ///
     /// # Panics
-    /// If `pixels` are not those of a picture of this view's size.
+    /// If the number of `pixels` is not that of this view's size.
     pub fn reproject<T: Channel, const N: usize>(
         &self,
         pixels: &[[T; N]],
@@ -83,10 +86,10 @@ impl View {
         self.reproject_into(pixels, to, Vec::new())
     }
 
-    /// The same in the memory of `moved`, whatever it holds.
+    /// As [`Self::reproject`], but reuses the memory of `moved`, whose contents do not matter.
     ///
     /// # Panics
-    /// If `pixels` are not those of a picture of this view's size.
+    /// If the number of `pixels` is not that of this view's size.
     pub fn reproject_into<T: Channel, const N: usize>(
         &self,
         pixels: &[[T; N]],
@@ -114,7 +117,8 @@ impl View {
         }
     }
 
-    /// Fills a row with what the picture shows of primitives in footprints; how many pixels it does not show.
+    /// Fills a row by sampling the image at `footprints`; returns the number of pixels for which it
+    /// has none of the primitive.
     fn fill_row<T: Channel, const N: usize>(
         &self,
         level: Level,
@@ -146,19 +150,22 @@ impl View {
         missing.len()
     }
 
-    /// The way back from this view to `before`.
+    /// Motion vectors from this view back to `before`.
     fn motion_vectors(&self, before: &Self) -> MotionVectors {
         let spheres = self.spheres.iter().zip(&before.spheres);
         let spheres = (0..).zip(spheres).map(|(id, (now, before))| Motion {
             ids: id..id + 1,
             turn: Mat3::IDENTITY,
             shift: Vec3::from(before.center) - Vec3::from(now.center),
+            // From the centre it follows which side of the sphere faced away from the earlier eye.
             center: Some(now.center.into()),
         });
         let cones = self.cones.iter().zip(&before.cones);
         let cones = cones.map(|(now, before)| now.motion_from(before));
         let meshes = self.meshes.iter().zip(&before.meshes);
         let meshes = meshes.map(|((id, now), (_, before))| {
+            // From world to object space by the present pose, and back by the former one:
+            // x ↦ turn · (x − now) + before.
             let turn = Mat3::from_quat(before.rotation * now.rotation.inverse());
             Motion {
                 ids: *id..*id + 1,
@@ -171,7 +178,8 @@ impl View {
         MotionVectors::new(self.camera, (&before.camera, before.size()), motions)
     }
 
-    /// The picture in a footprint, bilinear over those of its four pixels that show `primitive`.
+    /// The image sampled bilinearly at a footprint, among those of its four pixels that show
+    /// `primitive`; `None` if these have almost no weight.
     #[inline(always)]
     fn look_up<T: Channel, const N: usize>(
         &self,
@@ -182,7 +190,7 @@ impl View {
         if footprint.first == Footprint::OUTSIDE {
             return None;
         }
-        // Of a film of one column or row each pixel is its own neighbour.
+        // In an image of one column or row, each pixel is its own neighbour.
         let ImageSize { width, height } = self.size();
         let (right, below) = (
             usize::from(width > 1),
@@ -192,6 +200,7 @@ impl View {
         let primitives = &self.hits.primitive;
         let [right_share, lower_share] = footprint.shares;
         let corners = [first, first + right, first + below, first + below + right];
+        // Fast path without weights: all four pixels show the primitive.
         let mut is_whole = true;
         for corner in corners {
             is_whole &= primitives[corner] == primitive;
@@ -236,7 +245,7 @@ impl View {
     }
 }
 
-/// Where a truncated cone is, whose faces have some ids. It looks the same from all around.
+/// The position of a truncated cone, which is rotationally symmetric, and the ids of its faces.
 #[derive(Clone, Debug)]
 struct PlacedCone {
     ids: Range<u32>,
@@ -245,8 +254,9 @@ struct PlacedCone {
 }
 
 impl PlacedCone {
-    /// Where its points were when it was at `before`.
+    /// The motion that takes its points to where they were when it was at `before`.
     fn motion_from(&self, before: &Self) -> Motion {
+        // Any rotation from one axis to the other will do, as the cone is rotationally symmetric.
         let turn = Mat3::from_quat(Quat::from_rotation_arc(self.axis, before.axis));
         Motion {
             ids: self.ids.clone(),
@@ -270,7 +280,7 @@ fn cones(scene: &CompiledScene) -> Vec<PlacedCone> {
     let sides = sides.filter(|(_, face)| face.kind == CSG_FACE_APEX_CONE);
     sides
         .map(|(id, side)| PlacedCone {
-            // Its side and both ends.
+            // The lateral face and both ends.
             ids: id..id + 3,
             apex: side.a.into(),
             axis: Vec3::from(side.b).normalize(),
@@ -284,11 +294,11 @@ fn lerp<T: Channel>(from: T, to: T, share: f32) -> f32 {
     share.mul_add(to - from, from)
 }
 
-/// A channel of a pixel.
+/// A channel of a pixel's colour.
 pub trait Channel: Copy + Default + Send + Sync {
-    /// As a number.
+    /// The value as f32.
     fn to_f32(self) -> f32;
-    /// The nearest value.
+    /// The nearest representable value.
     fn from_f32(value: f32) -> Self;
 }
 
@@ -300,7 +310,8 @@ impl Channel for u8 {
 
     #[inline(always)]
     fn from_f32(value: f32) -> Self {
-        // Ends in the units of a number of 2^23 or more, which `as` would find a channel at a time.
+        // Adding 2²³ rounds to an integer and leaves it in the lowest mantissa bits; unlike the
+        // saturating `as`, this vectorises.
         (value + 8_388_608.0).to_bits() as Self
     }
 }
@@ -315,7 +326,8 @@ impl Channel for f32 {
     }
 }
 
-/// Less of a pixel than this is its rim alone: another primitive's light.
+/// Weight below which a footprint touches the primitive only at the rim of a pixel, whose light is
+/// mostly another primitive's.
 const WEIGHT_MIN: f32 = 1e-3;
 
 #[cfg(test)]

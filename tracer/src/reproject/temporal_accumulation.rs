@@ -1,15 +1,17 @@
-//! Temporal accumulation: each frame of a moving view, blended with what the frames before it showed of the same points.
+//! Temporal accumulation: each frame of a moving view is blended with what earlier frames showed of
+//! the same points.
 //!
-//! The history is reprojected to the new frame as [`View::reproject`] does it, and dropped where the frame before
-//! showed another primitive: there a pixel begins anew. What has changed without a primitive's doing, as shadows and
-//! mirror images do, is found by the new frame itself: the history is clipped to the mean of a pixel's neighbourhood
-//! and some standard deviations (Salvi, "An Excursion in Temporal Supersampling", 2016). Then it is a running mean of at
-//! most [`FRAMES_MAX`] frames, of fewer where reprojection would blur it: each one interpolates the history by a
-//! sharpened cubic (Keys, "Cubic Convolution Interpolation for Digital Image Processing", 1981), which edges and fine
-//! texture do not survive for long.
+//! The history is reprojected to the new frame as by [`View::reproject`], and discarded where the
+//! previous frame showed another primitive: such pixels start over. Changes that do not come from a
+//! primitive's motion, such as shadows and reflections, are detected in the new frame itself: the
+//! history is clipped to the mean of a pixel's neighbourhood plus or minus some standard deviations
+//! (Salvi, "An Excursion in Temporal Supersampling", 2016). The result is a running mean of at most
+//! [`FRAMES_MAX`] frames, and of fewer where reprojection would blur it: each frame interpolates
+//! the history with a sharpened cubic (Keys, "Cubic Convolution Interpolation for Digital Image
+//! Processing", 1981), and edges and fine texture do not survive many such interpolations.
 //!
-//! Means are of tone-mapped levels, which lie below the level of the mean radiance, the more the more noise there is: frames
-//! are to be denoised.
+//! The means are of tone-mapped levels. These lie below the level of the mean radiance, the more so
+//! the more noise there is, so frames should be denoised first.
 
 use fearless_simd::{f32x4, prelude::*};
 use rayon::prelude::*;
@@ -19,30 +21,32 @@ use crate::ImageSize;
 use crate::cpu::Footprint;
 use crate::simd::{Level, dispatch};
 
-/// The running mean of a moving view's frames.
+/// The running mean of the frames of a moving view.
 #[derive(Debug, Default)]
 pub struct TemporalAccumulation {
     history: History,
-    /// Of the frame that is being accumulated, afterwards of the one before, for its memory.
+    /// The history of the frame being accumulated; afterwards that of the frame before, kept for
+    /// its memory.
     next: History,
-    /// The blended frame, afterwards any, for its memory.
+    /// The blended frame; between calls any frame, kept for its memory.
     blended: Vec<[u8; 4]>,
 }
 
-/// What earlier frames have shown, by the pixels of the last one.
+/// What earlier frames have shown, for the pixels of the last one.
 #[derive(Debug, Default)]
 struct History {
-    /// Red, green and blue in sRGB levels, 0 to 255, and of how many frames they are the mean.
+    /// Red, green and blue in sRGB levels from 0 to 255, and the number of frames of which they are
+    /// the mean.
     pixels: Vec<[f32; 4]>,
-    /// Whether a pixel's neighbours all show its primitive.
+    /// Whether all eight neighbours of a pixel show the same primitive.
     is_inner: Vec<bool>,
 }
 
 impl TemporalAccumulation {
-    /// Begins anew with a frame of `view` that is as good as the mean of `frames` frames.
+    /// Starts over with a frame of `view` whose quality is that of the mean of `frames` frames.
     ///
     /// # Panics
-    /// If `frame` has not the pixels of its view.
+    /// If the number of pixels of `frame` is not that of its view.
     pub fn begin(&mut self, view: &View, frame: &[[u8; 4]], frames: f32) {
         assert_eq!(frame.len(), view.size().pixels(), "pixels of the frame");
         let width = (view.size().width as usize).max(1);
@@ -57,11 +61,11 @@ impl TemporalAccumulation {
         });
     }
 
-    /// Blends `frame`, of the view `now`, with what was accumulated by the pixels of the view `before`. On the threads of
-    /// the current pool.
+    /// Blends `frame`, of the view `now`, with the history, of the view `before`, on the threads of
+    /// the current rayon pool.
     ///
     /// # Panics
-    /// If `frame` or what was accumulated has not the pixels of its view.
+    /// If the number of pixels of `frame` or of the history is not that of its view.
     pub fn accumulate(&mut self, before: &View, now: &View, frame: &mut Vec<[u8; 4]>) {
         let size = now.size();
         assert_eq!(frame.len(), size.pixels(), "pixels of the frame");
@@ -114,14 +118,15 @@ impl History {
     }
 }
 
-/// Memory of a thread for a row of pixels.
+/// Scratch memory of a thread for one row of pixels.
 struct RowMemory {
     footprints: Vec<Footprint>,
-    /// The row's levels and those of the rows above and below it.
+    /// Levels of the row, of the row above and of the row below.
     lines: [Vec<[f32; 4]>; 3],
-    /// Sums over a pixel and those above and below it, of levels and of their squares; at both ends one pixel more.
+    /// Column sums over the three rows, of levels and of their squares, with one more column at
+    /// either end.
     sums: [Vec<[f32; 4]>; 2],
-    /// Means and standard deviations of neighbourhoods of 3 × 3.
+    /// Means and standard deviations of the 3 × 3 neighbourhoods.
     means: Vec<[f32; 4]>,
     deviations: Vec<[f32; 4]>,
 }
@@ -139,18 +144,19 @@ impl RowMemory {
     }
 }
 
-/// A frame, and the history that it is blended with.
+/// A frame, and the history with which it is blended.
 struct Blend<'a> {
     before: &'a View,
     history: &'a History,
     size: ImageSize,
     frame: &'a [[u8; 4]],
-    /// Pixels of what does not move are in their old places.
+    /// Whether pixels of static primitives are where they were.
     is_camera_still: bool,
 }
 
 impl Blend<'_> {
-    /// Finds what the neighbourhoods of row `y` are like; beyond the film its outermost pixels count again.
+    /// Computes mean and standard deviation of the neighbourhoods of row `y`; at the image's
+    /// borders the outermost pixels are repeated.
     #[inline(always)]
     fn find_neighbourhoods(&self, y: usize, memory: &mut RowMemory) {
         let (width, last) = (memory.means.len(), self.size.height as usize - 1);
@@ -181,13 +187,14 @@ impl Blend<'_> {
         for (at, (mean, deviation)) in found.enumerate() {
             *mean = (sums[at] + sums[at + 4] + sums[at + 8]) * (1.0 / 9.0);
             let square = (squares[at] + squares[at + 4] + squares[at + 8]) * (1.0 / 9.0);
-            // Levels are whole numbers, and the sums of their squares exact in f32: only the two products
-            // round.
+            // Levels are integers, so the sums of their squares are exact in f32 and only the two
+            // products round; the cancellation does no harm.
             *deviation = (square - *mean * *mean).max(0.0).sqrt();
         }
     }
 
-    /// Blends row `y`, of whose pixels primitives are known and whether their neighbours show them too.
+    /// Blends row `y`, given the primitive of each pixel and whether its neighbours show the same
+    /// one.
     #[inline(always)]
     fn row<S: Simd>(
         &self,
@@ -209,18 +216,19 @@ impl Blend<'_> {
             let frames_max = if self.is_camera_still && self.is_still(footprint, first + x) {
                 STILL_FRAMES_MAX
             } else if is_inner[x] {
-                // The fewer the more detail there is to lose.
+                // The more detail there is to lose, the fewer frames.
                 let contrast = deviation[0].max(deviation[1]).max(deviation[2]).max(1.0);
                 (CONTRAST / contrast).clamp(DETAIL_FRAMES_MAX, FRAMES_MAX)
             } else {
                 EDGE_FRAMES_MAX
             };
-            // A running mean up to `frames_max`, an exponential one from there on.
+            // A running mean up to `frames_max` frames, an exponential moving average from there
+            // on.
             let frames = (frames + 1.0).min(frames_max);
             let mean = f32x4::from_slice(simd, &memory.means[x]);
             let range = f32x4::from_slice(simd, &deviation) * DEVIATIONS + LEVELS;
-            // Clipped to what the neighbourhood shows now: history of a shadow that has moved on is of no
-            // use.
+            // Clipped to the range of the current neighbourhood, which discards, for instance, the
+            // history of a shadow that has moved on.
             let old = old.max(mean - range).max(0.0).min(mean + range).min(255.0);
             let now = f32x4::from_slice(simd, &now);
             let sum = old + (now - old) * (1.0 / frames);
@@ -229,7 +237,8 @@ impl Blend<'_> {
         }
     }
 
-    /// Whether a footprint is the pixel `index` itself, so that it is not interpolated.
+    /// Whether a footprint coincides with pixel `index` itself, so that the history is not
+    /// interpolated.
     #[inline(always)]
     fn is_still(&self, footprint: &Footprint, index: usize) -> bool {
         let [right, below] = footprint.shares;
@@ -239,8 +248,8 @@ impl Blend<'_> {
         nearest == index && is_whole(right) && is_whole(below)
     }
 
-    /// The history in a footprint, and of how many frames it is the mean: interpolated among sixteen pixels where all show
-    /// `primitive`, else as pictures are looked up.
+    /// The history at a footprint and its number of frames: interpolated bicubically among sixteen
+    /// pixels if they all show `primitive`, otherwise as by [`View::look_up`].
     #[inline(always)]
     fn look_up<S: Simd>(
         &self,
@@ -253,7 +262,8 @@ impl Blend<'_> {
         }
         let History { pixels, is_inner } = self.history;
         let (first, width) = (footprint.first as usize, self.before.size().width as usize);
-        // One after the other: the last may lie beyond the film, of whose outermost pixels none is an inner one.
+        // Short-circuiting: the last pixels may lie outside the image, but the outermost pixels are
+        // never inner ones.
         if self.before.hits.primitive[first] != primitive
             || !(is_inner[first] && is_inner[first + 1])
             || !(is_inner[first + width] && is_inner[first + width + 1])
@@ -274,16 +284,19 @@ impl Blend<'_> {
                 of_line = pixel.mul_add(f32x4::splat(simd, across[column]), of_line);
             }
             sum = of_line.mul_add(f32x4::splat(simd, down[line]), sum);
-            // Next to what is new, what was there before shines into it.
+            // The minimum, as next to pixels that have just started over, the light of what was
+            // there before leaks in.
             frames = frames.min(pixels[1][3]).min(pixels[2][3]);
         }
         Some((sum, frames))
     }
 }
 
-/// Weights of four pixels in a row for a place between the second and the third, of a table: it has fewer places than levels.
+/// Cubic weights of four pixels in a row, for a position between the second and the third; from a
+/// table of [`CUBIC_PLACES`] positions.
 #[inline(always)]
 fn cubic_weights(share: f32) -> &'static [f32; 4] {
+    // The modulo lets the compiler drop the bounds check.
     &CUBIC_WEIGHTS[(share * (CUBIC_PLACES as f32 - 1.0) + 0.5) as usize % CUBIC_PLACES]
 }
 
@@ -299,12 +312,12 @@ static CUBIC_WEIGHTS: [[f32; 4]; CUBIC_PLACES] = {
     table
 };
 
-/// The cubic from one to two pixels away.
+/// Keys' cubic at one to two pixels' distance.
 const fn outer(share: f32) -> f32 {
     -SHARPNESS * share * (1.0 - share) * (1.0 - share)
 }
 
-/// The cubic up to one pixel away.
+/// Keys' cubic at up to one pixel's distance.
 const fn inner(share: f32) -> f32 {
     1.0 + share * share * (SHARPNESS - 3.0 + (2.0 - SHARPNESS) * share)
 }
@@ -320,7 +333,7 @@ fn store_levels(row: &mut [[u8; 4]], means: &[[f32; 4]]) {
     }
 }
 
-/// Finds which pixels of row `y` have neighbours on all sides that show their primitive.
+/// Determines which pixels of row `y` have eight neighbours that show the same primitive.
 fn find_inner(view: &View, y: usize, is_inner: &mut [bool]) {
     let width = is_inner.len();
     let height = view.size().height as usize;
@@ -333,6 +346,7 @@ fn find_inner(view: &View, y: usize, is_inner: &mut [bool]) {
     let columns = above.windows(3).zip(own.windows(3)).zip(below.windows(3));
     for (inner, ((above, own), below)) in is_inner[1..].iter_mut().zip(columns) {
         let center = own[1];
+        // Without branches, so that it vectorises: XOR is 0 only for equal primitives.
         let mut differ = 0;
         for column in 0..3 {
             differ |= (above[column] ^ center) | (own[column] ^ center) | (below[column] ^ center);
@@ -341,23 +355,27 @@ fn find_inner(view: &View, y: usize, is_inner: &mut [bool]) {
     }
 }
 
-/// Frames that are averaged where the history moves: more lag behind what depends on the view, such as highlights, and are
-/// blurred. By the error of turning views at 1 and 4 samples: `carom-bench motion`.
+/// Maximum number of frames averaged where the history moves. More of them lag behind
+/// view-dependent effects such as highlights, and blur. Chosen by the error of turning views at 1
+/// and 4 samples (`carom-bench motion`).
 const FRAMES_MAX: f32 = 4.0;
-/// Where neither camera nor primitive moves.
+/// Maximum number of frames averaged where neither camera nor primitive moves.
 pub const STILL_FRAMES_MAX: f32 = 16.0;
-/// At the edges of primitives, whose place within a pixel changes.
+/// The same at the edges of primitives, whose position within a pixel changes.
 const EDGE_FRAMES_MAX: f32 = 1.5;
-/// Where there is the most detail.
+/// The same where there is the most detail.
 const DETAIL_FRAMES_MAX: f32 = 1.5;
-/// Frames that are averaged where the standard deviation of the neighbourhood is one level; as many times fewer as it is more.
+/// Number of frames averaged where the neighbourhood has a standard deviation of one level; it is
+/// inversely proportional to the deviation.
 const CONTRAST: f32 = 40.0;
-/// How many standard deviations of its neighbourhood the history of a pixel may be away, and how many levels more.
+/// The range that history is clipped to: standard deviations of the neighbourhood around its mean,
+/// plus levels.
 const DEVIATIONS: f32 = 2.5;
 const LEVELS: f32 = 2.0;
-/// What a neighbour may count in the footprint of a still pixel.
+/// Maximum weight of a neighbouring pixel in the footprint of a still pixel.
 const STILL_SHARE: f32 = 0.01;
-/// Minus the slope of the cubic one pixel away; 0.5 interpolates parabolas exactly, more sharpens.
+/// Minus the slope of the cubic at a distance of one pixel (Keys' −a): 0.5 interpolates parabolas
+/// exactly, larger values sharpen.
 const SHARPNESS: f32 = 0.75;
-/// Places between two pixels.
+/// Number of tabulated positions between two pixels.
 const CUBIC_PLACES: usize = 257;

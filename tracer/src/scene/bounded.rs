@@ -1,5 +1,5 @@
-//! Reading of a scene's lists, which are counted while they come: one that is too long is refused at
-//! the element too many, before it fills memory.
+//! Deserialisation of a scene's lists with limits: elements are counted as they are read, and a
+//! list that is too long is refused at the first excess element, before it fills memory.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -73,7 +73,7 @@ where
     list(from, "subtractions", SUBTRACTIONS_MAX, |_| Ok(()))
 }
 
-/// Refuses a name that is given twice, too, where serde would keep the last one.
+/// Also refuses duplicate names, of which serde would keep the last one.
 pub(super) fn materials<'de, D>(from: D) -> Result<BTreeMap<String, Material>, D::Error>
 where
     D: Deserializer<'de>,
@@ -102,7 +102,7 @@ where
     from.deserialize_map(Materials)
 }
 
-/// A list of at most `max` elements, each of which passes `check`.
+/// Reads a list of at most `max` elements, each of which must pass `check`.
 fn list<'de, D, T>(
     from: D,
     what: &'static str,
@@ -153,7 +153,7 @@ where
 mod tests {
     use super::*;
 
-    /// JSON of as many elements, the last of which is broken.
+    /// A JSON list of `elements` valid elements, followed by an invalid one.
     fn broken_after(element: &str, elements: usize) -> String {
         format!("[{}null]", format!("{element},").repeat(elements))
     }

@@ -1,5 +1,5 @@
-//! Construction of scenes in code: shapes, materials and lights with defaults, and a handle of each
-//! object that is added.
+//! Construction of scenes in code: shapes, materials and lights with defaults, and handles of the
+//! objects added.
 
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,12 +12,12 @@ use super::{
 };
 use crate::{Error, SceneError};
 
-/// Which scene a handle belongs to. It is no part of a scene's content: all compare as equal, files and
-/// the wire leave it out, and a clone has that of its original.
+/// Identity of a scene, which ties handles to it. It is not part of a scene's content: all
+/// identities compare equal, serialisation omits them, and a clone has that of its original.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneIdentity(u64);
 
-/// One that no scene has had.
+/// A new, unique identity.
 impl Default for SceneIdentity {
     fn default() -> Self {
         static NEXT: AtomicU64 = AtomicU64::new(0);
@@ -31,7 +31,7 @@ impl PartialEq for SceneIdentity {
     }
 }
 
-/// An object of a scene, by which it is moved.
+/// Reference to an object of a scene, for moving it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ObjectHandle {
     scene: u64,
@@ -45,7 +45,7 @@ impl Default for Scene {
 }
 
 impl Scene {
-    /// Nothing yet, under a sky that lights it, seen from four metres away.
+    /// An empty scene under the default sky, seen from a distance of about 4 m.
     pub fn new() -> Self {
         Self {
             camera: Camera::looking_at([0.0, -4.0, 2.0], [0.0; 3]),
@@ -60,13 +60,13 @@ impl Scene {
         }
     }
 
-    /// Seen by this camera.
+    /// Sets the camera.
     #[must_use]
     pub fn camera(self, camera: Camera) -> Self {
         Self { camera, ..self }
     }
 
-    /// Under a sky of this radiance, in W·sr⁻¹·m⁻² per channel; 0 for none.
+    /// Sets the radiance of a uniform sky in W·sr⁻¹·m⁻² per channel; 0 for none.
     #[must_use]
     pub fn sky(self, radiance: impl Into<Vec3>) -> Self {
         let radiance = radiance.into();
@@ -77,7 +77,7 @@ impl Scene {
         }
     }
 
-    /// Among the surroundings that a picture shows, as bright as it is.
+    /// Sets the environment map, at its own brightness.
     #[must_use]
     pub fn surroundings(self, map: EnvironmentMap) -> Self {
         Self {
@@ -86,7 +86,7 @@ impl Scene {
         }
     }
 
-    /// Adds an object, named after its shape.
+    /// Adds an object that is named after its shape.
     pub fn add(&mut self, shape: impl Into<Shape>, material: Material) -> ObjectHandle {
         let shape = shape.into();
         let name = match shape {
@@ -101,7 +101,7 @@ impl Scene {
         self.add_named(name, shape, material)
     }
 
-    /// Adds an object that messages call `name`.
+    /// Adds an object with a name, which error messages use.
     pub fn add_named(
         &mut self,
         name: impl Into<String>,
@@ -127,20 +127,20 @@ impl Scene {
         self.textures.len() as u32 - 1
     }
 
-    /// Adds a light.
+    /// Adds an area light.
     pub fn add_light(&mut self, light: AreaLight) {
         self.area_lights.push(light);
     }
 
-    /// Adds a light without extent.
+    /// Adds a punctual light (without extent).
     pub fn add_punctual_light(&mut self, light: PunctualLight) {
         self.punctual_lights.push(light);
     }
 
-    /// The pose of an object, for a [`super::SceneUpdate`]: `position` in metres.
+    /// A pose of an object for a [`super::SceneUpdate`], with `position` in metres.
     ///
     /// # Errors
-    /// [`Error::InvalidUpdate`] if the handle is of another scene.
+    /// [`Error::InvalidUpdate`] if the handle belongs to another scene.
     pub fn pose(
         &self,
         handle: ObjectHandle,
@@ -163,10 +163,11 @@ impl Scene {
         })
     }
 
-    /// Where the scene has an object that can move.
+    /// The pose that a movable object has in the scene.
     ///
     /// # Errors
-    /// [`Error::InvalidUpdate`] if the handle is of another scene or the object cannot move.
+    /// [`Error::InvalidUpdate`] if the handle belongs to another scene or the object is not
+    /// movable.
     pub fn base_pose(&self, handle: ObjectHandle) -> Result<ObjectPose, Error> {
         let pose = self.pose(handle, Vec3::ZERO, Quat::IDENTITY)?;
         match &self.objects[handle.index as usize].shape {
@@ -187,10 +188,10 @@ impl Scene {
         }
     }
 
-    /// Checks every rule, and that there is something to see and light to see it by.
+    /// Checks all rules, and that there is something visible and a source of light.
     ///
     /// # Errors
-    /// [`Error::InvalidScene`] with the place, the value and the rule.
+    /// [`Error::InvalidScene`] with the part, the value and the rule.
     pub fn validate_visible(&self) -> Result<(), Error> {
         self.validate()?;
         if self.objects.is_empty() && self.area_lights.is_empty() {
@@ -208,7 +209,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Whether anything but the environment shines.
+    /// Whether anything other than the environment emits light.
     fn has_light(&self) -> bool {
         let glows = |material: &Material| match material {
             Material::MetallicRoughness { emission, .. } => *emission != Vec3::ZERO,
@@ -220,7 +221,7 @@ impl Scene {
             || self.materials.values().any(glows)
     }
 
-    /// The name of a material of the scene; it is added if there is none like it.
+    /// The name of a material in the scene, which is added unless an equal one exists.
     fn material_name(&mut self, material: Material) -> String {
         let mut known = self.materials.iter();
         if let Some((name, _)) = known.find(|(_, known)| **known == material) {
@@ -244,7 +245,8 @@ impl Scene {
 }
 
 impl Camera {
-    /// From `eye` to `target`, in metres, with 45° across and z upright, or y if the view is along z.
+    /// A camera at `eye` looking at `target`, in metres, with a horizontal field of view of 45°; up
+    /// is z, or y if the view is along z.
     pub fn looking_at(eye: impl Into<Vec3>, target: impl Into<Vec3>) -> Self {
         let (eye, target) = (eye.into(), target.into());
         let is_upright = (target - eye).cross(Vec3::Z).length() < 1e-3 * (target - eye).length();
@@ -258,19 +260,19 @@ impl Camera {
         }
     }
 
-    /// With this full horizontal field of view in degrees.
+    /// Sets the full horizontal field of view in degrees.
     #[must_use]
     pub fn fov_deg(self, fov_x_deg: f32) -> Self {
         Self { fov_x_deg, ..self }
     }
 
-    /// Without what lies before a plane at this distance from the eye in metres.
+    /// Sets the distance in metres of the near plane, in front of which nothing is visible.
     #[must_use]
     pub fn near_m(self, near_m: f32) -> Self {
         Self { near_m, ..self }
     }
 
-    /// With a lens whose aperture has this radius in metres, focused on the target.
+    /// Sets the radius in metres of the lens's aperture; the lens is focused on the target.
     #[must_use]
     pub fn aperture_radius_m(self, aperture_radius_m: f32) -> Self {
         let lens = Lens {
@@ -280,7 +282,7 @@ impl Camera {
         Self { lens, ..self }
     }
 
-    /// With this direction upright in the image.
+    /// Sets the direction that is up in the image.
     #[must_use]
     pub fn upright(self, up: impl Into<Vec3>) -> Self {
         let up = up.into();
@@ -296,7 +298,7 @@ impl Default for Environment {
     }
 }
 
-/// A ball.
+/// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
     center: Vec3,
@@ -305,7 +307,7 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// Round the origin, with a radius in metres.
+    /// A sphere around the origin with this radius in metres.
     pub const fn new(radius: f32) -> Self {
         Self {
             center: Vec3::ZERO,
@@ -314,14 +316,14 @@ impl Sphere {
         }
     }
 
-    /// With its centre here, in metres.
+    /// Sets the centre in metres.
     #[must_use]
     pub fn at(self, center: impl Into<Vec3>) -> Self {
         let center = center.into();
         Self { center, ..self }
     }
 
-    /// Turned by `world_from_ball`, a unit quaternion.
+    /// Sets the rotation from object to world space, a unit quaternion.
     #[must_use]
     pub const fn rotated(self, rotation: Quat) -> Self {
         Self { rotation, ..self }
@@ -338,7 +340,8 @@ impl From<Sphere> for Shape {
     }
 }
 
-/// A plane across an axis of the world, as a square of [`Plane::EDGE_M`]: to the eye it has no end.
+/// A plane perpendicular to an axis of the world: a square with edges of [`Plane::EDGE_M`], which
+/// looks infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
     axis: Axis,
@@ -346,22 +349,22 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// Length of an edge in metres.
+    /// Length of the square's edges in metres.
     pub const EDGE_M: f32 = 2e4;
 
-    /// Where x is `offset` metres.
+    /// The plane at x = `offset` metres.
     pub const fn x(offset: f32) -> Self {
         let axis = Axis::X;
         Self { axis, offset }
     }
 
-    /// Where y is `offset` metres.
+    /// The plane at y = `offset` metres.
     pub const fn y(offset: f32) -> Self {
         let axis = Axis::Y;
         Self { axis, offset }
     }
 
-    /// Where z is `offset` metres: a floor.
+    /// The plane at z = `offset` metres: a floor.
     pub const fn z(offset: f32) -> Self {
         let axis = Axis::Z;
         Self { axis, offset }
@@ -391,7 +394,7 @@ pub struct Cuboid {
 }
 
 impl Cuboid {
-    /// Round the origin, with edges in metres.
+    /// A box around the origin with these edge lengths in metres.
     pub fn new(size: impl Into<Vec3>) -> Self {
         Self {
             size: size.into(),
@@ -399,7 +402,7 @@ impl Cuboid {
         }
     }
 
-    /// With its centre here, in metres.
+    /// Sets the centre in metres.
     #[must_use]
     pub fn at(self, center: impl Into<Vec3>) -> Self {
         let center = center.into();
@@ -417,7 +420,8 @@ impl From<Cuboid> for Shape {
 }
 
 impl AreaLight {
-    /// A rectangle of these edges in metres round the origin, that shines downward with a radiance of 1.
+    /// A rectangle with these edges in metres around the origin, which shines downwards with a
+    /// radiance of 1.
     pub fn new(width_m: f32, depth_m: f32) -> Self {
         Self {
             name: "light".to_owned(),
@@ -429,14 +433,14 @@ impl AreaLight {
         }
     }
 
-    /// With its centre here, in metres.
+    /// Sets the centre in metres.
     #[must_use]
     pub fn at(self, center: impl Into<Vec3>) -> Self {
         let center = center.into();
         Self { center, ..self }
     }
 
-    /// Turned so that it shines from where it is towards `target`.
+    /// Turns the light about its centre so that it shines towards `target`.
     #[must_use]
     pub fn facing(self, target: impl Into<Vec3>) -> Self {
         let normal = (target.into() - self.center).normalize_or(Vec3::NEG_Z);
@@ -448,18 +452,19 @@ impl AreaLight {
         }
     }
 
-    /// With this radiance, in W·sr⁻¹·m⁻² per channel.
+    /// Sets the radiance in W·sr⁻¹·m⁻² per channel.
     #[must_use]
     pub fn radiance(self, radiance: impl Into<Vec3>) -> Self {
         let radiance = radiance.into();
         Self { radiance, ..self }
     }
 
-    /// Emitting this many watts in each channel.
+    /// Sets the emitted power in watts per channel.
     #[must_use]
     pub fn power(self, watts: f32) -> Self {
         let area = 4.0 * self.half_u.length() * self.half_v.length();
         Self {
+            // A Lambertian emitter of area A emits a power of π A L.
             radiance: Vec3::splat(watts / (PI * area)),
             ..self
         }

@@ -1,27 +1,31 @@
-//! Environment maps: light from a picture of all directions.
+//! Environment maps: light from an image of all directions.
 
 use serde::{Deserialize, Serialize};
 
 use super::{FileBytes, ImageSource};
 
-/// The longest side of an environment map in pixels: it takes half a gigabyte on each back end.
+/// Maximum width and height of an environment map in pixels; a map of this size takes half a
+/// gigabyte on each device.
 pub const ENVIRONMENT_EDGE_MAX: u32 = 8192;
 
-/// An equirectangular picture of the surroundings, of at most [`ENVIRONMENT_EDGE_MAX`] pixels a side.
+/// An equirectangular image of the surroundings, with at most [`ENVIRONMENT_EDGE_MAX`] pixels along
+/// each edge.
 ///
-/// Its middle shows +y, its right half +x, its upper edge +z. [`super::Environment::radiance`] multiplies its numbers.
+/// Its centre is the direction +y, its right half is towards +x, its upper edge +z. Its values are
+/// multiplied by [`super::Environment::radiance`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentMap {
     /// An OpenEXR or Radiance HDR file.
     pub image: ImageSource,
-    /// Turn of what is seen about +z, anticlockwise from above, in degrees, in [−360, 360].
+    /// Rotation of the surroundings about +z, anticlockwise as seen from above, in degrees, in
+    /// [−360, 360].
     #[serde(default)]
     pub turn_deg: f32,
 }
 
 impl EnvironmentMap {
-    /// The bytes of an OpenEXR or Radiance HDR file.
+    /// An environment map from the bytes of an OpenEXR or Radiance HDR file.
     pub fn new(file: Vec<u8>) -> Self {
         Self {
             image: ImageSource::Encoded(FileBytes(file)),
@@ -29,16 +33,17 @@ impl EnvironmentMap {
         }
     }
 
-    /// Turned about +z, anticlockwise from above.
+    /// Sets the rotation about +z in degrees, anticlockwise as seen from above.
     #[must_use]
     pub fn turned_deg(self, turn_deg: f32) -> Self {
         Self { turn_deg, ..self }
     }
 }
 
-/// Bytes that a map of that size takes, with what directions are drawn by.
+/// Bytes of a compiled environment map of this size, including its sampling tables.
 #[cfg(feature = "image-io")]
 pub(crate) fn environment_bytes(width: u32, height: u32) -> u64 {
     let (width, height) = (u64::from(width), u64::from(height));
+    // Marginal and conditional distribution functions, and three channels per pixel.
     4 * (height + 1 + height * (width + 1) + 3 * width * height)
 }

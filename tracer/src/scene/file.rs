@@ -1,10 +1,11 @@
 //! Scenes as JSON files.
 //!
 //! A file holds one [`Scene`], field by field; lengths are in metres, radiance and albedo are
-//! linear Rec. 709 triples, +z is up. Fields that the format does not know are refused, so that a
-//! slip of the pen is not drawn as something else. `area_lights`, a sphere's `rotation` (x, y, z, w), a mesh's
-//! `normals`, `uvs`, `center` and `rotation`, and a coat's `internal_reflectance` and `stripe` may be left out.
-//! Textures name PNG or JPEG files beside the scene file (`"image": { "file": "wood.png" }`) or hold them as base64 (`"encoded"`).
+//! linear Rec. 709 triples, +z is up. Unknown fields are refused, so that a misspelt one is not
+//! ignored. Optional are `area_lights`, a sphere's `rotation` (x, y, z, w), a mesh's `normals`,
+//! `uvs`, `center` and `rotation`, and a coat's `internal_reflectance` and `stripe`. Textures name
+//! PNG or JPEG files beside the scene file (`"image": { "file": "wood.png" }`) or contain them as
+//! base64 (`"encoded"`).
 //!
 //! ```
 //! use carom_tracer::Scene;
@@ -58,18 +59,18 @@ use serde_json::ser::{Formatter, PrettyFormatter, Serializer};
 use crate::scene::Scene;
 use crate::{Error, SceneError};
 
-/// The longest scene file in bytes, more than a scene without meshes takes at every limit of [`super::validate`] if
-/// its names need no escapes. Longer ones are refused before they are parsed. About a million triangles fit; scenes of
-/// more are built in code.
+/// Maximum size of a scene file in bytes, more than a scene without meshes takes at all limits of
+/// [`super::validate`], provided that its names need no escapes. Larger files are refused before
+/// they are parsed. About a million triangles fit; scenes with more are built in code.
 pub const SCENE_BYTES_MAX: usize = 64 << 20;
 
 impl Scene {
-    /// Reads and checks a scene file in this format, or, if its name ends with `.gltf` or `.glb`, one of glTF 2.0
-    /// (`Scene::load_gltf`).
+    /// Reads and checks a scene file in this format or, if its name ends with `.gltf` or `.glb`, in
+    /// glTF 2.0 (`Scene::load_gltf`).
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is longer than
-    /// [`SCENE_BYTES_MAX`], not a scene, or breaks a rule of [`super::validate`].
+    /// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is larger than
+    /// [`SCENE_BYTES_MAX`], is not a scene, or breaks a rule of [`super::validate`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         #[cfg(feature = "gltf")]
@@ -89,11 +90,11 @@ impl Scene {
         serde_json::from_str(text).map_err(|error| parse_error(&error))
     }
 
-    /// Writes the scene as [`Scene::to_json`], in place of what the file held.
+    /// Writes the scene as [`Scene::to_json`] to a file, which is overwritten.
     ///
     /// # Errors
-    /// [`Error::InvalidScene`] if the scene could not be loaded again, before the file is touched;
-    /// [`Error::Io`] if it cannot be written.
+    /// [`Error::InvalidScene`] if the scene is invalid, before the file is touched; [`Error::Io`]
+    /// if it cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), Error> {
         let path = path.as_ref();
         fs::write(path, self.to_json()?).map_err(|source| Error::io(path, source))
@@ -110,7 +111,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The scene as indented JSON, each vector on one line. Reads back bit by bit.
+    /// The scene as indented JSON with each vector on one line. Reading it back gives exactly the
+    /// same values.
     ///
     /// # Errors
     /// [`Error::InvalidScene`] if the scene breaks a rule of [`super::validate`].
@@ -133,7 +135,7 @@ fn is_gltf(path: &Path) -> bool {
     extension.is_some_and(|text| ["gltf", "glb"].contains(&text.to_ascii_lowercase().as_str()))
 }
 
-/// A sentence with the place for what the parser refused.
+/// An error with the position of what the parser refused, and advice.
 fn parse_error(error: &serde_json::Error) -> Error {
     let place = format!(" at line {} column {}", error.line(), error.column());
     let what = error.to_string();
@@ -159,7 +161,8 @@ fn read_scene_file(path: &Path) -> io::Result<Vec<u8>> {
     read_limited(path, SCENE_BYTES_MAX as u64)
 }
 
-/// At most one byte more than the limit, so that a device or a growing file cannot fill memory.
+/// Reads at most one byte more than the limit, so that a device or a growing file cannot fill
+/// memory.
 pub(in crate::scene) fn read_limited(path: &Path, bytes_max: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let file = File::open(path)?;
@@ -167,7 +170,7 @@ pub(in crate::scene) fn read_limited(path: &Path, bytes_max: u64) -> io::Result<
     Ok(bytes)
 }
 
-/// [`read_limited`] of a file on a disk: a pipe would be waited for.
+/// As [`read_limited`], but only for regular files: reading a pipe could block.
 pub(in crate::scene) fn read_limited_file(path: &Path, bytes_max: u64) -> Result<Vec<u8>, Error> {
     let read = fs::metadata(path).and_then(|metadata| match metadata.is_file() {
         true => read_limited(path, bytes_max),
@@ -176,7 +179,7 @@ pub(in crate::scene) fn read_limited_file(path: &Path, bytes_max: u64) -> Result
     read.map_err(|source| Error::io(path, source))
 }
 
-/// Whether a name in a file is of one beside it or in a folder there.
+/// Whether a file name in a scene refers to a file in the scene's folder or below.
 pub(in crate::scene) fn lies_beside(name: &Path) -> bool {
     let is_below = |part| matches!(part, Component::Normal(_) | Component::CurDir);
     name.components().all(is_below)
@@ -203,8 +206,8 @@ fn limit(bytes: usize) -> Result<(), SceneError> {
     }
 }
 
-/// serde_json's indented layout, but for vectors, which stay on one line: only the lists of the
-/// scene itself, its objects and area lights, are broken into lines.
+/// serde_json's indented layout, except that vectors stay on one line: only the scene's own lists
+/// (objects, area lights, …) are broken into lines.
 #[derive(Default)]
 struct Layout {
     pretty: PrettyFormatter<'static>,

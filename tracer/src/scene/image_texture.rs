@@ -1,73 +1,74 @@
-//! Image textures: pictures that are laid over meshes by their texture coordinates.
+//! Image textures, which are mapped to meshes by texture coordinates.
 
 use std::fmt;
 
 use serde::de::{Error as _, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A picture for meshes, of at most [`TEXTURE_EDGE_MAX`] texels a side.
+/// An image for meshes, with at most [`TEXTURE_EDGE_MAX`] texels along each edge.
 ///
-/// Texture coordinate (0, 0) is its top left corner and (1, 1) its bottom right one. Between the centres of texels colours
-/// are interpolated.
+/// Texture coordinate (0, 0) is the top left corner and (1, 1) the bottom right one. Colours are
+/// interpolated between the centres of texels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImageTexture {
-    /// Shown in messages; need not be unique.
+    /// Name for messages; need not be unique.
     pub name: String,
-    /// What its numbers mean.
+    /// Interpretation of the texels.
     #[serde(default)]
     pub color_space: ColorSpace,
-    /// What lies beyond its edges, across and down.
+    /// Extension beyond the edges, horizontally and vertically.
     #[serde(default)]
     pub wrap: [Wrap; 2],
     /// A PNG or JPEG file.
     pub image: ImageSource,
 }
 
-/// The longest side of a texture in texels.
+/// Maximum width and height of a texture in texels.
 pub const TEXTURE_EDGE_MAX: u32 = 16_384;
 
-/// What the numbers of a texture mean.
+/// Interpretation of a texture's values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorSpace {
-    /// Colours for a display (IEC 61966-2-1): base colours, emission.
+    /// sRGB colours (IEC 61966-2-1): base colours, emission.
     #[default]
     Srgb,
-    /// Numbers as they are: roughness, normals.
+    /// Linear values: roughness, normals.
     Linear,
 }
 
-/// What a texture shows beyond its edges.
+/// How a texture is extended beyond its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Wrap {
-    /// Itself again.
+    /// Repeated.
     #[default]
     Repeat,
-    /// The texel at the edge.
+    /// The nearest texel at the edge.
     Clamp,
-    /// Itself again, every other time mirrored.
+    /// Repeated, every other time mirrored.
     Mirror,
 }
 
-/// Where a picture comes from.
+/// Source of an image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ImageSource {
-    /// The bytes of an image file; in JSON as base64 (RFC 4648).
+    /// The contents of an image file; base64 (RFC 4648) in JSON.
     Encoded(FileBytes),
-    /// The name of an image file beside the scene file. [`super::Scene::load`] puts its bytes here; elsewhere it is
-    /// refused, since no scene of a stranger may name files.
+    /// The name of an image file beside the scene file. [`super::Scene::load`] replaces it by the
+    /// file's contents; elsewhere it is refused, as a scene from an untrusted source must not
+    /// access files.
     File(String),
 }
 
-/// The bytes of a file.
+/// The contents of a file.
 #[derive(Clone, PartialEq, Eq)]
 pub struct FileBytes(pub Vec<u8>);
 
 impl ImageTexture {
-    /// A picture of colours, which is repeated, from the bytes of a PNG or JPEG file.
+    /// A repeated sRGB image from the contents of a PNG or JPEG file.
     pub fn new(name: impl Into<String>, file: Vec<u8>) -> Self {
         Self {
             name: name.into(),
@@ -77,7 +78,7 @@ impl ImageTexture {
         }
     }
 
-    /// The same, of numbers rather than colours.
+    /// Sets the colour space to linear.
     #[must_use]
     pub fn linear(self) -> Self {
         Self {
@@ -86,7 +87,7 @@ impl ImageTexture {
         }
     }
 
-    /// Continued so beyond its edges.
+    /// Sets the extension beyond the edges.
     #[must_use]
     pub fn wrapped(self, wrap: Wrap) -> Self {
         let wrap = [wrap; 2];
@@ -95,7 +96,7 @@ impl ImageTexture {
 }
 
 impl ImageSource {
-    /// The bytes of the file; none if it is only named.
+    /// The contents of the file; `None` for a file name.
     pub fn bytes(&self) -> Option<&[u8]> {
         match self {
             Self::Encoded(FileBytes(bytes)) => Some(bytes),
@@ -108,37 +109,38 @@ impl ImageSource {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MaterialTextures {
-    /// Red, green and blue multiply the base colour, alpha that of the material's [`super::Opacity`].
+    /// The base colour is multiplied by red, green and blue, the alpha of the material's
+    /// [`super::Opacity`] by alpha.
     pub base_color: Option<u32>,
-    /// Green multiplies the roughness and blue the metallic share, as in glTF 2.0; to be
+    /// As in glTF 2.0, roughness is multiplied by green and metalness by blue; must be
     /// [`ColorSpace::Linear`].
     pub metallic_roughness: Option<u32>,
-    /// Normals in tangent space, as in glTF 2.0: `2·rgb − 1`, x along growing u, y against growing v, z out of the
-    /// surface; to be [`ColorSpace::Linear`].
+    /// Tangent-space normals as in glTF 2.0: `2·rgb − 1`, with x along increasing u, y along
+    /// decreasing v and z out of the surface; must be [`ColorSpace::Linear`].
     pub normal: Option<u32>,
-    /// By what x and y of the normals are multiplied, in ±[`super::validate::NORMAL_SCALE_MAX`]: 0 is flat, 1 the map as it
-    /// is.
+    /// Factor for x and y of the normals, in ±[`super::validate::NORMAL_SCALE_MAX`]: 0 is flat, 1
+    /// the map itself.
     pub normal_scale: f32,
-    /// Red, green and blue multiply the emission.
+    /// The emission is multiplied by red, green and blue.
     pub emission: Option<u32>,
-    /// Red multiplies the strength of the clear coat; to be [`ColorSpace::Linear`].
+    /// The strength of the clear coat is multiplied by red; must be [`ColorSpace::Linear`].
     pub clearcoat: Option<u32>,
-    /// Green multiplies the roughness of the clear coat; to be [`ColorSpace::Linear`].
+    /// The roughness of the clear coat is multiplied by green; must be [`ColorSpace::Linear`].
     pub clearcoat_roughness: Option<u32>,
-    /// Normals of the clear coat, as [`MaterialTextures::normal`]; without, the coat has those of the mesh, whatever the
-    /// base has. To be [`ColorSpace::Linear`].
+    /// Normals of the clear coat, as [`MaterialTextures::normal`]; without them the coat has the
+    /// mesh's normals, whatever those of the base. Must be [`ColorSpace::Linear`].
     pub clearcoat_normal: Option<u32>,
-    /// By what x and y of those are multiplied, as [`MaterialTextures::normal_scale`].
+    /// Factor for x and y of the clear coat's normals, as [`MaterialTextures::normal_scale`].
     pub clearcoat_normal_scale: f32,
-    /// Red, green and blue multiply the colour of the sheen.
+    /// The colour of the sheen is multiplied by red, green and blue.
     pub sheen: Option<u32>,
-    /// Alpha multiplies the roughness of the sheen.
+    /// The roughness of the sheen is multiplied by alpha.
     pub sheen_roughness: Option<u32>,
-    /// Alpha multiplies the strength of the reflection of what is no metal.
+    /// The strength of the specular reflection of non-metals is multiplied by alpha.
     pub specular: Option<u32>,
-    /// Red, green and blue multiply its colour towards the normal.
+    /// The colour at normal incidence of that reflection is multiplied by red, green and blue.
     pub specular_color: Option<u32>,
-    /// Red multiplies the transmission; to be [`ColorSpace::Linear`].
+    /// The transmission is multiplied by red; must be [`ColorSpace::Linear`].
     pub transmission: Option<u32>,
 }
 
@@ -184,7 +186,7 @@ impl MaterialTextures {
         ]
     }
 
-    /// The same behind so many other textures.
+    /// The same textures after `by` others have been put before them.
     pub(crate) fn shifted(mut self, by: u32) -> Self {
         for index in self.slots().into_iter().flatten() {
             *index += by;
@@ -192,26 +194,26 @@ impl MaterialTextures {
         self
     }
 
-    /// All of them.
+    /// The indices of all textures.
     pub fn indices(mut self) -> impl Iterator<Item = u32> + use<> {
         let all = self.slots().map(|slot| *slot);
         all.into_iter().flatten()
     }
 }
 
-/// The side of the next level of detail.
+/// Edge length of the next mip level.
 pub(crate) const fn halved(edge: u32) -> u32 {
     if edge < 2 { 1 } else { edge / 2 }
 }
 
-/// Levels of detail of a texture down to a single texel.
+/// Number of mip levels of a texture, down to a single texel.
 #[cfg(feature = "image-io")]
 pub(crate) const fn levels(width: u32, height: u32) -> u32 {
     let edge = if width > height { width } else { height };
     1 + edge.ilog2()
 }
 
-/// Texels of a texture of that size with all its levels.
+/// Number of texels of a texture with all of its mip levels.
 #[cfg(feature = "image-io")]
 pub(crate) fn texels_with_levels([width, height]: [u32; 2]) -> u64 {
     let (mut width, mut height, mut texels) = (width, height, 0);
@@ -228,7 +230,7 @@ impl fmt::Debug for FileBytes {
     }
 }
 
-/// Base64 in text, bytes as they are elsewhere.
+/// Serialised as base64 in human-readable formats, as bytes in others.
 impl Serialize for FileBytes {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         match to.is_human_readable() {
@@ -267,6 +269,7 @@ const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz
 
 fn base64(bytes: &[u8]) -> String {
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    // Three bytes make four digits of 6 bits; a last group of n bytes makes n + 1 digits.
     for three in bytes.chunks(3) {
         let byte = |i: usize| u32::from(three.get(i).copied().unwrap_or(0));
         let word = byte(0) << 16 | byte(1) << 8 | byte(2);
@@ -283,7 +286,7 @@ fn base64(bytes: &[u8]) -> String {
     text
 }
 
-/// The bytes of base64 with its padding or without.
+/// Decodes base64 with or without padding.
 pub(crate) fn from_base64(text: &str) -> Result<Vec<u8>, String> {
     let digits = text.trim_end_matches('=').as_bytes();
     let mut bytes = Vec::with_capacity(digits.len() / 4 * 3 + 2);
@@ -305,6 +308,7 @@ pub(crate) fn from_base64(text: &str) -> Result<Vec<u8>, String> {
             };
             word |= u32::from(value) << (18 - 6 * place);
         }
+        // A single digit has 6 bits, less than a byte.
         if four.len() == 1 {
             return Err(format!(
                 "the base64 has {} digits, one too many",
@@ -321,7 +325,7 @@ pub(crate) fn from_base64(text: &str) -> Result<Vec<u8>, String> {
 mod tests {
     use super::*;
 
-    /// Of scenes that are put together.
+    /// As needed when scenes are combined.
     #[test]
     fn all_textures_of_a_material_are_counted_and_shifted() {
         let mut json = serde_json::to_value(MaterialTextures::NONE).unwrap();

@@ -1,65 +1,69 @@
-//! Opacity, clear coat, sheen and transmission of glTF's material.
+//! Opacity, clear coat, sheen and transmission of glTF's metallic-roughness material.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// How much of a surface is there: rays of all kinds pass the rest unbent.
+/// Coverage of a surface: rays pass through the rest unchanged.
 ///
-/// A surface's alpha is that given here times the alphas of its base colour's texture and of its vertex colours. Each ray that
-/// meets it draws once whether it is met (Enderton et al., "Stochastic Transparency", I3D 2010), rays to lights too: so light
-/// passes in proportion at the price of noise, whatever lies one behind the other. What is there is seen from both sides.
+/// A surface's alpha is the one given here times those of its base colour's texture and of its
+/// vertex colours. Each ray decides randomly whether it hits the surface (Enderton et al.,
+/// "Stochastic Transparency", I3D 2010), including shadow rays: so the right fraction of light
+/// passes at the price of noise, in any depth order. The covered part is visible from both sides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Opacity {
-    /// Everywhere, whatever its alpha.
+    /// Fully covered, whatever the alpha.
     #[default]
     Opaque,
-    /// Where its alpha is at least `cutoff`: leaves, fences.
+    /// Covered where alpha is at least `cutoff`: leaves, fences.
     Mask {
-        /// In [0, 1].
+        /// Alpha, in [0, 1].
         #[serde(default = "one")]
         alpha: f32,
-        /// At least 0; above 1 nothing is there.
+        /// Threshold, at least 0; above 1 nothing is covered.
         #[serde(default = "half")]
         cutoff: f32,
     },
-    /// With the probability that its alpha is: smoke, thin cloth.
+    /// Covered with a probability equal to alpha: smoke, thin cloth.
     Blend {
-        /// In [0, 1].
+        /// Alpha, in [0, 1].
         #[serde(default = "one")]
         alpha: f32,
     },
 }
 
-/// A clear coat and a sheen over [`super::Material::MetallicRoughness`], and how strongly that itself reflects and how much it
-/// lets pass: glTF's `KHR_materials_clearcoat`, `KHR_materials_sheen`, `KHR_materials_specular` and
-/// `KHR_materials_transmission`.
+/// A clear coat and a sheen over [`super::Material::MetallicRoughness`], and the strength of its
+/// own reflection and transmission: glTF's `KHR_materials_clearcoat`, `KHR_materials_sheen`,
+/// `KHR_materials_specular` and `KHR_materials_transmission`.
 ///
-/// The coat lies on top. Both dim what is below by what they reflect, in both directions, so that no light is gained. Textures
-/// multiply each of the numbers, and the coat may have normals of its own: see [`super::MaterialTextures`].
+/// The coat is the top layer. Both layers attenuate what is below by what they reflect, in both
+/// directions, so energy is never gained. Each value can be multiplied by a texture, and the coat
+/// can have normals of its own: see [`super::MaterialTextures`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Layers {
-    /// Strength of the clear coat, whose index of refraction is 1.5, in [0, 1].
+    /// Strength of the clear coat (of index of refraction 1.5), in [0, 1].
     pub clearcoat: f32,
     /// Square root of the coat's GGX width, in [0, 1].
     pub clearcoat_roughness: f32,
-    /// Colour of the sheen per channel, in [0, 1]; the cloth of [`super::Material::Cloth`] has the same one.
+    /// Colour of the sheen per channel, in [0, 1]; the same sheen as that of
+    /// [`super::Material::Cloth`].
     pub sheen: Vec3,
-    /// Square root of the sheen's width, in [0, 1]; widths below 0.1 are drawn as that.
+    /// Square root of the sheen's width, in [0, 1]; widths below 0.1 are rendered as 0.1.
     pub sheen_roughness: f32,
-    /// Strength of the reflection of what is no metal, in [0, 1].
+    /// Strength of the specular reflection of non-metals, in [0, 1].
     pub specular: f32,
-    /// Its colour towards the normal, at least 0; where it would reflect more than comes, it reflects all.
+    /// Colour of that reflection at normal incidence, at least 0; reflectances above 1 are clamped.
     pub specular_color: Vec3,
-    /// Share of the light in the base of what is no metal that passes to the other side, coloured by the base colour, rather
-    /// than being reflected diffusely, in [0, 1]. Such a surface is a thin wall: it bends no light, and spreads it as far as its
-    /// roughness says. Its objects are meshes, discs or rectangles.
+    /// Fraction of the light in the base of non-metals that is transmitted to the other side,
+    /// tinted by the base colour, rather than reflected diffusely, in [0, 1]. Such a surface is a
+    /// thin wall: it does not refract light, and scatters it according to its roughness. Allowed
+    /// for meshes, discs and rectangles.
     pub transmission: f32,
 }
 
 impl Layers {
-    /// Nothing on top, and all of the reflection.
+    /// No layers, full reflection, no transmission.
     pub const NONE: Self = Self {
         clearcoat: 0.0,
         clearcoat_roughness: 0.0,

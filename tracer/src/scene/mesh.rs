@@ -5,46 +5,46 @@ use serde::{Deserialize, Serialize};
 
 use super::{Shape, bounded};
 
-/// Triangles that share vertices, seen from both sides.
+/// Triangles that share vertices, visible from both sides.
 ///
-/// With vertex normals a surface is shaded as if its normal were interpolated between them; what rays meet
-/// stays flat ([`crate::scalar::triangle`]). A triangle without area is never met.
+/// With vertex normals a surface is shaded with interpolated normals, but its geometry stays flat
+/// ([`crate::scalar::triangle`]). Triangles without area are never hit.
 ///
-/// A mesh of a dielectric bounds a body: each edge belongs to two triangles, which go along it in opposite directions
-/// and round counterclockwise as seen from outside. Vertices in the same place count as one.
+/// A mesh with a dielectric material bounds a body: each edge must belong to two triangles, which
+/// traverse it in opposite directions, and triangles must be counterclockwise as seen from outside.
+/// Vertices at the same position count as one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
-    /// Vertices in the mesh's own frame, in metres; at most [`super::validate::VERTICES_MAX`].
+    /// Vertices in object space, in metres; at most [`super::validate::VERTICES_MAX`].
     #[serde(deserialize_with = "bounded::positions")]
     pub positions: Vec<Vec3>,
-    /// Three indices into `positions` each; at most [`super::validate::TRIANGLES_MAX`] in a scene. Which way
-    /// round they go matters for dielectrics alone.
+    /// Three indices into `positions` each; at most [`super::validate::TRIANGLES_MAX`] in a scene.
+    /// Winding matters only for dielectrics.
     #[serde(deserialize_with = "bounded::triangles")]
     pub triangles: Vec<[u32; 3]>,
-    /// A normal for each position, of any length but 0, on the side of the surface that is outside; or none at
-    /// all, for facets.
+    /// A normal for each position, of any length but 0, on the outer side of the surface; or none,
+    /// for flat shading.
     #[serde(default, deserialize_with = "bounded::normals")]
     pub normals: Vec<Vec3>,
-    /// Texture coordinates for each position, within ±[`super::validate::UV_MAX`], or none at all: (0, 0) is the top left
-    /// corner of a texture, (1, 1) its bottom right one.
+    /// Texture coordinates for each position, within ±[`super::validate::UV_MAX`], or none: (0, 0)
+    /// is the top left corner of a texture, (1, 1) its bottom right one.
     #[serde(default, deserialize_with = "bounded::uvs")]
     pub uvs: Vec<Vec2>,
-    /// A colour for each position, or none at all: red, green and blue, linear, which multiply the albedo of the material, and
-    /// alpha, which its [`super::Opacity`] may use, each in [0, 1].
+    /// A linear colour for each position, or none: red, green and blue multiply the material's
+    /// albedo, alpha may be used by its [`super::Opacity`]; each in [0, 1].
     #[serde(default, deserialize_with = "bounded::colors")]
     pub colors: Vec<Vec4>,
-    /// Where the mesh's own origin lies, in metres.
+    /// Position of the mesh's origin in metres.
     #[serde(default)]
     pub center: Vec3,
-    /// `world_from_mesh`, a unit quaternion (x, y, z, w).
+    /// Rotation from object to world space, a unit quaternion (x, y, z, w).
     #[serde(default)]
     pub rotation: Quat,
 }
 
 impl Mesh {
-    /// Facets, with their own origin at that of the world. A mesh that breaks a rule is refused with its
-    /// scene.
+    /// A mesh without normals at the origin. The rules for meshes are checked with the scene.
     pub fn new(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Self {
         Self {
             positions,
@@ -57,45 +57,46 @@ impl Mesh {
         }
     }
 
-    /// Shaded with a normal for each position.
+    /// Sets a normal for each position.
     #[must_use]
     pub fn normals(self, normals: Vec<Vec3>) -> Self {
         Self { normals, ..self }
     }
 
-    /// With texture coordinates for each position.
+    /// Sets texture coordinates for each position.
     #[must_use]
     pub fn uvs(self, uvs: Vec<Vec2>) -> Self {
         Self { uvs, ..self }
     }
 
-    /// With a colour for each position.
+    /// Sets a colour for each position.
     #[must_use]
     pub fn colors(self, colors: Vec<Vec4>) -> Self {
         Self { colors, ..self }
     }
 
-    /// With its own origin here, in metres.
+    /// Sets the position of the mesh's origin in metres.
     #[must_use]
     pub fn at(self, center: impl Into<Vec3>) -> Self {
         let center = center.into();
         Self { center, ..self }
     }
 
-    /// Turned by `world_from_mesh`, a unit quaternion.
+    /// Sets the rotation from object to world space, a unit quaternion.
     #[must_use]
     pub fn rotated(self, rotation: Quat) -> Self {
         Self { rotation, ..self }
     }
 
-    /// Enlarged round its own origin by a factor along each of its axes.
+    /// Scales the mesh about its origin, by a factor along each of its axes.
     #[must_use]
     pub fn scaled(mut self, factor: impl Into<Vec3>) -> Self {
         let factor = factor.into();
         for position in &mut self.positions {
             *position *= factor;
         }
-        // Normals of a surface go with the inverse transpose, whose scale is of no matter.
+        // Normals transform by the inverse transpose, of which the cofactors are a multiple; their
+        // length does not matter.
         let cofactor = Vec3::new(
             factor.y * factor.z,
             factor.z * factor.x,

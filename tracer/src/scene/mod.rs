@@ -1,7 +1,7 @@
 //! Scenes: plain data in SI units, in a right-handed world with +z up.
 //!
 //! Radiance and albedo are linear Rec. 709 triples. [`mod@file`] reads and writes scenes as JSON,
-//! [`validate`] holds the limits that every scene must keep.
+//! [`validate`] defines the limits of every scene.
 
 mod bounded;
 mod construction;
@@ -40,33 +40,33 @@ pub use mesh::Mesh;
 pub use particles::{ParticleCloud, ParticleForm};
 pub use punctual_light::{PunctualEmitter, PunctualLight};
 
-/// Everything that can be seen, and from where.
+/// Everything that is visible, and the camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
-    /// The camera of frames that bring none of their own.
+    /// The camera of frames that do not specify one.
     pub camera: Camera,
-    /// The light that rays find when they leave the scene.
+    /// Light from outside of the scene.
     pub environment: Environment,
     /// Materials by name; [`Object::material`] refers to them.
     #[serde(deserialize_with = "bounded::materials")]
     pub materials: BTreeMap<String, Material>,
-    /// Surfaces. Their index here is what [`ObjectPose::object`] names.
+    /// Objects; [`ObjectPose::object`] is an index into this list.
     #[serde(deserialize_with = "bounded::objects")]
     pub objects: Vec<Object>,
-    /// Rectangles that emit light and reflect none.
+    /// Rectangles that emit light and do not reflect any.
     #[serde(default, alias = "lamps", deserialize_with = "bounded::area_lights")]
     pub area_lights: Vec<AreaLight>,
-    /// Pictures for meshes; [`MaterialTextures`] has their index here.
+    /// Image textures for meshes; [`MaterialTextures`] has indices into this list.
     #[serde(default, deserialize_with = "bounded::textures")]
     pub textures: Vec<ImageTexture>,
-    /// A picture of the surroundings, which [`Environment::radiance`] multiplies.
+    /// Environment map, which is multiplied by [`Environment::radiance`].
     #[serde(default)]
     pub environment_map: Option<EnvironmentMap>,
-    /// Points, spots and suns.
+    /// Punctual lights: points, spots and distant lights.
     #[serde(default, deserialize_with = "bounded::punctual_lights")]
     pub punctual_lights: Vec<PunctualLight>,
-    /// What the handles of its objects belong to; [`SceneIdentity::default`] for those without.
+    /// Identity that the handles of its objects refer to; a default one for scenes without handles.
     #[serde(skip)]
     pub identity: SceneIdentity,
 }
@@ -75,34 +75,35 @@ pub struct Scene {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
-    /// The pinhole, or the middle of the lens, in metres.
+    /// The pinhole, or the centre of the lens, in metres.
     pub eye: Vec3,
     /// The point at the centre of the image, in metres.
     pub target: Vec3,
-    /// The direction that is upright in the image; any length but 0, not parallel to the view.
+    /// The direction that is up in the image; any length but 0, not parallel to the view.
     pub up: Vec3,
-    /// Full horizontal field of view in degrees, in (0, 180).
+    /// Full horizontal field of view in degrees, in [`validate::FOV_X_DEG`].
     pub fov_x_deg: f32,
-    /// What gives the image its depth of field; a pinhole by default.
+    /// The lens, which determines the depth of field; a pinhole by default.
     #[serde(default)]
     pub lens: Lens,
-    /// Distance of the near plane from the eye, along the view, in metres; 0 by default. What lies before it is not seen,
-    /// but lights, shades and is mirrored as ever; solids that it cuts are open there.
+    /// Distance of the near plane from the eye, along the view, in metres; 0 by default. What lies
+    /// in front of it is invisible to camera rays, but still emits light, casts shadows and appears
+    /// in reflections; solids that it intersects appear open.
     #[serde(default)]
     pub near_m: f32,
 }
 
 /// A thin lens (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition, section 5.2.3).
 ///
-/// Only points at the focus distance are sharp. One at distance `d` along the view blurs to a disc whose radius, seen
-/// from the eye, is `aperture_radius_m · |1 / d − 1 / focus_distance_m|` in units of the image at distance 1. A wider
-/// aperture needs more samples for the same noise.
+/// Only points at the focus distance are in focus. One at distance `d` along the view becomes a
+/// disc whose radius, as seen from the eye, is `aperture_radius_m · |1 / d − 1 / focus_distance_m|`
+/// in units of the image at distance 1. A wider aperture needs more samples for the same noise.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lens {
-    /// Radius of the aperture in metres; 0 is a pinhole, with which everything is sharp.
+    /// Radius of the aperture in metres; 0 is a pinhole, which has everything in focus.
     pub aperture_radius_m: f32,
-    /// Distance from the eye, along the view, at which things are sharp, in metres; above 0.
+    /// Distance from the eye, along the view, that is in focus, in metres; above 0.
     pub focus_distance_m: f32,
 }
 
@@ -115,7 +116,8 @@ impl Default for Lens {
     }
 }
 
-/// Constant radiance from every direction, or with [`Scene::environment_map`] what its picture is multiplied by.
+/// Constant radiance from every direction, or the factor of [`Scene::environment_map`] if there is
+/// one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Environment {
@@ -123,30 +125,31 @@ pub struct Environment {
     pub radiance: Vec3,
 }
 
-/// A named surface.
+/// A named object with a material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Object {
-    /// Shown in messages and statistics; need not be unique.
+    /// Name for messages and statistics; need not be unique.
     pub name: String,
     /// A key of [`Scene::materials`].
     pub material: String,
-    /// Form and place.
+    /// Shape and position.
     pub shape: Shape,
 }
 
-/// A form in world space.
+/// A shape in world space.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
-    /// A ball. Balls, truncated cones and meshes are what a [`SceneUpdate`] can move.
+    /// A sphere. Spheres, truncated cones and meshes can be moved by a [`SceneUpdate`].
     Sphere {
         /// Centre in metres.
         center: Vec3,
         /// Radius in metres, above 0.
         radius: f32,
-        /// `world_from_ball`, a unit quaternion (x, y, z, w); turns stripe and number.
+        /// Rotation from object to world space, a unit quaternion (x, y, z, w); it orients stripe
+        /// and number.
         #[serde(default)]
         rotation: Quat,
     },
@@ -157,33 +160,34 @@ pub enum Shape {
         /// Corner of the largest coordinates, in metres; above `min` on each axis.
         max: Vec3,
     },
-    /// A box with faces parallel to the axes from which parts are taken away: a slate with its
-    /// pockets, a bevelled cushion, a hollow lampshade.
+    /// An axis-aligned box from which solids are subtracted: a slate with pockets, a bevelled
+    /// cushion, a hollow lampshade.
     #[serde(alias = "carved")]
     CsgBox {
         /// Corner of the smallest coordinates, in metres.
         min: Vec3,
         /// Corner of the largest coordinates, in metres; above `min` on each axis.
         max: Vec3,
-        /// What is taken away, at most [`validate::SUBTRACTIONS_MAX`]. Surfaces closer than
-        /// [`validate::CSG_MARGIN_M`] to a subtraction count as within it.
+        /// Solids that are subtracted, at most [`validate::SUBTRACTIONS_MAX`]. Surfaces closer than
+        /// [`validate::CSG_MARGIN_M`] to a subtraction count as inside it.
         #[serde(alias = "cuts", deserialize_with = "bounded::subtractions")]
         subtractions: Vec<Subtraction>,
     },
-    /// A round cone that is cut off at both ends: a cue.
+    /// A truncated circular cone: a cue.
     TruncatedCone {
         /// Centre of the narrow end, in metres.
         center: Vec3,
-        /// `world_from_cone`, a unit quaternion (x, y, z, w): the wide end lies along the cone's z.
+        /// Rotation from object to world space, a unit quaternion (x, y, z, w): the wide end lies
+        /// along the cone's z axis.
         #[serde(default)]
         rotation: Quat,
-        /// From end to end in metres, above 0.
+        /// Distance between the ends in metres, above 0.
         length: f32,
-        /// Radii of the narrow and of the wide end in metres, above 0. The slope of the side is in
-        /// [`validate::CONE_SLOPE`].
+        /// Radii of the narrow and of the wide end in metres, above 0. The slope of the lateral
+        /// surface must be in [`validate::CONE_SLOPE`].
         radii: [f32; 2],
     },
-    /// A flat round disc, seen from both sides.
+    /// A flat circular disc, visible from both sides.
     Disc {
         /// Centre in metres.
         center: Vec3,
@@ -192,16 +196,17 @@ pub enum Shape {
         /// Radius in metres, above 0.
         radius: f32,
     },
-    /// A flat rectangle, seen from both sides.
+    /// A flat rectangle, visible from both sides.
     Rectangle {
         /// Centre in metres.
         center: Vec3,
-        /// From the centre to the middle of one edge, in metres.
+        /// Vector from the centre to the middle of an edge, in metres.
         half_u: Vec3,
-        /// From the centre to the middle of the next edge; at right angles to `half_u`.
+        /// Vector from the centre to the middle of an adjacent edge, in metres; perpendicular to
+        /// `half_u`.
         half_v: Vec3,
     },
-    /// Triangles that share vertices, seen from both sides.
+    /// Triangles that share vertices, visible from both sides.
     Mesh(Mesh),
 }
 
@@ -212,8 +217,8 @@ pub struct Subtraction {
     /// The solid.
     #[serde(alias = "form")]
     pub solid: CsgSolid,
-    /// A key of [`Scene::materials`] for the surface that the subtraction lays open; the object's own if
-    /// absent.
+    /// Material of the surface exposed by the subtraction, a key of [`Scene::materials`]; by
+    /// default the object's own.
     #[serde(default)]
     pub material: Option<String>,
 }
@@ -222,18 +227,18 @@ pub struct Subtraction {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum CsgSolid {
-    /// All beyond a plane: where `normal · (p − point) > 0`.
+    /// All points beyond a plane: those with `normal · (p − point) > 0`.
     #[serde(alias = "beyond")]
     HalfSpace {
-        /// A point of the plane, in metres.
+        /// A point on the plane, in metres.
         point: Vec3,
-        /// Normal out of what remains, any length but 0.
+        /// Normal that points out of what remains, any length but 0.
         normal: Vec3,
     },
-    /// An infinite upright cylinder: a round hole.
+    /// An infinite vertical cylinder: a round hole.
     #[serde(alias = "bore")]
     Cylinder {
-        /// Its axis, in metres; z does not matter.
+        /// A point on its axis, in metres; z does not matter.
         center: Vec3,
         /// Radius in metres.
         radius: f32,
@@ -250,40 +255,41 @@ pub enum CsgSolid {
     /// rounded edge.
     #[serde(alias = "turned")]
     ConeExterior {
-        /// What its axis is parallel to.
+        /// Axis of the world to which the cone's axis is parallel.
         #[serde(default = "upright")]
         axis: Axis,
-        /// Where its axis is `radius` away from its surface, in metres.
+        /// Point on the cone's axis where the cone's radius is `radius`, in metres.
         center: Vec3,
-        /// Radius in metres.
+        /// Radius at `center` in metres.
         radius: f32,
-        /// By how much the radius grows along the axis, in [−1, 1].
+        /// Increase of the radius per length along the axis, in [−1, 1].
         #[serde(default)]
         taper: f32,
-        /// Only what lies farther from the axis in this direction is subtracted: beyond the plane through
-        /// `center + beyond` at right angles to it. What it has along the axis does not matter; with 0 all round.
+        /// Restricts the subtraction to points beyond the plane through `center + beyond`
+        /// perpendicular to `beyond`, of which the component along the axis is ignored; if 0, there
+        /// is no restriction.
         #[serde(default)]
         beyond: Vec3,
     },
 }
 
-/// A rectangle that emits from one side and is black from both.
+/// A rectangle that emits light from one side and reflects none on either side.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AreaLight {
-    /// Shown in messages and statistics; need not be unique.
+    /// Name for messages and statistics; need not be unique.
     pub name: String,
     /// Centre in metres.
     pub center: Vec3,
-    /// From the centre to the middle of one edge, in metres.
+    /// Vector from the centre to the middle of an edge, in metres.
     pub half_u: Vec3,
-    /// From the centre to the middle of the next edge; at right angles to `half_u`.
-    /// Light leaves on the side of `half_u × half_v`.
+    /// Vector from the centre to the middle of an adjacent edge, in metres; perpendicular to
+    /// `half_u`. Light is emitted on the side of `half_u × half_v`.
     pub half_v: Vec3,
-    /// Radiance in W·sr⁻¹·m⁻², per channel, at least 0: the mean.
+    /// Mean radiance in W·sr⁻¹·m⁻², per channel, at least 0.
     pub radiance: Vec3,
-    /// The share by which the radiance is higher at the edge that `half_u` leads to, and lower at the opposite one; per
-    /// channel, in [−1, 1].
+    /// Relative increase of the radiance at the edge that `half_u` points to, and decrease at the
+    /// opposite one; per channel, in [−1, 1].
     #[serde(default)]
     pub gradient: Vec3,
 }
@@ -296,26 +302,27 @@ fn upright() -> Axis {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Axis {
-    /// Along the table.
+    /// Along a pool table.
     X,
-    /// Across it.
+    /// Across a pool table.
     Y,
     /// Up.
     Z,
 }
 
-/// What differs from frame to frame: a few hundred bytes that describe a whole picture.
+/// What changes from frame to frame: a few hundred bytes that describe a whole image.
 #[derive(Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneUpdate {
     /// The frame's camera; the scene's own if absent.
     pub camera: Option<Camera>,
-    /// Objects that are elsewhere than the scene has them.
+    /// Poses of objects that differ from those in the scene.
     pub poses: Vec<ObjectPose>,
-    /// Dust, grains and drops: at most [`validate::CLOUDS_MAX`] of [`validate::PARTICLES_MAX`] together.
+    /// Dust, grains and drops: at most [`validate::CLOUDS_MAX`] clouds with
+    /// [`validate::PARTICLES_MAX`] particles in total.
     pub particles: Vec<ParticleCloud>,
 }
 
-/// Without particles as it was before there were any: checkpoints know pictures by this text.
+/// Omits `particles` if there are none: checkpoints identify images by this text.
 impl fmt::Debug for SceneUpdate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut fields = f.debug_struct("SceneUpdate");
@@ -329,7 +336,7 @@ impl fmt::Debug for SceneUpdate {
 }
 
 impl SceneUpdate {
-    /// Seen by this camera.
+    /// Sets the camera.
     #[must_use]
     pub fn camera(self, camera: Camera) -> Self {
         Self {
@@ -338,13 +345,13 @@ impl SceneUpdate {
         }
     }
 
-    /// With these particles.
+    /// Sets the particles.
     #[must_use]
     pub fn particles(self, particles: Vec<ParticleCloud>) -> Self {
         Self { particles, ..self }
     }
 
-    /// With an object here, see [`Scene::pose`].
+    /// Adds the pose of an object, see [`Scene::pose`].
     #[must_use]
     pub fn pose(mut self, pose: ObjectPose) -> Self {
         self.poses.push(pose);
@@ -352,15 +359,15 @@ impl SceneUpdate {
     }
 }
 
-/// Where a movable object is.
+/// The pose of a movable object.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObjectPose {
-    /// Index into [`Scene::objects`]; must be a sphere, a truncated cone or a mesh.
+    /// Index into [`Scene::objects`] of a sphere, a truncated cone or a mesh.
     pub object: u32,
-    /// Centre of the sphere or of the cone's narrow end, or the mesh's own origin, in metres.
+    /// Centre of the sphere, of the cone's narrow end, or the mesh's origin, in metres.
     pub position: Vec3,
-    /// `world_from_ball`, `world_from_cone` or `world_from_mesh`, a unit quaternion.
+    /// Rotation from object to world space, a unit quaternion.
     pub rotation: Quat,
-    /// `false` leaves the object out of the picture.
+    /// `false` hides the object.
     pub visible: bool,
 }

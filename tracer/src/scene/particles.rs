@@ -1,69 +1,75 @@
-//! Particles: clouds that come with an update, not with the scene, drawn as small balls or as the surface of what they fill.
+//! Particles: clouds that are part of an update rather than of the scene, rendered as small balls
+//! or as the surface of what they fill.
 
 use glam::{U16Vec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::Material;
 
-/// Particles of one material and size, many and elsewhere in each frame: dust, grains, drops, a liquid.
+/// Particles of one material and size, which are many and move in every frame: dust, grains, drops,
+/// a liquid.
 ///
-/// Their centres lie on a lattice of [`ParticleCloud::STEPS`] steps along each edge of a box, so that a particle is
-/// 6 bytes, in memory and on the wire, and every node sees the same. A box that stays the same from frame to frame
-/// makes small differences of places that move little.
+/// Their centres are quantised to [`ParticleCloud::STEPS`] steps along each edge of a box, so that
+/// a particle takes 6 bytes in memory and on the wire, and all nodes have the same values. If the
+/// box stays the same, positions that move little have small differences between frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParticleCloud {
-    /// Of all particles; without a pattern, which needs an object.
+    /// Material of all particles; must not have a pattern.
     pub material: Material,
-    /// Of every particle's ball, in metres, above 0.
+    /// Radius of each particle's ball in metres, above 0.
     pub radius_m: f32,
-    /// How they are drawn.
+    /// How the particles are rendered.
     pub form: ParticleForm,
-    /// Corner of the box of the smallest coordinates, in metres.
+    /// Corner of the box with the smallest coordinates, in metres.
     pub min: Vec3,
-    /// Corner of the largest.
+    /// Corner of the box with the largest coordinates, in metres.
     pub max: Vec3,
-    /// Centres: 0 lies at `min`, [`ParticleCloud::STEPS`] at `max`. Particles keep their order from frame to frame.
+    /// Quantised centres: 0 is at `min`, [`ParticleCloud::STEPS`] at `max`. Particles keep their
+    /// order from frame to frame.
     pub places: Vec<U16Vec3>,
 }
 
-/// How particles are drawn.
+/// How particles are rendered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ParticleForm {
-    /// Each as a ball.
+    /// Each particle as a ball.
     #[default]
     Balls,
-    /// All together as the closed surface of a liquid or a soft body, whose density is smoothed: a lone particle becomes a
-    /// drop whose radius is a quarter of the smoothing radius. Each node makes it anew for each frame in which particles have
-    /// moved, as some six triangles a particle (`carom-bench particles --part surface` says what that costs).
+    /// All particles as the closed surface of a liquid or a soft body, an isosurface of their
+    /// smoothed density; an isolated particle becomes a drop with a quarter of the smoothing
+    /// radius. Each node computes it again for each frame in which particles have moved, as about
+    /// six triangles per particle (`carom-bench particles --part surface` measures the cost).
     Surface {
-        /// Radius within which particles make one surface, in metres: about 2.5 times their distance. A larger one makes it
-        /// smoother and rounds edges off, a smaller one shows single particles.
+        /// Radius in metres within which particles form one surface: about 2.5 times their spacing.
+        /// A larger one makes it smoother and rounds edges, a smaller one shows individual
+        /// particles.
         smoothing_m: f32,
-        /// Height of a plane that the surface ends on, in metres; particles below are left out. A little below what
-        /// they lie on leaves no gap.
+        /// Height in metres of a plane at which the surface ends; particles below are omitted.
+        /// Slightly below the floor it leaves no gap.
         floor_m: f32,
     },
 }
 
 impl ParticleCloud {
-    /// Steps of the lattice along an edge of the box.
+    /// Number of quantisation steps along an edge of the box.
     pub const STEPS: u16 = u16::MAX;
 
-    /// Centre of a place, in metres.
+    /// Centre in metres of quantised coordinates.
     pub fn center(&self, place: U16Vec3) -> Vec3 {
         let share = place.as_vec3() / f32::from(Self::STEPS);
         self.min + share * (self.max - self.min)
     }
 
-    /// The place nearest to a point in metres; of one outside the box, that nearest on its surface.
+    /// The quantised coordinates nearest to a point in metres; points outside the box are clamped
+    /// to its surface.
     pub fn place(&self, center: Vec3) -> U16Vec3 {
         let share = (center - self.min) / (self.max - self.min);
-        // Casts cut off at both ends, and send what is no number to 0.
+        // Casts saturate at both ends and turn NaN into 0.
         (share * f32::from(Self::STEPS) + 0.5).as_u16vec3()
     }
 
-    /// The farthest that a particle in the box can lie from its place, in metres: half a step along each edge.
+    /// Maximum quantisation error in metres of a point in the box: half a step along each edge.
     pub fn error_m(&self) -> f32 {
         0.5 * (self.max - self.min).length() / f32::from(Self::STEPS)
     }
@@ -87,7 +93,7 @@ mod tests {
             let [x, y, z, _] = crate::sampling::uniforms(index, 1, 2, 3);
             let point = cloud.min + Vec3::new(x, y, z) * (cloud.max - cloud.min);
             let found = cloud.center(cloud.place(point));
-            // An ulp of a coordinate besides.
+            // Plus one ULP of a coordinate.
             assert!(found.distance(point) <= cloud.error_m() + 1e-7, "{point}");
         }
         let outside = cloud.place(Vec3::new(9.0, f32::NAN, -9.0));

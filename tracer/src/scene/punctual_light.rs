@@ -1,55 +1,56 @@
-//! Lights without extent: points, spots and suns.
+//! Punctual lights, which have no extent: points, spots and distant lights.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// A light without extent, which makes sharp shadows and is not seen itself, nor in mirrors.
+/// A light without extent. It casts sharp shadows and is itself invisible, also in reflections.
 ///
-/// As in glTF's `KHR_lights_punctual`, but in radiometric units.
+/// The same as in glTF's `KHR_lights_punctual`, but in radiometric units.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PunctualLight {
-    /// Shown in messages; need not be unique.
+    /// Name for messages; need not be unique.
     pub name: String,
-    /// Where its light comes from.
+    /// Type and parameters of the emitter.
     pub emitter: PunctualEmitter,
 }
 
-/// Where the light of a [`PunctualLight`] comes from.
+/// The emitter of a [`PunctualLight`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum PunctualEmitter {
-    /// A point.
+    /// A point that shines uniformly in all directions.
     Point {
-        /// Its place in metres.
+        /// Position in metres.
         center: Vec3,
         /// Radiant intensity in W·sr⁻¹ per channel, at least 0.
         intensity: Vec3,
     },
-    /// A point that shines into a cone: evenly up to an angle, then less until another one, by a cosine's square.
+    /// A point that shines into a cone: uniformly up to an inner angle, then falling off to 0 at an
+    /// outer one, with the square of an interpolation of the cosine.
     Spot {
-        /// Its place in metres.
+        /// Position in metres.
         center: Vec3,
-        /// The axis of the cone, away from the light; any length but 0.
+        /// Axis of the cone, pointing away from the light; any length but 0.
         direction: Vec3,
         /// Radiant intensity along the axis in W·sr⁻¹ per channel, at least 0.
         intensity: Vec3,
-        /// Angle from the axis up to which it shines evenly, in degrees, from 0 to `outer_deg`.
+        /// Angle from the axis in degrees up to which it shines uniformly, from 0 to `outer_deg`.
         inner_deg: f32,
-        /// Angle from the axis from which on it is dark, in degrees, at most 90.
+        /// Angle from the axis in degrees beyond which it is dark, at most 90.
         outer_deg: f32,
     },
-    /// A sun: light of one direction from afar.
+    /// A distant light such as the sun: parallel light from one direction.
     Distant {
-        /// The direction that it shines in; any length but 0.
+        /// Direction in which the light travels; any length but 0.
         direction: Vec3,
-        /// Irradiance of a surface that faces it, in W·m⁻² per channel, at least 0.
+        /// Irradiance on a surface that faces the light, in W·m⁻² per channel, at least 0.
         irradiance: Vec3,
     },
 }
 
 impl PunctualLight {
-    /// A point that shines evenly.
+    /// A point light.
     pub fn point(center: impl Into<Vec3>, intensity: impl Into<Vec3>) -> Self {
         Self::new(PunctualEmitter::Point {
             center: center.into(),
@@ -57,7 +58,7 @@ impl PunctualLight {
         })
     }
 
-    /// A sun that shines in a direction.
+    /// A distant light that shines in a direction.
     pub fn distant(direction: impl Into<Vec3>, irradiance: impl Into<Vec3>) -> Self {
         Self::new(PunctualEmitter::Distant {
             direction: direction.into(),
@@ -65,20 +66,20 @@ impl PunctualLight {
         })
     }
 
-    /// Called "light".
+    /// A light with the name "light".
     pub fn new(emitter: PunctualEmitter) -> Self {
         let name = "light".to_owned();
         Self { name, emitter }
     }
 
-    /// What messages call it.
+    /// Sets the name.
     #[must_use]
     pub fn named(self, name: impl Into<String>) -> Self {
         let name = name.into();
         Self { name, ..self }
     }
 
-    /// Intensity in W·sr⁻¹ or irradiance in W·m⁻².
+    /// Intensity in W·sr⁻¹ or, for distant lights, irradiance in W·m⁻².
     pub fn strength(&self) -> Vec3 {
         match self.emitter {
             PunctualEmitter::Point { intensity, .. } | PunctualEmitter::Spot { intensity, .. } => {

@@ -1,4 +1,4 @@
-//! The rules and limits that every scene keeps, checked once before anything is traced.
+//! The rules and limits of scenes, checked once before anything is traced.
 
 mod layers;
 mod material;
@@ -23,74 +23,76 @@ pub use self::texture::{TEXTURE_BYTES_MAX, TEXTURES_MAX, UV_MAX};
 use crate::scene::{Camera, Material, Object, ObjectPose, Opacity, Scene, Shape};
 use crate::{Error, SceneError};
 
-/// The most objects in a scene. Rays find many of a shape by a BVH.
+/// Maximum number of objects in a scene.
 pub const OBJECTS_MAX: usize = 1 << 17;
-/// The most particles of an update: 393 kB.
+/// Maximum number of particles in an update: 393 kB.
 pub const PARTICLES_MAX: usize = 1 << 16;
-/// The most clouds of particles in an update.
+/// Maximum number of clouds of particles in an update.
 pub const CLOUDS_MAX: usize = 32;
-/// The longest edge of a cloud's box, over the smoothing radius of its surface.
+/// Maximum ratio of a cloud's longest box edge to the smoothing radius of its surface.
 pub const SMOOTHING_RADII_MAX: f32 = 16_384.0;
-/// The most area lights in a scene.
+/// Maximum number of area lights in a scene.
 pub const AREA_LIGHTS_MAX: usize = 64;
-/// The most lights without extent in a scene: each hit weighs all of them.
+/// Maximum number of punctual lights in a scene; each shading point evaluates all of them.
 pub const PUNCTUAL_LIGHTS_MAX: usize = 64;
-/// The most materials in a scene.
+/// Maximum number of materials in a scene.
 pub const MATERIALS_MAX: usize = 1024;
-/// The longest name in bytes.
+/// Maximum length of a name in bytes.
 pub const NAME_BYTES_MAX: usize = 64;
-/// The largest coordinate in metres, ten thousand kilometres.
+/// Largest absolute coordinate in metres, ten thousand kilometres.
 pub const COORDINATE_M_MAX: f32 = 1e7;
-/// The smallest and largest radius or half edge in metres.
+/// Range of radii and half edges in metres.
 pub const EXTENT_M: RangeInclusive<f32> = 1e-6..=1e7;
-/// The highest radiance in W·sr⁻¹·m⁻²: sums of 65,536 samples stay finite in f32.
+/// Highest radiance in W·sr⁻¹·m⁻²: sums of 65,536 samples stay finite in f32.
 pub const RADIANCE_MAX: f32 = 1e30;
 /// The range of indices of refraction.
 pub const IOR: RangeInclusive<f32> = 1.0..=1e3;
-/// The largest given `F_dr,int`: near 1 the base would be brightened without bound.
+/// Largest given `F_dr,int`: near 1 the base would become brighter without bound.
 pub const INTERNAL_REFLECTANCE_MAX: f32 = 0.99;
-/// GGX widths below this are drawn as perfectly smooth: the peak of the distribution, 1/(πα²),
-/// would overflow and no picture shows the difference.
+/// GGX widths below this are rendered as perfectly smooth: the peak of the distribution, 1/(πα²),
+/// would overflow, and the difference is invisible.
 pub const ALPHA_SMOOTH_MAX: f32 = 1e-3;
-/// The highest extinction coefficient in m⁻¹: a mean free path of a micrometre.
+/// Highest extinction coefficient in m⁻¹: a mean free path of a micrometre.
 pub const EXTINCTION_PER_M_MAX: f32 = 1e6;
-/// In a medium that scatters no channel's extinction is more than this many times another's:
-/// distances are drawn for the clearest channel, and the others' weights would spread too far.
+/// Maximum ratio of two channels' extinction in a scattering medium: distances are sampled for the
+/// clearest channel, and the weights of the others would vary too much.
 pub const EXTINCTION_RATIO_MAX: f32 = 8.0;
-/// The most subtractions of one CSG box: each ray that comes near it meets each of them.
+/// Maximum number of subtractions of one CSG box; each ray that comes near the box is tested
+/// against all of them.
 pub const SUBTRACTIONS_MAX: usize = 16;
-/// The most subtractions of a scene.
+/// Maximum number of subtractions in a scene.
 pub const SUBTRACTIONS_TOTAL_MAX: usize = 1024;
-/// The steepest that a cone's surface leans from upright.
+/// Maximum slope of a subtracted cone's surface against its axis.
 pub const TAPER_MAX: f32 = 1.0;
-/// Slope of a truncated cone's side against its axis: below, its apex lies too far off for f32.
+/// Range of the slope of a truncated cone's lateral surface against its axis: below it, the apex
+/// would be too far away for f32.
 pub const CONE_SLOPE: RangeInclusive<f32> = 1e-4..=1.0;
-/// Surfaces closer than this to a subtraction count as within it, in m: rounding must not put a ray that
-/// leaves a subtraction's surface back into the body.
+/// Surfaces closer than this to a subtraction, in metres, count as inside it: rounding must not put
+/// the origin of a ray that leaves a subtraction's surface back into the body.
 pub const CSG_MARGIN_M: f32 = 1e-5;
-/// The range of a texture's scale.
+/// Range of a procedural texture's scale.
 pub const TEXTURE_SCALE: RangeInclusive<f32> = 1e-3..=1e3;
-/// The range of the width of a sheen.
+/// Range of the width of a sheen.
 pub const SHEEN_ROUGHNESS: RangeInclusive<f32> = 0.1..=1.0;
-/// The range of a full horizontal field of view in degrees.
+/// Range of the full horizontal field of view in degrees.
 pub const FOV_X_DEG: RangeInclusive<f32> = 0.01..=179.0;
-/// Distances of a camera's near plane, metres.
+/// Range of the distance of a camera's near plane in metres.
 pub const NEAR_M: RangeInclusive<f32> = 0.0..=COORDINATE_M_MAX;
-/// The range of the radius of a lens's aperture in metres.
+/// Range of the radius of a lens's aperture in metres.
 pub const APERTURE_RADIUS_M: RangeInclusive<f32> = 0.0..=1e3;
-/// The range of the distance at which a lens is sharp, in metres: before the eye.
+/// Range of a lens's focus distance in metres.
 pub const FOCUS_DISTANCE_M: RangeInclusive<f32> = 1e-3..=1e7;
 
-/// The range of shares of a whole.
+/// Range of fractions.
 const SHARE: RangeInclusive<f32> = 0.0..=1.0;
 
 type Check = Result<(), SceneError>;
 
 impl Scene {
-    /// Checks every number, name and limit.
+    /// Checks all values, names and limits.
     ///
     /// # Errors
-    /// [`Error::InvalidScene`] with the place, the value and the rule.
+    /// [`Error::InvalidScene`] with the part, the value and the rule.
     pub fn validate(&self) -> Result<(), Error> {
         self.check().map_err(Error::InvalidScene)
     }
@@ -103,7 +105,7 @@ impl Scene {
         count("materials", self.materials.len(), MATERIALS_MAX)?;
         let subtractions = self.objects.iter().map(|object| match &object.shape {
             Shape::CsgBox { subtractions, .. } => subtractions.len(),
-            // Its outside, and what lies beyond its ends.
+            // The exterior of the cone, and the half-spaces beyond both ends.
             Shape::TruncatedCone { .. } => 3,
             _ => 0,
         });
@@ -210,7 +212,7 @@ fn refuse_material<T>(name: &str, why: &str) -> Result<T, SceneError> {
 }
 
 impl Camera {
-    /// Checks that the camera sees something.
+    /// Checks the camera's values and that it has a view direction.
     ///
     /// # Errors
     /// The rule that is broken, with the value.
@@ -241,7 +243,7 @@ impl Camera {
         })?;
         let up = self.up.as_dvec3();
         let sine = view.cross(up).length() / (view.length() * up.length());
-        // NaN is not at least anything.
+        // In this form the comparison fails for NaN.
         require(sine >= 1e-4, || {
             SceneError::rule(format!(
                 "the camera's up {} must not be 0 or parallel to its view {}",
@@ -253,7 +255,7 @@ impl Camera {
 }
 
 impl ObjectPose {
-    /// Checks that the pose is a place and a turn.
+    /// Checks position and rotation.
     ///
     /// # Errors
     /// The rule that is broken, with the value.
@@ -264,7 +266,7 @@ impl ObjectPose {
     }
 }
 
-/// Whether a mesh that keeps all rules can be of a dielectric.
+/// Whether a valid mesh can have a dielectric material.
 #[cfg(feature = "gltf")]
 pub(crate) fn bounds_body(mesh: &super::Mesh) -> bool {
     check_mesh(mesh).and_then(|()| check_closed(mesh)).is_ok()
@@ -281,7 +283,7 @@ fn in_range(what: &str, value: f32, range: RangeInclusive<f32>) -> Check {
     })
 }
 
-/// Whether the numbers are from `min` to `max`, which NaN is not.
+/// Whether all components are from `min` to `max`; false for NaN.
 fn is_within(v: Vec3, min: f32, max: f32) -> bool {
     v.cmpge(Vec3::splat(min)).all() && v.cmple(Vec3::splat(max)).all()
 }

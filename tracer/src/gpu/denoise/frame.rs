@@ -1,11 +1,11 @@
-//! Denoised pictures, traced and filtered without leaving the device.
+//! Tracing and denoising of frames entirely on the device.
 //!
 //! ```text
 //! tiles and guard band ─▶ halves of the samples ─▶ first hits ─▶ first hits at edges ─▶ filter ─▶ film ─▶ tiles
 //! ```
 //!
-//! All of it is one submission where the device is fast enough; else the samples are cut as those of
-//! other pictures are.
+//! All of it is one submission where the device is fast enough; otherwise the samples are divided
+//! among several dispatches as without denoising.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,30 +24,31 @@ use crate::gpu::schedule::{self, BLOCK_PIXELS, Chunk, ChunkLimits};
 use crate::gpu::{ChunkSink, GpuTracer, deliver, radiance_sink};
 use crate::{CompiledScene, Error, RenderSettings, TileRadiance, TileSrgb8, TraceJob, TraceStats};
 
-/// Samples of every pixel that are traced into a buffer of their own.
+/// A run of samples of every pixel, traced into a buffer of its own.
 struct TracedPart {
     kernel: Arc<Kernel>,
     settings: RenderSettings,
     target: PartTarget,
 }
 
-/// Of [`FilterBuffers`].
+/// The buffer of [`FilterBuffers`] that a part is traced into.
 #[derive(Clone, Copy)]
 enum PartTarget {
     Halves,
     Hits,
-    /// Of the pixels that the filter's first steps have listed.
+    /// First hits of further rays, for the pixels that the filter's first steps have listed.
     EdgeHits,
 }
 
-/// All that is traced for the filter.
+/// All that is traced as the filter's input.
 struct TracedParts {
     samples: [TracedPart; 2],
-    /// Further rays, where edges need them.
+    /// First hits of further rays in pixels at edges; `None` if the samples suffice for smooth
+    /// edges.
     edges: Option<TracedPart>,
 }
 
-/// Passes that are not submitted yet.
+/// Passes that have been recorded, but not submitted.
 #[derive(Default)]
 struct Submission<'a> {
     passes: Vec<Pass<'a>>,
@@ -55,16 +56,16 @@ struct Submission<'a> {
     samples: u64,
 }
 
-/// Whose time a pass's is.
+/// What the device time of a pass is accounted to.
 #[derive(Clone, Copy)]
 enum PassKind {
-    /// Of so many paths.
+    /// Path tracing, with the number of paths.
     Paths(u64),
     FirstHits,
     Filter,
 }
 
-/// A region on its way.
+/// A region (tiles and their guard band) while it is traced and filtered.
 struct RegionFrame<'a> {
     tracer: &'a GpuTracer,
     job: &'a TraceJob<'a>,
@@ -91,7 +92,7 @@ impl GpuTracer {
         })
     }
 
-    /// The same, handing tiles over as they are shown.
+    /// As [`Self::trace_denoised`], but tone mapped on the device and handed over as 8-bit sRGB.
     pub(in crate::gpu) fn trace_denoised_srgb8(
         &self,
         scene: &CompiledScene,
@@ -118,13 +119,13 @@ impl GpuTracer {
         })
     }
 
-    /// What is filtered together: as much as a dispatch traces of a device that is quick.
+    /// Limits of a region that is filtered at once: what a dispatch traces on a fast device.
     fn region_limits(&self, scene: &CompiledScene, job: &TraceJob<'_>) -> RegionLimits {
         let features = self.features(scene, KernelOutput::Reflected);
         let work_per_sample = schedule::work_per_sample(&job.settings, features.primitives());
         RegionLimits {
             samples: REGION_SAMPLES.max(self.pacer.samples_per_dispatch(work_per_sample)),
-            // The guard band is a part of what is traced: half of the room is for it.
+            // The traced pixels include the guard band, for which half of the space is reserved.
             pixels: self.filtered_pixels_max() / 2,
         }
     }
@@ -207,7 +208,7 @@ impl GpuTracer {
         Ok(stats)
     }
 
-    /// What the filter needs of each pixel.
+    /// The parts that are traced as the filter's input.
     fn parts(&self, scene: &CompiledScene, job: &TraceJob<'_>) -> Result<TracedParts, Error> {
         let settings = job.settings;
         let kernel = |output: KernelOutput| {
@@ -243,7 +244,7 @@ impl GpuTracer {
 }
 
 impl RegionFrame<'_> {
-    /// Traces all parts and filters them, unless cancelled: then it returns false.
+    /// Traces all parts and filters them; returns false if cancelled.
     fn trace(&mut self, parts: &TracedParts, kernels: &FilterKernels) -> Result<bool, Error> {
         let mut submission = Submission::default();
         let [paths, hits] = &parts.samples;
@@ -263,7 +264,7 @@ impl RegionFrame<'_> {
         Ok(is_done)
     }
 
-    /// Adds the passes of a part, unless cancelled.
+    /// Adds the passes of a part; returns false if cancelled.
     fn push_part<'k>(
         &mut self,
         submission: &mut Submission<'k>,
@@ -285,7 +286,7 @@ impl RegionFrame<'_> {
         Ok(true)
     }
 
-    /// Adds steps of the filter, unless cancelled.
+    /// Adds steps of the filter; returns false if cancelled.
     fn push_steps<'k>(
         &mut self,
         submission: &mut Submission<'k>,
@@ -306,8 +307,8 @@ impl RegionFrame<'_> {
         Ok(true)
     }
 
-    /// Submits what there is if a pass of so many samples more were too much for one submission, unless
-    /// cancelled: then it returns false.
+    /// Submits the recorded passes if another pass of `samples` samples would be too much for one
+    /// submission; returns false if cancelled.
     fn make_room(&mut self, submission: &mut Submission<'_>, samples: u64) -> Result<bool, Error> {
         let is_full = submission.passes.len() == PASSES_MAX
             || submission.samples + samples > self.limits.samples;
@@ -335,7 +336,8 @@ impl RegionFrame<'_> {
             PartTarget::EdgeHits => (&filter.edges, &filter.hits[1], true),
         };
         let (tile_count, block_count) = match is_list {
-            // As many as there can be.
+            // The list's length is known only on the device, so the dispatch is as large as the
+            // list can be.
             true => (1, wanted.pixels.div_ceil(BLOCK_PIXELS) as u32),
             false => (traced.entries.len() as u32, traced.blocks),
         };
@@ -367,8 +369,9 @@ impl RegionFrame<'_> {
     fn submit(&mut self, submission: &mut Submission<'_>, is_last: bool) -> Result<(), Error> {
         let submission = std::mem::take(submission);
         let cleared = [&self.buffers.counters, &self.filter.guides];
-        // Guides cover the whole bounds, the tiles perhaps a part of these: 0 marks the pixels that are
-        // not traced. Later submissions go on with what the first has written.
+        // The guides cover the whole bounds, of which the tiles may be only a part: 0 marks pixels
+        // that are not traced. Later submissions continue with what the first one wrote, so only
+        // that one clears.
         let cleared = if self.is_begun { &[] } else { &cleared[..] };
         self.is_begun = true;
         let tracer = self.tracer;
@@ -390,5 +393,5 @@ impl RegionFrame<'_> {
     }
 }
 
-/// Of a pixel as it is shown.
+/// Bytes of a tone-mapped pixel.
 const SRGB8_BYTES: u64 = 4;

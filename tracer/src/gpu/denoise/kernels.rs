@@ -1,4 +1,4 @@
-//! The denoiser on the device: [`crate::denoise`]'s filter as kernels over what has been traced there.
+//! The denoiser on the device: the filter of [`crate::denoise`] as compute kernels.
 //!
 //! ```text
 //! halves, first hits ─▶ take_in ─▶ list_edges ─▶ estimate_variance ─▶ smooth_light × 3 ─▶ resolve ─▶ film
@@ -30,11 +30,11 @@ pub(crate) struct FilterKernels {
     smooth_light: wgpu::ComputePipeline,
     resolve: wgpu::ComputePipeline,
     resolve_srgb8: wgpu::ComputePipeline,
-    /// [`STEPS`](crate::tonemap::STEPS) of the transfer function.
+    /// The table [`STEPS`](crate::tonemap::STEPS) of the sRGB transfer function.
     srgb_steps: wgpu::Buffer,
 }
 
-/// What is traced for the filter, and what lies between its passes. It never leaves the device.
+/// The filter's input, and the intermediate results of its passes. It never leaves the device.
 pub(crate) struct FilterBuffers {
     /// Means of the second half of each pixel's samples, then of the first.
     pub(in crate::gpu) halves: wgpu::Buffer,
@@ -42,12 +42,12 @@ pub(crate) struct FilterBuffers {
     pub(in crate::gpu) hits: [wgpu::Buffer; 2],
     /// [`TileEntry`] of each pixel at an edge.
     pub(in crate::gpu) edges: wgpu::Buffer,
-    /// To be cleared before each picture.
+    /// Albedo, inverse depth, normal and emission of each pixel; cleared before each frame.
     pub(in crate::gpu) guides: wgpu::Buffer,
     light: [wgpu::Buffer; 2],
 }
 
-/// What one pass does.
+/// Uniform data of one filter pass.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct FilterData {
@@ -72,12 +72,12 @@ struct FilterData {
     exposure: f32,
 }
 
-/// What is filtered: all of a chunk is traced, its first tiles are wanted.
+/// What is filtered: all tiles of `traced`, the first of which are those of `wanted`.
 #[derive(Clone, Copy)]
 pub(crate) struct FilterJob<'a> {
     pub(crate) bounds: Tile,
     pub(crate) samples: u32,
-    /// Of pictures that are handed over as they are shown.
+    /// Exposure of frames that are tone mapped on the device; `None` for linear radiance.
     pub(crate) exposure: Option<f32>,
     pub(crate) traced: &'a Chunk,
     pub(crate) wanted: &'a Chunk,
@@ -114,7 +114,7 @@ impl FilterKernels {
         })
     }
 
-    /// A step as the submission's `slot`-th pass.
+    /// The pass of a step in the submission's slot `slot`.
     pub(crate) fn pass<'a>(
         &self,
         wgpu: &wgpu::Device,
@@ -138,18 +138,19 @@ impl FilterKernels {
     }
 }
 
-/// A pass before it is bound.
+/// A filter pass without its bind group.
 pub(crate) struct Step<'a> {
     pipeline: &'a wgpu::ComputePipeline,
     data: FilterData,
     groups: [u32; 2],
     uses: &'static [u32],
-    /// Which of [`FilterBuffers::light`] it reads; it writes the other.
+    /// Index in [`FilterBuffers::light`] of the buffer that it reads; it writes the other one.
     light_from: usize,
 }
 
 impl FilterJob<'_> {
-    /// Passes before the further rays are traced: they list the pixels that those look at.
+    /// Passes before the further rays are traced: import of the samples, and the list of pixels
+    /// that need further rays.
     pub(crate) fn input_steps<'a>(&self, kernels: &'a FilterKernels) -> Vec<Step<'a>> {
         let data = self.data();
         let take_in = Step {
@@ -172,7 +173,7 @@ impl FilterJob<'_> {
         steps.into_iter().flatten().collect()
     }
 
-    /// Passes from there to the tiles that are handed over.
+    /// The remaining passes, up to the tiles that are handed over.
     pub(crate) fn filter_steps<'a>(&self, kernels: &'a FilterKernels) -> Vec<Step<'a>> {
         let data = self.data();
         let by_pixel = [data.width, data.height].map(|edge| edge.div_ceil(BLOCK_EDGE));
@@ -198,7 +199,7 @@ impl FilterJob<'_> {
                 },
                 groups: by_pixel,
                 uses: &[GUIDES, LIGHT_FROM, LIGHT_TO],
-                // `take_in` writes the first buffer and `estimate_variance` the second, from which the
+                // Ping-pong: `take_in` writes buffer 0 and `estimate_variance` buffer 1, which the
                 // first pass reads.
                 light_from: (pass + 1) % 2,
             });
@@ -232,7 +233,7 @@ impl FilterJob<'_> {
         steps
     }
 
-    /// Data of a pass over the tiles that are handed over.
+    /// Data of a pass over the tiles that are handed over only.
     fn wanted_data(&self) -> FilterData {
         FilterData {
             tile_count: self.wanted.entries.len() as u32,
@@ -241,7 +242,7 @@ impl FilterJob<'_> {
         }
     }
 
-    /// Data of a pass over all that is traced.
+    /// Data of a pass over all traced pixels.
     fn data(&self) -> FilterData {
         FilterData {
             x: self.bounds.x,
@@ -262,7 +263,7 @@ impl FilterJob<'_> {
 }
 
 impl FilterBuffers {
-    /// Bytes of the largest buffer for each traced pixel.
+    /// Bytes per traced pixel of the largest of these buffers.
     pub(crate) const PIXEL_BYTES_MAX: u64 = KernelOutput::Aovs.pixel_bytes();
 
     pub(crate) fn new(device: &wgpu::Device) -> Self {
@@ -276,11 +277,12 @@ impl FilterBuffers {
         }
     }
 
-    /// Makes room for what is filtered.
+    /// Makes the buffers large enough for `filter_job`.
     pub(crate) fn reserve(&mut self, device: &wgpu::Device, filter_job: FilterJob<'_>) {
         let samples = filter_job.samples;
         let traced = |output: KernelOutput| output.pixel_bytes() * filter_job.traced.pixels;
         let dense = VECTOR_BYTES * filter_job.bounds.pixels() as u64;
+        // A single sample has no first half, as that is rounded down.
         let halves = traced(KernelOutput::Reflected) * u64::from(samples.min(2));
         let [hits, further] = &mut self.hits;
         reserve(device, &mut self.halves, halves, USAGE);
@@ -309,8 +311,8 @@ impl FilterBuffers {
                 TILES => &frame.tiles,
                 HALVES => &self.halves,
                 HITS => &self.hits[0],
-                // Without further rays nothing is read here, but a binding of the layout cannot stay
-                // empty.
+                // Without further rays this buffer is not read, but every binding of the layout
+                // must be filled.
                 FURTHER_HITS => &self.hits[usize::from(has_further)],
                 COUNTERS => &frame.counters,
                 EDGES => &self.edges,
@@ -335,7 +337,7 @@ fn srgb_steps(device: &Device, wgpu: &wgpu::Device) -> wgpu::Buffer {
     steps_buffer
 }
 
-/// The kernels as text.
+/// WGSL source of all filter kernels.
 fn source() -> String {
     let mut text = dispatch_constants(1);
     text += &format!(
@@ -368,7 +370,7 @@ fn source() -> String {
     text + "}\n"
 }
 
-/// Bindings in `shaders/denoise.wgsl`.
+/// Binding numbers in `shaders/denoise.wgsl`.
 const DATA: u32 = 0;
 const TILES: u32 = 2;
 const HALVES: u32 = 3;

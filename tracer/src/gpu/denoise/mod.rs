@@ -1,4 +1,4 @@
-//! Denoised pictures on the device: a frame of passes, and the filter's kernels.
+//! Denoising on the device: the sequence of passes, and the filter's kernels.
 
 mod frame;
 mod kernels;

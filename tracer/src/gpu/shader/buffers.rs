@@ -1,4 +1,5 @@
-//! Declarations of the buffers that a kernel reads: the scene, its triangles, image textures and environment map.
+//! WGSL declarations of the buffers that a kernel reads: the scene, its triangles, image textures
+//! and environment map.
 
 use std::fmt::Write as _;
 
@@ -14,7 +15,8 @@ use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
 use crate::scene::validate::SHEEN_ROUGHNESS;
 use crate::sheen::{SHEEN_REFLECTANCES, SHEEN_ROOT_MIN};
 
-/// The scene's arrays as one buffer, in the order of [`crate::gpu::layout::scene_bytes`].
+/// Declaration of the scene's arrays as one buffer, in the order of
+/// [`crate::gpu::layout::scene_bytes`].
 pub(super) fn scene_declaration(features: &Features) -> String {
     let arrays = declarations(&scene_arrays(features));
     let space = match features.memory {
@@ -39,7 +41,8 @@ fn declarations(arrays: &[ArrayLayout]) -> String {
     text
 }
 
-/// The triangles of the scene, in the order of [`crate::gpu::layout::mesh_bytes`]; nothing without any.
+/// Declaration of the scene's triangles, in the order of [`crate::gpu::layout::mesh_bytes`]; empty
+/// without any.
 pub(super) fn mesh_declaration(features: &Features) -> String {
     if features.count(ShapeKind::Triangle) == 0 {
         return String::new();
@@ -61,7 +64,8 @@ pub(super) fn mesh_declaration(features: &Features) -> String {
     )
 }
 
-/// The image textures of the scene, as [`crate::gpu::image_buffers`] lays them out; nothing without any.
+/// Declaration of the scene's image textures, in the layout of [`crate::gpu::image_buffers`]; empty
+/// without any.
 pub(super) fn texture_declaration(features: &Features) -> String {
     let Features {
         textures,
@@ -97,9 +101,10 @@ pub(super) fn texture_declaration(features: &Features) -> String {
     }
 }
 
-/// Numbers that textures of layers need.
+/// Constants for textures of layers: sheen, specular reflection and the clear coat's normal.
 fn layer_texture_constants(features: &Features) -> String {
     let last = SHEEN_REFLECTANCES.len() - 1;
+    // Each row of six reflectances as two `vec3f`.
     let halves = SHEEN_REFLECTANCES.as_flattened().chunks(3);
     let halves = halves.map(|half| format!("vec3f({:?}, {:?}, {:?})", half[0], half[1], half[2]));
     let halves: Vec<String> = halves.collect();
@@ -122,7 +127,8 @@ fn layer_texture_constants(features: &Features) -> String {
     )
 }
 
-/// The environment map, as [`crate::gpu::image_buffers`] lays it out; nothing without.
+/// Declaration of the environment map, in the layout of [`crate::gpu::image_buffers`]; empty
+/// without one.
 pub(super) fn environment_declaration(features: &Features) -> String {
     if !features.has_environment_map() {
         return String::new();

@@ -1,4 +1,4 @@
-//! Constants of a kernel: numbers that Rust owns.
+//! WGSL constants of a kernel, whose values are defined in Rust.
 
 use std::fmt::Write as _;
 
@@ -21,7 +21,7 @@ use crate::scalar::metallic_roughness::{ALPHA_LEAST, CLEARCOAT_F0};
 use crate::scene::validate::CSG_MARGIN_M;
 use crate::texture;
 
-/// Numbers that Rust owns.
+/// All constants of a kernel as WGSL.
 pub(super) fn constants(features: &Features) -> String {
     let mut text = String::new();
     for (name, is_set) in [
@@ -70,7 +70,7 @@ pub(super) fn constants(features: &Features) -> String {
     text + &primitive_numbers(features)
 }
 
-/// Numbers of traversal and shading.
+/// Constants of traversal and shading.
 fn numbers() -> String {
     format!(
         "const SOLID_ANGLE_MIN: f32 = {};\n\
@@ -92,7 +92,7 @@ fn numbers() -> String {
     )
 }
 
-/// Numbers of primitives, area lights last.
+/// First number and count of the primitives of each shape; area lights come last.
 fn primitive_numbers(features: &Features) -> String {
     let (mut text, mut first) = (String::new(), 0);
     for shape in features.numbered_shapes() {
@@ -112,10 +112,10 @@ fn primitive_numbers(features: &Features) -> String {
     text
 }
 
-/// How light sampling is divided among kinds of lights.
+/// Probabilities with which light sampling selects each kind of light.
 fn light_sampling_constants(features: &Features) -> String {
     let punctual = 0.5 * features.punctual_halves as f32;
-    // Where there are no others, so that nothing is divided by 0.
+    // Without lights of other kinds any positive value will do; 1 avoids a division by 0.
     let others = if punctual < 1.0 { 1.0 - punctual } else { 1.0 };
     let emissive = features.emissive_surface_sixteenths as f32 / 16.0;
     let lamps = if emissive < 1.0 { 1.0 - emissive } else { 1.0 };
@@ -131,7 +131,7 @@ fn light_sampling_constants(features: &Features) -> String {
     )
 }
 
-/// Pixels of a block, blocks of a workgroup, and places among the counters.
+/// Pixels along a block's edge, blocks per workgroup, and indices of counters.
 pub(crate) fn dispatch_constants(workgroup_blocks: u32) -> String {
     format!(
         "const BLOCK_EDGE: u32 = {BLOCK_EDGE}u;\n\
@@ -141,7 +141,7 @@ pub(crate) fn dispatch_constants(workgroup_blocks: u32) -> String {
     )
 }
 
-/// Numbers of [`crate::sampling`].
+/// Constants of [`crate::sampling`].
 fn sampling_constants() -> String {
     let [a, b, c] = SCRAMBLE;
     format!(
@@ -155,7 +155,7 @@ fn sampling_constants() -> String {
     )
 }
 
-/// Numbers that stand for kinds.
+/// Values of enumerations: patterns, CSG faces and kinds of materials.
 fn kinds() -> String {
     format!(
         "const PATTERN_NUMBER: u32 = {PATTERN_NUMBER}u;\n\

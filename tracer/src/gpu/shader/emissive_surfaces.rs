@@ -1,12 +1,12 @@
-//! Surfaces that emit, of which a kernel knows the shapes that its scene has.
+//! WGSL functions for light sampling of emissive surfaces, specialised for the shapes in the scene.
 
 use std::fmt::Write as _;
 
 use crate::compiled::{EMISSIVE_SURFACE_REACH, ShapeKind};
 use crate::gpu::features::Features;
 
-/// The table of surfaces that emit, a point on one, and what of it a solid angle is seen of; nothing where light sampling aims at
-/// none.
+/// Functions that look up an emissive surface, sample a point on one, and convert densities from
+/// area to solid angle; empty if light sampling does not include emissive surfaces.
 pub(super) fn emissive_surface_functions(features: &Features) -> String {
     if !features.has_emissive_surfaces() {
         return String::new();
@@ -50,7 +50,8 @@ pub(super) fn emissive_surface_functions(features: &Features) -> String {
     text + "    return 0.0;\n}\n"
 }
 
-/// The size of the table of surfaces that emit, how often light sampling aims at them, and [`ShapeKind::area_factor`].
+/// Constants: the number of emissive surfaces, the probability of sampling them, and
+/// [`ShapeKind::area_factor`].
 fn emissive_surface_constants(features: &Features) -> String {
     let count: u32 = features.emissive_surfaces.iter().sum();
     let mut text = format!(

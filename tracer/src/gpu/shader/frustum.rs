@@ -1,17 +1,21 @@
-//! Frustum culling of camera rays: the primitives that those of a block of pixels may meet, as text of a kernel.
+//! WGSL for frustum culling of camera rays: finds the primitives that the rays of a block of pixels
+//! may hit.
 
 use std::fmt::Write as _;
 
 use crate::compiled::ShapeKind;
 use crate::gpu::features::Features;
 
-/// How much farther out than a frustum's planes a primitive may lie, over its distance from the eye: rounding of the
-/// planes and of the tests of rays errs by less than a tenth of it.
+/// How far outside a frustum's planes a primitive may lie before it is culled, relative to its
+/// distance from the eye. The rounding errors of the planes and of the ray tests are below a tenth
+/// of this.
 const SLACK: f32 = 1e-5;
-/// Primitives of a shape whose candidates a workgroup of 16 blocks has room for: 2 KiB of its 32.
+/// Maximum number of primitives of a shape that are culled: 1024 bits for each of 16 blocks, 2 KiB
+/// of the workgroup's 32.
 const CULLED_MAX: u32 = 1024;
 
-/// A block's candidates, how they are found, and where each shape's lie among them.
+/// Declarations of a block's candidate bits, of the culling, and of the first word of each shape's
+/// bits.
 pub(super) fn declaration(features: &Features) -> String {
     let mut text = String::new();
     let mut bounds =
@@ -34,7 +38,7 @@ pub(super) fn declaration(features: &Features) -> String {
                 features.csg_boxes,
                 ["csg_box_bounds[index].center", "csg_box_bounds[index].half"],
             ),
-            // Without bounds.
+            // These have no bounds.
             ShapeKind::Disc | ShapeKind::Rectangle | ShapeKind::Triangle => continue,
         };
         let is_culled = count <= CULLED_MAX;
@@ -60,7 +64,7 @@ pub(super) fn declaration(features: &Features) -> String {
         "const CANDIDATE_WORDS: u32 = {}u;\n\
          const CULLED_COUNT: u32 = {primitives}u;\n\
          const FRUSTUM_SLACK: f32 = {SLACK:e};",
-        // An array has no length of 0.
+        // WGSL has no arrays of length 0.
         words.max(1)
     );
     text += include_str!("../shaders/frustum.wgsl");

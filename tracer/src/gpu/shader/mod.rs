@@ -1,4 +1,4 @@
-//! The kernel as text: parts joined from a table, with only what a scene requires.
+//! Generation of a kernel's WGSL source, with only the parts that a scene requires.
 
 mod buffers;
 mod constants;
@@ -23,10 +23,10 @@ use wrappers::with_wrappers;
 
 use crate::gpu::features::Features;
 
-/// Pixels along the edge of a block, of which a workgroup traces one or some.
+/// Pixels along the edge of a block; a workgroup traces one or more blocks.
 pub(crate) const BLOCK_EDGE: u32 = 8;
 
-/// The kernel for scenes of `features`.
+/// WGSL source of the kernel for scenes with these features.
 pub(crate) fn source(features: &Features) -> String {
     let mut text = constants(features);
     text += &scene_declaration(features);
@@ -40,6 +40,7 @@ pub(crate) fn source(features: &Features) -> String {
             let (buffer, array) = (copy.buffer, copy.array);
             part.replace(&format!("{buffer}.{array}["), &format!("copied_{array}["))
         });
+        // Rays that pass through a triangle of a dielectric mesh start on its other side.
         text += &match features.has_dielectric_mesh {
             true => part.replace(
                 "Ray(surface.position, next.wi)",
@@ -61,17 +62,17 @@ pub(crate) fn source(features: &Features) -> String {
     text
 }
 
-/// An array of the scene that a workgroup keeps in its own memory.
+/// An array of the scene of which each workgroup keeps a copy in workgroup memory.
 struct WorkgroupCopy {
-    /// The buffer that the parts of a kernel read it from.
+    /// Name of the buffer that the kernel's parts read the array from.
     buffer: &'static str,
     array: &'static str,
     element: &'static str,
     count: u32,
 }
 
-/// The arrays that threads of a workgroup read at different indices: its own memory serves them at once, constants
-/// one after the other.
+/// The arrays that the threads of a workgroup index differently: workgroup memory serves such reads
+/// in parallel, constant memory one after another.
 fn workgroup_copies(features: &Features) -> Vec<WorkgroupCopy> {
     if !features.copies_primitives() {
         return Vec::new();
@@ -93,7 +94,7 @@ fn workgroup_copies(features: &Features) -> Vec<WorkgroupCopy> {
     copies
 }
 
-/// The copies, and how a workgroup's threads make them.
+/// Declarations of the copies, and the function in which a workgroup's threads fill them.
 fn copies_declaration(copies: &[WorkgroupCopy]) -> String {
     let mut text = String::new();
     for copy in copies {

@@ -1,9 +1,9 @@
-//! Parts of a kernel: shaders that are joined, of which a scene's features choose.
+//! Parts of a kernel: the WGSL files that are concatenated for a set of features.
 
 use crate::compiled::ShapeKind;
 use crate::gpu::features::Features;
 
-/// The parts that a kernel is joined from, each once.
+/// The parts that a kernel is made of, each once.
 pub(super) fn parts(features: &Features) -> Vec<&'static str> {
     let mut parts = vec![
         include_str!("../shaders/structs.wgsl"),

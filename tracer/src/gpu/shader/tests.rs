@@ -1,4 +1,5 @@
-//! Tests of kernels as text: they are valid, their structs lie as in Rust, and they hold nothing of what a scene has not.
+//! Tests of kernels' source: it is valid, its structs have the layout of those in Rust, and it
+//! contains nothing that a scene does not need.
 
 use std::mem::offset_of;
 
@@ -68,7 +69,7 @@ const ALL: Features = Features {
     workgroup_blocks: 16,
 };
 
-/// Of shapes that [`variants`] has some of.
+/// Counts of emissive surfaces, for shapes of which [`variants`] has some.
 fn emissive_surfaces(i: u32) -> [u32; 6] {
     match i % 5 > 2 {
         true => [
@@ -86,7 +87,7 @@ fn emissive_surfaces(i: u32) -> [u32; 6] {
     }
 }
 
-/// Of primitives in the `i`th variant.
+/// Counts of primitives in the `i`th variant.
 fn counts(i: u32) -> [u32; 6] {
     let count = |bit: u32, count: u32| count * (i >> bit & 1);
     [
@@ -99,7 +100,7 @@ fn counts(i: u32) -> [u32; 6] {
     ]
 }
 
-/// Every choice of parts; constants alternate.
+/// All combinations of parts; other features alternate.
 fn variants() -> impl Iterator<Item = Features> {
     (0..16 * 3 * 2 * 2_u32).map(|i| {
         let is_textured = i % 4 < 2 && i % 5 == 3;
@@ -190,7 +191,7 @@ fn structure<'a>(module: &'a naga::Module, name: &str) -> (&'a [naga::StructMemb
     }
 }
 
-/// With clusters of boxes and of CSG boxes.
+/// Features with clusters of boxes and of CSG boxes.
 fn clustered() -> Features {
     let far = |x: u8| Bounds {
         min: Vec3::new(50.0, f32::from(x), 0.0),

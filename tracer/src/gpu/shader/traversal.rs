@@ -1,4 +1,4 @@
-//! Traversal: how rays find the nearest of a scene's primitives, and what they meet there.
+//! WGSL for traversal (finding the nearest intersection along a ray) and for the surface at a hit.
 
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -7,7 +7,7 @@ use crate::compiled::ShapeKind;
 use crate::compiled::clusters::Clusters;
 use crate::gpu::features::Features;
 
-/// How rays find the primitives of a shape.
+/// The functions by which rays find the primitives of a shape: by a BVH or linearly.
 pub(super) fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
     if has_bvh {
         let leaf = match shape {
@@ -25,14 +25,15 @@ pub(super) fn find_part(shape: ShapeKind, has_bvh: bool) -> String {
         ShapeKind::Box => include_str!("../shaders/box_linear.wgsl"),
         ShapeKind::Disc => include_str!("../shaders/disc_linear.wgsl"),
         ShapeKind::Rectangle => include_str!("../shaders/rectangle_linear.wgsl"),
-        // Its part has that too.
+        // The linear search is in `csg.wgsl`.
         ShapeKind::CsgFace => "",
         ShapeKind::Triangle => include_str!("../shaders/triangle_linear.wgsl"),
     };
     each.to_owned()
 }
 
-/// The function that tests the bounds of 32 boxes or CSG boxes, and those of clusters before their own.
+/// A function that tests the bounds of a group of 32 boxes or CSG boxes; members of a cluster only
+/// if the ray may hit the cluster's bounds.
 pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
     let (name, constant, count) = match shape {
         ShapeKind::Box if !features.has_bvh(shape) => ("box", "BOX", features.count(shape)),
@@ -52,7 +53,8 @@ pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
          candidates |= select(0u, 1u << i, may_meet);\n        }}\n        \
          return candidates;\n    }}\n"
     );
-    // Bounds at literal places are operands of instructions, others are loaded.
+    // Bounds at constant addresses are direct operands of instructions; at other addresses they
+    // have to be loaded.
     let each = |first: &str, start: usize, end: &str| {
         format!(
             "    for (var i = {start}u; i < {end}; i++) {{\n        \
@@ -67,6 +69,8 @@ pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
         let literal = format!("{first}u");
         _ = writeln!(text, "    if (first == {literal}) {{");
         let end = (count - first).min(Clusters::GROUP);
+        // Bits of this group's boxes; those of clusters are removed below, and what remains is
+        // tested without a cluster.
         let mut single = u64::from(u32::MAX >> (u32::BITS as usize - end)) << first;
         for (index, members) in clusters.members().enumerate() {
             if members.trailing_zeros() as usize / Clusters::GROUP != group {
@@ -94,7 +98,7 @@ pub(super) fn candidates(features: &Features, shape: ShapeKind) -> String {
     text + "    return candidates;\n}\n"
 }
 
-/// The bits of a mask that are set, by those that follow each other.
+/// The set bits of a mask, as ranges of consecutive bits.
 fn runs(mut mask: u64) -> Vec<Range<usize>> {
     let mut runs = Vec::new();
     while mask != 0 {
@@ -106,10 +110,10 @@ fn runs(mut mask: u64) -> Vec<Range<usize>> {
     runs
 }
 
-/// The nearest surface along a ray, and whether anything is in the way of one to an area light.
+/// Functions for the nearest surface along a ray, and for the occlusion of a shadow ray.
 pub(super) fn traverse(features: &Features) -> String {
-    // No number lies below 0, with which a shadow ray begins: so no surface takes its place by a tie at
-    // `t_max`, beyond which nothing is in the way.
+    // A shadow ray begins with primitive 0, the lowest number: at equal distances the lowest number
+    // wins, so no surface at exactly `t_max`, beyond which nothing occludes, takes its place.
     let mut text = String::from(
         "fn traverse(prepared: PreparedRay, start: u32, t_max: f32, is_shadow: bool, target_light: u32) -> Hit {\n    \
          var hit = Hit(t_max, select(NO_PRIMITIVE, 0u, is_shadow));\n",
@@ -168,7 +172,7 @@ pub(super) fn surface_at(features: &Features) -> String {
             return surface;\n}\n"
 }
 
-/// The material of a solid.
+/// A function that returns the material of a primitive.
 pub(super) fn material_of(features: &Features) -> String {
     let mut text = String::from("fn material_of(primitive: u32) -> u32 {\n");
     for shape in features.shapes_of_scene() {

@@ -1,4 +1,6 @@
-//! Wrappers: functions of one part of a kernel round those of the same name of another.
+//! Wrapping of WGSL functions: a part of a kernel replaces a function of another part, which it
+//! calls under a new name. The wrapped definition is renamed by text replacement; calls keep the
+//! name and so reach the wrapper.
 
 use super::parts::{
     AOV, COAT_NORMAL, EMISSIVE_SURFACE, ENVIRONMENT_MAP, IMAGE_TEXTURE, LAYER_TEXTURES, LAYERS,
@@ -6,9 +8,10 @@ use super::parts::{
 };
 use crate::gpu::features::Features;
 
-/// A part of a kernel with functions of other parts around its own: those of `shading_normal.wgsl`, and within those of
-/// `metallic_roughness.wgsl`, of `punctual_light.wgsl` and of `environment_map.wgsl`; those of `layers.wgsl`, of
-/// `opacity.wgsl` and of `vertex_color.wgsl`; and around those of all lights those of `emissive_surface.wgsl`.
+/// A part of a kernel, with those of its functions renamed that other parts wrap. From the outside
+/// in: `shading_normal.wgsl`, and within it `metallic_roughness.wgsl`, `punctual_light.wgsl` and
+/// `environment_map.wgsl`; `layers.wgsl`, `opacity.wgsl` and `vertex_color.wgsl`; and, around the
+/// functions of all other lights, those of `emissive_surface.wgsl`.
 pub(super) fn with_wrappers(features: &Features, part: &str) -> String {
     let mut text = part.to_owned();
     if features.has_thin_walls {
@@ -16,7 +19,7 @@ pub(super) fn with_wrappers(features: &Features, part: &str) -> String {
     }
     if features.has_layers && part == METALLIC_ROUGHNESS {
         for name in ["metallic_roughness_at", "mean_passed", "reflected_share"] {
-            // Only definitions follow an `fn`: calls keep the name and so reach the function around it.
+            // Only definitions follow an `fn`: calls keep their name and so reach the wrapper.
             text = text.replace(&format!("fn {name}("), &format!("fn base_{name}("));
         }
     }
@@ -76,9 +79,10 @@ pub(super) fn with_wrappers(features: &Features, part: &str) -> String {
     text
 }
 
-/// A part of a kernel with the functions of each kind of lights around those of the others.
+/// A part of a kernel, with the functions that sample each kind of light wrapped around those of
+/// the others.
 fn with_lights(features: &Features, part: &str, mut text: String) -> String {
-    // The innermost first.
+    // From the innermost to the outermost.
     let wrappers = [
         (features.has_environment_map(), ENVIRONMENT_MAP, "area"),
         (features.punctual_lights > 0, PUNCTUAL_LIGHT, "other"),
@@ -93,8 +97,8 @@ fn with_lights(features: &Features, part: &str, mut text: String) -> String {
     text
 }
 
-/// A part of a kernel where some surfaces are thin walls: functions of `thin_wall.wgsl` and `transmission_texture.wgsl` are round
-/// those of other parts.
+/// A part of a kernel for scenes with thin walls: functions of `thin_wall.wgsl` and
+/// `transmission_texture.wgsl` wrap those of other parts.
 fn with_thin_walls(features: &Features, part: &str, text: String) -> String {
     let outermost =
         |is_wrapped: bool, wrapper: &'static str, wrapped: &'static str| match is_wrapped {
@@ -141,7 +145,8 @@ fn with_thin_walls(features: &Features, part: &str, text: String) -> String {
     }
 }
 
-/// A part of a kernel where clear coats have normals of their own: light falls in at the cosine to either.
+/// A part of a kernel for scenes in which clear coats have normals of their own: the cosine of
+/// incident light is taken to either normal.
 fn with_coat_normals(part: &str, text: String) -> String {
     const REFLECTED: &str = "reflected_by(sample_visible(";
     match part {
@@ -159,7 +164,8 @@ fn with_coat_normals(part: &str, text: String) -> String {
     }
 }
 
-/// A part of a kernel where light falls in at other cosines than those to the normal of the surface.
+/// A part of a kernel in which the cosine of incident light is not always that to the surface's
+/// normal.
 fn with_lit_cosine(part: &str, text: String) -> String {
     if [METALLIC_ROUGHNESS, LAYERS].contains(&part) {
         return text;

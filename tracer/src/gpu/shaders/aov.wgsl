@@ -1,4 +1,4 @@
-// What camera rays meet first: see `Aovs`, whose numbers lie in the film in its order.
+// AOVs of first hits (see `Aovs` in Rust), stored in the film in that type's order.
 
 struct Aovs {
     albedo: vec3f,
@@ -7,14 +7,14 @@ struct Aovs {
     emission: vec3f,
 }
 
-// The pixel that is the tile of that index, if there are so many: see `list_edges` in `denoise.wgsl`.
+// The pixel of the list entry `index`, if the list has as many: see `list_edges` in `denoise.wgsl`.
 fn place_in_list(index: u32) -> Place {
     let is_inside = index < atomicLoad(&counters[LISTED_PIXELS]);
     let tile = tiles[select(0u, index, is_inside)];
     return Place(tile.x, tile.y, tile.first_pixel, 0u, is_inside);
 }
 
-// Means over the pixel's samples.
+// Computes the means over the pixel's samples.
 fn trace_aovs(x: u32, y: u32, pixel: u32, block: u32) {
     var sum = Aovs(vec3f(0.0), vec3f(0.0), 0.0, vec3f(0.0));
     if (job.sample_begin > 0u) {
@@ -27,7 +27,7 @@ fn trace_aovs(x: u32, y: u32, pixel: u32, block: u32) {
         sum.inverse_depth += hit.inverse_depth;
         sum.emission += hit.emission;
     }
-    // The film holds sums until the last dispatch of the picture.
+    // The film holds sums until the last dispatch of the frame divides them.
     let share = select(1.0, 1.0 / f32(job.samples), job.sample_end == job.samples);
     let first = AOV_FLOATS * pixel;
     set_film_numbers(first, sum.albedo * share);
@@ -53,7 +53,7 @@ fn first_hit(ray: Ray, block: u32) -> Aovs {
     set_pixel_width(0u);
     let surface = surface_at(ray, hit, false);
     let wo = -ray.direction;
-    // Rough coats reflect in the paths themselves: of theirs no mirror is asked.
+    // A rough coat's reflection is part of the paths: no mirror reflection is evaluated for it.
     draw_coat_facet(surface, wo, 0u, 0u, 0u);
     let bsdf = bsdf_at(surface, wo);
     met.albedo = bsdf_albedo(bsdf, surface);
@@ -64,14 +64,14 @@ fn first_hit(ray: Ray, block: u32) -> Aovs {
         mirror = vec3f(0.0);
     }
     let mirrored = Ray(surface.position, 2.0 * cos_o * surface.normal - wo);
-    // What is in the way matters only where there is light behind it.
+    // Occlusion matters only if there is light behind, so the ray is traced only then.
     if (any(mirror != vec3f(0.0)) && (environment_is_lit() || meets_area_light(mirrored))) {
         met.emission = mirror * emission(mirrored, nearest(mirrored, hit.primitive));
     }
     return met;
 }
 
-// Light of the area light or the environment that a ray ends in.
+// Light of the area light or environment that a ray ends at.
 fn emission(ray: Ray, hit: Hit) -> vec3f {
     if (hit.primitive == NO_PRIMITIVE) {
         return environment_radiance(ray.direction);

@@ -1,4 +1,4 @@
-// Area lights: rectangles that end every ray and emit from one side.
+// Area lights: rectangles that terminate every ray and emit on one side.
 
 fn area_light_t(ray: Ray, index: u32) -> f32 {
     let to_center = scene.area_lights[index].center - ray.origin;
@@ -8,13 +8,15 @@ fn area_light_t(ray: Ray, index: u32) -> f32 {
         return T_MISS;
     }
     let t = dot(to_center, normal) / slope;
+    // Hit point relative to the centre.
     let q = fma(vec3f(t), ray.direction, -to_center);
     let u = abs(dot(q, scene.area_lights[index].axis_u));
     let v = abs(dot(q, scene.area_lights[index].axis_v));
     return select(T_MISS, t, t > 0.0 && u <= scene.area_lights[index].length_u && v <= scene.area_lights[index].length_v);
 }
 
-// No ray starts on an area light; `target_light` is the one that a shadow ray asks for, which is not in its way.
+// No ray starts on an area light. `target_light` is the light that a shadow ray is aimed at, which
+// does not occlude it.
 fn nearest_area_light(prepared: PreparedRay, target_light: u32, hit: ptr<function, Hit>) {
     if (AREA_LIGHTS_COPLANAR) {
         nearest_coplanar_area_light(prepared.ray, target_light, hit);
@@ -45,14 +47,14 @@ fn nearest_coplanar_area_light(ray: Ray, target_light: u32, hit: ptr<function, H
     }
 }
 
-// Whether there is an area light along a ray, whatever is in the way.
+// Whether a ray's line hits an area light, ignoring occlusion.
 fn meets_area_light(ray: Ray) -> bool {
     var hit = Hit(T_MISS, NO_PRIMITIVE);
     nearest_area_light(prepare_ray(ray), NO_PRIMITIVE, &hit);
     return hit.primitive != NO_PRIMITIVE;
 }
 
-// Radiance of a point on an area light.
+// Radiance at a point on an area light.
 fn area_light_radiance(index: u32, point: vec3f) -> vec3f {
     let radiance = scene.area_lights[index].radiance;
     if (!AREA_LIGHTS_GRADED) {
@@ -62,7 +64,7 @@ fn area_light_radiance(index: u32, point: vec3f) -> vec3f {
     return radiance + clamp(u, -1.0, 1.0) * scene.area_lights[index].gradient;
 }
 
-// What a ray that meets an area light brings back: `pdf` is that of `Path`.
+// MIS-weighted emission for a ray that hits an area light; `pdf` is that of `Path`.
 fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     let index = hit.primitive - AREA_LIGHT_FIRST;
     let brightness = scene.area_lights[index].brightness;
@@ -76,7 +78,7 @@ fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     return radiance * power_heuristic(brightness / pdf);
 }
 
-// The ray to the area light that a coat reflects.
+// The shadow ray to the area light that a smooth coat mirrors.
 fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f) -> ShadowRay {
     let reflectance = bsdf_coat(bsdf);
     if (reflectance == 0.0) {
@@ -97,8 +99,8 @@ fn coat_reflected_light(surface: Surface, bsdf: Bsdf, wo: vec3f) -> ShadowRay {
     return ShadowRay(wi, hit.t, reflectance * radiance, index);
 }
 
-// Next-event estimation from `surface`, times the BSDF and the cosine, MIS-weighted; and what a
-// coat reflects from a cone of that density, if not 0.
+// Next-event estimation from `surface`: BSDF times cosine, MIS-weighted. If `cone_density` is not
+// 0, it includes what a regularised coat reflects from a cone of directions with that density.
 fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
@@ -123,7 +125,8 @@ fn direct_light(
     if (dot(direction.wi, mirrored(surface.normal, wo)) <= CONE_COSINE) {
         coat = 0.0;
     }
-    // Through a dielectric boundary area lights are seen from inside, and no area light is inside.
+    // Inside a dielectric, light is transmitted from the other side of the boundary; no area light
+    // is inside.
     let is_lit = (cos_i > 0.0) != (bsdf_is_transmissive(bsdf) && surface.is_inside);
     if (!is_lit || (coat == 0.0 && all(f == vec3f(0.0)))) {
         return NO_SHADOW_RAY;

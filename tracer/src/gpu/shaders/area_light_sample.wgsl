@@ -1,31 +1,32 @@
-// Drawing an area light and a direction to it: `scalar/area_light.rs`.
+// Sampling of an area light and a direction to it: see `scalar/area_light.rs`.
 
-// An area light in the frame of the point that sees it, in units of about its distance or size if
-// `AREA_LIGHTS_SCALED`, else in metres.
+// An area light in the frame of the point that it is seen from. With `AREA_LIGHTS_SCALED` the unit
+// of length is about its distance or size, otherwise a metre.
 struct SphericalRectangle {
     axis_u: vec3f,
     axis_v: vec3f,
     normal: vec3f,
-    // Low and high end along each edge.
+    // Lower and upper end along each axis.
     x: vec2f,
     y: vec2f,
     height: f32,
     // In square units.
     area: f32,
-    // Of length, metres.
+    // Length of the unit in metres.
     unit: f32,
-    // Of the centre, in units.
+    // Distance of the centre in units.
     distance: f32,
 }
 
-// An area light drawn by its `weight`, brightness times solid angle, among all, whose sum is `light_weight_sum`.
+// An area light, sampled with probability proportional to its `weight` (brightness times solid
+// angle) among all lights, whose weights add up to `light_weight_sum`.
 struct SampledLight {
     index: u32,
     omega: f32,
     by_area: bool,
     weight: f32,
     light_weight_sum: f32,
-    // What is left of the random numbers.
+    // The random numbers, rescaled for reuse.
     u: vec2f,
 }
 
@@ -35,7 +36,7 @@ struct LightDirection {
     inverse_pdf: f32,
 }
 
-// What is under a root counts at least as this much.
+// Lower bound on arguments of square roots and divisors, against 0 / 0 on the rectangle's edges.
 const ROOT_MIN: f32 = 1e-30;
 
 fn spherical_rectangle(index: u32, point: vec3f) -> SphericalRectangle {
@@ -76,6 +77,8 @@ fn sample_light(point: vec3f, random: vec2f) -> SampledLight {
         if (!(seen.height > 0.0 && weight > 0.0)) {
             continue;
         }
+        // Streaming weighted selection: the newest light replaces the chosen one with probability
+        // weight / sum, and the random number is rescaled to the interval that decided.
         let sum_before = chosen.light_weight_sum;
         chosen.light_weight_sum += weight;
         let at = chosen.u.x * chosen.light_weight_sum;
@@ -92,17 +95,19 @@ fn sample_light(point: vec3f, random: vec2f) -> SampledLight {
     return chosen;
 }
 
-// A complex number whose argument is the solid angle from (0, 0) to the corner.
+// A complex number whose argument is the solid angle of the rectangle from (0, 0) to (x, y).
 fn corner(seen: SphericalRectangle, x: f32, y: f32) -> vec2f {
     return vec2f(seen.height * sqrt(x * x + y * y + seen.height * seen.height), x * y);
 }
 
-// a · b* of complex numbers.
+// a · b* of two complex numbers.
 fn times_conjugate(a: vec2f, b: vec2f) -> vec2f {
     return vec2f(a.x * b.x + a.y * b.y, a.y * b.x - a.x * b.y);
 }
 
 fn solid_angle(seen: SphericalRectangle) -> f32 {
+    // The arguments of four corners are combined by multiplying complex numbers, so a single
+    // arctangent suffices.
     let x = seen.x;
     let y = seen.y;
     let x2 = x * x + seen.height * seen.height;
@@ -112,6 +117,8 @@ fn solid_angle(seen: SphericalRectangle) -> f32 {
     let right = times_conjugate(vec2f(re.z, im.z), vec2f(re.w, im.w));
     let product = times_conjugate(right, left);
     let angle = argument(product);
+    // The product's argument is known modulo 2π only: large solid angles wrap to negative values,
+    // which rounding can also produce near 0.
     let is_before = x.x < 0.0 && x.y > 0.0 && y.x < 0.0 && y.y > 0.0;
     if (angle < 0.0 && (is_before || product.x < 0.0)) {
         return angle + TWO_PI;
@@ -134,7 +141,8 @@ fn sample_direction(seen: SphericalRectangle, chosen: SampledLight) -> LightDire
     return LightDirection(to_point / distance, distance * seen.unit, inverse_pdf);
 }
 
-// Ureña, Fajardo and King, "An Area-Preserving Parametrization for Spherical Rectangles", EGSR 2013.
+// Ureña, Fajardo and King, "An Area-Preserving Parametrization for Spherical Rectangles", EGSR 2013,
+// without inverse trigonometric functions: a complex number is rotated in place of their angle.
 fn sample_solid_angle(seen: SphericalRectangle, omega: f32, u: vec2f) -> vec2f {
     let h2 = seen.height * seen.height;
     let low = seen.y.x;

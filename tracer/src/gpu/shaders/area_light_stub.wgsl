@@ -1,4 +1,4 @@
-// A scene without area lights.
+// Stubs for scenes without area lights.
 
 fn emission_with_mis(ray: Ray, hit: Hit, pdf: f32) -> vec3f {
     return vec3f(0.0);

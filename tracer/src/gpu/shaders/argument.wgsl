@@ -1,11 +1,11 @@
-// The argument of a complex number, in (−π, π]: Moshier's Cephes library, `atanf`, 1989. The built-in
-// function may be wrong by 4096 units in the last place.
+// The argument of a complex number, in (−π, π], after `atanf` of Moshier's Cephes library, 1989.
+// The built-in `atan2` may be wrong by 4096 ULP.
 fn argument(z: vec2f) -> f32 {
     let low = min(abs(z.x), abs(z.y));
-    // A normal number: GPUs may flush smaller ones to 0, and 0 / 0 is nothing to return at a pole.
+    // A normal number: GPUs may flush subnormal numbers to 0, and 0 / 0 would be NaN.
     let high = max(max(abs(z.x), abs(z.y)), 1.2e-38);
-    // tan π/8: beyond it the angle is taken from π/4, so that |t| stays below that where the series is
-    // short.
+    // tan π/8: above it, the angle is computed relative to π/4, so that |t| stays in the range of
+    // the short polynomial.
     let is_steep = low > high * 0.41421357;
     let t = select(low, low - high, is_steep) / select(high, low + high, is_steep);
     let t2 = t * t;

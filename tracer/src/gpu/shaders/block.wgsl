@@ -1,14 +1,15 @@
-// Where in the job's tiles a block of 8 x 8 threads works; `job` says how many there are.
+// Mapping of blocks of 8 × 8 threads to pixels of the job's tiles; `job` holds the number of
+// blocks.
 
 @group(0) @binding(2) var<storage, read> tiles: array<TileEntry>;
 
-// A pixel of the image, its place among the pixels of all tiles, and its tile.
+// A pixel of the image, its index among the pixels of all tiles, and its tile.
 struct Place {
     x: u32,
     y: u32,
     pixel: u32,
     tile: u32,
-    // Blocks may jut out of their tile.
+    // Blocks may extend beyond their tile.
     is_inside: bool,
 }
 
@@ -23,7 +24,7 @@ fn place_of(block: u32, local: u32) -> Place {
     return Place(tile.x + x, tile.y + y, pixel, index, x < tile.width && y < tile.height);
 }
 
-// The last tile that begins at or before `block`.
+// Binary search for the last tile that begins at or before `block`.
 fn tile_of_block(block: u32) -> u32 {
     var low = 0u;
     var high = job.tile_count;
@@ -40,17 +41,18 @@ fn tile_of_block(block: u32) -> u32 {
 
 const BLOCK_PIXELS: u32 = BLOCK_EDGE * BLOCK_EDGE;
 
-// The pixels of a workgroup's blocks on their way to the film.
+// The values of a workgroup's pixels before they are written to the film.
 var<workgroup> block_film: array<f32, 3u * BLOCK_PIXELS * WORKGROUP_BLOCKS>;
 
-// Writes a number of each of the block's threads to the film so that neighbours write neighbours. A film
-// that lies in the host's memory takes each lonely write as a message of its own: 5 ms more of
+// Writes one value per thread to the film such that adjacent threads write adjacent addresses. A
+// film in host memory receives each isolated write as a transaction of its own: 5 ms more for
 // 1280x720 pixels on an H200.
 fn set_block(place: Place, is_block: bool, thread: u32, v: vec3f) {
     block_film[3u * thread] = v.x;
     block_film[3u * thread + 1u] = v.y;
     block_film[3u * thread + 2u] = v.z;
-    // All threads come here, those outside of their tile too; only after it may some return.
+    // The barrier must be reached by all threads, including those outside of their tile; only then
+    // may some return.
     workgroupBarrier();
     if (!is_block) {
         return;
@@ -64,8 +66,8 @@ fn set_block(place: Place, is_block: bool, thread: u32, v: vec3f) {
     for (var i = local; i < floats * BLOCK_EDGE; i += BLOCK_PIXELS) {
         let y = top + i / floats;
         let column = i % floats;
-        // Blocks on the right and lower edge jut out of their tile, whose next pixels belong to another
-        // one.
+        // Blocks at the right and bottom edges extend beyond their tile, where the next addresses
+        // belong to another tile.
         if (left + column / 3u < tile.width && y < tile.height) {
             film[3u * (tile.first_pixel + y * tile.width + left) + column] = block_film[first + i];
         }

@@ -1,4 +1,4 @@
-// Boxes with faces parallel to the axes, by slabs (Kay and Kajiya 1986).
+// Axis-aligned boxes, intersected by slabs (Kay and Kajiya 1986).
 
 struct Slabs {
     near: vec3f,
@@ -8,7 +8,7 @@ struct Slabs {
 fn box_slabs(origin: vec3f, inverse: vec3f, index: u32) -> Slabs {
     let a = (scene_storage.boxes[index].min - origin) * inverse;
     let b = (scene_storage.boxes[index].max - origin) * inverse;
-    // A ray within the largest face never leaves that slab.
+    // A ray that lies exactly in the plane of a face where its slab would end never leaves the slab.
     let is_within = (abs(inverse) >= vec3f(INVERSE_MAX)) & (max(a, b) == vec3f(0.0));
     return Slabs(min(a, b), select(max(a, b), vec3f(T_MISS), is_within));
 }
@@ -21,8 +21,8 @@ fn box_t(prepared: PreparedRay, index: u32) -> f32 {
     return select(T_MISS, t, enter <= leave && leave > 0.0);
 }
 
-// The primitive that the ray starts on, whose near side it cannot meet. Where it is inside of a clear
-// box, that box's far side is hit so far.
+// The primitive that the ray starts on, whose near side it cannot hit. If the ray is inside a
+// dielectric box, the far side of that box is recorded as the first hit.
 fn own_box(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
     if (!HAS_DIELECTRIC) {
         return start;
@@ -45,10 +45,10 @@ fn box_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let is_outside = enter > 0.0 && !is_within;
     let leaves = slabs.far == vec3f(smallest(slabs.far));
     let face = select(leaves, slabs.near == vec3f(enter), is_outside);
-    // On an edge two faces are met at once; the first axis wins.
+    // On an edge two faces are hit at once; the first axis wins.
     let axis = vec3<bool>(face.x, face.y && !face.x, !face.x && !face.y);
     let backward = select(vec3f(1.0), vec3f(-1.0), ray.direction > vec3f(0.0));
-    // The face itself rather than a point near it.
+    // The coordinate of the face itself, without rounding error.
     let is_min = (backward < vec3f(0.0)) == vec3<bool>(is_outside);
     let plane = select(scene_storage.boxes[index].max, scene_storage.boxes[index].min, is_min);
     let material = scene_storage.boxes[index].material;

@@ -1,4 +1,4 @@
-// Few boxes: each ray meets each of them.
+// Linear search over few boxes, by groups of 32 with a conservative test first.
 
 fn nearest_box(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     let own = own_box(prepared, start, hit);

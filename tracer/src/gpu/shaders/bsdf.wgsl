@@ -1,21 +1,23 @@
-// What the materials share. Both directions leave the surface, `wo` on the normal's side.
+// Definitions shared by all materials. Both directions point away from the surface, with `wo` on
+// the normal's side.
 
-// `weight` is f · |cos θi| / pdf; `pdf` is per solid angle, `SPECULAR` where there is none, 0
-// for a coat's mirror, whose area lights `coat_reflected_light` has looked up.
+// `weight` is f · |cos θi| / pdf. `pdf` is per solid angle; it is `SPECULAR` for a delta
+// distribution, and 0 for the mirror of a coat, whose area lights `coat_reflected_light` has
+// already accounted for.
 struct BsdfSample {
     wi: vec3f,
     weight: vec3f,
     pdf: f32,
 }
 
-// `f`, and the density of a direction.
+// BSDF value, and the density with which the direction is sampled.
 struct Evaluated {
     f: vec3f,
     pdf: f32,
 }
 
-// Stands for the density of a direction that next-event estimation cannot find, so that light along
-// it counts in full.
+// In place of a density, marks a direction that next-event estimation cannot find, so that its
+// light counts in full.
 const SPECULAR: f32 = -1.0;
-// The same of a path that was scattered inside a body.
+// The same for a path that was scattered inside a body.
 const SCATTERED: f32 = -2.0;

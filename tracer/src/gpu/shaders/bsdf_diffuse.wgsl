@@ -1,4 +1,4 @@
-// Lambert alone: for scenes whose materials have no coat.
+// Lambertian reflection only, for scenes whose materials have no coat.
 
 struct Layered {
     albedo: vec3f,

@@ -1,4 +1,4 @@
-// Scenes whose materials are all diffuse, bare, coated or napped.
+// Scenes whose materials are all diffuse, plain, coated or napped.
 
 struct Bsdf {
     layered: Layered,
@@ -9,7 +9,7 @@ fn bsdf_at(surface: Surface, wo: vec3f) -> Bsdf {
     return Bsdf(layered_at(surface, wo), surface.material);
 }
 
-// Its mirror is a coat's.
+// Unchanged: its mirror is a coat's, which is regularised by light sampling.
 fn bsdf_regularised(bsdf: Bsdf) -> Bsdf {
     return bsdf;
 }
@@ -22,17 +22,17 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     return napped_eval(bsdf.layered, bsdf.material, n, wo, wi);
 }
 
-// Of a diffuse base.
+// Albedo of the diffuse base.
 fn bsdf_albedo(bsdf: Bsdf, surface: Surface) -> vec3f {
     return surface.albedo;
 }
 
-// Reflectance of the mirror that the surface is or has.
+// Reflectance of the surface's mirror component.
 fn bsdf_mirror(bsdf: Bsdf, cos_o: f32) -> vec3f {
     return vec3f(layered_mirror(bsdf.layered));
 }
 
-// What a coat reflects.
+// Reflectance of the coat.
 fn bsdf_coat(bsdf: Bsdf) -> f32 {
     return layered_mirror(bsdf.layered);
 }

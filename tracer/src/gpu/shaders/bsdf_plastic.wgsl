@@ -1,5 +1,5 @@
-// Lambert, bare or under a dielectric coat (see `Material::SmoothPlastic`). A bare surface
-// has an index of refraction of 0 and reflects nothing like a mirror.
+// Lambertian reflection, plain or under a dielectric coat (see `Material::SmoothPlastic`). A plain
+// surface has an index of refraction of 0 and no mirror reflection.
 
 struct Layered {
     // albedo · diffuse_scale · (1 − F(cos θo))
@@ -37,7 +37,7 @@ fn layered_pdf(layered: Layered, cos_i: f32) -> f32 {
     return (1.0 - layered.mirror_share) * cos_i * (1.0 / PI);
 }
 
-// `u.y` chooses the lobe and is then stretched to [0, 1) again.
+// `u.y` selects the lobe and is then rescaled to [0, 1).
 fn layered_sample(layered: Layered, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
     if (u.y < layered.mirror_share) {
         return BsdfSample(mirrored(n, wo), vec3f(layered.mirror / layered.mirror_share), 0.0);

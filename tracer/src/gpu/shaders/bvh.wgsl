@@ -1,6 +1,7 @@
-// What the BVHs of all shapes share.
+// Definitions shared by the BVHs of all shapes.
 
-// Data that Rust writes: both halves of a part of a BVH, each a node, or with `BVH_LEAF` a leaf.
+// Layout as in Rust: both children of a node, each the index of a node, or of a leaf if `BVH_LEAF`
+// is set.
 struct BvhNodeData {
     left_center: vec3f,
     left: u32,
@@ -10,12 +11,12 @@ struct BvhNodeData {
     right_half: vec3f,
 }
 
-// By how much a ray widens boxes for the rounding of its origin.
+// The amount by which a ray enlarges boxes to account for the rounding of its origin.
 fn origin_slack(ray: Ray) -> f32 {
     return BVH_SLACK * largest(abs(ray.origin));
 }
 
-// Where a ray enters a part's box, `T_MISS` if it does not before `t_max`.
+// Distance at which a ray enters a child's box; `T_MISS` if it does not before `t_max`.
 fn part_entry(prepared: PreparedRay, center: vec3f, half_extent: vec3f, slack: f32, t_max: f32) -> f32 {
     let half = half_extent + slack;
     let middle = fma(center, prepared.inverse, -prepared.origin_inverse);

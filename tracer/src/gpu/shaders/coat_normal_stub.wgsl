@@ -1,4 +1,4 @@
-// Clear coats with the normals of what is below.
+// Stubs for scenes whose clear coats share the normals of the base.
 
 fn coat_normal_beside(n: vec3f) -> vec3f {
     return n;

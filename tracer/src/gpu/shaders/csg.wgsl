@@ -1,5 +1,5 @@
-// Boxes with solids subtracted: a ray enters the box and leaves in turn each subtraction that it
-// finds itself in (see `scalar::csg`).
+// CSG boxes: a ray enters the box and then leaves each subtraction that it is inside of, in turn
+// (see `scalar::csg`).
 
 struct Met {
     t: f32,
@@ -15,6 +15,7 @@ fn box_span(ray: Ray, inverse: vec3f, low: vec3f, high: vec3f) -> vec2f {
     return vec2f(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
 }
 
+// The margin enlarges subtractions, so that a surface right at a subtraction counts as removed.
 fn subtraction_contains(face: u32, p: vec3f) -> bool {
     let a = scene.csg_faces[face].a;
     let b = scene.csg_faces[face].b;
@@ -43,7 +44,7 @@ fn subtraction_contains(face: u32, p: vec3f) -> bool {
     }
 }
 
-// A vector's parts along a cone's axis and at right angles to it.
+// Components of a vector along a cone's axis and perpendicular to it.
 struct AboutAxis {
     along: f32,
     aside: vec3f,
@@ -64,10 +65,12 @@ fn cone_exterior_contains(a: vec3f, b: vec3f, p: vec3f) -> bool {
         && dot(q, b.yz) >= beyond * (beyond - CSG_MARGIN_M);
 }
 
-// Where a ray that is outside of a cone at `t` meets it.
+// Distance at which a ray that is outside of a cone at `t` enters it, from the quadratic
+// |q + t d|² = (radius + growth t)².
 fn meet_cone(q: vec3f, d: vec3f, radius: f32, growth: f32, t: f32) -> f32 {
     let d2 = dot(d, d);
     let along = dot(q, d);
+    // The discriminant with a cross product instead of d²q² − (q·d)², which would cancel.
     let miss = cross(q, d);
     let square = d2 - growth * growth;
     let half_linear = along - growth * radius;
@@ -84,7 +87,8 @@ fn meet_cone(q: vec3f, d: vec3f, radius: f32, growth: f32, t: f32) -> f32 {
 }
 
 fn exit_cone_exterior(kind: u32, a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
-    // From the point at `t`, which is near: the squares of a far ray's origin are too large for a thin cone.
+    // Relative to the point at `t`, which is close: squares of a distant ray's origin are too large
+    // for a thin cone.
     let direction = axis_last(kind, ray.direction);
     let start = fma(vec3f(t), direction, axis_last(kind, ray.origin));
     let q = start.xy - a.xy;
@@ -97,7 +101,7 @@ fn exit_cone_exterior(kind: u32, a: vec3f, b: vec3f, ray: Ray, t: f32) -> f32 {
     return select(T_MISS, t + leaves, leaves < T_MISS);
 }
 
-// A vector's coordinates as a cone's exterior of a kind has them: its axis is the third.
+// Permutes coordinates so that the axis of a cone exterior of this kind is the third.
 fn axis_last(kind: u32, v: vec3f) -> vec3f {
     return select(select(v, v.zxy, kind == CSG_FACE_CONE_Y), v.yzx, kind == CSG_FACE_CONE_X);
 }
@@ -152,7 +156,8 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
     let span = box_span(ray, inverse, scene.csg_boxes[index].min, scene.csg_boxes[index].max);
     let first = scene.csg_boxes[index].first_face;
     let count = scene.csg_boxes[index].face_count;
-    // Unsigned: numbers below the first face wrap round and are not less than the count.
+    // In unsigned arithmetic, numbers below the first face wrap around and are not less than the
+    // count.
     let is_left = (start - CSG_FACE_FIRST) - first < count;
     let end = min(span.y, limit);
     var t = max(span.x, select(0.0, CSG_MARGIN_M, is_left));
@@ -160,10 +165,10 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
     if (t >= end) {
         return miss;
     }
-    // Round the subtractions until the ray is in none of them since it left the last. Each is left for good but for
-    // those that are turned: the ray may go through their round body, and out of what is left of it.
-    // A bound that the walk does not need in exact arithmetic: rounding must not keep a GPU in this loop
-    // for ever.
+    // Cycles through the subtractions until the ray is outside of all of them since the last one it
+    // left. Each is left for good, except for cone exteriors: a ray may pass through their round
+    // body and out of what remains. In exact arithmetic the walk ends without the bound; it keeps
+    // rounding from trapping a GPU in the loop.
     let rounds = select(count, 2u * count, HAS_CSG_CONE);
     var subtraction = first;
     var others = count - 1u;
@@ -173,7 +178,8 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
         if (!subtraction_contains(subtraction, fma(vec3f(t), ray.direction, ray.origin))) {
             continue;
         }
-        // Not above `t` where rounding has put the point just outside: then it stays where it is.
+        // If rounding has put the point just outside, the exit is not beyond `t`, which then stays
+        // the same.
         let leaves = exit_subtraction(subtraction, ray, inverse, t);
         if (leaves > t) {
             t = leaves;
@@ -190,10 +196,10 @@ fn intersect_csg_box(ray: Ray, inverse: vec3f, index: u32, start: u32, limit: f3
     return Met(t, face);
 }
 
-// Each thread walks through the few CSG boxes that its own ray may meet.
+// Each thread walks through the few CSG boxes that its own ray may hit.
 fn nearest_csg_face(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     for (var first = 0u; first < CSG_BOX_COUNT; first += 64u) {
-        // In one loop, so that threads with boxes of either half walk together.
+        // Both halves in one loop, so that threads with candidates in either stay converged.
         var candidates = vec2u(csg_box_candidates(prepared, first, (*hit).t), 0u);
         if (first + 32u < CSG_BOX_COUNT) {
             candidates.y = csg_box_candidates(prepared, first + 32u, (*hit).t);
@@ -227,7 +233,7 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     } else if (HAS_CSG_CONE && (kind == CSG_FACE_CONE_X || kind == CSG_FACE_CONE_Y || kind == CSG_FACE_CONE_Z)) {
         let p = axis_last(kind, position);
         let from_axis = p.xy - a.xy;
-        // The cone or the plane, whichever is nearer.
+        // Whichever of the cone and the plane is nearer to the point.
         let off_cone = length(from_axis) - fma(p.z, b.x, a.z);
         let off_plane = dot(from_axis, b.yz) - dot(b.yz, b.yz);
         let is_plane = off_plane * off_plane < off_cone * off_cone * dot(b.yz, b.yz);
@@ -236,7 +242,7 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     } else if (HAS_CSG_CONE && kind == CSG_FACE_APEX_CONE) {
         normal = normalize(normalize(about_axis(b, position - a).aside) - b);
     } else if (kind != CSG_FACE_PLANE) {
-        // The box's outside is entered, a hollow's inside is left.
+        // The box's outer faces are hit on entry, a hollow's faces on exit.
         let inverse = inverse_direction(ray.direction);
         let from_low = (a - ray.origin) * inverse;
         let from_high = (b - ray.origin) * inverse;
@@ -244,7 +250,7 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
         let span = box_span(ray, inverse, a, b);
         let leaves = max(from_low, from_high) == vec3f(span.y);
         let face = select(leaves, min(from_low, from_high) == vec3f(span.x), is_outside);
-        // On an edge two faces are met at once; the first axis wins.
+        // On an edge two faces are hit at once; the first axis wins.
         let axis = vec3<bool>(face.x, face.y && !face.x, !face.x && !face.y);
         let backward = select(vec3f(1.0), vec3f(-1.0), ray.direction > vec3f(0.0));
         let is_low = (backward < vec3f(0.0)) == vec3<bool>(is_outside);
@@ -255,7 +261,7 @@ fn csg_face_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     if (HAS_CSG_CONE && scene_storage.materials[material].pattern == PATTERN_CUE) {
         albedo = scene_storage.materials[material].stripe_albedo;
         if (kind == CSG_FACE_APEX_CONE) {
-            // The next face is the narrow end.
+            // The next face is the plane of the narrow end.
             albedo = cue(material, dot(position, normalize(b)) + scene_storage.csg_faces[index + 1u].b.x);
         }
     }

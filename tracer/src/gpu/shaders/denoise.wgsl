@@ -1,11 +1,10 @@
-// The denoiser's passes: those of `denoise/filter.rs`, which says what they do and whose numbers these
-// are.
+// The passes of the denoiser; see `denoise/filter.rs` for the algorithm and its parameters.
 //
-// Traced pixels lie tile by tile; guides and light between the passes lie row by row of the region
-// that encloses the tiles.
+// Traced pixels are stored tile by tile; guides and light are stored row by row for the region that
+// encloses the tiles.
 
 struct FilterData {
-    // The region.
+    // The region in image coordinates.
     x: u32,
     y: u32,
     width: u32,
@@ -13,45 +12,46 @@ struct FilterData {
     tile_count: u32,
     block_count: u32,
     samples: u32,
-    // Pixels between taps.
+    // Distance of taps in pixels.
     step: i32,
-    // Variances by which light may differ.
+    // Factor of the variance in the distance of light.
     variances: f32,
-    // Of squared differences.
+    // Factors of squared differences.
     normal_factor: f32,
     albedo_factor: f32,
     depth_factor: f32,
-    // Of taps beside the middle one and at the corners.
+    // Weights of taps at the sides and at the corners.
     side_weight: f32,
     corner_weight: f32,
-    // The first half's share of the samples.
+    // The first half's fraction of the samples.
     half_share: f32,
     half_ratio: f32,
-    // Of the rays that look at an edge those in `further_hits`; 0 if there are none.
+    // Fraction of the camera rays of an edge pixel that are in `further_hits`; 0 if there are none.
     further_share: f32,
-    // Traced ones.
+    // Number of traced pixels.
     pixels: u32,
-    // Of pictures that are shown.
+    // Exposure of tone-mapped frames.
     exposure: f32,
 }
 
 @group(0) @binding(0) var<uniform> job: FilterData;
 @group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
-// Means of the second half of the samples of all traced pixels, then of the first; of a single sample the second alone.
+// Means of the second half of the samples of all traced pixels, then of the first half; of a single
+// sample only the former.
 @group(0) @binding(3) var<storage, read> halves: array<f32>;
-// First hits: `Aovs`.
+// AOVs of first hits, as `Aovs`.
 @group(0) @binding(5) var<storage, read> hits: array<f32>;
 @group(0) @binding(6) var<storage, read> further_hits: array<f32>;
-// Two of each pixel: albedo and inverse depth, normal and 1 more than its emission's sum; all 0 where nothing
-// was traced.
+// Two vectors per pixel: albedo and inverse depth; normal and 1 plus the sum of its emission. All 0
+// where nothing was traced.
 @group(0) @binding(7) var<storage, read_write> guides: array<vec4f>;
-// Light over albedo, and its variance.
+// Light divided by albedo, and its variance.
 @group(0) @binding(8) var<storage, read> light_from: array<vec4f>;
 @group(0) @binding(9) var<storage, read_write> light_to: array<vec4f>;
 @group(0) @binding(10) var<storage, read_write> film: array<f32>;
-// sRGB of each pixel, a byte a channel, in the film's place.
+// sRGB of each pixel with one byte per channel, in the film's buffer.
 @group(0) @binding(11) var<storage, read_write> shown: array<u32>;
-// Pixels at edges, in any order.
+// Pixels at edges, in arbitrary order.
 @group(0) @binding(13) var<storage, read_write> edges: array<TileEntry>;
 
 fn is_inside(p: vec2i) -> bool {
@@ -62,7 +62,7 @@ fn index_of(p: vec2i) -> u32 {
     return u32(p.y) * job.width + u32(p.x);
 }
 
-// The place of a thread of a workgroup, which is a block; there may be more of these than blocks.
+// The pixel of a thread in a workgroup of one block; there may be more workgroups than blocks.
 fn place_in_job(group: vec3u, groups: vec3u, local: u32) -> Place {
     let block = group.y * groups.x + group.x;
     var place = place_of(min(block, job.block_count - 1u), local);
@@ -95,18 +95,18 @@ fn take_in(
     let normal = vec3f(hits[first + 3u], hits[first + 4u], hits[first + 5u]);
     guides[2u * i] = vec4f(albedo, hits[first + 6u]);
     let brightness = hits[first + 7u] + hits[first + 8u] + hits[first + 9u];
-    // The 1 tells traced pixels from those that the clear of the buffer left at 0.
+    // The 1 distinguishes traced pixels from those that clearing has left at 0.
     guides[2u * i + 1u] = vec4f(normal, 1.0 + brightness);
     var light = half_at(place.pixel);
-    // Light without its albedo is smooth across textures, so that the filter need not keep their detail.
-    // The same sum multiplies it again at the end: black surfaces lose nothing.
+    // Light divided by albedo is smooth across textures, so the filter need not preserve their
+    // detail. At the end it is multiplied by the same sum, so black surfaces lose no light.
     let divisor = albedo + ALBEDO_MIN;
     var variance = 0.0;
     if (job.samples > 1u) {
         let early = half_at(job.pixels + place.pixel);
         light += job.half_share * (early - light);
-        // The difference of two independent means estimates the variance of their mixture, once scaled by
-        // their shares.
+        // The difference of the means of two halves estimates the standard error of the overall
+        // mean, scaled by `half_ratio`.
         let apart = job.half_ratio * (early - light) / divisor;
         variance = dot(apart, apart);
     }
@@ -117,7 +117,7 @@ fn half_at(pixel: u32) -> vec3f {
     return vec3f(halves[3u * pixel], halves[3u * pixel + 1u], halves[3u * pixel + 2u]);
 }
 
-// Lists the pixels beside which something else is seen, as tiles for the kernel that finds first hits.
+// Lists the pixels that differ from a neighbour, as tiles for the kernel that traces first hits.
 @compute @workgroup_size(BLOCK_EDGE * BLOCK_EDGE)
 fn list_edges(
     @builtin(workgroup_id) group: vec3u,
@@ -126,7 +126,7 @@ fn list_edges(
 ) {
     let place = place_in_job(group, groups, local);
     if (place.is_inside && is_edge(place_in_region(place))) {
-        // The order depends on timing, the pictures do not: each entry carries its own place.
+        // The order depends on timing, but images do not, as each entry contains its own position.
         let index = atomicAdd(&counters[LISTED_PIXELS], 1u);
         edges[index] = TileEntry(place.x, place.y, 1u, 1u, 0u, place.pixel);
     }
@@ -159,11 +159,11 @@ fn estimate_variance(@builtin(global_invocation_id) id: vec3u) {
     let mean = sum / max(count, 1.0);
     let variance = max(squares / max(count, 1.0) - dot(mean, mean), 0.0);
     let i = index_of(p);
-    // A dot is as uncertain as it is itself, not as its neighbours are.
+    // An outlier is as uncertain as its own variance says, not as that of its neighbours.
     light_to[i] = vec4f(light_from[i].xyz, max(variance, light_from[i].w));
 }
 
-// What the taps see of a pixel, and what they have found so far.
+// Features of a pixel that taps are weighted by, and the sums over taps so far.
 struct Look {
     albedo: vec3f,
     normal: vec3f,
@@ -173,7 +173,7 @@ struct Look {
     light_factor: f32,
     sum: vec3f,
     weights: f32,
-    // Of squared weights.
+    // Sum of squared weights.
     squares: f32,
 }
 
@@ -186,7 +186,7 @@ fn smooth_light(@builtin(global_invocation_id) id: vec3u) {
     let i = index_of(p);
     let light = light_from[i];
     let depth = guides[2u * i].w;
-    // Relative to the depth: a pixel sees more of what is farther away.
+    // Relative to the pixel's depth, as the footprint of a pixel grows with distance.
     let depth_factor = job.depth_factor / max(depth * depth, 1e-20);
     let normal = guides[2u * i + 1u].xyz;
     let variance = mean_variance(p, light.w);
@@ -196,11 +196,13 @@ fn smooth_light(@builtin(global_invocation_id) id: vec3u) {
     );
     add_taps(p, &here);
     let inverse = 1.0 / here.weights;
-    // Of a weighted mean of independent values with one variance: Σw² / (Σw)² of it.
+    // Variance of a weighted mean of independent values of equal variance: Σw² / (Σw)² times
+    // theirs.
     light_to[i] = vec4f(here.sum * inverse, variance * here.squares * (inverse * inverse));
 }
 
-// The mean of a pixel's own variance and those of its taps; in the first pass, whose variances are means yet, its own.
+// Mean of a pixel's variance and those of its taps. In the first pass the variances are such means
+// already.
 fn mean_variance(p: vec2i, own: f32) -> f32 {
     if (job.step == FIRST_STEP) {
         return own;
@@ -231,7 +233,8 @@ fn add_tap(p: vec2i, tap_weight: f32, here: ptr<function, Look>) {
     distance += dot(by_albedo, by_albedo) * job.albedo_factor;
     distance += dot(by_normal, by_normal) * job.normal_factor;
     distance += by_depth * by_depth * (*here).depth_factor;
-    // A kernel that ends: no exponential, and taps across an edge weigh exactly nothing.
+    // A kernel of finite support: it needs no exponential, and taps across an edge have a weight of
+    // exactly 0.
     if (distance < 1.0) {
         let weight = (1.0 - distance) * (1.0 - distance) * tap_weight;
         (*here).weights += weight;
@@ -281,7 +284,7 @@ fn result(p: vec2i, pixel: u32) -> vec3f {
     return mixed(p, pixel, light) + emission + job.further_share * (further - emission);
 }
 
-// Whether something else is seen beside a pixel.
+// Whether a pixel differs from one of its four neighbours.
 fn is_edge(p: vec2i) -> bool {
     return differs(p, vec2i(-1, 0)) || differs(p, vec2i(1, 0)) || differs(p, vec2i(0, -1))
         || differs(p, vec2i(0, 1));
@@ -303,7 +306,7 @@ fn radiance_at(i: u32) -> vec3f {
     return light_from[i].xyz * (guides[2u * i].xyz + ALBEDO_MIN);
 }
 
-// What edges are seen by: albedo and half the normal.
+// Features by which edges are detected: albedo and half the normal.
 struct Appearance {
     albedo: vec3f,
     half_normal: vec3f,
@@ -321,7 +324,7 @@ fn difference(a: Appearance, b: Appearance) -> Appearance {
     return Appearance(a.albedo - b.albedo, a.half_normal - b.half_normal);
 }
 
-// The mixture with a neighbour that comes nearest to what all rays have met.
+// The mixture with a neighbour whose appearance is nearest to that seen by all rays.
 fn mixed(p: vec2i, pixel: u32, light: vec3f) -> vec3f {
     let first = AOV_FLOATS * pixel;
     let albedo = vec3f(further_hits[first], further_hits[first + 1u], further_hits[first + 2u]);
@@ -341,14 +344,14 @@ fn mixed(p: vec2i, pixel: u32, light: vec3f) -> vec3f {
         }
         let i = index_of(at);
         let other = difference(appearance(i), here);
-        // The foot of the perpendicular from what all rays saw onto the line between the two pixels'
-        // appearances.
+        // Orthogonal projection of the appearance seen by all rays onto the line between the two
+        // pixels' appearances.
         let share = clamp(product(wanted, other) / (product(other, other) + 1e-4), 0.0, 1.0);
         let nearer = Appearance(other.albedo * share, other.half_normal * share);
         let missing = difference(wanted, nearer);
         let distance = product(missing, missing);
-        // The margin keeps the order of neighbours from deciding by rounding, in which CPU and GPU
-        // differ.
+        // The margin keeps rounding, in which CPU and GPU differ, from deciding between equally
+        // near neighbours.
         if (distance < nearest * 0.999) {
             nearest = distance;
             best = light + share * (radiance_at(i) - light);

@@ -1,4 +1,4 @@
-// Round discs.
+// Circular discs.
 
 fn disc_t(prepared: PreparedRay, index: u32) -> f32 {
     let ray = prepared.ray;
@@ -14,7 +14,7 @@ fn disc_t(prepared: PreparedRay, index: u32) -> f32 {
     return select(T_MISS, t, t > 0.0 && dot(q, q) <= radius * radius);
 }
 
-// Nothing can be inside of one.
+// A disc has no inside.
 fn own_disc(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
     return start;
 }

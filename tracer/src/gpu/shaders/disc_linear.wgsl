@@ -1,4 +1,5 @@
-// Few discs: each ray meets each of them.
+// Linear search over few discs; if they are coplanar, a single ray–plane intersection serves all of
+// them.
 
 fn nearest_disc(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     if (DISCS_COPLANAR) {
@@ -20,7 +21,7 @@ fn nearest_disc(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     }
 }
 
-// The first disc around a point of their common plane, `DISC_COUNT` if there is none.
+// The first disc that contains a point of their common plane; `DISC_COUNT` if there is none.
 fn disc_around(point: vec3f, start: u32) -> u32 {
     for (var i = 0u; i < DISC_COUNT; i++) {
         let q = point - scene.discs[i].center;

@@ -1,4 +1,4 @@
-// Textures of emission, at their finest level.
+// Emission textures, at their finest mip level.
 
 fn emission_texture(index: u32, weights: vec3f) -> vec3f {
     let image = textures.materials[mesh.triangles[index].material].emission;

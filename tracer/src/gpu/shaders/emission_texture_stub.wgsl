@@ -1,4 +1,4 @@
-// A scene without image textures.
+// Stub for scenes without image textures.
 
 fn emission_texture(index: u32, weights: vec3f) -> vec3f {
     return vec3f(1.0);

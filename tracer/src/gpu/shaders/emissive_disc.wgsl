@@ -1,4 +1,4 @@
-// Discs that emit.
+// Sampling of emissive discs.
 
 fn disc_point(index: u32, origin: vec3f, u: vec2f) -> EmissivePoint {
     let radius = scene_storage.discs[index].radius;

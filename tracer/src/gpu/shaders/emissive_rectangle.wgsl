@@ -1,4 +1,4 @@
-// Rectangles that emit.
+// Sampling of emissive rectangles.
 
 fn rectangle_point(index: u32, origin: vec3f, u: vec2f) -> EmissivePoint {
     let b = 2.0 * scene_storage.rectangles[index].half_u;

@@ -1,7 +1,7 @@
-// Surfaces that emit: `scalar/emissive_surface.rs` says how points on them are drawn. Functions of other parts that it has namesakes
-// of are renamed to `lamp_` there.
+// Light sampling of emissive surfaces: see `scalar/emissive_surface.rs`. Functions of other parts
+// that are wrapped here are renamed to `lamp_…`.
 
-// Data that Rust writes.
+// Layout as in Rust.
 struct EmissiveSurfaceData {
     index: u32,
     before: f32,
@@ -9,7 +9,8 @@ struct EmissiveSurfaceData {
     shape: u32,
 }
 
-// A point on such a surface, as a direction to it; at no distance where no light comes.
+// A point on an emissive surface as a direction and distance; a distance of 0 if it contributes no
+// light.
 struct EmissivePoint {
     wi: vec3f,
     distance: f32,
@@ -21,7 +22,8 @@ struct EmissivePoint {
 
 const NO_EMISSIVE_POINT: EmissivePoint = EmissivePoint(vec3f(0.0), 0.0, 0.0, 0.0, 0u, vec3f(0.0));
 
-// Density of the path's last direction per solid angle; not above 0 if light sampling could not have found it.
+// Density per solid angle of the path's last direction; not above 0 if light sampling could not
+// have found it.
 var<private> density_of_path: f32;
 
 fn note_density(pdf: f32) {
@@ -29,7 +31,8 @@ fn note_density(pdf: f32) {
     lamp_note_density(pdf);
 }
 
-// What weighs the emission of a surface that the path's ray meets at `t`, `cosine` to its own normal.
+// MIS weight of the emission of a surface that the path's ray hits at `t`, at `cosine` to the
+// surface's normal.
 fn emission_weight(primitive: u32, material: u32, origin: vec3f, t: f32, cosine: f32) -> f32 {
     let per_area = scene_storage.materials[material].sampling_density * EMISSIVE_SURFACE_SHARE;
     if (density_of_path <= 0.0 || per_area == 0.0) {
@@ -38,7 +41,7 @@ fn emission_weight(primitive: u32, material: u32, origin: vec3f, t: f32, cosine:
     return power_heuristic(per_area * area_per_angle(primitive, origin, t, cosine) / density_of_path);
 }
 
-// Next-event estimation towards one of these or another light.
+// Next-event estimation towards an emissive surface or another light.
 fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
@@ -58,8 +61,9 @@ fn direct_light(
     return direct_emissive_surface(surface, bsdf, wo, vec2f(min(u.x / EMISSIVE_SURFACE_SHARE, BELOW_1), u.y));
 }
 
-// The index in the table of the surface that a number in [0, 1) draws: the last that does not begin above it. As many steps as
-// halve the table down to one.
+// Index of the emissive surface selected by `u` in [0, 1): the last one whose cumulative
+// probability `before` does not exceed `u`. The number of steps suffices for a binary search over
+// the table.
 fn sample_index(u: f32) -> u32 {
     var first = 0u;
     var last = EMISSIVE_SURFACE_COUNT;
@@ -102,8 +106,8 @@ fn direct_emissive_surface(surface: Surface, bsdf: Bsdf, wo: vec3f, u: vec2f) ->
     );
 }
 
-// A point of a flat surface with the edges `b` and `c`, whose area is `area_factor` times that of their parallelogram; none where
-// that is 0 or seen from its own plane.
+// A point of a flat surface with edges `b` and `c`, whose area is `area_factor` times that of their
+// parallelogram; none if the area is 0 or the surface is seen edge-on.
 fn flat_point(
     to_light: vec3f,
     b: vec3f,

@@ -1,4 +1,4 @@
-// Triangles that emit.
+// Sampling of emissive triangles, uniformly by area.
 
 fn triangle_point(index: u32, origin: vec3f, u: vec2f) -> EmissivePoint {
     let root = sqrt(u.x);

@@ -1,14 +1,15 @@
-// Light from an environment map: `compiled/environment.rs` says what it shows and how directions are drawn,
-// `scalar/environment.rs` with which density.
+// Environment maps: see `compiled/environment.rs` for their layout and the sampling of directions,
+// and `scalar/environment.rs` for densities.
 
-// Density of the path's last direction per solid angle; not above 0 if light sampling could not have found it.
+// Density per solid angle of the path's last direction; not above 0 if light sampling could not
+// have found it.
 var<private> sampled_density: f32;
 
 fn note_density(pdf: f32) {
     sampled_density = pdf;
 }
 
-// Area lights are aimed at less often where others are too.
+// Inverse of the probability with which area lights are selected, where there are other lights too.
 fn area_light_factor() -> f32 {
     return 1.0 / (OTHERS_SHARE - environment_map.probability);
 }
@@ -27,6 +28,7 @@ fn environment_with_mis(direction: vec3f) -> vec3f {
     if (sampled_density <= 0.0 || environment_map.probability == 0.0) {
         return radiance;
     }
+    // The map's square has the solid angle element 2π² sin θ, by which the density is converted.
     let sine = length(direction.xy);
     let density = environment_map.probability * environment_density(place) / (SQUARE_TO_SPHERE * sine);
     return radiance * power_heuristic(density / sampled_density);
@@ -41,7 +43,7 @@ fn direct_light(
     cone_density: f32,
     light_weight_sum: ptr<function, f32>,
 ) -> ShadowRay {
-    // Among what is left beside lights without extent.
+    // Conditional probability, given that no light of the outer wrappers was selected.
     let probability = environment_map.probability / OTHERS_SHARE;
     var ray = NO_SHADOW_RAY;
     if (AREA_LIGHT_COUNT > 0u) {
@@ -79,7 +81,7 @@ fn direct_environment_light(surface: Surface, bsdf: Bsdf, wo: vec3f, u: vec2f) -
     return ShadowRay(wi, T_MISS, light, NO_PRIMITIVE);
 }
 
-// Across and down the picture, in [0, 1].
+// Position in the map, horizontally and vertically, in [0, 1].
 fn environment_place(direction: vec3f) -> vec2f {
     let sine = length(direction.xy);
     let across = argument(vec2f(direction.y, direction.x)) * (0.5 / PI) + (0.5 + environment_map.turn);
@@ -90,6 +92,7 @@ fn environment_at(place: vec2f) -> vec3f {
     let x = place.x * f32(ENVIRONMENT_WIDTH) - 0.5;
     let y = clamp(place.y * f32(ENVIRONMENT_HEIGHT) - 0.5, 0.0, f32(ENVIRONMENT_HEIGHT - 1u));
     let before = vec2f(floor(x), floor(y));
+    // Wraps around horizontally, clamps vertically.
     let share = vec2f(x, y) - before;
     let last = ENVIRONMENT_WIDTH - 1u;
     let left = select(min(u32(max(before.x, 0.0)), last), last, before.x < 0.0);
@@ -127,7 +130,7 @@ fn conditional_first(y: u32) -> u32 {
     return ENVIRONMENT_HEIGHT + 1u + y * (ENVIRONMENT_WIDTH + 1u);
 }
 
-// An interval of rising sums, its length, and a place in it.
+// An interval of a cumulative distribution, its length, and the relative position in it.
 struct Drawn {
     index: u32,
     share: f32,
@@ -137,7 +140,8 @@ struct Drawn {
 fn drawn_from(sums: u32, count: u32, u: f32) -> Drawn {
     var first = 0u;
     var last = count;
-    // The last interval that does not begin above `u`. As many steps as halve the longest edge.
+    // Binary search for the last interval that does not begin above `u`; 14 steps suffice for the
+    // longest edge.
     for (var step = 0u; step < 14u && last - first > 1u; step++) {
         let middle = (first + last) / 2u;
         if (environment_map.numbers[sums + middle] <= u) {
@@ -148,7 +152,7 @@ fn drawn_from(sums: u32, count: u32, u: f32) -> Drawn {
     }
     let begin = environment_map.numbers[sums + first];
     let share = environment_map.numbers[sums + first + 1u] - begin;
-    // An interval of no length is drawn only by rounding.
+    // An interval of length 0 is selected only by rounding.
     let within = select(0.5, (u - begin) / share, share > 0.0);
     return Drawn(first, share, min(within, BELOW_1));
 }

@@ -1,4 +1,4 @@
-// A scene whose environment is the same everywhere.
+// Stubs for scenes with a uniform environment.
 
 fn environment_radiance(direction: vec3f) -> vec3f {
     return scene.header.environment;

@@ -1,4 +1,4 @@
-// What the shapes share.
+// Definitions shared by all shapes.
 
 // `direction` has unit length.
 struct Ray {
@@ -6,10 +6,10 @@ struct Ray {
     direction: vec3f,
 }
 
-// A ray with what its tests share.
+// A ray with precomputed values shared by its intersection tests.
 struct PreparedRay {
     ray: Ray,
-    // 1 / direction without infinities.
+    // 1 / direction, with finite components.
     inverse: vec3f,
     inverse_abs: vec3f,
     origin_inverse: vec3f,
@@ -17,7 +17,8 @@ struct PreparedRay {
     along: f32,
     // (1 − SPHERE_SLACK) |origin|²
     power: f32,
-    // Of a camera ray its block of the workgroup, whose candidates it may meet; else `NO_BLOCK`.
+    // For a camera ray, the index of its block in the workgroup, whose candidates alone it is
+    // tested against; otherwise `NO_BLOCK`.
     block: u32,
 }
 
@@ -40,8 +41,8 @@ fn prepare_camera_ray(ray: Ray, block: u32) -> PreparedRay {
     );
 }
 
-// Whether a ray may meet a box before `t_max`: three products of each slab are the ray's own, which rounds worse, so
-// that bounds are a little wider than their boxes.
+// Whether a ray may hit a box before `t_max`. Products of the ray alone are precomputed, which
+// increases the rounding error; the bounds are enlarged to account for it.
 fn may_meet_box(prepared: PreparedRay, bound: BoxBound, t_max: f32) -> bool {
     let middle = fma(bound.center, prepared.inverse, -prepared.origin_inverse);
     let enter = largest(fma(-bound.half, prepared.inverse_abs, middle));
@@ -49,18 +50,20 @@ fn may_meet_box(prepared: PreparedRay, bound: BoxBound, t_max: f32) -> bool {
     return max(enter, 0.0) <= min(leave, t_max);
 }
 
-// Distance to a plane; not above 0, or NaN, if the ray leads away from it or along it.
+// Distance to a plane; negative, 0 or NaN if the ray leads away from it or is parallel to it.
 fn plane_t(ray: Ray, point: vec3f, normal: vec3f) -> f32 {
     return dot(point - ray.origin, normal) / dot(ray.direction, normal);
 }
 
-// The nearest surface along a ray. Primitives are numbered through all arrays of the scene.
+// The nearest intersection of a ray. Primitives are numbered consecutively through all arrays of
+// the scene.
 struct Hit {
     t: f32,
     primitive: u32,
 }
 
-// A ray to an area light, and the radiance that it brings if nothing is in the way; of no distance if there is none.
+// A shadow ray to a light, and the radiance that it contributes if it is not occluded; with a
+// distance of 0 there is none.
 struct ShadowRay {
     direction: vec3f,
     distance: f32,
@@ -70,31 +73,31 @@ struct ShadowRay {
 
 const NO_SHADOW_RAY: ShadowRay = ShadowRay(vec3f(0.0), 0.0, vec3f(0.0), 0u);
 
-// The point of a hit, with the unit normal that faces the ray's origin.
+// A hit point, with the unit normal on the side of the ray's origin.
 struct Surface {
     position: vec3f,
     normal: vec3f,
     albedo: vec3f,
     material: u32,
-    // Met from inside a body, whose normal points inwards here.
+    // Hit from inside a body; the normal then points inwards.
     is_inside: bool,
 }
 
 const T_MISS: f32 = 3.0e38;
 const NO_PRIMITIVE: u32 = 0xffffffffu;
-// Set in the number of the dielectric that a ray is inside of: it meets that body's far side.
+// Flag of the primitive number of a ray inside that dielectric body, whose far side it hits.
 const INSIDE: u32 = 0x80000000u;
 const PI: f32 = 3.14159265358979;
 const TWO_PI: f32 = 6.28318530717959;
 
-// The same numbers, rounded to f32. In exact arithmetic (a + b) − a is b, and some compilers (Mesa)
-// make it so where the difference of the two is what is asked for. An exclusive or with a 0 that
-// they do not know prevents it.
+// The same values, but certainly rounded to f32. In exact arithmetic (a + b) − a is b, and some
+// compilers (Mesa) simplify it to that where the rounding error is wanted. An exclusive or with a 0
+// that they do not know prevents this.
 fn rounded(v: vec3f) -> vec3f {
     return bitcast<vec3f>(bitcast<vec3u>(v) ^ vec3u(scene.header.zero));
 }
 
-// 1 / direction without infinities, so that a slab never multiplies one by 0.
+// 1 / direction with finite components, so that slabs never compute 0 · ∞.
 fn inverse_direction(direction: vec3f) -> vec3f {
     let most = vec3f(INVERSE_MAX);
     let inverse = select(-most, most, direction >= vec3f(0.0));

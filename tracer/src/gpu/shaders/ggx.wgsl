@@ -1,6 +1,6 @@
-// GGX microfacets: see `scalar::microfacet`.
+// GGX microfacet distribution: see `scalar::microfacet`.
 
-// The sine is measured rather than the cosine, of which nothing is left near 1.
+// From the sine, since 1 − cos² has no digits left near the normal.
 fn ggx(alpha: f32, n: vec3f, h: vec3f) -> f32 {
     let cos_h = dot(n, h);
     let sine = h - cos_h * n;
@@ -9,11 +9,15 @@ fn ggx(alpha: f32, n: vec3f, h: vec3f) -> f32 {
     return alpha2 / (PI * root * root);
 }
 
+// G1(θ) / cos θ, with Smith's masking function G1 of GGX: no division by a cosine that may be near
+// 0.
 fn visibility(alpha: f32, cos_theta: f32) -> f32 {
     let alpha2 = alpha * alpha;
     return 2.0 / (cos_theta + sqrt(alpha2 + (1.0 - alpha2) * cos_theta * cos_theta));
 }
 
+// Sampling of visible normals by a spherical cap in the stretched configuration (Dupuy and Benyoub
+// 2023).
 fn sample_visible(alpha: f32, wo: vec3f, n: vec3f, u1: f32, u2: f32) -> vec3f {
     let frame = basis(n);
     let local = vec3f(dot(wo, frame.t), dot(wo, frame.b), dot(wo, n));

@@ -1,6 +1,7 @@
-// Image textures on meshes: `compiled/texture.rs` says which texels a ray sees, `scalar/normal_map.rs` what normal maps do.
+// Image textures on meshes: see `compiled/texture.rs` for the choice of texels and
+// `scalar/normal_map.rs` for normal maps.
 
-// Data that Rust writes.
+// Layout as in Rust.
 struct TriangleUvs {
     a: vec2f,
     b: vec2f,
@@ -28,7 +29,7 @@ struct MaterialTextureData {
     normal_scale: f32,
 }
 
-// Of the surface that was met last.
+// Factors at the most recent surface.
 var<private> texture_factors: TextureFactors;
 
 fn textures_met() -> TextureFactors {
@@ -92,7 +93,7 @@ fn textures_at(maps: MaterialTextureData, uv: vec2f, footprint: f32) -> TextureF
     return factors;
 }
 
-// Unit normal out of the surface; 0 where there is none.
+// Unit normal on the outer side; 0 if there is none.
 fn mapped_normal(
     maps: MaterialTextureData,
     uv: vec2f,
@@ -101,6 +102,8 @@ fn mapped_normal(
     edge_c: vec3f,
     n: vec3f,
 ) -> vec3f {
+    // Tangent and bitangent are the gradients of position with respect to u and v, up to a positive
+    // factor: the sign of the UV determinant replaces a division by it.
     let uv_b = corners.b - corners.a;
     let uv_c = corners.c - corners.a;
     let turn = select(1.0, -1.0, uv_b.x * uv_c.y - uv_b.y * uv_c.x < 0.0);
@@ -122,7 +125,7 @@ fn mapped_normal(
     return normalize(mapped);
 }
 
-// Above the surface whose normal `n` is.
+// The normal, raised to be at least slightly above the surface with normal `n`.
 fn lifted(mapped: vec3f, n: vec3f) -> vec3f {
     let lift = REFLECTION_SINE_MIN - dot(mapped, n);
     if (lift <= 0.0) {
@@ -131,11 +134,11 @@ fn lifted(mapped: vec3f, n: vec3f) -> vec3f {
     return normalize(mapped + lift * n);
 }
 
-// Red, green and blue, linear. `footprint` is in texture coordinates.
+// Linear red, green and blue, trilinearly filtered. `footprint` is in units of texture coordinates.
 fn texture_at(image: u32, uv: vec2f, footprint: f32) -> vec3f {
     let data = textures.images[image];
     let across = sqrt(f32(data.width) * f32(data.height));
-    // log2(0) is not to be relied on.
+    // A lower bound, as log2(0) is undefined.
     let level = clamp(log2(max(footprint * across, 1e-30)), 0.0, f32(data.levels - 1u));
     let finer = floor(level);
     let share = level - finer;
@@ -160,7 +163,7 @@ fn bilinear(data: TextureData, uv: vec2f, level: u32) -> vec3f {
     return (1.0 - y.share) * top + y.share * bottom;
 }
 
-// The texels beside a coordinate, and the share of the second.
+// The two texels next to a coordinate, and the weight of the second.
 struct Taps {
     before: u32,
     after: u32,
@@ -173,7 +176,7 @@ fn taps(coordinate: f32, count: u32, wrap: u32) -> Taps {
     return Taps(texel_place(before, count, wrap), texel_place(before + 1.0, count, wrap), at - before);
 }
 
-// Whole turns first: they would cost the digits of the rest.
+// Whole periods are removed first, as they would cost precision in the product.
 fn wrapped(coordinate: f32, wrap: u32) -> f32 {
     if (wrap == WRAP_REPEAT) {
         return coordinate - floor(coordinate);
@@ -185,7 +188,7 @@ fn wrapped(coordinate: f32, wrap: u32) -> f32 {
     return 1.0 - abs(2.0 * (half - floor(half)) - 1.0);
 }
 
-// −1 and `count` lie beyond the edges.
+// The coordinates −1 and `count` lie beyond the edges.
 fn texel_place(place: f32, count: u32, wrap: u32) -> u32 {
     let last = count - 1u;
     let inside = min(u32(max(place, 0.0)), last);

@@ -1,25 +1,27 @@
-// One path: from the camera over its vertices to an area light or the environment.
+// State machine of one path, from the camera to a light or the environment.
 
 struct Path {
     ray: Ray,
-    // The primitive the ray starts on: all are convex, so it cannot be met again. With `INSIDE` the
-    // dielectric that it is inside of.
+    // The primitive that the ray starts on; as all are convex, the ray cannot hit it again. With
+    // the flag `INSIDE`, the dielectric that the ray is inside of.
     start: u32,
     beta: vec3f,
     radiance: vec3f,
-    // Density of the ray's direction times the area lights' `light_weight_sum` where it began, which weighs an area light
-    // that it finds, with the bit `SPREAD`; or `SPECULAR` or `SCATTERED`.
+    // Density of the ray's direction times the area lights' `light_weight_sum` at its origin, for
+    // the MIS weight of an area light that it hits, with the flag `SPREAD`; or `SPECULAR` or
+    // `SCATTERED`.
     pdf: f32,
     depth: u32,
     pixel: u32,
     sample: u32,
-    // From the last vertex, where `ray` begins too; times `beta` there.
+    // Shadow rays from the last vertex, which is also the origin of `ray`; their light is already
+    // multiplied by `beta`.
     direct: ShadowRay,
     coat: ShadowRay,
 }
 
-// The lowest bit of a density: the path comes from a diffuse surface, or by way of coats and metals
-// from one, and the next mirror is mollified: see `regularisation`.
+// Lowest bit of a density: the path comes from a diffuse surface, possibly via coats and metals,
+// and the next mirror is regularised (see `regularisation`).
 const SPREAD: u32 = 1u;
 
 fn camera_path(x: u32, y: u32, sample: u32) -> Path {
@@ -31,6 +33,8 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
     var eye = camera.eye;
     if (camera.lens_steps > 0.0) {
         let v = pair(pixel, key, BLOCK_LENS, job.seed);
+        // Uniform point on the lens. The film position is shifted against it such that points at
+        // the focus distance stay fixed.
         let lens = sqrt(v.x) * circle(v.y);
         let steps = camera.lens_steps * lens;
         eye += steps.x * camera.dx + steps.y * camera.dy;
@@ -53,7 +57,7 @@ fn camera_path(x: u32, y: u32, sample: u32) -> Path {
     );
 }
 
-// What is to be done next with a path: trace its ray, scatter it where that met a surface, or nothing.
+// The next step of a path: trace its ray, shade the surface that it hit, or none.
 const TRACE: u32 = 0u;
 const SHADE: u32 = 1u;
 const DONE: u32 = 2u;
@@ -62,8 +66,8 @@ fn has_shadow_ray(path: Path) -> bool {
     return SAMPLES_LIGHT && (path.direct.distance > 0.0 || (HAS_COAT && path.coat.distance > 0.0));
 }
 
-// Traces one ray of a path that has one: those to area lights first, so that rays of either kind go through one
-// traversal, side by side with those of other threads.
+// Traces one ray of a path. Shadow rays come first, so that rays of both kinds use the same
+// traversal and threads stay converged.
 fn trace_ray(path: ptr<function, Path>, hit: ptr<function, Hit>, state: u32, rays: ptr<function, u32>) -> u32 {
     let is_shadow = has_shadow_ray(*path);
     let is_direct = (*path).direct.distance > 0.0;
@@ -76,7 +80,7 @@ fn trace_ray(path: ptr<function, Path>, hit: ptr<function, Hit>, state: u32, ray
     var t_max = T_MISS;
     if (is_shadow) {
         ray.direction = shadow.direction;
-        // Shadow rays leave outwards, whatever the path does after them.
+        // Shadow rays leave outwards, wherever the path continues.
         start &= ~INSIDE;
         t_max = shadow.distance;
     }
@@ -86,7 +90,7 @@ fn trace_ray(path: ptr<function, Path>, hit: ptr<function, Hit>, state: u32, ray
         *hit = met;
         return extend(path, met, rays);
     }
-    // The traversal began with `t_max`, so that anything nearer is in the way.
+    // The traversal began with `t_max`, so any hit before it occludes.
     if (met.t >= t_max) {
         (*path).radiance += shadow.light;
     }
@@ -98,7 +102,7 @@ fn trace_ray(path: ptr<function, Path>, hit: ptr<function, Hit>, state: u32, ray
     return state;
 }
 
-// What becomes of a path whose ray meets `met`.
+// Handles the hit of a path's ray: scattering in a medium, light, or a surface to shade.
 fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 {
     let ray = (*path).ray;
     if (HAS_DIELECTRIC && ((*path).start & INSIDE) != 0u && (*path).start != NO_PRIMITIVE) {
@@ -109,14 +113,14 @@ fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 
             let origin = fma(vec3f(flight.distance), ray.direction, ray.origin);
             if (HAS_REFRACTED_NEE && (*path).depth + 2u <= job.max_depth) {
                 let v = pair((*path).pixel, (*path).sample, block_light((*path).depth), job.seed);
-                // Traced on the spot, unlike other shadow rays: only paths inside of such balls come
+                // Traced at once, unlike other shadow rays: only paths inside of such balls get
                 // here.
                 let light = sample_light_through_boundary((*path).start & ~INSIDE, origin, v, rays);
                 (*path).radiance += (*path).beta * light;
             }
             (*path).ray = Ray(origin, uniform_direction(u.y, u.z));
             (*path).pdf = SCATTERED;
-            // Scattering inside a body counts as an event, as a surface does.
+            // Scattering inside a body counts as a scattering event.
             let is_last = (*path).depth == job.max_depth;
             (*path).depth += 1u;
             return select(TRACE, DONE, is_last || all((*path).beta == vec3f(0.0)));
@@ -139,26 +143,27 @@ fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 
     return SHADE;
 }
 
-// Whether the light that a path ends in belongs to the emission of first hits, where that is traced
-// apart: it was found by the camera or by a mirror, `SPECULAR` or a coat's.
+// Whether the light that ends a path belongs to the emission of first hits, which is traced
+// separately: it was found by the camera ray or by a mirror, either `SPECULAR` or a coat's.
 fn is_emission(path: Path) -> bool {
     let is_inside = (path.start & INSIDE) != 0u && path.start != NO_PRIMITIVE;
     return OUTPUT == OUTPUT_REFLECTED && path.depth <= 1u && path.pdf <= 0.0 && !is_inside;
 }
 
-// How wide a pixel is at a distance of 1 m, for textures of what its camera rays meet; 0 for what paths meet later.
+// Width of a pixel at a distance of 1 m, for texture filtering at camera rays' hits; 0 at later
+// ones.
 var<private> pixel_width: f32;
 
 fn set_pixel_width(depth: u32) {
     pixel_width = select(0.0, length(scene.header.camera.dx), depth == 0u);
 }
 
-// How wide a pixel is where its ray ends.
+// Width of a pixel at the end of its camera ray.
 fn texture_footprint(t: f32) -> f32 {
     return pixel_width * (t + scene.header.camera.near_m);
 }
 
-// At the surface that the path's ray has met.
+// Scatters a path at the surface that its ray has hit.
 fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     let primitive = hit.primitive;
     let is_within = HAS_DIELECTRIC && (*path).start == (primitive | INSIDE);
@@ -182,7 +187,7 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
             cone_density = CONE_DENSITY;
         }
         (*path).direct = direct_light(surface, bsdf, wo, u, cone_density, &light_weight_sum);
-        // Multiplied now, as `beta` is overwritten before the ray is traced.
+        // Now, as `beta` changes before the shadow ray is traced.
         (*path).direct.light *= (*path).beta;
         if (HAS_COAT && !is_regularised && (OUTPUT != OUTPUT_REFLECTED || depth > 0u || is_rough)) {
             (*path).coat = coat_reflected_light(surface, bsdf, wo);
@@ -202,22 +207,27 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     (*path).pdf = next.pdf;
     let is_diffuse = next.pdf > 0.0 && bsdf_is_layered(bsdf);
     if (next.pdf > 0.0 || (next.pdf == 0.0 && (is_regularised || is_rough))) {
-        // Not 0 where there is no light: that is a smooth coat's. Of so little no light counts either.
+        // The lower bound keeps it from being 0, which marks a smooth coat, where there is no
+        // light; its influence is negligible.
         let density = bitcast<u32>(max(next.pdf * light_weight_sum, 1e-37));
         (*path).pdf = bitcast<f32>(insertBits(density, u32(is_diffuse || is_regularised), 0u, 1u));
     }
+    // Refracted next-event estimation has accounted for area lights found this way: a density of 0
+    // makes them count nothing.
     if (was_scattered && ((*path).start & INSIDE) == 0u
         && exits_by_nee_hemisphere(primitive, hit.t, dot(surface.normal, wo))) {
         (*path).pdf = 0.0;
     }
     (*path).depth = depth + 1u;
     let survival = SURVIVAL_PER_THROUGHPUT * largest((*path).beta);
-    // Nothing more can come of it: weights of 0 are directions below a surface, and black bodies.
+    // Nothing more can be contributed: weights are 0 for directions below the surface and for black
+    // bodies.
     if (survival <= 0.0) {
         return DONE;
     }
+    // Russian roulette, outside of bodies only.
     if (survival < 1.0 && depth >= ROULETTE_DEPTH && ((*path).start & INSIDE) == 0u) {
-        // The number that a body's flight would take.
+        // Uses the random number that flight through a body would take.
         let u = pair((*path).pixel, (*path).sample, block_choice(depth + 1u), job.seed).y;
         if (u >= survival) {
             return DONE;
@@ -227,7 +237,8 @@ fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     return TRACE;
 }
 
-// Direction in `yz`; choice of the lobe of a dielectric or of glTF's material in `x` and flight through it in `w`.
+// Random numbers of a scattering event: direction in `yz`, choice of a lobe (dielectrics and glTF's
+// material) in `x`, flight through a medium in `w`.
 fn scatter_numbers(path: ptr<function, Path>) -> vec4f {
     let direction = pair((*path).pixel, (*path).sample, block_scatter((*path).depth), job.seed);
     var choice = vec2f(0.0);

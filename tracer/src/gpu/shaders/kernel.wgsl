@@ -1,16 +1,18 @@
-// One thread per pixel of a run of tiles, in blocks of 8 x 8, some of them a workgroup.
+// The path-tracing kernel: one thread per pixel, in blocks of 8 × 8, one or several of them per
+// workgroup.
 
 @group(0) @binding(1) var<uniform> job: DispatchData;
-// The mean of each pixel's samples: red, green, blue, or those of their halves, the second first; or its `Aovs`, whose
-// sum lies here before.
+// Per pixel the mean of its samples (red, green, blue), or the means of both halves, the second
+// half first; or its `Aovs`, which are sums until the last dispatch.
 @group(0) @binding(3) var<storage, read_write> film: array<f32>;
-// Rays (low and high word), pixels of the list of edges, then the dropped samples of each tile.
+// Number of rays (low and high word), length of the list of edge pixels, then the dropped samples
+// of each tile.
 @group(0) @binding(4) var<storage, read_write> counters: array<atomic<u32>>;
-// Of each pixel whose samples are cut: their sum so far, and what that has lost to rounding.
+// For pixels whose samples are divided among dispatches: the sum so far and its rounding error.
 @group(0) @binding(5) var<storage, read_write> film_sums: array<f32>;
 
 var<workgroup> group_rays: atomic<u32>;
-// Whether some thread has samples left, in three turns that follow each other.
+// Whether some thread has samples left, for three consecutive rounds.
 var<workgroup> group_has_samples: array<atomic<u32>, 3>;
 
 @compute @workgroup_size(BLOCK_PIXELS * WORKGROUP_BLOCKS)
@@ -22,8 +24,8 @@ fn trace(
     copy_primitives(thread);
     let block = (group.y * groups.x + group.x) * WORKGROUP_BLOCKS + thread / BLOCK_PIXELS;
     let is_block = block < job.block_count;
-    // Blocks beyond the last one do not return here: barriers below have to be reached by every thread of
-    // a workgroup. They take the last block's place and write nothing.
+    // Threads of blocks beyond the last one do not return here, as every thread of a workgroup must
+    // reach the barriers below. They use the last block's position and write nothing.
     var place = place_of(min(block, job.block_count - 1u), thread % BLOCK_PIXELS);
     place.is_inside = place.is_inside && is_block;
     find_block_candidates(place, thread);
@@ -48,8 +50,9 @@ fn trace(
     }
 }
 
-// Takes the samples in order and returns their mean, or that of the second half, after the last. A thread whose path has ended begins its next
-// sample while its neighbours go on with theirs, so that long paths keep no lanes idle.
+// Traces a pixel's samples in order; after the last one, returns their mean or that of the second
+// half. A thread whose path has ended starts its next sample while its neighbours continue theirs
+// (path regeneration), so that long paths leave no lanes idle.
 fn trace_pixel(place: Place, thread: u32) -> vec3f {
     let x = place.x;
     let y = place.y;
@@ -64,7 +67,7 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
     var path = camera_path(x, y, job.first_sample + index);
     var hit = Hit(T_MISS, NO_PRIMITIVE);
     var state = TRACE;
-    // What the camera rays of a batch of samples meet.
+    // Hits of the camera rays of a batch of samples.
     var first_hits: array<Hit, FIRST_HITS + 1u>;
     var round = 0u;
     for (var batch = job.sample_begin; batch < job.sample_end; batch = batch_end(batch)) {
@@ -78,10 +81,12 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
             keep_step();
         }
         for (; goes_on(round, index < end, thread); round++) {
-            // Most paths have a ray to an area light and one that goes on; then all that have met a surface shade
-            // together. The bound is not known to the compiler, which so makes one copy of the traversal.
+            // Most paths have a shadow ray and a continuing ray; afterwards all threads with a hit
+            // shade together. The compiler does not know the loop's bound, so it does not unroll
+            // the loop and emits the traversal only once.
             for (var turn = 0u; turn < RAYS_PER_TURN + scene.header.zero; turn++) {
-                // A sample is complete when the shadow rays of its last vertex have been traced too.
+                // A sample is complete once the shadow rays of its last vertex have been traced
+                // too.
                 if (state == DONE && !has_shadow_ray(path)) {
                     if (is_finite(path.radiance)) {
                         sum = add(sum, path.radiance);
@@ -97,8 +102,8 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
                     state = TRACE;
                 }
                 if (index < end && (state == TRACE || has_shadow_ray(path))) {
-                    // Depth 0 without a shadow ray is a camera ray: shading, which queues shadow rays,
-                    // raises the depth.
+                    // Depth 0 without a shadow ray means a camera ray: shading, which creates
+                    // shadow rays, increments the depth.
                     if (FIRST_HITS > 0u && path.depth == 0u && !has_shadow_ray(path)) {
                         hit = first_hits[index - batch];
                         state = extend(&path, hit, &rays);
@@ -108,8 +113,8 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
                 }
             }
             keep_step();
-            // Shading overwrites the shadow rays of the vertex before, so that these have to be traced
-            // first.
+            // Shading overwrites the shadow rays of the previous vertex, which must be traced
+            // before.
             if (state == SHADE && !has_shadow_ray(path)) {
                 state = shade(&path, hit);
             }
@@ -129,49 +134,51 @@ fn trace_pixel(place: Place, thread: u32) -> vec3f {
     return vec3f(0.0);
 }
 
-// The end of the batch of samples that begins there. Its camera rays are traced before all else: side by side, they are
-// tested against the few primitives in their block's frustum. Of 1920x1080 pixels of the pool room with 16 samples that
-// saves 13 % on an H200.
+// End of the batch of samples that starts at `begin`. The camera rays of a batch are traced first,
+// in step, and tested only against the few primitives in their block's frustum. For 1920x1080
+// pixels of the pool room with 16 samples, this saves 13 % on an H200.
 fn batch_end(begin: u32) -> u32 {
     return select(job.sample_end, min(job.sample_end, begin + FIRST_HITS), FIRST_HITS > 0u);
 }
 
-// Whether a thread has another round. Threads of a workgroup of several blocks stay until the last is done: side by
-// side they read the same instructions, which are more than a processor's cache of them holds.
+// Whether a thread has another round. In workgroups of several blocks all threads continue until
+// the last one is done: in step they share instruction fetches, as the code exceeds a
+// multiprocessor's instruction cache.
 fn goes_on(round: u32, has_samples: bool, thread: u32) -> bool {
     if (WORKGROUP_BLOCKS == 1u) {
         return has_samples;
     }
+    // The flags of three rounds rotate, so that one barrier per round suffices.
     if (has_samples) {
         atomicStore(&group_has_samples[round % 3u], 1u);
     }
     workgroupBarrier();
     if (thread == 0u) {
-        // Read by all before the barrier, set by none before the next.
+        // This flag was read by all threads before the barrier and is not set before the next one.
         atomicStore(&group_has_samples[(round + 2u) % 3u], 0u);
     }
     return atomicLoad(&group_has_samples[round % 3u]) != 0u;
 }
 
-// Waits for the other threads of a workgroup of several blocks.
+// Synchronises the threads of a workgroup of several blocks.
 fn keep_step() {
     if (WORKGROUP_BLOCKS > 1u) {
         workgroupBarrier();
     }
 }
 
-// Of 1, 2 and 3 the fastest on an H200, by 1.05 to 1.3.
+// Of 1, 2 and 3 the fastest on an H200, by factors of 1.05 to 1.3.
 const RAYS_PER_TURN: u32 = 3u;
 
-// A sum of up to 65,536 samples: plain f32 would be off by 1 in 1000.
+// Compensated sum of up to 65,536 samples; a plain f32 sum would have an error of up to 1 in 1000.
 struct Sum {
     value: vec3f,
     lost: vec3f,
 }
 
-// Kahan, "Further remarks on reducing truncation errors", CACM 8(1), 1965.
+// Kahan summation (Kahan, "Further remarks on reducing truncation errors", CACM 8(1), 1965).
 fn add(sum: Sum, term: vec3f) -> Sum {
-    // Reassociated, `lost` would be 0 and the sum a plain one.
+    // If a compiler reassociated this, `lost` would be 0 and the sum a plain one.
     let whole = term - sum.lost;
     let value = sum.value + whole;
     return Sum(value, rounded(rounded(value) - sum.value) - whole);
@@ -197,10 +204,10 @@ fn set_sums(first: u32, v: vec3f) {
     film_sums[first + 2u] = v.z;
 }
 
-// A 64-bit sum in two words.
+// Adds to a 64-bit counter of two words.
 fn count_rays(rays: u32) {
     let before = atomicAdd(&counters[0], rays);
-    // The low word has wrapped round. Each wrap is seen by exactly the addition that made it.
+    // The low word has wrapped around; exactly one addition observes each wrap.
     if (before + rays < before) {
         atomicAdd(&counters[1], 1u);
     }

@@ -1,7 +1,8 @@
-// Textures of glTF's layers and specular reflection, and normals of clear coats: see `compiled/layer_texture.rs`. Functions of
-// `image_texture.wgsl` that it has namesakes of are renamed to `base_` there.
+// Textures of glTF's layers and specular reflection, and normals of clear coats: see
+// `compiled/layer_texture.rs`. Functions of `image_texture.wgsl` that are wrapped here are renamed
+// to `base_…` (`texel` to `color_texel`).
 
-// Data that Rust writes.
+// Layout as in Rust.
 struct LayerTextureData {
     sheen: u32,
     sheen_roughness: u32,
@@ -12,7 +13,7 @@ struct LayerTextureData {
     has_coat_normal: u32,
 }
 
-// What they multiply a material's numbers by.
+// Factors of a material's layer parameters.
 struct LayerFactors {
     sheen: vec3f,
     sheen_roughness: f32,
@@ -22,9 +23,10 @@ struct LayerFactors {
 
 const NO_LAYER_TEXTURES: LayerFactors = LayerFactors(vec3f(1.0), 1.0, vec3f(1.0), 1.0);
 
-// Of the surface that was met last.
+// Factors at the most recent surface.
 var<private> layer_factors: LayerFactors;
-// That of its clear coat, on the viewer's side, where it has another than what is below; else 0.
+// Normal of that surface's clear coat, on the viewer's side, if it differs from that of the base;
+// otherwise 0.
 var<private> coat_normal: vec3f;
 
 fn triangle_shading_normal(index: u32, weights: vec3f, normal: vec3f, wo: vec3f, t: f32) -> vec3f {
@@ -67,7 +69,7 @@ fn layer_factors_at(maps: LayerTextureData, uv: vec2f, footprint: f32) -> LayerF
     return factors;
 }
 
-// On the side of `normal`, that of the triangle.
+// The coat's normal, on the same side as the triangle's `normal`.
 fn coat_normal_at(
     maps: MaterialTextureData,
     index: u32,
@@ -101,7 +103,7 @@ fn texel(data: TextureData, place: u32) -> vec3f {
     return color_texel(data, place);
 }
 
-// Reflectance at grazing angles of what is no metal, and towards the normal.
+// Reflectance of non-metals at grazing angles, and below, at normal incidence.
 fn textured_specular(material: u32) -> f32 {
     return scene_storage.materials[material].diffuse_scale * layer_factors.specular;
 }

@@ -1,17 +1,18 @@
-// Clear coats and sheens over glTF's material: see `scalar::metallic_roughness`. Functions of that part that it has
-// namesakes of are renamed to `base_` there.
+// Clear coats and sheens over glTF's material: see `scalar::metallic_roughness`. Functions of
+// `metallic_roughness.wgsl` that are wrapped here are renamed to `base_…`.
 
 struct SurfaceLayers {
     clearcoat: f32,
     clearcoat_alpha: f32,
     sheen_width: f32,
-    // What the sheen would reflect at cosines whose square roots are 0, 1/5 and 2/5, and at those of 3/5, 4/5 and 1.
+    // Directional reflectance of the sheen at cosines whose square roots are 0, 1/5 and 2/5, and at
+    // those of 3/5, 4/5 and 1.
     sheen_reflected_low: vec3f,
     sheen_reflected_high: vec3f,
     sheen: vec3f,
 }
 
-// Those of the surface for which `metallic_roughness_at` was called last.
+// Layers of the surface of the last call of `metallic_roughness_at`.
 var<private> layers: SurfaceLayers;
 
 fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
@@ -35,8 +36,9 @@ fn regularise_layers() {
     layers.clearcoat_alpha = max(layers.clearcoat_alpha, ALPHA_MIN);
 }
 
-// What passes into the diffuse base, on average over even light, through both.
+// Mean transmittance of coat and reflection into the diffuse base, over cosine-weighted light.
 fn mean_passed() -> f32 {
+    // With Schlick's (1 − c)⁵, whose cosine-weighted mean is 1/21 and that of whose square is 1/66.
     let passed = 1.0 - metallic_roughness.dielectric_f0;
     let rise = metallic_roughness.base_f90 - metallic_roughness.dielectric_f0;
     let coat_rise = layers.clearcoat * (1.0 - CLEARCOAT_F0);
@@ -44,7 +46,7 @@ fn mean_passed() -> f32 {
     return base_mean_passed() * (1.0 - layers.clearcoat * CLEARCOAT_F0) - coat_rise * lost;
 }
 
-// The share of light that the sheen would reflect at a cosine, about.
+// Approximate directional reflectance of the sheen.
 fn sheen_reflected(cos_theta: f32) -> f32 {
     let place = 5.0 * sqrt(clamp(cos_theta, 0.0, 1.0));
     let low = max(1.0 - abs(place - vec3f(0.0, 1.0, 2.0)), vec3f(0.0));
@@ -56,7 +58,7 @@ fn coat_reflected(cos_theta: f32) -> f32 {
     return layers.clearcoat * fma(grazing(cos_theta), 1.0 - CLEARCOAT_F0, CLEARCOAT_F0);
 }
 
-// What the reflection, and base and sheen, send on.
+// Energy sent on by the reflection, and by base and sheen together, as sums over channels.
 fn weights_below(cos_o: f32) -> vec2f {
     let reflected = dot(schlick(metallic_roughness.f0, metallic_roughness.f90, cos_o), vec3f(1.0));
     let diffuse = base_passed(cos_o) * dot(metallic_roughness.diffuse, vec3f(1.0));
@@ -70,6 +72,7 @@ fn reflected_share(cos_o: f32) -> f32 {
 }
 
 fn clearcoat_share(n: vec3f, wo: vec3f) -> f32 {
+    // The weights below are sums over three channels, the coat's reflectance is a single value.
     let weights = weights_below(dot(n, wo));
     let coat = coat_reflected(dot(coat_normal_beside(n), wo));
     return coat / max(fma(1.0 - coat, (weights.x + weights.y) * (1.0 / 3.0), coat), 1e-30);
@@ -92,6 +95,7 @@ fn with_sheen(base: Evaluated, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     let sine2 = clamp(1.0 - along * along / dot(sum, sum), 1e-12, 1.0);
     let power = exp2(0.5 * exponent * log2(sine2));
     let sheen = (2.0 + exponent) * power / (4.0 * (cos_o + cos_i - cos_o * cos_i));
+    // Where the tabulated reflectance exceeds 1, the sheen is reduced by it to conserve energy.
     let f = base.f * max(1.0 - reflected, 0.0) + layers.sheen * (sheen / max(reflected, 1.0));
     return Evaluated(f, base.pdf);
 }
@@ -112,7 +116,8 @@ fn with_clearcoat(below: Evaluated, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated
     return Evaluated(f + coat * lit_share(cos_i, n, wi), fma(share, seen, (1.0 - share) * below.pdf));
 }
 
-// The direction of the coat's reflection if `u` chooses that; else 0, and `u` is stretched to [0, 1) again.
+// Samples a direction of the coat's reflection if `u` selects it; otherwise returns 0 and rescales
+// `u` to [0, 1).
 fn sample_coat(n: vec3f, wo: vec3f, u: ptr<function, vec3f>) -> vec3f {
     let coat = clearcoat_share(n, wo);
     if ((*u).x < coat) {

@@ -1,4 +1,4 @@
-// glTF's material without a clear coat or a sheen.
+// Stubs for glTF materials without clear coats and sheens.
 
 fn regularise_layers() {}
 

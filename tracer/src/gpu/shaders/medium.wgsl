@@ -1,4 +1,5 @@
-// What fills dielectrics: free flight, by the exponential law of the clearest channel.
+// Media inside dielectrics: free-flight sampling, exponentially with the rate of the clearest
+// channel.
 
 struct FreeFlight {
     distance: f32,
@@ -8,11 +9,12 @@ struct FreeFlight {
 
 fn sample_distance(material: u32, boundary: f32, u: f32) -> FreeFlight {
     let rate = scene_storage.materials[material].sampling_density;
-    // Not below 0 in any channel: so no weight of a flight is above 1.
+    // At least 0 in every channel, so that no weight of a flight exceeds 1.
     let beyond = scene_storage.materials[material].extinction - rate;
     if (rate > 0.0) {
         let distance = -log(1.0 - u) / rate;
         if (distance < boundary) {
+            // σs exp(−σt d) over the density rate · exp(−rate d); `scattering` is σs / rate.
             let left = exp(-beyond * distance);
             return FreeFlight(distance, true, scene_storage.materials[material].scattering * left);
         }

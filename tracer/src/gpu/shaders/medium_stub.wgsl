@@ -1,4 +1,4 @@
-// A scene without dielectrics.
+// Stubs for scenes without dielectrics.
 
 struct FreeFlight {
     distance: f32,

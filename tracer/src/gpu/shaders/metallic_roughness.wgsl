@@ -1,5 +1,5 @@
-// The material of glTF 2.0 beside others: see `scalar::metallic_roughness`. Functions of other parts that it has namesakes
-// of are renamed to `plain_` there.
+// glTF 2.0's metallic-roughness material, besides others: see `scalar::metallic_roughness`.
+// Functions of other parts that are wrapped here are renamed to `plain_…`.
 
 struct MetallicRoughness {
     is_met: bool,
@@ -11,7 +11,7 @@ struct MetallicRoughness {
     alpha: f32,
 }
 
-// That of the surface for which `bsdf_at` was called last.
+// Parameters at the surface of the last call of `bsdf_at`.
 var<private> metallic_roughness: MetallicRoughness;
 
 fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
@@ -21,7 +21,7 @@ fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
     let metallic = scene_storage.materials[material].metallic * textures.metallic;
     let f0 = scene_storage.materials[material].eta;
     let dielectric_f0 = largest(f0);
-    // Reflectance at grazing angles of what is no metal.
+    // Reflectance of non-metals at grazing angles.
     let specular = scene_storage.materials[material].diffuse_scale;
     let alpha = scene_storage.materials[material].alpha * textures.roughness * textures.roughness;
     return MetallicRoughness(
@@ -78,8 +78,11 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     }
     let it = metallic_roughness;
     let h = normalize(wo + wi);
+    // D G1(o) / (4 cos θo), the density of reflection by visible normals. The BRDF is F G1(i) / cos
+    // θi times it.
     let seen = 0.25 * ggx(it.alpha, n, h) * visibility(it.alpha, cos_o);
     let reflected = schlick(it.f0, it.f90, dot(wo, h)) * (seen * visibility(it.alpha, cos_i));
+    // Normalised such that a white base reflects all light that the reflection lets pass.
     let scale = 1.0 / mean_passed();
     let scattered = it.diffuse * (base_passed(cos_o) * base_passed(cos_i) * scale * (1.0 / PI));
     let share = reflected_share(cos_o);
@@ -106,18 +109,18 @@ fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
     return BsdfSample(wi, evaluated.f * (dot(n, wi) / evaluated.pdf), evaluated.pdf);
 }
 
-// Surfaces that emit do so once for each path that meets them.
+// Emission is added once for each surface that a path hits.
 fn shade(path: ptr<function, Path>, hit: Hit) -> u32 {
     set_pixel_width((*path).depth);
-    // Before the path's next density is noted.
+    // Before the density of the path's next direction is noted.
     (*path).radiance += emission_of_hit(*path, hit);
     return plain_shade(path, hit);
 }
 
-// Of what a path meets last, too.
+// Adds the emission of a path's last surface, which is not shaded.
 fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 {
     let state = plain_extend(path, met, rays);
-    // What was scattered inside a body has not come to a surface.
+    // A path that was scattered inside a body has not reached the surface.
     let is_last = state == DONE && (*path).depth == job.max_depth && met.primitive < AREA_LIGHT_FIRST;
     if (HAS_EMISSION && is_last) {
         set_pixel_width(job.max_depth);
@@ -126,7 +129,7 @@ fn extend(path: ptr<function, Path>, met: Hit, rays: ptr<function, u32>) -> u32 
     return state;
 }
 
-// What the surface emits that a path meets, times its throughput.
+// Emission of the surface that a path hits, times throughput and MIS weight.
 fn emission_of_hit(path: Path, met: Hit) -> vec3f {
     if (!HAS_EMISSION) {
         return vec3f(0.0);
@@ -156,12 +159,13 @@ fn grazing(cos_theta: f32) -> f32 {
     return square * square * off;
 }
 
-// Into the base or out of it.
+// Fraction of light that passes into the base, or out of it, at an angle.
 fn base_passed(cos_theta: f32) -> f32 {
     let rise = metallic_roughness.base_f90 - metallic_roughness.dielectric_f0;
     return 1.0 - metallic_roughness.dielectric_f0 - rise * grazing(cos_theta);
 }
 
+// The cosine-weighted mean: that of Schlick's (1 − c)⁵ is 1/21.
 fn mean_passed() -> f32 {
     let rise = metallic_roughness.base_f90 - metallic_roughness.dielectric_f0;
     return 1.0 - metallic_roughness.dielectric_f0 - rise * (1.0 / 21.0);
@@ -170,6 +174,6 @@ fn mean_passed() -> f32 {
 fn reflected_share(cos_o: f32) -> f32 {
     let reflected = dot(schlick(metallic_roughness.f0, metallic_roughness.f90, cos_o), vec3f(1.0));
     let all = reflected + base_passed(cos_o) * dot(metallic_roughness.diffuse, vec3f(1.0));
-    // What is black and of index 1 sends nothing on along its normal.
+    // A black material of index 1 neither reflects nor transmits at normal incidence.
     return reflected / max(all, 1e-30);
 }

@@ -1,12 +1,11 @@
-// Metals and dielectrics, smooth and rough, beside the layered materials: see
-// `scalar::microfacet` for the sources. Dielectrics let light pass; what fills them is in
-// medium.wgsl.
+// Metals and dielectrics, smooth and rough, besides the layered materials: see `scalar::microfacet`
+// for sources. Media inside dielectrics are in medium.wgsl.
 
 struct Bsdf {
     layered: Layered,
     kind: u32,
     alpha: f32,
-    // Relative index of a dielectric.
+    // Relative index of refraction of a dielectric.
     eta: f32,
     material: u32,
 }
@@ -35,7 +34,7 @@ fn bsdf_is_layered(bsdf: Bsdf) -> bool {
     return bsdf.kind == KIND_LAYERED;
 }
 
-// `f` without mirrors, for radiance.
+// BSDF without delta components, for radiance.
 fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     if (bsdf.kind == KIND_LAYERED) {
         return napped_eval(bsdf.layered, bsdf.material, n, wo, wi);
@@ -48,6 +47,7 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     }
     if (cos_i > 0.0) {
         let h = normalize(wo + wi);
+        // D G1(o) / (4 cos θo), the density of reflection by visible normals.
         let seen = 0.25 * ggx(bsdf.alpha, n, h) * visibility(bsdf.alpha, cos_o);
         let shadowing = visibility(bsdf.alpha, cos_i);
         let o = dot(wo, h);
@@ -60,8 +60,8 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     if (bsdf.kind == KIND_CONDUCTOR || cos_i == 0.0) {
         return nothing;
     }
-    // The half vector of refraction (Walter et al., "Microfacet Models for Refraction through Rough
-    // Surfaces", EGSR 2007, equation 16), on the side of n.
+    // The half vector of refraction on the side of n (Walter et al., "Microfacet Models for
+    // Refraction through Rough Surfaces", EGSR 2007, equation 16).
     let across = normalize(wo + bsdf.eta * wi);
     let h = select(across, -across, dot(across, n) < 0.0);
     let o = dot(wo, h);
@@ -70,18 +70,20 @@ fn bsdf_eval(bsdf: Bsdf, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
         return nothing;
     }
     let seen = ggx(bsdf.alpha, n, h) * visibility(bsdf.alpha, cos_o);
+    // The Jacobian of refraction (Walter et al., equation 17), with wi·h = −i.
     let eta2 = bsdf.eta * bsdf.eta;
     let sum = o - bsdf.eta * i;
     let pdf = (1.0 - fresnel_dielectric(o, bsdf.eta)) * seen * o * i * eta2 / (sum * sum);
+    // The BSDF for radiance is divided by η².
     return Evaluated(vec3f(pdf * visibility(bsdf.alpha, -cos_i) / eta2), pdf);
 }
 
-// Of a diffuse base; metals and dielectrics show others.
+// Albedo of a diffuse base; 1 for metals and dielectrics, which show their surroundings.
 fn bsdf_albedo(bsdf: Bsdf, surface: Surface) -> vec3f {
     return select(vec3f(1.0), surface.albedo, bsdf.kind == KIND_LAYERED);
 }
 
-// Reflectance of the mirror that the surface is or has.
+// Reflectance of the surface's mirror component.
 fn bsdf_mirror(bsdf: Bsdf, cos_o: f32) -> vec3f {
     if (bsdf.kind == KIND_LAYERED) {
         return vec3f(layered_mirror(bsdf.layered));
@@ -95,7 +97,7 @@ fn bsdf_mirror(bsdf: Bsdf, cos_o: f32) -> vec3f {
     return vec3f(fresnel_dielectric(cos_o, bsdf.eta));
 }
 
-// What a coat reflects.
+// Reflectance of the coat.
 fn bsdf_coat(bsdf: Bsdf) -> f32 {
     if (bsdf.kind == KIND_LAYERED) {
         return layered_mirror(bsdf.layered);
@@ -127,21 +129,21 @@ fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
         let eta = bsdf.eta;
         let cos_t = sqrt(max(0.0, (eta - 1.0) * (eta + 1.0) + cos_h * cos_h)) / eta;
         wi = normalize((cos_h / eta - cos_t) * h - wo / eta);
-        // Radiance is thinner by η² beyond the surface.
+        // Refraction scales radiance by 1/η².
         weight = vec3f(1.0 / (eta * eta));
     }
     if (!is_rough) {
         return BsdfSample(wi, weight, SPECULAR);
     }
-    // A microfacet may send light to the side where the surface as a whole does not.
+    // A microfacet may send light to the wrong side of the macroscopic surface.
     let facing = max(0.0, select(-dot(n, wi), dot(n, wi), is_reflected));
-    // Of f·cos over the density, the distribution, the Fresnel term and the masking of `wo` cancel: the
-    // shadowing of `wi` is left.
+    // In f·cos over the density, the distribution, the Fresnel term and the masking of `wo` cancel,
+    // which leaves the shadowing of `wi`.
     weight *= visibility(bsdf.alpha, facing) * facing;
     return BsdfSample(wi, weight, bsdf_eval(bsdf, n, wo, wi).pdf);
 }
 
-// Born and Wolf, "Principles of Optics", section 14.2.
+// Unpolarised reflectance of a metal (Born and Wolf, "Principles of Optics", section 14.2).
 fn conductor_reflectance(material: u32, cos_theta: f32) -> vec3f {
     let eta = scene_storage.materials[material].eta;
     let k = scene_storage.materials[material].k;

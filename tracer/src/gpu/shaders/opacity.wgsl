@@ -1,5 +1,5 @@
-// Meshes through which rays pass where their opacity says: `compiled/opacity.rs`. What it has a namesake of is renamed to
-// `solid_` there.
+// Partial coverage of meshes: see `compiled/opacity.rs`. Functions of other parts that are wrapped
+// here are renamed to `solid_…`.
 
 fn triangle_t(prepared: PreparedRay, index: u32) -> f32 {
     let t = solid_triangle_t(prepared, index);
@@ -23,13 +23,13 @@ fn is_opaque(material: u32) -> bool {
         || scene_storage.materials[material].sights.z == OPACITY_OPAQUE;
 }
 
-// With which probability a ray meets a triangle where the corners have these weights.
+// The probability that a ray hits a triangle at a point with these barycentric weights.
 fn share_there(index: u32, weights: vec3f) -> f32 {
     let material = mesh.triangles[index].material;
     if (is_opaque(material)) {
         return 1.0;
     }
-    // Its alpha, the cutoff and the mode.
+    // Alpha, cutoff and mode.
     let opacity = scene_storage.materials[material].sights;
     let alpha = opacity.x * vertex_alpha(index, weights) * texture_alpha(index, weights);
     if (opacity.z == OPACITY_MASK) {
@@ -39,8 +39,8 @@ fn share_there(index: u32, weights: vec3f) -> f32 {
 }
 
 fn ray_number(ray: Ray, index: u32) -> f32 {
-    // By the bits of the ray itself: the path's numbers stay as they are, however many layers it passes,
-    // and the same ray meets the same layers in whatever order they are tested.
+    // Hashes the ray itself: the path's random numbers stay the same however many layers it passes,
+    // and the same ray hits the same layers in whatever order they are tested.
     let first = pcg4d(vec4u(bitcast<vec3u>(ray.origin), index));
     let second = pcg4d(vec4u(first.xyz ^ bitcast<vec3u>(ray.direction), first.w));
     return f32(second.x >> 8u) * (1.0 / 16777216.0);

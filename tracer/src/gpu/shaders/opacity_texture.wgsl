@@ -1,4 +1,4 @@
-// Alphas of base colours' textures, at their finest level.
+// Alpha of base colour textures, at their finest mip level.
 
 fn texture_alpha(index: u32, weights: vec3f) -> f32 {
     let image = textures.materials[mesh.triangles[index].material].base_color;

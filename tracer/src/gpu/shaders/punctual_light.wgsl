@@ -1,6 +1,6 @@
-// Lights without extent: `scalar/punctual_light.rs`.
+// Punctual lights: see `scalar/punctual_light.rs`.
 
-// Data that Rust writes.
+// Layout as in Rust.
 struct PunctualLightData {
     center: vec3f,
     is_distant: u32,
@@ -10,7 +10,7 @@ struct PunctualLightData {
     cone_offset: f32,
 }
 
-// Light that comes to a point: `irradiance` is of a surface that faces it.
+// Light that arrives at a point; `irradiance` is that of a surface facing the light.
 struct PunctualIncidence {
     wi: vec3f,
     distance: f32,
@@ -30,7 +30,7 @@ fn punctual_incidence(index: u32, point: vec3f) -> PunctualIncidence {
     return PunctualIncidence(wi, distance, light.strength * (share * share));
 }
 
-// One drawn by the irradiance that it brings, over its probability.
+// A light sampled in proportion to its irradiance, which is returned divided by the probability.
 fn sample_punctual_light(point: vec3f, random: f32) -> PunctualIncidence {
     var u = random;
     var sum = 0.0;
@@ -57,7 +57,7 @@ fn sample_punctual_light(point: vec3f, random: f32) -> PunctualIncidence {
     return chosen;
 }
 
-// Next-event estimation towards one of these or another light.
+// Next-event estimation towards a punctual light or another light.
 fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
@@ -68,6 +68,7 @@ fn direct_light(
 ) -> ShadowRay {
     var ray = NO_SHADOW_RAY;
     if (PUNCTUAL_SHARE < 1.0) {
+        // OTHERS_SHARE / LAMP_SHARE is 1 − PUNCTUAL_SHARE.
         let rest = clamp((u.x - PUNCTUAL_SHARE) / (OTHERS_SHARE / LAMP_SHARE), 0.0, BELOW_1);
         ray = other_direct_light(surface, bsdf, wo, vec2f(rest, u.y), cone_density, light_weight_sum);
     }

@@ -15,7 +15,7 @@ fn rectangle_t(prepared: PreparedRay, index: u32) -> f32 {
     return select(T_MISS, t, t > 0.0 && u <= 1.0 && v <= 1.0);
 }
 
-// Nothing can be inside of one.
+// A rectangle has no inside.
 fn own_rectangle(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
     return start;
 }

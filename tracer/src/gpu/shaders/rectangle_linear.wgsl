@@ -1,4 +1,4 @@
-// Few rectangles: each ray meets each of them.
+// Linear search over few rectangles.
 
 fn nearest_rectangle(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     for (var i = 0u; i < RECTANGLE_COUNT; i++) {

@@ -1,6 +1,8 @@
-// Area lights seen from inside a dielectric ball, by paths refracted at its boundary: `scalar/refracted_nee.rs`.
+// Next-event estimation from inside a dielectric ball, along paths refracted at its boundary: see
+// `scalar/refracted_nee.rs`.
 
-// A ray from the inner point, in the plane of the axis (x) and the outer point, in radii.
+// A ray from the inner point, in the plane through the axis (x) and the outer point; lengths are in
+// radii.
 struct PlaneRay {
     place: vec2f,
     inner: vec2f,
@@ -18,20 +20,21 @@ fn plane_ray(r: f32, ior: f32, sine: f32) -> PlaneRay {
     let inner = vec2f(cosine_of(sine), sine);
     let cos_i = cosine_of(r * sine);
     let cos_o = cosine_of(ior * r * sine);
-    // cos_i − r·inner.x, written without the cancellation near the boundary.
+    // cos_i − r·inner.x, without its cancellation near the boundary.
     let length = max(0.0, 1.0 - r * r) / max(cos_i + r * inner.x, 1e-30);
     let place = vec2f(r + length * inner.x, length * sine);
-    // Snell's law in vectors: the place on the unit circle is its outward normal too.
+    // Snell's law in vector form; the exit point on the unit circle is also its outward normal.
     return PlaneRay(place, inner, ior * inner + (cos_o - ior * cos_i) * place, length, cos_i, cos_o);
 }
 
-// How far a point lies on the side of larger angles.
+// Signed distance of a point from the refracted ray, positive towards larger angles.
 fn beside(ray: PlaneRay, point: vec2f) -> f32 {
     let offset = point - ray.place;
     return ray.outer.x * offset.y - ray.outer.y * offset.x;
 }
 
-// The sine of the first ray whose place the point sees; 2 if that is on the other half.
+// Sine of the first ray whose exit point is visible from the outer point; 2 if that is in the other
+// half.
 fn lowest_sine(r: f32, point: vec2f) -> f32 {
     if (point.x >= 1.0) {
         return 0.0;
@@ -42,15 +45,17 @@ fn lowest_sine(r: f32, point: vec2f) -> f32 {
     return select(2.0, offset.y / sqrt(dot(offset, offset)), offset.x > 0.0);
 }
 
-// The sine of the ray to the place nearest to the point, above 1 if that is on the other half.
+// Sine of the ray to the exit point nearest to the outer point; above 1 if that is in the other
+// half.
 fn highest_sine(r: f32, point: vec2f) -> f32 {
     let offset = point / sqrt(dot(point, point)) - vec2f(r, 0.0);
     return select(2.0, offset.y / sqrt(dot(offset, offset)), offset.x > 0.0);
 }
 
-// The sine at the inner point of the ray to `point`, above 1 if there is none.
+// Sine at the inner point of the ray that reaches `point`; above 1 if there is none. Root search by
+// regula falsi.
 fn search(r: f32, ior: f32, point: vec2f) -> f32 {
-    // Steeper rays are reflected, or leave by the other half.
+    // Steeper rays are totally reflected, or leave through the other half.
     let sine_max = min(1.0, 1.0 / max(ior * r, 1e-30));
     let highest = highest_sine(r, point);
     var low = lowest_sine(r, point);
@@ -65,7 +70,7 @@ fn search(r: f32, ior: f32, point: vec2f) -> f32 {
     }
     at_high = min(at_high, 0.0);
     var sine = low;
-    // Which end moved last: 1 the lower, −1 the upper.
+    // The end that moved last: 1 the lower, −1 the upper.
     var moved = 0;
     for (var step = 0u; step < REFRACTED_NEE_STEPS; step++) {
         sine = low + at_low / max(at_low - at_high, 1e-30) * (high - low);
@@ -73,8 +78,8 @@ fn search(r: f32, ior: f32, point: vec2f) -> f32 {
         if (at > 0.0) {
             low = sine;
             at_low = at;
-            // The Illinois method: an end that stays twice counts half, without which only the other
-            // would ever move.
+            // The Illinois method: the value of an end that stays twice is halved; without this,
+            // only the other end might ever move.
             at_high *= select(1.0, 0.5, moved == 1);
             moved = 1;
         } else {
@@ -87,16 +92,18 @@ fn search(r: f32, ior: f32, point: vec2f) -> f32 {
     return sine;
 }
 
-// Area across the ray at its end, over the solid angle at the inner point, in radii.
+// Cross-sectional area of a ray's differential at its end per solid angle at the inner point, in
+// squared radii.
 fn refracted_spread(ray: PlaneRay, ior: f32, outside: f32) -> f32 {
     let moved = ray.length / max(ray.cos_i, 1e-30);
     let bent = ior * ray.cos_i / max(ray.cos_o, 1e-30);
+    // Spread in the ray's plane and perpendicular to it, by Coddington's equations.
     let in_plane = moved * ray.cos_o + outside * (moved + bent * (1.0 - moved));
     let power = ior * ray.cos_i - ray.cos_o;
     return in_plane * (ray.length + outside * (ior - power * ray.length));
 }
 
-// Next-event estimation of light that is scattered evenly at `from` inside a ball.
+// Next-event estimation of light that is scattered isotropically at `from_point` inside a ball.
 fn sample_light_through_boundary(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32>) -> vec3f {
     if (body >= SPHERE_COUNT || scene.spheres[min(body, SPHERE_COUNT - 1u)].allows_refracted_nee == 0u) {
         return vec3f(0.0);
@@ -134,7 +141,7 @@ fn sample_light_through_boundary(body: u32, from_point: vec3f, u: vec2f, rays: p
         || occluded(outer, body, chosen.index, radius * outside)) {
         return vec3f(0.0);
     }
-    // Radiance is denser by the square of the index inside.
+    // Radiance is higher inside by the square of the index of refraction.
     let passed = (1.0 - fresnel_dielectric(ray.cos_i, 1.0 / ior)) * ior * ior;
     let left = exp(-scene_storage.materials[material].extinction * (radius * ray.length));
     let normal = scene.area_lights[chosen.index].normal;
@@ -146,8 +153,8 @@ fn sample_light_through_boundary(body: u32, from_point: vec3f, u: vec2f, rays: p
     return area_light_radiance(chosen.index, light) * left * (passed * max(inverse_pdf, 0.0) / (4.0 * PI));
 }
 
-// Whether a ray that was scattered inside leaves, after `length` and at `cos_i`, by a path on which area lights
-// have been aimed at.
+// Whether a ray scattered inside leaves the ball, after `length` and at `cos_i`, on a path for
+// which light sampling has accounted: one that is not longer than half the chord, radius · cos_i.
 fn exits_by_nee_hemisphere(body: u32, length: f32, cos_i: f32) -> bool {
     let sphere = min(body, SPHERE_COUNT - 1u);
     return body < SPHERE_COUNT && scene.spheres[sphere].allows_refracted_nee == 1u

@@ -1,4 +1,4 @@
-// A scene in which no dielectric ball scatters light inside.
+// Stubs for scenes without dielectric balls that scatter light inside.
 
 fn sample_light_through_boundary(body: u32, from_point: vec3f, u: vec2f, rays: ptr<function, u32>) -> vec3f {
     return vec3f(0.0);

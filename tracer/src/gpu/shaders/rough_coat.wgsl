@@ -1,6 +1,8 @@
-// Rough coats: each path meets the mirror of one GGX microfacet (see `scalar::bsdf::Bsdf::with_facet`).
+// Rough coats: each path sees the mirror of one sampled GGX microfacet (see
+// `scalar::bsdf::Bsdf::with_facet`).
 
-// The normal of the facet at the surface that is shaded; its own where the coat is smooth.
+// Normal of the sampled facet at the surface being shaded; the shading normal if the coat is
+// smooth.
 var<private> coat_facet: vec3f;
 
 fn draw_coat_facet(surface: Surface, wo: vec3f, pixel: u32, sample: u32, depth: u32) {
@@ -15,7 +17,7 @@ fn has_rough_coat(material: u32) -> bool {
     return scene_storage.materials[material].kind == KIND_LAYERED && scene_storage.materials[material].alpha > 0.0;
 }
 
-// Where a coat's mirror shows.
+// Mirror direction of the coat.
 fn mirrored(n: vec3f, wo: vec3f) -> vec3f {
     return 2.0 * dot(coat_facet, wo) * coat_facet - wo;
 }

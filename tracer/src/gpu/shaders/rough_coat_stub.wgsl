@@ -1,4 +1,4 @@
-// Scenes whose coats are smooth.
+// Stubs for scenes whose coats are smooth.
 
 fn draw_coat_facet(surface: Surface, wo: vec3f, pixel: u32, sample: u32, depth: u32) {}
 

@@ -1,4 +1,4 @@
-// Random numbers, and warps from the unit square. What the numbers are and why: `sampling.rs`.
+// Random numbers, and mappings from the unit square. The sequence is explained in `sampling.rs`.
 
 // PCG4D: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020.
 fn pcg4d(key: vec4u) -> vec4u {
@@ -17,7 +17,7 @@ fn pcg4d_mix(words: vec4u) -> vec4u {
     return v;
 }
 
-// Two numbers in [0, 1) for a pixel's key, a sample's key, a block and a seed.
+// Two numbers in [0, 1) from a pixel's key, a sample's key, a block and a seed.
 fn pair(pixel: u32, sample: u32, block: u32, seed: u32) -> vec2f {
     let seeds = pcg4d(vec4u(block, seed, 0x6d2b79f5u, 0x1b56c4e9u));
     let shuffled = reverseBits(scramble(sample, seeds.x));
@@ -27,6 +27,7 @@ fn pair(pixel: u32, sample: u32, block: u32, seed: u32) -> vec2f {
     return vec2f(words >> vec2u(8u)) * (1.0 / 16777216.0);
 }
 
+// A hash-based nested uniform (Owen) scramble on reversed bits; see `sampling.rs`.
 fn scramble(bits: u32, seed: u32) -> u32 {
     var word = bits;
     word ^= word * SCRAMBLE.x;
@@ -64,7 +65,7 @@ fn sample_key(sample: u32) -> u32 {
     return reverseBits(sample);
 }
 
-// The lower 16 bits at even places.
+// Spreads the lower 16 bits to the even positions (for Morton codes).
 fn spread(bits: u32) -> u32 {
     var v = bits & 0xffffu;
     v = (v | (v << 8u)) & 0x00ff00ffu;
@@ -85,24 +86,24 @@ fn block_choice(depth: u32) -> u32 {
     return 3u + 3u * depth;
 }
 
-// (cos, sin) of 2πu for u in [0, 1). The built-in functions may be wrong by 2⁻¹¹ (Vulkan
-// specification, "Precision of Individual Operations"); these series are right to 1e-7 on every
+// (cos, sin) of 2πu for u in [0, 1). The built-in functions may have an error of 2⁻¹¹ (Vulkan
+// specification, "Precision of Individual Operations"); these series are accurate to 1e-7 on every
 // device.
 fn circle(u: f32) -> vec2f {
     let quarter = floor(4.0 * u + 0.5);
-    // Exact up to the product: both are multiples of 2⁻²⁴, and they differ by at most 1/8.
+    // Exact except for the product: both terms are multiples of 2⁻²⁴ and differ by at most 1/8.
     let x = (u - 0.25 * quarter) * TWO_PI;
     let x2 = x * x;
     let s = x * (1.0 + x2 * (-1.0 / 6.0 + x2 * (1.0 / 120.0 + x2 * (-1.0 / 5040.0
         + x2 * (1.0 / 362880.0)))));
     let c = 1.0 + x2 * (-0.5 + x2 * (1.0 / 24.0 + x2 * (-1.0 / 720.0 + x2 * (1.0 / 40320.0))));
-    // Quarters 1 and 3 swap the two; 1 and 2 turn the cosine's sign, 2 and 3 the sine's.
+    // Quarters 1 and 3 swap the two; 1 and 2 negate the cosine, 2 and 3 the sine.
     let quarters = u32(quarter);
     let swapped = select(vec2f(c, s), vec2f(s, c), (quarters & 1u) == 1u);
     return select(swapped, -swapped, vec2<bool>(((quarters + 1u) & 2u) == 2u, (quarters & 2u) == 2u));
 }
 
-// A direction about the unit normal `n`, cosine-weighted: pdf = cos θ / π.
+// A cosine-weighted direction around the unit normal `n`: pdf = cos θ / π.
 fn cosine_hemisphere(n: vec3f, u1: f32, u2: f32) -> vec3f {
     let disc = sqrt(u1) * circle(u2);
     let cos_theta = sqrt(max(0.0, 1.0 - u1));
@@ -117,7 +118,7 @@ struct Basis {
 
 // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
 fn basis(n: vec3f) -> Basis {
-    // Not `sign`, which is 0 at 0 and would leave no basis for horizontal normals.
+    // Not `sign`, which is 0 at 0 and would give no basis for horizontal normals.
     let s = select(-1.0, 1.0, n.z >= 0.0);
     let a = -1.0 / (s + n.z);
     let b = n.x * n.y * a;
@@ -125,14 +126,14 @@ fn basis(n: vec3f) -> Basis {
     return Basis(tangent, vec3f(b, s + n.y * n.y * a, -n.y));
 }
 
-// The power heuristic with β = 2 (Veach 1997, section 9.2.4) for a strategy beside another of
-// `ratio` times its density; bounded, so that the square stays finite.
+// The power heuristic with β = 2 (Veach 1997, section 9.2.4) for a strategy, given the `ratio` of
+// the other one's density to its own; bounded, so that the square is finite.
 fn power_heuristic(ratio: f32) -> f32 {
     let bounded = min(ratio, 1e18);
     return 1.0 / (1.0 + bounded * bounded);
 }
 
-// By the exponent's bits: WGSL lets a compiler assume that no number is infinite or NaN.
+// By the exponent's bits, as WGSL lets compilers assume that no value is infinite or NaN.
 fn is_finite(v: vec3f) -> bool {
     let exponent = bitcast<vec3u>(v) & vec3u(0x7f800000u);
     return all(exponent != vec3u(0x7f800000u));

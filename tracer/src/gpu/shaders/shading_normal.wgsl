@@ -1,14 +1,15 @@
-// Meshes that are shaded with other normals than their own.
+// Meshes whose shading normals differ from their geometric normals.
 
-// The surface's own normal where it is shaded with another one, on the viewer's side; 0 elsewhere.
+// The geometric normal on the viewer's side if it differs from the shading normal; otherwise 0.
 var<private> geometric_normal: vec3f;
 
-// Not what it is shaded with.
+// The geometric normal of a surface.
 fn own_normal(surface: Surface) -> vec3f {
     return select(surface.normal, geometric_normal, any(geometric_normal != vec3f(0.0)));
 }
 
-// `shading`, on the side of `normal`, turned until the mirror image of the viewer is above the surface.
+// The `shading` normal (on the side of `normal`), bent until the viewer's mirror direction is above
+// the surface.
 fn visible_normal(shading: vec3f, normal: vec3f, wo: vec3f) -> vec3f {
     let reflected = fma(vec3f(2.0 * dot(wo, shading)), shading, -wo);
     let lift = REFLECTION_SINE_MIN - dot(reflected, normal);
@@ -18,7 +19,8 @@ fn visible_normal(shading: vec3f, normal: vec3f, wo: vec3f) -> vec3f {
     return normalize(wo + normalize(fma(vec3f(lift), normal, reflected)));
 }
 
-// Whether a direction is on the other side of the surface than of the normal that it is shaded with.
+// Whether a direction lies on different sides of the surface according to the geometric and the
+// shading normal.
 fn is_below(bsdf: Bsdf, normal: vec3f, wi: vec3f) -> bool {
     let height = dot(wi, geometric_normal);
     if (HAS_DIELECTRIC && bsdf_is_transmissive(bsdf) && dot(wi, normal) < 0.0) {
@@ -27,7 +29,7 @@ fn is_below(bsdf: Bsdf, normal: vec3f, wi: vec3f) -> bool {
     return height < 0.0;
 }
 
-// No light comes from below the surface.
+// Rejects light from below the surface, which shading normals would let leak.
 fn direct_light(
     surface: Surface,
     bsdf: Bsdf,
@@ -43,7 +45,7 @@ fn direct_light(
     return ray;
 }
 
-// Nor goes any there.
+// Rejects sampled directions below the surface.
 fn bsdf_sample(bsdf: Bsdf, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
     var next = bare_bsdf_sample(bsdf, n, wo, u);
     if (is_below(bsdf, n, next.wi)) {

@@ -1,6 +1,6 @@
-// Many of a shape, whose name stands for `SHAPE`: each ray goes down their BVH, the nearer half of each
-// part first. Pictures are those of each by itself: of primitives at one distance the first counts, in
-// whatever order they are met.
+// BVH traversal for a shape, whose name replaces `SHAPE`: each ray visits the nearer child first.
+// The result is that of a linear search: of primitives at equal distance the one with the lowest
+// number counts, in whatever order they are tested.
 
 fn nearest_SHAPE(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     let own = own_SHAPE(prepared, start, hit);
@@ -18,8 +18,8 @@ fn nearest_SHAPE(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
             if (min(left_t, right_t) < T_MISS) {
                 let is_left = left_t <= right_t;
                 if (max(left_t, right_t) < T_MISS) {
-                    // At most one half is left behind on each level, so that the stack never holds more
-                    // than BVH_DEPTH_MAX.
+                    // At most one child is pushed per level, so the stack holds at most
+                    // BVH_DEPTH_MAX entries.
                     stack[height] = select(node.left, node.right, is_left);
                     height += 1u;
                 }
@@ -39,8 +39,8 @@ fn nearest_in_SHAPE_leaf(prepared: PreparedRay, leaf: u32, own: u32, hit: ptr<fu
     for (var i = 0u; i < LEAF; i++) {
         let id = SHAPE_FIRST + SHAPE_of_leaf(leaf, i);
         let t = SHAPE_of_leaf_t(prepared, leaf, i);
-        // The body that a ray is inside of was met first, without a search; no primitive at its far
-        // side's distance takes its place by a smaller number.
+        // The body that a ray is inside of was recorded as a hit before the search; no primitive at
+        // the same distance replaces it for its lower number.
         let is_tie = t == (*hit).t && id < (*hit).primitive && (*hit).primitive != own;
         if ((t < (*hit).t || is_tie) && t < T_MISS && id != own) {
             *hit = Hit(t, id);

@@ -1,4 +1,4 @@
-// A leaf is the indices of its primitives, the last one's repeated.
+// A leaf contains the indices of its primitives; the last one is repeated.
 
 fn SHAPE_of_leaf(leaf: u32, i: u32) -> u32 {
     return scene.SHAPE_leaves[leaf][i];

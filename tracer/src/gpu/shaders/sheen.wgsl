@@ -1,4 +1,4 @@
-// The sheen of napped cloth (see `sheen`).
+// The sheen of napped cloth (see `sheen.rs`); its strength includes the factor 1/(2π).
 
 fn sheen(material: u32, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
     let strength = scene_storage.materials[material].sheen;
@@ -10,6 +10,8 @@ fn sheen(material: u32, n: vec3f, wo: vec3f, wi: vec3f) -> vec3f {
     let exponent = 1.0 / scene_storage.materials[material].sheen_roughness;
     let h = wo + wi;
     let along = dot(h, n);
+    // sin² between half vector and normal, without normalising the half vector; the lower bound
+    // keeps the logarithm finite.
     let sine2 = clamp(1.0 - along * along / dot(h, h), 1e-12, 1.0);
     let power = exp2(0.5 * exponent * log2(sine2));
     return strength * ((2.0 + exponent) * power / (4.0 * (cos_o + cos_i - cos_o * cos_i)));
@@ -22,6 +24,6 @@ fn napped_eval(layered: Layered, material: u32, n: vec3f, wo: vec3f, wi: vec3f) 
 
 fn napped_sample(layered: Layered, material: u32, n: vec3f, wo: vec3f, u: vec3f) -> BsdfSample {
     let base = layered_sample(layered, n, wo, u);
-    // Cloth has no coat, so that its density is the cosine's.
+    // Cloth has no coat, so the density is that of cosine-weighted sampling.
     return BsdfSample(base.wi, base.weight + PI * sheen(material, n, wo, base.wi), base.pdf);
 }

@@ -1,4 +1,4 @@
-// A scene without napped cloth.
+// Stubs for scenes without napped cloth.
 
 fn napped_eval(layered: Layered, material: u32, n: vec3f, wo: vec3f, wi: vec3f) -> Evaluated {
     return layered_eval(layered, dot(n, wi));

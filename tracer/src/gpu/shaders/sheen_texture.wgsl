@@ -1,4 +1,5 @@
-// Sheens whose colour or roughness textures multiply.
+// Sheens with textures of colour or roughness: interpolates their reflectances in a table at each
+// hit.
 
 fn texture_sheen() {
     let roughness = layer_factors.sheen_roughness;

@@ -1,3 +1,3 @@
-// Sheens without textures.
+// Stub for sheens without textures.
 
 fn texture_sheen() {}

@@ -1,9 +1,9 @@
-// Balls.
+// Spheres.
 
-// The chord of a line through a sphere: the distance of its middle along the ray, the square of
-// half its length, and the vector from its middle to the centre. That vector decides (Haines et
-// al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019), and is
-// projected twice so that the rounding of the distance vanishes from it.
+// The chord of a line through a sphere: distance of its midpoint along the ray, square of its half
+// length, and vector from the midpoint to the centre. The hit is decided by that vector (Haines et
+// al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019), which is
+// projected twice so that the rounding error of the distance vanishes.
 struct Chord {
     middle_t: f32,
     half_squared: f32,
@@ -15,8 +15,8 @@ fn sphere_chord(ray: Ray, center: vec3f, radius: f32) -> Chord {
     let b = dot(f, ray.direction);
     var l: vec3f;
     if (COMPENSATED) {
-        // What the difference lost to rounding (Knuth's TwoSum): it shows where coordinates are
-        // thousands of times the radius.
+        // The rounding error of the difference (Knuth's TwoSum), which is visible where coordinates
+        // are thousands of times the radius.
         let difference = rounded(f);
         let back = rounded(center - difference);
         let lost = (center - rounded(difference + back)) + rounded(back - ray.origin);
@@ -29,10 +29,10 @@ fn sphere_chord(ray: Ray, center: vec3f, radius: f32) -> Chord {
     return Chord(b + b2, fma(radius, radius, -dot(l, l)), l);
 }
 
-// f − b·d to 36 bits of f, where the two nearly cancel: halves of 12 bits have exact products.
-// `fma` would do on most devices, but Vulkan does not ask that it rounds only once.
+// f − b·d, accurate to 36 bits of f, where the two nearly cancel: products of 12-bit halves are
+// exact. `fma` would do on most devices, but Vulkan does not require it to round only once.
 fn minus_product(f: vec3f, b: f32, d: vec3f) -> vec3f {
-    // Dekker's splitting by masks: 12 bits stay in the upper part, so that a product of two has 24.
+    // Dekker's splitting by masks: the upper parts keep 12 bits, so their products have 24.
     let b_high = bitcast<f32>(bitcast<u32>(b) & 0xfffff000u);
     let d_high = bitcast<vec3f>(bitcast<vec3u>(d) & vec3u(0xfffff000u));
     let b_low = b - b_high;
@@ -40,14 +40,14 @@ fn minus_product(f: vec3f, b: f32, d: vec3f) -> vec3f {
     return (((f - b_high * d_high) - b_high * d_low) - b_low * d_high) - b_low * d_low;
 }
 
-// Distance to the sphere, `T_MISS` if the ray does not meet it; so for a radius of 0.
+// Distance to the sphere; `T_MISS` if the ray does not hit it, or if the radius is 0.
 fn ball_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
     let chord = sphere_chord(ray, center, radius);
     if (chord.half_squared <= 0.0) {
         return T_MISS;
     }
     let half = sqrt(chord.half_squared);
-    // From inside the near end lies behind the origin, and the far one counts.
+    // From inside, the near intersection is behind the origin and the far one counts.
     let t = select(chord.middle_t + half, chord.middle_t - half, chord.middle_t > half);
     return select(T_MISS, t, t > 0.0);
 }
@@ -56,14 +56,14 @@ fn sphere_t(prepared: PreparedRay, index: u32) -> f32 {
     return ball_t(prepared.ray, scene_storage.spheres[index].center, scene_storage.spheres[index].radius);
 }
 
-// The far side, from inside: at no distance if rounding has put the origin outside.
+// Distance to the far side from inside; 0 if rounding has put the origin outside.
 fn sphere_leave_t(ray: Ray, center: vec3f, radius: f32) -> f32 {
     let chord = sphere_chord(ray, center, radius);
     return max(0.0, chord.middle_t + sqrt(max(0.0, chord.half_squared)));
 }
 
-// The primitive that the ray starts on, whose near side it cannot meet. Where it is inside of a clear
-// ball, that ball's far side is hit so far.
+// The primitive that the ray starts on, whose near side it cannot hit. If the ray is inside a
+// dielectric ball, the far side of that ball is recorded as the first hit.
 fn own_sphere(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
     if (!HAS_DIELECTRIC) {
         return start;
@@ -77,7 +77,7 @@ fn own_sphere(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32
     return own;
 }
 
-// The normal is measured from the ray's nearest point, never as `origin + t d - center`.
+// The normal is computed from the chord's midpoint; `origin + t d - center` would lose precision.
 fn sphere_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     let sphere = scene_storage.spheres[index];
     let chord = sphere_chord(ray, sphere.center, sphere.radius);

@@ -1,8 +1,8 @@
-// Balls of a leaf: what rays meet lies beside their indices, the last one's repeated (a quarter faster than
-// to look it up).
+// The spheres of a leaf are stored next to their indices, the last one repeated; this is a quarter
+// faster than looking them up.
 
 struct SphereLeaf {
-    // Centre and radius.
+    // Centre (xyz) and radius (w).
     balls: array<vec4f, LEAF>,
     indices: vec4u,
 }

@@ -1,5 +1,5 @@
-// Data that Rust writes: each struct has the layout of its namesake there, which a test compares.
-// Trailing and inner padding is implied by the alignment of vec3f.
+// Data written by Rust: each struct has the layout of its namesake there, which a test checks.
+// Padding is implied by the alignment of vec3f.
 
 struct SphereData {
     center: vec3f,
@@ -115,13 +115,14 @@ struct DispatchData {
     sample_begin: u32,
     sample_end: u32,
     samples: u32,
-    // Of these the first ones, whose mean is apart and lies after those of all `pixels`; 0 if there is one mean.
+    // Number of samples in the first half, whose mean is stored separately, after the pixels of the
+    // second half's means; 0 if there is a single mean.
     first_half: u32,
     pixels: u32,
     first_sample: u32,
     seed: u32,
     max_depth: u32,
-    // Whether the tiles are pixels, as many as the counters say.
+    // 1 if the tiles are single pixels, whose number is a counter; otherwise 0.
     is_list: u32,
 }
 

@@ -1,4 +1,5 @@
-// Procedural textures: numbers on balls, the grain of wood, bricks, a scoreboard, a print (see `texture` in Rust).
+// Procedural textures: numbers on balls, wood, cloth, bricks, scoreboards, prints and cues (see
+// `texture.rs`, also for the formulas).
 
 fn stroke_distance(index: u32, p: vec2f) -> f32 {
     let ends = STROKE_ENDS[index];
@@ -50,9 +51,10 @@ fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f
     return select(CIRCLE_ALBEDO, INK_ALBEDO, is_ink(number, p));
 }
 
-// The sine of an angle in turns, by a polynomial over the first quarter.
+// sin 2πt, by a polynomial on the first quarter.
 fn wave(turns: f32) -> f32 {
     let x = turns - floor(turns + 0.5);
+    // Folded into the first quarter by the symmetries of the sine.
     let t = min(abs(x), 0.5 - abs(x));
     let t2 = t * t;
     let c = SINE_OF_TURNS;
@@ -84,6 +86,7 @@ fn wood(material: u32, place: vec3f, footprint_m: f32) -> vec3f {
         let off = select(abs(p.y) - sights.z, abs(p.x) - sights.y, is_end);
         let nearest = floor(along / max(sights.x, 1e-6) + 0.5);
         let exists = sights.x > 0.0 && abs(nearest) < select(3.5, 1.5, is_end) && (is_end || nearest != 0.0);
+        // A rhombus.
         let diamond = abs(along - nearest * sights.x) / SIGHT_HALF_M.x + abs(off) / SIGHT_HALF_M.y;
         if (exists && diamond < 1.0 && p.z > 0.0) {
             return SIGHT_ALBEDO;
@@ -203,6 +206,7 @@ fn is_scoreboard_ink(place: vec2f) -> bool {
     if (from_middle > 1.0) {
         return true;
     }
+    // Clockwise from the top; the built-in function is accurate enough to choose a number.
     let turns = atan2(p.x, p.y) * 0.15915494 + 1.0;
     var number = u32(turns * f32(numbers) + 0.5) % numbers;
     let direction = circle(f32(number) / f32(numbers)).yx;

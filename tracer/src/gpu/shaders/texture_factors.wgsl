@@ -1,4 +1,4 @@
-// What image textures multiply a material's numbers by.
+// Factors of a material's parameters from image textures.
 
 struct TextureFactors {
     base_color: vec3f,

@@ -1,4 +1,4 @@
-// A scene without image textures.
+// Stub for scenes without image textures.
 
 fn textures_met() -> TextureFactors {
     return NO_TEXTURES;

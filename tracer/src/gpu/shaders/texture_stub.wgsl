@@ -1,4 +1,4 @@
-// A scene without procedural textures.
+// Stubs for scenes without procedural textures.
 
 fn numbered(number: u32, n: vec3f, axis: vec3f, up: vec3f, base: vec3f) -> vec3f {
     return base;

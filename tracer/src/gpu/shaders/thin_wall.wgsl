@@ -1,14 +1,15 @@
-// Light that passes thin walls of glTF's material: see `scalar::metallic_roughness::thin_wall`. Functions of other parts that it
-// has namesakes of are renamed to `opaque_` there.
+// Transmission of light through thin walls of glTF's material: see
+// `scalar::metallic_roughness::thin_wall`. Functions of other parts that are wrapped here are
+// renamed to `opaque_…`.
 
 struct ThinWall {
     color: vec3f,
-    // Reflectance at grazing angles of what is no metal.
+    // Reflectance of non-metals at grazing angles.
     f90: f32,
     is_smooth: bool,
 }
 
-// That of the surface for which `metallic_roughness_at` was called last.
+// Parameters at the surface of the last call of `metallic_roughness_at`.
 var<private> thin_wall: ThinWall;
 
 fn metallic_roughness_at(surface: Surface) -> MetallicRoughness {
@@ -25,7 +26,7 @@ fn lets_light_pass() -> bool {
     return metallic_roughness.is_met && any(thin_wall.color != vec3f(0.0));
 }
 
-// The cosine at which light falls in, from either side of a wall.
+// The cosine of incident light, from either side of a wall.
 fn lit_cosine(n: vec3f, wi: vec3f) -> f32 {
     let cos_i = dot(n, wi);
     if (cos_i < 0.0 && lets_light_pass()) {
@@ -42,7 +43,7 @@ fn bsdf_albedo(bsdf: Bsdf, surface: Surface) -> vec3f {
     return albedo;
 }
 
-// What a smooth wall shows is what lies straight behind.
+// The "mirror" of a smooth wall shows what lies straight behind it.
 fn bsdf_mirror(bsdf: Bsdf, n: vec3f, wo: vec3f) -> vec3f {
     if (lets_light_pass() && thin_wall.is_smooth) {
         return wall_passed(n, wo, through(n, -wo), n);
@@ -54,18 +55,19 @@ fn mirror_direction(n: vec3f, wo: vec3f) -> vec3f {
     return select(2.0 * dot(n, wo) * n - wo, -wo, lets_light_pass());
 }
 
-// The mirror image of a direction in the plane of the wall.
+// Reflects a direction in the plane of the wall.
 fn through(n: vec3f, w: vec3f) -> vec3f {
     return w - 2.0 * dot(n, w) * n;
 }
 
-// What a facet does not reflect of light at a cosine.
+// Fraction of light that a facet does not reflect at an angle.
 fn facet_passed(cos_theta: f32) -> f32 {
     let rise = thin_wall.f90 - metallic_roughness.dielectric_f0;
     return 1.0 - metallic_roughness.dielectric_f0 - rise * grazing(cos_theta);
 }
 
-// What a facet towards `h`, and the layers on both sides, let pass; `wi` is mirrored to the side of `wo`.
+// Transmittance of a facet with normal `h` and of the layers on both sides; `wi` is reflected to
+// the side of `wo`.
 fn wall_passed(n: vec3f, wo: vec3f, wi: vec3f, h: vec3f) -> vec3f {
     return thin_wall.color * (layers_passed(n, wo, wi) * facet_passed(dot(wo, h)));
 }
@@ -74,6 +76,7 @@ fn passed_share(n: vec3f, wo: vec3f) -> f32 {
     let coat = coat_share_reflected(n, wo);
     let sent = dot(thin_wall.color, vec3f(1.0)) * facet_passed(dot(n, wo));
     let passed = (1.0 - coat) * sent;
+    // Weights are sums over three channels, of which the coat reflects the same.
     let others = (1.0 - coat) * weight_above(dot(n, wo)) + 3.0 * coat;
     return passed / max(passed + others, 1e-30);
 }

@@ -1,4 +1,4 @@
-// Radiance to display values: the tone curve and steps of `tonemap`, which says whose they are.
+// Tone mapping from radiance to display values: see `tonemap.rs` for curve, table and sources.
 
 @group(0) @binding(12) var<storage, read> steps: array<u32>;
 
@@ -16,8 +16,8 @@ fn srgb8(light: vec3f) -> u32 {
 }
 
 fn srgb_step(x: f32) -> u32 {
-    // A table over the upper bits of the number, each entry a base and what the lower bits add: no power
-    // function, whose rounding would differ between devices.
+    // The table is indexed by the upper bits, and the lower bits carry into the level at a
+    // threshold. A power function would round differently between devices.
     let bits = bitcast<u32>(clamp(x, STEP_MIN, STEP_MAX));
     return (steps[(bits >> 16u) - FIRST_BUCKET] + (bits & 0xffffu)) >> 16u;
 }

@@ -1,6 +1,7 @@
-// Textures of thin walls' transmission. Functions of other parts that it has namesakes of are renamed to `opaque_` there.
+// Transmission textures of thin walls. Functions of other parts that are wrapped here are renamed
+// to `opaque_…`.
 
-// Of the surface that was met last.
+// Factor at the most recent surface.
 var<private> transmission_factor: f32;
 
 fn transmission_texture() -> f32 {

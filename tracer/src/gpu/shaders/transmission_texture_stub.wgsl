@@ -1,4 +1,4 @@
-// Thin walls without textures of their transmission.
+// Stub for thin walls without transmission textures.
 
 fn transmission_texture() -> f32 {
     return 1.0;

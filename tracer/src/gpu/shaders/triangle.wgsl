@@ -1,6 +1,6 @@
-// Triangles: `scalar/triangle.rs` says how they are met and shaded.
+// Triangles: see `scalar/triangle.rs` for intersection and shading.
 
-// Data that Rust writes.
+// Layout as in Rust.
 struct TriangleData {
     a: vec3f,
     material: u32,
@@ -10,29 +10,30 @@ struct TriangleData {
     uvs: u32,
 }
 
-// A triangle as its ray sees it.
+// A triangle in the coordinates of a ray.
 struct SeenTriangle {
-    // What the corners weigh where the ray goes through, times their sum.
+    // Unnormalised barycentric weights of the corners at the intersection.
     weights: vec3f,
-    // Where the corners are across the ray, and how far along it.
+    // Coordinates of the corners across the ray, and along it.
     x: vec3f,
     y: vec3f,
     along: vec3f,
 }
 
-// Two axes across the ray that is being traced.
+// Two axes perpendicular to the current ray.
 var<private> ray_axes: Basis;
-// The triangle by which the ray that is being traced came inside its body, or no number of one.
+// The triangle through which the current ray entered its body; not a triangle's number if it did
+// not.
 var<private> came_in_by: u32;
-// As far on the other side of the triangle that was met last as the position is on this one.
+// A point as far behind the most recent triangle as the surface's position is in front of it.
 var<private> beyond: vec3f;
 
 fn dot_fused(a: vec3f, b: vec3f) -> f32 {
     return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z));
 }
 
-// Each corner is projected alike, and each product is rounded by itself: an edge then has the same two products
-// for both its triangles.
+// Watertight: each corner is projected in the same way and each product is rounded separately, so
+// both triangles of an edge compute the same two products for it.
 fn see_triangle(ray: Ray, axes: Basis, index: u32) -> SeenTriangle {
     let a = mesh.triangles[index].a - ray.origin;
     let b = mesh.triangles[index].b - ray.origin;
@@ -50,11 +51,11 @@ fn triangle_t(prepared: PreparedRay, index: u32) -> f32 {
     if (!is_inside || !(abs(sum) > 0.0)) {
         return T_MISS;
     }
-    // On the surface a ray that goes inside leads away from it.
+    // A ray that enters the body leads away from the triangle that it starts on.
     if (HAS_DIELECTRIC_MESH && index == came_in_by && sum < 0.0) {
         return T_MISS;
     }
-    // Equal products tell only that the ray meets the line of an edge.
+    // Equal products only mean that the ray meets the line through an edge.
     if (any(seen.weights == vec3f(0.0))) {
         let is_beside_x = smallest(seen.x) > 0.0 || largest(seen.x) < 0.0;
         let is_beside_y = smallest(seen.y) > 0.0 || largest(seen.y) < 0.0;
@@ -66,7 +67,7 @@ fn triangle_t(prepared: PreparedRay, index: u32) -> f32 {
     return select(T_MISS, t, t > 0.0);
 }
 
-// A ray inside a body meets any triangle of it where it leaves.
+// A ray inside a body may hit any of its triangles on leaving.
 fn own_triangle(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) -> u32 {
     ray_axes = basis(prepared.ray.direction);
     if (HAS_DIELECTRIC_MESH) {
@@ -84,7 +85,8 @@ fn triangle_surface(ray: Ray, t: f32, index: u32, is_within: bool) -> Surface {
     var normal = normalize(cross(b - a, c - a));
     let is_left = dot(normal, ray.direction) > 0.0;
     normal = select(normal, -normal, is_left);
-    // Moved above by the most that rounding can have put it below.
+    // Offset along the normal by the largest rounding error, so that the point is not below the
+    // surface.
     let magnitude = abs(weights.x * a) + abs(weights.y * b) + abs(weights.z * c);
     let above = dot(magnitude, abs(normal)) * POINT_ROUNDING;
     let material = mesh.triangles[index].material;

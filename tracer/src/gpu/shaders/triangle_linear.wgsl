@@ -1,4 +1,4 @@
-// Few triangles: each ray meets each of them.
+// Linear search over few triangles.
 
 fn nearest_triangle(prepared: PreparedRay, start: u32, hit: ptr<function, Hit>) {
     let own = own_triangle(prepared, start, hit);

@@ -1,13 +1,13 @@
 // Meshes with vertex normals.
 
-// Data that Rust writes.
+// Layout as in Rust.
 struct TriangleNormals {
     a: vec3f,
     b: vec3f,
     c: vec3f,
 }
 
-// Of any length; 0 of a facet.
+// Interpolated normal of any length; 0 for a flat triangle.
 fn interpolated_normal(index: u32, weights: vec3f) -> vec3f {
     let normals = mesh.triangles[index].normals;
     if (normals == FLAT) {

@@ -1,6 +1,7 @@
-// Meshes with vertex colours. What it has a namesake of is renamed to `plain_` there.
+// Meshes with vertex colours. Functions of other parts that are wrapped here are renamed to
+// `plain_…`.
 
-// Data that Rust writes.
+// Layout as in Rust.
 struct TriangleColors {
     a: vec2u,
     b: vec2u,
@@ -8,7 +9,7 @@ struct TriangleColors {
     padding: vec2u,
 }
 
-// Linear, with alpha; white of triangles without.
+// Linear colour with alpha; white for triangles without colours.
 fn vertex_color(index: u32, weights: vec3f) -> vec4f {
     if (index >= COLORED_TRIANGLE_COUNT) {
         return vec4f(1.0);

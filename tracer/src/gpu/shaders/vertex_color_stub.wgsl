@@ -1,4 +1,4 @@
-// Meshes without vertex colours.
+// Stub for meshes without vertex colours.
 
 fn vertex_alpha(index: u32, weights: vec3f) -> f32 {
     return 1.0;

@@ -1,4 +1,4 @@
-//! Textures and environment maps that lie in files beside a scene file.
+//! Textures and environment maps in files beside a scene file.
 
 use std::path::Path;
 
@@ -6,10 +6,11 @@ use super::read_limited_file;
 use crate::Error;
 use crate::scene::{FileBytes, ImageSource, Scene};
 
-/// The most bytes that such files have together: 4 GiB of texels as PNG files that hardly shrink.
+/// Maximum total size of such files in bytes, enough for 4 GiB of texels as PNG files that hardly
+/// compress.
 const TEXTURE_FILES_BYTES_MAX: u64 = 2 << 30;
 
-/// Puts the bytes of files in place of their names, which are relative to the folder of the scene file.
+/// Replaces file names, which are relative to the scene file's folder, by the files' contents.
 pub(super) fn read(scene: &mut Scene, scene_file: &Path) -> Result<(), Error> {
     let folder = scene_file.parent().unwrap_or(Path::new(""));
     let mut left = TEXTURE_FILES_BYTES_MAX;
@@ -26,7 +27,7 @@ pub(super) fn read(scene: &mut Scene, scene_file: &Path) -> Result<(), Error> {
     Ok(())
 }
 
-/// A file of at most `left` bytes.
+/// Reads a file of at most `left` bytes.
 pub(in crate::scene) fn read_named_file(path: &Path, left: u64) -> Result<Vec<u8>, Error> {
     let bytes = read_limited_file(path, left)?;
     if bytes.len() as u64 > left {

@@ -1,4 +1,4 @@
-//! Numbers in a glTF file's buffers.
+//! Accessors: numbers in a glTF file's buffers.
 
 use glam::{Vec3, Vec4};
 use gltf_json::accessor::{Accessor, ComponentType, Type};
@@ -9,7 +9,7 @@ use gltf_json::validation::Checked;
 use super::{Document, Refusal, find, known};
 use crate::scene::validate::VERTICES_MAX;
 
-/// The elements of an accessor, checked to lie in their buffer.
+/// The elements of an accessor, which are known to lie in their buffer.
 struct Elements<'a> {
     bytes: &'a [u8],
     stride: usize,
@@ -41,8 +41,8 @@ impl Document {
         })
     }
 
-    /// All numbers of an accessor of a type, element by element; integers as they are, or, if they are normalised, as
-    /// shares.
+    /// All numbers of an accessor of type `wanted`, element by element. Integers are converted to
+    /// f32, normalised ones to [0, 1] or [−1, 1].
     pub(super) fn numbers(
         &self,
         index: Index<Accessor>,
@@ -57,6 +57,8 @@ impl Document {
         if let Some(elements) = self.elements(accessor, width * size(component), count, &what)? {
             elements.decode(&mut numbers, size(component), decode);
         }
+        // Sparse values replace those of the buffer view, or the zeros that stand for a missing
+        // one.
         if let Some(sparse) = &accessor.sparse {
             let changed = usize::try_from(sparse.count.0)
                 .ok()
@@ -85,7 +87,8 @@ impl Document {
         Ok(numbers)
     }
 
-    /// All colours of an accessor, with alpha 1 where they have none; the specification wants them clamped.
+    /// All colours of an accessor, with an alpha of 1 if they are RGB; clamped to [0, 1] as the
+    /// specification demands.
     pub(super) fn colors(&self, index: Index<Accessor>, what: &str) -> Result<Vec<Vec4>, Refusal> {
         let what = format!("{what}, its colours");
         let accessor = self.root.accessors.get(index.value());
@@ -161,7 +164,7 @@ impl Document {
         }
     }
 
-    /// None where all are 0, as they are without a buffer view.
+    /// The elements of an accessor; `None` if it has no buffer view, which means that all are 0.
     fn elements(
         &self,
         accessor: &Accessor,
@@ -170,7 +173,7 @@ impl Document {
         what: &str,
     ) -> Result<Option<Elements<'_>>, Refusal> {
         let Some(index) = accessor.buffer_view else {
-            // A file of a few bytes must not fill memory.
+            // A limit, so that a file of a few bytes cannot fill memory.
             return match count <= ZEROS_MAX {
                 true => Ok(None),
                 false => Err(format!("{what} has {count} elements and no buffer view")),
@@ -221,10 +224,10 @@ impl Elements<'_> {
     }
 }
 
-/// The most elements of an accessor that are 0 for want of a buffer view.
+/// Maximum number of elements of an accessor without a buffer view.
 const ZEROS_MAX: usize = 1 << 20;
 
-/// Elements of a view, none if they do not fit.
+/// The elements in a part of a view; `None` if they do not fit.
 fn part(
     view: &[u8],
     offset: u64,
@@ -236,6 +239,7 @@ fn part(
         return None;
     }
     let offset = usize::try_from(offset).ok()?;
+    // The last element need not be padded to the stride.
     let length = (count - 1).checked_mul(stride)?.checked_add(bytes)?;
     let bytes = view.get(offset..offset.checked_add(length)?)?;
     Some(Elements { bytes, stride })
@@ -288,7 +292,7 @@ fn integer(bytes: &[u8], component: ComponentType) -> u32 {
     }
 }
 
-/// Section 3.11 of the specification.
+/// Conversion of a component to f32 (section 3.11 of the specification).
 fn number(bytes: &[u8], component: ComponentType, is_normalized: bool) -> f32 {
     let (value, whole) = match component {
         ComponentType::I8 => (f32::from(i8::from_le_bytes(first(bytes))), 127.0),
@@ -299,7 +303,7 @@ fn number(bytes: &[u8], component: ComponentType, is_normalized: bool) -> f32 {
         ComponentType::F32 => return f32::from_le_bytes(first(bytes)),
     };
     if is_normalized {
-        // Two integers stand for −1: −127 and −128, and their like of 16 bits.
+        // Two integers represent −1: −127 and −128, and likewise for 16 bits.
         (value / whole).max(-1.0)
     } else {
         value

@@ -1,4 +1,4 @@
-//! Scenes of glTF files at any time of their animations.
+//! Animated scenes of glTF files.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,10 +13,11 @@ use crate::scene::{Camera, Scene, SceneUpdate};
 use crate::text::{SENTENCE_BYTES_MAX, printable};
 use crate::{Error, SceneError};
 
-/// A glTF 2.0 file that has been read, with its animations: the scene of any time without reading it again.
+/// A glTF 2.0 file with its animations, from which the scene at any time is available without
+/// reading the file again.
 ///
-/// Nodes, cameras and lights move; skins and morph targets deform meshes. Before its first key frame and after its last
-/// one a quantity stays as it is there.
+/// Nodes, cameras and lights move; skins and morph targets deform meshes. A quantity is constant
+/// before its first key frame and after its last one.
 #[derive(Debug)]
 pub struct AnimatedScene {
     path: Option<PathBuf>,
@@ -28,20 +29,22 @@ pub struct AnimatedScene {
     rest: Arc<Scene>,
 }
 
-/// A moment of an [`AnimatedScene`].
+/// A time in an [`AnimatedScene`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AnimationTime {
-    /// As the file has it without its animations.
+    /// The file's scene without animations.
     Rest,
-    /// So many seconds after the start of an animation, an index into [`AnimatedScene::animations`].
+    /// Index of an animation in [`AnimatedScene::animations`], and the time in seconds from its
+    /// start.
     At(usize, f64),
 }
 
 impl AnimatedScene {
-    /// Reads and checks a glTF 2.0 file, `.gltf` or `.glb`, and the files beside it that it names.
+    /// Reads and checks a glTF 2.0 file, `.gltf` or `.glb`, and the files beside it that it refers
+    /// to.
     ///
     /// # Errors
-    /// As [`Scene::load_gltf`].
+    /// As for [`Scene::load_gltf`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let mut files = Files::beside(path);
@@ -49,10 +52,10 @@ impl AnimatedScene {
         Self::read(&bytes, &mut files, Some(path))
     }
 
-    /// Reads and checks glTF 2.0 that holds all that it needs: the bytes of a `.glb`, or JSON with `data:` URIs.
+    /// Reads and checks self-contained glTF 2.0: the bytes of a `.glb`, or JSON with `data:` URIs.
     ///
     /// # Errors
-    /// As [`Scene::from_gltf`].
+    /// As for [`Scene::from_gltf`].
     pub fn from_gltf(bytes: &[u8]) -> Result<Self, Error> {
         Self::read(bytes, &mut Files::none(), None)
     }
@@ -85,15 +88,15 @@ impl AnimatedScene {
         })
     }
 
-    /// The animations of the file, in its order.
+    /// The animations, in the order of the file.
     pub fn animations(&self) -> &[Animation] {
         &self.animations
     }
 
-    /// The index of the animation of a name, or else of a number, the first being 0.
+    /// The index of the animation with this name, or else with this index as a decimal number.
     ///
     /// # Errors
-    /// [`Error::Format`] with the names that there are.
+    /// [`Error::Format`] with the names of the existing animations.
     pub fn find_animation(&self, name: &str) -> Result<usize, Error> {
         let mut animations = self.animations.iter();
         let by_name = animations.position(|animation| animation.name() == name);
@@ -112,17 +115,17 @@ impl AnimatedScene {
         })
     }
 
-    /// The names of the perspective cameras of the file's scene, in the order of its nodes: [`Scene::camera`] is the first.
-    /// One without a name has its node's, which may be empty.
+    /// Names of the perspective cameras of the file's scene, in the order of its nodes; the first
+    /// one is [`Scene::camera`]. A camera without a name has its node's, which may be empty.
     pub fn cameras(&self) -> impl ExactSizeIterator<Item = &str> {
         self.cameras.iter().map(|camera| camera.name.as_str())
     }
 
-    /// A camera at a time, an index into [`AnimatedScene::cameras`].
+    /// The camera with this index in [`AnimatedScene::cameras`] at a time.
     ///
     /// # Errors
-    /// [`Error::Format`] with the place and the value if there is no such camera or animation, the time is not finite, or
-    /// the camera sees nothing then.
+    /// [`Error::Format`] if there is no such camera or animation, the time is not finite, or the
+    /// camera is invalid at that time.
     pub fn camera(&self, index: usize, time: AnimationTime) -> Result<Camera, Error> {
         let count = self.cameras.len();
         let camera = self.cameras.get(index).ok_or_else(|| {
@@ -136,12 +139,12 @@ impl AnimatedScene {
         Ok(camera)
     }
 
-    /// BLAKE3 of the file's JSON and buffers, on which all but its images depends.
+    /// BLAKE3 hash of the file's JSON and buffers, on which everything but its images depends.
     pub fn content_hash(&self) -> [u8; 32] {
         self.document.hash
     }
 
-    /// The scene as the file has it without its animations.
+    /// The file's scene without animations.
     pub fn rest(&self) -> &Arc<Scene> {
         &self.rest
     }
@@ -150,11 +153,11 @@ impl AnimatedScene {
         Arc::unwrap_or_clone(self.rest)
     }
 
-    /// The scene at a time. Without a camera in the file it is seen from where the scene at rest is.
+    /// The scene at a time. If the file has no camera, that of the scene at rest is used.
     ///
     /// # Errors
-    /// [`Error::Format`] with the place and the value if there is no such animation, the time is not finite, or the
-    /// scene breaks a rule of [`crate::scene::validate`] then.
+    /// [`Error::Format`] if there is no such animation, the time is not finite, or the scene breaks
+    /// a rule of [`crate::scene::validate`] at that time.
     pub fn scene(&self, time: AnimationTime) -> Result<Scene, Error> {
         if time == AnimationTime::Rest {
             return Ok(Scene::clone(&self.rest));
@@ -173,11 +176,11 @@ impl AnimatedScene {
         Ok(scene)
     }
 
-    /// What shows the scene of one time as it is at another; none if more than places of objects and the camera differ,
-    /// so that it takes the other [`AnimatedScene::scene`].
+    /// The update that takes the scene at time `from` to that at time `to`; `None` if more differs
+    /// than the poses of objects and the camera, so that [`AnimatedScene::scene`] is needed.
     ///
     /// # Errors
-    /// As [`AnimatedScene::scene`].
+    /// As for [`AnimatedScene::scene`].
     pub fn update(
         &self,
         from: AnimationTime,

@@ -9,7 +9,7 @@ use super::{Document, Refusal, find, known};
 use crate::scene::validate::NAME_BYTES_MAX;
 use crate::text::printable;
 
-/// An animation of a file: a name, and how long it lasts.
+/// An animation of a file: its name, duration and channels.
 #[derive(Debug)]
 pub struct Animation {
     name: String,
@@ -17,7 +17,7 @@ pub struct Animation {
     channels: Vec<AnimatedProperty>,
 }
 
-/// A quantity of a node that changes with time.
+/// A channel: a property of a node that changes with time.
 #[derive(Debug)]
 pub(super) struct AnimatedProperty {
     pub(super) node: usize,
@@ -26,12 +26,12 @@ pub(super) struct AnimatedProperty {
 }
 
 impl Animation {
-    /// Its name in the file; empty if it has none there.
+    /// Name of the animation in the file; empty if it has none.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// When its last key frame is, in seconds from its start; at least 0. It stays as it is there.
+    /// Time of the last key frame in seconds from the animation's start, at least 0.
     pub fn duration_secs(&self) -> f64 {
         self.duration_secs
     }
@@ -41,7 +41,8 @@ impl Animation {
     }
 }
 
-/// The most numbers in key frames: a minute of 200 joints at 60 frames a second has 8 million.
+/// Maximum total number of values in key frames; a minute of 200 joints at 60 frames per second has
+/// 8 million.
 pub(super) const KEY_NUMBERS_MAX: usize = 1 << 26;
 
 /// All animations of the file.

@@ -7,7 +7,7 @@ use super::tests::{close, glb, mesh};
 use super::{AnimatedScene, AnimationTime};
 use crate::scene::{Scene, SceneUpdate};
 
-/// Accessors and the bytes that they have.
+/// Accessors and the bytes of their buffer.
 #[derive(Default)]
 struct Builder {
     accessors: Vec<Value>,
@@ -59,7 +59,7 @@ fn at(scene: &AnimatedScene, secs: f64) -> Scene {
     scene.scene(AnimationTime::At(0, secs)).unwrap()
 }
 
-/// World positions of an object as an update has it.
+/// World positions of an object after an update.
 fn positions(scene: &Scene, update: &SceneUpdate, object: usize) -> Vec<Vec3> {
     let mesh = mesh(&scene.objects[object]);
     let pose = update
@@ -75,13 +75,13 @@ fn positions(scene: &Scene, update: &SceneUpdate, object: usize) -> Vec<Vec3> {
         .collect()
 }
 
-/// A triangle on a moving arm and a camera on another, and a key frame of each kind.
+/// A triangle on one moving arm and a camera on another, with key frames of every kind.
 fn arm() -> (Value, Vec<u8>) {
     let mut data = Builder::default();
     let corners = data.floats("VEC3", &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     let normals = data.floats("VEC3", &[[0.0, 0.0, 1.0]; 3]);
     let turn_times = data.scalars(&[1.0, 3.0]);
-    // A right angle about +y, the second one the longer way round.
+    // To a right angle about +y, with a negated quaternion: the direct way would be the longer one.
     let turns = data.floats(
         "VEC4",
         &[
@@ -193,7 +193,7 @@ fn cameras_are_by_name_and_where_they_are_at_a_time() {
     assert!(why(0, AnimationTime::At(9, 0.0)).contains("no animation 9"));
     let blind = why(2, AnimationTime::Rest);
     assert!(blind.contains("camera 2: "), "{blind}");
-    // Other files have other hashes, also if only their buffers differ.
+    // Other files have other hashes, even if only their buffers differ.
     let other = binary
         .iter()
         .map(|byte| byte ^ u8::from(*byte == 63))
@@ -225,7 +225,7 @@ fn updates_of_moving_nodes_are_their_scenes() {
     }
 }
 
-/// What grows is another scene, and so is a light that moves.
+/// Scaling needs a new scene, and so does a light that moves.
 #[test]
 fn what_no_update_can_say_takes_a_scene() {
     let (mut json, binary) = arm();
@@ -239,7 +239,7 @@ fn what_no_update_can_say_takes_a_scene() {
     };
     assert_eq!(update(0.5, 1.8), None);
     assert!(update(1.8, 1.9).unwrap().poses.is_empty());
-    // The arm is as flat as its scale of 0 makes it, and still a scene.
+    // A scale of 0 flattens the arm; the scene is still valid.
     close(mesh(&at(&scene, 0.0).objects[0]).normals[0], Vec3::Z);
     let (mut json, binary) = arm();
     json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
@@ -256,7 +256,7 @@ fn strip() -> (Value, Vec<u8>) {
     let corners = data.floats("VEC3", &[[0.0, 0.0, 0.0], [0.2, 1.0, 0.0], [0.0, 2.0, 0.0]]);
     let normals = data.floats("VEC3", &[[1.0, 0.0, 0.0]; 3]);
     let joints = data.bytes(&[[0, 0, 0, 0], [0, 1, 0, 0], [1, 0, 0, 0]]);
-    // Shares of a byte that do not add up to 1.
+    // Weights of 8 bits that do not add up to 1.
     let weights = data.bytes(&[[200, 0, 0, 0], [100, 100, 0, 0], [255, 0, 0, 0]]);
     let mut bind = [[0.0; 16]; 2];
     for matrix in &mut bind {
@@ -294,13 +294,13 @@ fn strip() -> (Value, Vec<u8>) {
 fn skins_follow_their_joints() {
     let scene = read(&strip());
     let rest = mesh(&scene.rest().objects[0]);
-    // Where the joints have it, not its node.
+    // Positioned by the joints, not by the node.
     close(rest.center + rest.positions[2], Vec3::new(0.0, 0.0, 2.0));
     let bent = at(&scene, 1.0);
     let bent = mesh(&bent.objects[0]);
     let place = |vertex: usize| bent.center + bent.positions[vertex];
     close(place(0), Vec3::ZERO);
-    // Half where the lower bone has it, (0.2, 1), and half where the upper one does, (0, 1.2).
+    // The mean of the positions by the lower bone, (0.2, 1), and by the upper one, (0, 1.2).
     close(place(1), Vec3::new(0.1, 0.0, 1.1));
     close(place(2), Vec3::new(-1.0, 0.0, 1.0));
     close(bent.normals[0], Vec3::X);
@@ -366,7 +366,7 @@ fn morphed() -> (Value, Vec<u8>) {
 fn morph_targets_add_up_by_their_weights() {
     let scene = read(&morphed());
     let rest = scene.rest();
-    // By the mesh's weights, and by the node's.
+    // With the mesh's weights, and with the node's.
     close(
         mesh(&rest.objects[0]).positions[0],
         Vec3::new(0.0, 0.0, 3.0),

@@ -1,4 +1,4 @@
-//! The bytes of a glTF file: its JSON, its buffers, and the files that it names.
+//! The contents of a glTF file: its JSON, its buffers, and the files that it refers to.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use crate::Error;
 use crate::scene::file::{lies_beside, read_limited_file};
 use crate::scene::image_texture::from_base64;
 
-/// The JSON of a `.glb` or `.gltf`, and the binary chunk of the former.
+/// The JSON of a `.glb` or `.gltf` file, and the binary chunk of the former.
 pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Refusal> {
     let Some(rest) = bytes.strip_prefix(b"glTF") else {
         return Ok((bytes, None));
@@ -20,6 +20,7 @@ pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Refusal> {
             "it is a GLB of version {version}: it must be of version 2"
         ));
     }
+    // The total length, which the lengths of the chunks make redundant.
     let (_, rest) = word(rest)?;
     let (json, rest) = chunk(rest, *b"JSON")?;
     let json = json.ok_or("its first chunk is no JSON")?;
@@ -36,7 +37,7 @@ fn word(bytes: &[u8]) -> Result<(u32, &[u8]), Refusal> {
     Ok((u32::from_le_bytes(*word), rest))
 }
 
-/// A chunk's bytes, if it is of that kind, and what follows it.
+/// A chunk's bytes if it is of this kind, and the data after it.
 fn chunk(bytes: &[u8], kind: [u8; 4]) -> Result<(Option<&[u8]>, &[u8]), Refusal> {
     let (length, rest) = word(bytes)?;
     let (found, rest) = word(rest)?;
@@ -47,7 +48,7 @@ fn chunk(bytes: &[u8], kind: [u8; 4]) -> Result<(Option<&[u8]>, &[u8]), Refusal>
     Ok((is_wanted.then_some(chunk), rest))
 }
 
-/// The bytes of each buffer.
+/// The contents of all buffers.
 pub(super) fn buffers(
     root: &Root,
     binary: Option<&[u8]>,
@@ -74,7 +75,7 @@ pub(super) fn buffers(
     Ok(buffers)
 }
 
-/// The bytes of an image file.
+/// The contents of an image file.
 pub(super) fn image(
     document: &Document,
     index: root::Index<image::Image>,
@@ -89,9 +90,9 @@ pub(super) fn image(
     }
 }
 
-/// The files that may still be read.
+/// Access to the files that a glTF file may refer to, with a limit on their total size.
 pub(super) struct Files {
-    /// Where they lie; none if no file may be named.
+    /// Their folder; `None` if no files may be referred to.
     folder: Option<PathBuf>,
     bytes_left: u64,
 }
@@ -112,7 +113,8 @@ impl Files {
         }
     }
 
-    /// The bytes of a `data:` URI or of a file beside the glTF file. `what` refers to them.
+    /// The contents of a `data:` URI or of a file beside the glTF file. `what` describes them in
+    /// errors.
     fn resolve(&mut self, uri: &str, what: &str) -> Result<Vec<u8>, Fault> {
         let start: String = uri.chars().take(32).collect();
         if let Some(data) = uri.strip_prefix("data:") {
@@ -141,7 +143,7 @@ impl Files {
         self.read(&path).map_err(Fault::File)
     }
 
-    /// A whole file.
+    /// Reads a whole file.
     pub(super) fn read(&mut self, path: &Path) -> Result<Vec<u8>, Error> {
         let bytes = read_limited_file(path, self.bytes_left)?;
         self.count(bytes.len() as u64)
@@ -163,6 +165,7 @@ fn percent_decoded(uri: &str) -> String {
     while let Some((&byte, after)) = rest.split_first() {
         let digits = after.get(..2).filter(|_| byte == b'%');
         let digits = digits.and_then(|digits| std::str::from_utf8(digits).ok());
+        // A `%` without two hexadecimal digits stays as it is.
         match digits.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
             Some(decoded) => {
                 bytes.push(decoded);

@@ -1,4 +1,5 @@
-//! Deformed meshes of a glTF file: morph targets, then skins (sections 3.7.2.2 and 3.7.3 of the specification).
+//! Deformation of a glTF file's meshes: first morph targets, then skins (sections 3.7.2.2 and 3.7.3
+//! of the specification).
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
 use gltf_json::accessor::Type;
@@ -8,21 +9,21 @@ use gltf_json::validation::Checked;
 use super::pose::Pose;
 use super::{Document, Refusal, find};
 
-/// Vertices of a mesh in a frame of their own.
+/// Vertices of a mesh.
 pub(super) struct Vertices {
     pub(super) positions: Vec<DVec3>,
-    /// As many, or none.
+    /// One per position, or none at all.
     pub(super) normals: Vec<DVec3>,
 }
 
-/// Sets of four joints of a vertex.
+/// Maximum number of sets of four joints per vertex.
 const JOINT_SETS_MAX: u32 = 8;
-/// The most displacements of vertices in morph targets that have a share, in a scene: a face of 50 targets has half a
-/// million.
+/// Maximum total number of displaced vertices over all active morph targets of a scene; a face with
+/// 50 targets has half a million.
 pub(super) const DISPLACEMENTS_MAX: usize = 1 << 26;
 
 impl Vertices {
-    /// The vertices of a primitive, as its file has them.
+    /// The vertices of a primitive as they are in the file.
     pub(super) fn read(
         document: &Document,
         primitive: &Primitive,
@@ -39,7 +40,8 @@ impl Vertices {
         Ok(Self { positions, normals })
     }
 
-    /// Displaces them by shares of a primitive's morph targets; the displacements that were added.
+    /// Adds the displacements of a primitive's morph targets, multiplied by `weights`; returns the
+    /// number of displacements.
     pub(super) fn morph(
         &mut self,
         document: &Document,
@@ -76,7 +78,7 @@ impl Vertices {
         Ok(displacements)
     }
 
-    /// Moves them by a matrix.
+    /// Transforms positions and normals by a matrix.
     pub(super) fn transform(&mut self, matrix: DMat3) {
         for position in &mut self.positions {
             *position = matrix * *position;
@@ -87,7 +89,7 @@ impl Vertices {
         }
     }
 
-    /// Has a primitive's joints move them from the mesh's own frame into the world.
+    /// Transforms the vertices from mesh space to world space by linear blend skinning.
     pub(super) fn skin(
         &mut self,
         document: &Document,
@@ -150,8 +152,8 @@ impl Vertices {
             ));
         }
         for (vertex, (matrix, sum)) in blended.iter_mut().zip(sums).enumerate() {
-            // Weights of few bits sum to a little more or less than 1, by which the vertex would be
-            // scaled.
+            // Normalised, as quantised weights do not sum to exactly 1, which would scale the
+            // vertex.
             *matrix *= 1.0 / sum;
             let position = &mut self.positions[vertex];
             *position = matrix.transform_point3(*position);
@@ -163,7 +165,8 @@ impl Vertices {
     }
 }
 
-/// Where each joint of a skin moves what is bound to it.
+/// The matrices of a skin's joints, from mesh space to world space: that of each joint times its
+/// inverse bind matrix.
 pub(super) fn joints(
     document: &Document,
     place: usize,
@@ -203,7 +206,8 @@ pub(super) fn joints(
     Ok(joints)
 }
 
-/// Cofactors, so that what is flat has normals too; normals stay on their side when all is mirrored.
+/// The cofactor matrix transforms normals like the inverse transpose, but also exists for singular
+/// matrices. The sign keeps normals on their side under mirroring.
 fn normal_matrix(matrix: DMat3) -> DMat3 {
     let DMat3 {
         x_axis: x,
@@ -218,7 +222,7 @@ fn normal_matrix(matrix: DMat3) -> DMat3 {
     side * DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))
 }
 
-/// What has lost its direction lies in triangles without area.
+/// A vanishing normal belongs to degenerate triangles only, so any direction will do.
 fn direction(normal: DVec3) -> DVec3 {
     if normal == DVec3::ZERO {
         return DVec3::Z;

@@ -10,32 +10,32 @@ use serde::de::DeserializeOwned;
 use super::Refusal;
 use crate::scene::{Layers, Opacity};
 
-/// `KHR_materials_clearcoat`, which the crate does not have.
+/// `KHR_materials_clearcoat`, which `gltf-json` does not provide.
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Clearcoat {
     clearcoat_factor: f32,
     clearcoat_roughness_factor: f32,
-    /// Red multiplies the factor.
+    /// The factor is multiplied by the red channel.
     pub(super) clearcoat_texture: Option<Info>,
-    /// Green multiplies the roughness.
+    /// The roughness is multiplied by the green channel.
     pub(super) clearcoat_roughness_texture: Option<Info>,
     pub(super) clearcoat_normal_texture: Option<NormalTexture>,
 }
 
-/// `KHR_materials_sheen`, which the crate does not have.
+/// `KHR_materials_sheen`, which `gltf-json` does not provide.
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct FabricSheen {
     sheen_color_factor: [f32; 3],
     sheen_roughness_factor: f32,
-    /// Red, green and blue multiply the colour.
+    /// The colour is multiplied by the red, green and blue channels.
     pub(super) sheen_color_texture: Option<Info>,
-    /// Alpha multiplies the roughness.
+    /// The roughness is multiplied by the alpha channel.
     pub(super) sheen_roughness_texture: Option<Info>,
 }
 
-/// Where its alpha lets rays pass.
+/// The alpha mode of a material.
 pub(super) fn opacity(from: &gltf_json::Material, what: &str) -> Result<Opacity, Refusal> {
     let [.., alpha] = from.pbr_metallic_roughness.base_color_factor.0;
     let cutoff = from.alpha_cutoff.as_ref().map_or(0.5, |cutoff| cutoff.0);
@@ -49,7 +49,7 @@ pub(super) fn opacity(from: &gltf_json::Material, what: &str) -> Result<Opacity,
     }
 }
 
-/// What lies over it and what it lets pass, and clear coat and sheen for their textures.
+/// The layers of a material, and its clear coat and sheen extensions, for their textures.
 pub(super) fn layers(
     from: &gltf_json::Material,
     what: &str,
@@ -74,7 +74,7 @@ pub(super) fn layers(
     Ok((layers, coat, sheen))
 }
 
-/// An extension's own values, or what stands for those that it leaves out.
+/// The values of an extension, or its defaults if the material does not have it.
 fn extension<T: Default + DeserializeOwned>(
     from: &gltf_json::Material,
     name: &str,

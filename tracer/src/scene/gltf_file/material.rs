@@ -17,17 +17,17 @@ use crate::scene::validate::NAME_BYTES_MAX;
 use crate::scene::{ColorSpace, ImageTexture, Material, MaterialTextures, Medium, Scene, Wrap};
 use crate::text::printable;
 
-/// A material of the file, by its name in the scene.
+/// A material of the file, with its name in the scene.
 #[derive(Debug)]
 pub(super) struct MaterialEntry {
     pub(super) name: String,
-    /// That of a body that is filled with it, if it transmits light and has a volume.
+    /// Name of the material for closed meshes, if this one transmits light and has a volume.
     pub(super) body: Option<String>,
-    /// The texture coordinates that its textures use, if it has any.
+    /// The texture coordinates of its textures, if it has any.
     pub(super) uvs: Option<UvSet>,
 }
 
-/// Texture coordinates of a mesh.
+/// A set of a mesh's texture coordinates with an affine transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct UvSet {
     pub(super) index: u32,
@@ -41,7 +41,7 @@ impl UvSet {
     }
 }
 
-/// What has been read of the file's textures.
+/// Textures and images that have been read so far.
 struct Textures<'a> {
     document: &'a Document,
     files: &'a mut Files,
@@ -50,7 +50,7 @@ struct Textures<'a> {
     images: BTreeMap<usize, Vec<u8>>,
 }
 
-/// Adds all materials and their textures to `scene`, the default material last.
+/// Adds all materials and their textures to `scene`; the default material is the last entry.
 pub(super) fn read(
     document: &Document,
     files: &mut Files,
@@ -100,7 +100,8 @@ pub(super) fn read(
     Ok(entries)
 }
 
-/// 0 stands for a surface that reflects as a whole, in models of another kind.
+/// The index of refraction. 0 is allowed and stands for a surface that reflects everything, for use
+/// with other material models.
 fn index_of_refraction(from: &gltf_json::Material) -> f32 {
     let extensions = from.extensions.as_ref();
     let ior = extensions.and_then(|all| all.ior.as_ref());
@@ -114,13 +115,13 @@ fn emitted(from: &gltf_json::Material) -> Vec3 {
     strength * Vec3::from(from.emissive_factor.0)
 }
 
-/// The volume of a material, if it has a thickness: without, surfaces are thin walls.
+/// The volume of a material, if its thickness is not 0; otherwise its surfaces are thin walls.
 fn volume(from: &gltf_json::Material) -> Option<&Volume> {
     let volume = from.extensions.as_ref()?.volume.as_ref();
     volume.filter(|volume| volume.thickness_factor.0 > 0.0)
 }
 
-/// What fills a closed mesh of a material that transmits light.
+/// The material that fills a closed mesh of a transmissive material.
 fn dielectric(
     from: &gltf_json::Material,
     volume: &Volume,
@@ -133,7 +134,8 @@ fn dielectric(
         ));
     }
     let color = Vec3::from(color).max(Vec3::splat(ATTENUATION_MIN));
-    // +0, also of white.
+    // The maximum turns the −0 of a white colour into +0.
+    // Beer–Lambert law: exp(−extinction · distance) = colour.
     let extinction = (Vec3::from(color.to_array().map(f32::ln)) / -distance_m).max(Vec3::ZERO);
     let medium = Medium {
         extinction,
@@ -148,13 +150,14 @@ fn dielectric(
     })
 }
 
-/// A body of what transmits less is a thin wall, too.
+/// Smallest transmission for which a closed mesh is filled with a dielectric; otherwise its
+/// surfaces are thin walls.
 const TRANSMISSION_MIN: f32 = 0.5;
-/// Black is as dark as this, since no medium is opaque.
+/// Lower bound on the attenuation colour, as its logarithm must be finite.
 const ATTENUATION_MIN: f32 = 1e-6;
 
 impl<'a> Textures<'a> {
-    /// The share of light that a material transmits, on average over its texture.
+    /// The fraction of light that a material transmits, averaged over its texture.
     fn transmission(&mut self, from: &gltf_json::Material, what: &str) -> Result<f32, Fault> {
         let extensions = from.extensions.as_ref();
         let Some(transmission) = extensions.and_then(|all| all.transmission.as_ref()) else {
@@ -171,7 +174,7 @@ impl<'a> Textures<'a> {
         Ok(mean * transmission.transmission_factor.0)
     }
 
-    /// The index in the scene of a texture, which is added if need be.
+    /// The index of a texture in the scene, to which it is added if needed.
     fn texture(
         &mut self,
         index: Index<Texture>,
@@ -201,14 +204,14 @@ impl<'a> Textures<'a> {
         Ok(added)
     }
 
-    /// A texture of the file.
+    /// The texture with this index.
     fn source(&self, index: Index<Texture>, what: &str) -> Result<&'a Texture, Refusal> {
         let place = index.value();
         let textures = &self.document.root.textures;
         find(textures, place, format_args!("{what}: texture"))
     }
 
-    /// The bytes of an image file, which is read once.
+    /// The contents of an image file, which is read only once.
     fn image(&mut self, index: Index<gltf_json::Image>) -> Result<&[u8], Fault> {
         let image = index.value();
         if !self.images.contains_key(&image) {
@@ -235,11 +238,11 @@ impl<'a> Textures<'a> {
     }
 }
 
-/// Reads the surface of one material.
+/// Reads the surface properties of one material.
 struct SurfaceReader<'t, 'a> {
     textures: &'t mut Textures<'a>,
     what: &'t str,
-    /// How the textures so far are laid over meshes.
+    /// Texture coordinates used by the textures so far.
     uvs: Option<UvSet>,
 }
 
@@ -261,7 +264,8 @@ impl SurfaceReader<'_, '_> {
             metallic_roughness: self.texture(base.metallic_roughness_texture.as_ref(), numbers)?,
             clearcoat: self.texture(coat.clearcoat_texture.as_ref(), numbers)?,
             clearcoat_roughness: self.texture(rough, numbers)?,
-            // An alpha is a number in colours, too: a picture of both is one texture.
+            // The colour space does not affect alpha, so an image with both colour and roughness
+            // can be one texture.
             sheen_roughness: self.texture(sheen.sheen_roughness_texture.as_ref(), colors)?,
             sheen: self.texture(sheen.sheen_color_texture.as_ref(), colors)?,
             specular: self.texture(specular, colors)?,
@@ -295,7 +299,7 @@ impl SurfaceReader<'_, '_> {
         Ok(Some(texture))
     }
 
-    /// A map of normals and its scale.
+    /// A normal map and its scale.
     fn normals(
         &mut self,
         map: Option<&NormalTexture>,
@@ -309,7 +313,7 @@ impl SurfaceReader<'_, '_> {
         Ok((Some(texture), map.scale))
     }
 
-    /// All textures of a material are laid over its meshes in one way.
+    /// Checks that all textures of a material use the same texture coordinates.
     fn lay(&mut self, next: UvSet) -> Result<(), Refusal> {
         match self.uvs.replace(next) {
             Some(before) if before != next => Err(format!(
@@ -331,7 +335,7 @@ impl UvSet {
     }
 }
 
-/// `KHR_texture_transform`: scaled, then turned, then moved.
+/// `KHR_texture_transform`: scale, then rotation, then translation.
 fn uv_set(info: &Info) -> UvSet {
     let transform = info
         .extensions
@@ -340,7 +344,7 @@ fn uv_set(info: &Info) -> UvSet {
     uv_set_of(info.tex_coord, transform)
 }
 
-/// The same of normals, whose extensions the crate does not have.
+/// The same for normal maps, whose extensions `gltf-json` does not parse.
 fn normals_uv_set(map: &NormalTexture, name: &str, what: &str) -> Result<UvSet, Refusal> {
     let others = map.extensions.as_ref().map(|all| &all.others);
     let transform = others.and_then(|others| others.get("KHR_texture_transform"));
@@ -371,7 +375,7 @@ fn uv_set_of(index: u32, transform: Option<&TextureTransform>) -> UvSet {
     }
 }
 
-/// The mean of a picture's red, in [0, 1].
+/// The mean of an image's red channel, in [0, 1].
 fn mean_red(file: &[u8]) -> Result<f32, Refusal> {
     let texels = crate::texture_file::decode(file)?.texels;
     let sum: u64 = texels.iter().map(|[red, ..]| u64::from(*red)).sum();

@@ -19,7 +19,7 @@ fn layers(material: Material) -> Layers {
     }
 }
 
-/// The sample with another accessor behind its own, of these bytes.
+/// The sample with one more accessor, of these bytes.
 fn with_accessor(mut accessor: Value, bytes: &[u8]) -> (Value, Vec<u8>) {
     let (mut json, mut binary) = sample();
     let views = json["bufferViews"].as_array_mut().unwrap();
@@ -97,7 +97,7 @@ fn layers_specular_and_scale_of_normals_are_read() {
     assert_eq!(textures.clearcoat_roughness, None);
     assert_eq!(textures.clearcoat_normal, textures.metallic_roughness);
     assert_eq!(textures.clearcoat_normal_scale, 0.25);
-    // Colours are sRGB, as those of the base.
+    // Colours are sRGB, as is the base colour.
     let colors = [textures.sheen, textures.specular_color];
     let alphas = [textures.sheen_roughness, textures.specular];
     assert_eq!(
@@ -235,7 +235,7 @@ fn faults_of_layers_are_sentences() {
 
 type Spoil = fn(&mut Value);
 
-/// The sample with colours, spoilt, is refused with a sentence.
+/// The sample with invalid colours is refused with this message.
 fn assert_refused(cases: &[(Spoil, &str)]) {
     let accessor = json!({ "componentType": 5121, "type": "VEC4", "count": 3, "normalized": true });
     for (spoil, sentence) in cases {
@@ -251,7 +251,7 @@ fn assert_refused(cases: &[(Spoil, &str)]) {
     }
 }
 
-/// A texture says where a body transmits light: it does as a whole if it does on average.
+/// The mean of a texture decides whether a body transmits light.
 #[test]
 fn bodies_transmit_by_the_mean_of_their_texture() {
     let bodies = |texels: [u8; 2], factor: f32| {
@@ -274,7 +274,7 @@ fn bodies_transmit_by_the_mean_of_their_texture() {
                 "transmissionFactor": factor, "transmissionTexture": { "index": 1 } },
             "KHR_materials_volume": { "thicknessFactor": 0.1 } });
         let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
-        // As a thin wall its surface has the texture.
+        // The surface of a thin wall has the texture.
         let surface = scene.materials[&scene.objects[0].material];
         let map = surface.textures().transmission.unwrap();
         assert_eq!(scene.textures[map as usize].color_space, ColorSpace::Linear);

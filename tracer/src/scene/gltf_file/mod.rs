@@ -1,20 +1,24 @@
 //! Scenes from glTF 2.0 files (Khronos Group, "glTF 2.0 Specification", ISO/IEC 12113:2022).
 //!
-//! Read are the nodes of the file's scene with their meshes, as one object for each primitive of each; materials with
-//! their textures, alpha modes and vertex colours (`COLOR_0`); lights (`KHR_lights_punctual`); and the first perspective
-//! camera. Its +y is this tracer's +z. The extensions `KHR_materials_clearcoat`, `KHR_materials_emissive_strength`,
-//! `KHR_materials_ior`, `KHR_materials_sheen`, `KHR_materials_specular` and `KHR_texture_transform` are read too. Animations,
-//! skins and morph targets give the scene at a time ([`AnimatedScene`]). Surfaces of a material that transmits light
-//! (`KHR_materials_transmission`) are thin walls, whose base colour tints what passes. Closed meshes of one that has a thickness too
-//! (`KHR_materials_volume`) and transmits half of its light or more, on average over its texture, are dielectrics instead, which
-//! absorb as the volume says and which the base colour does not tint.
+//! Supported are the nodes of the file's scene with their meshes, as one object per primitive;
+//! materials with their textures, alpha modes and vertex colours (`COLOR_0`); lights
+//! (`KHR_lights_punctual`); and the first perspective camera. The file's +y axis becomes +z. The
+//! extensions `KHR_materials_clearcoat`, `KHR_materials_emissive_strength`, `KHR_materials_ior`,
+//! `KHR_materials_sheen`, `KHR_materials_specular` and `KHR_texture_transform` are supported too.
+//! Animations, skins and morph targets are evaluated at a given time ([`AnimatedScene`]). Surfaces
+//! of a transmissive material (`KHR_materials_transmission`) are thin walls, whose base colour
+//! tints the transmitted light. Closed meshes of a material that also has a thickness
+//! (`KHR_materials_volume`) and transmits at least half of its light, averaged over its texture,
+//! are dielectrics instead, which absorb light as the volume specifies and are not tinted by the
+//! base colour.
 //!
-//! All meshes are seen from both sides, as Blender and Mitsuba have them: `doubleSided` is passed over, since a path tracer's
-//! light comes to the back of a wall as well, and one that only the camera looks through would still cast its shadow. Passed
-//! over is also `occlusionTexture`, which stands for what is traced here. A file that requires another extension, holds points or
-//! lines, or lays the textures of one material in more than one way, is refused.
+//! All meshes are visible from both sides, as in Blender and Mitsuba. `doubleSided` is ignored,
+//! since a path tracer's light also reaches the back of a wall, and a wall that is transparent to
+//! the camera only would still cast a shadow. `occlusionTexture` is ignored too, as occlusion is
+//! traced. Files that require other extensions, contain points or lines, or use several sets of
+//! texture coordinates in one material are refused.
 //!
-//! The types of the file's JSON are those of the crate `gltf-json`; its buffers and images are read here.
+//! The file's JSON is parsed by the crate `gltf-json`; buffers and images are read here.
 
 mod accessor;
 mod animated_scene;
@@ -45,22 +49,22 @@ use self::container::Files;
 use super::Scene;
 use crate::Error;
 
-/// The most bytes of a glTF file and the files that it names, together: ten million triangles have 0.7 GB, and as much
-/// again may be textures.
+/// Maximum total size in bytes of a glTF file and the files that it refers to: ten million
+/// triangles take 0.7 GB, and textures may take as much again.
 pub const GLTF_BYTES_MAX: u64 = 2 << 30;
-/// The longest JSON of a glTF file in bytes, data within it included.
+/// Maximum size in bytes of a glTF file's JSON, including embedded data.
 pub const GLTF_JSON_BYTES_MAX: usize = 256 << 20;
 
-/// Why a file is refused.
+/// The reason why a file is refused.
 type Refusal = String;
 
-/// The element of a list that a file refers to by its place.
+/// The element at an index that the file refers to.
 fn find<T>(list: &[T], place: usize, what: impl Display) -> Result<&T, Refusal> {
     let found = list.get(place);
     found.ok_or_else(|| format!("{what} {place} does not exist"))
 }
 
-/// A word of a file, unless it is one that glTF does not know.
+/// The value of an enumeration of the file, or an error if glTF does not define it.
 fn known<T: Copy>(word: &Checked<T>, refusal: impl FnOnce() -> Refusal) -> Result<T, Refusal> {
     match word {
         Checked::Valid(known) => Ok(*known),
@@ -69,28 +73,30 @@ fn known<T: Copy>(word: &Checked<T>, refusal: impl FnOnce() -> Refusal) -> Resul
 }
 
 impl Scene {
-    /// Reads and checks a glTF 2.0 file, `.gltf` or `.glb`, and the files beside it that it names.
+    /// Reads and checks a glTF 2.0 file, `.gltf` or `.glb`, and the files beside it that it refers
+    /// to.
     ///
     /// # Errors
-    /// [`Error::Io`] if a file cannot be read; [`Error::Format`] with the place and the value if it is no glTF, needs what
-    /// is not read, has more than [`GLTF_BYTES_MAX`] or breaks a rule of [`super::validate`].
+    /// [`Error::Io`] if a file cannot be read; [`Error::Format`] with the place and the value if it
+    /// is not glTF, needs an unsupported feature, is larger than [`GLTF_BYTES_MAX`] or breaks a
+    /// rule of [`super::validate`].
     pub fn load_gltf(path: impl AsRef<Path>) -> Result<Self, Error> {
         AnimatedScene::load(path).map(AnimatedScene::into_rest)
     }
 
-    /// Reads and checks glTF 2.0 that holds all that it needs: the bytes of a `.glb`, or JSON with `data:` URIs.
+    /// Reads and checks self-contained glTF 2.0: the bytes of a `.glb`, or JSON with `data:` URIs.
     ///
     /// # Errors
-    /// [`Error::InvalidScene`] as [`Scene::load_gltf`].
+    /// [`Error::InvalidScene`], for the same reasons as [`Scene::load_gltf`].
     pub fn from_gltf(bytes: &[u8]) -> Result<Self, Error> {
         AnimatedScene::from_gltf(bytes).map(AnimatedScene::into_rest)
     }
 }
 
-/// Why no scene comes of a file.
+/// The reason why a file cannot be read as a scene.
 enum Fault {
     Refused(Refusal),
-    /// A file that it names.
+    /// An error of a file that it refers to.
     File(Error),
 }
 
@@ -100,14 +106,14 @@ impl From<Refusal> for Fault {
     }
 }
 
-/// A file with its buffers.
+/// A parsed file with its buffers.
 #[derive(Debug)]
 struct Document {
     root: Root,
     buffers: Vec<Vec<u8>>,
-    /// Morph targets of each mesh.
+    /// Number of morph targets of each mesh.
     targets: Vec<usize>,
-    /// Of its JSON and buffers.
+    /// BLAKE3 hash of its JSON and buffers.
     hash: [u8; 32],
 }
 

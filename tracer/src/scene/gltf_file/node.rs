@@ -1,4 +1,4 @@
-//! Nodes of a glTF file: meshes, cameras and lights where they stand.
+//! Nodes of a glTF file: meshes, cameras and lights with their transforms.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -25,21 +25,22 @@ use crate::scene::{
 };
 use crate::text::printable;
 
-/// What nodes have added so far.
+/// The scene's contents from the nodes visited so far.
 struct Contents<'a> {
     document: &'a Document,
     materials: &'a [MaterialEntry],
     pose: &'a Pose,
     scene: &'a mut Scene,
     camera: Option<Camera>,
-    /// Of skins, where their joints are.
+    /// Matrices of each skin's joints.
     joints: BTreeMap<usize, Vec<DMat4>>,
     vertices: usize,
     triangles: usize,
     displacements: usize,
 }
 
-/// Adds all that the nodes of the file's scene hold in a pose; the first perspective camera, if there is one.
+/// Adds the contents of all nodes of the file's scene in a pose; returns the first perspective
+/// camera, if there is one.
 pub(super) fn read(
     document: &Document,
     materials: &[MaterialEntry],
@@ -63,7 +64,7 @@ pub(super) fn read(
     }
     let camera = contents.camera;
     if !scene.punctual_lights.is_empty() {
-        // What the file lights is lit by that alone.
+        // A file with lights of its own is not lit by the default sky as well.
         scene.environment.radiance = Vec3::ZERO;
     }
     Ok(camera)
@@ -87,7 +88,8 @@ impl Contents<'_> {
         Ok(())
     }
 
-    /// Candela and lux are taken as W·sr⁻¹ and W·m⁻², as the radiance of emission is.
+    /// Adds a light. Candela and lux are interpreted as W·sr⁻¹ and W·m⁻², consistent with the
+    /// radiance of emission.
     fn add_light(
         &mut self,
         index: usize,
@@ -99,6 +101,7 @@ impl Contents<'_> {
         let light = find(lights.map_or(&[], |all| &all.lights), index, "light")?;
         let strength = light.intensity * Vec3::from(light.color);
         let center = world_from_node.w_axis.truncate().as_vec3();
+        // Lights shine along their node's −z axis.
         let direction = world_from_node.transform_vector3(DVec3::NEG_Z);
         let direction = direction.normalize_or_zero().as_vec3();
         let emitter = match (&light.type_, &light.spot) {
@@ -115,7 +118,7 @@ impl Contents<'_> {
                 direction,
                 intensity: strength,
                 inner_deg: spot.inner_cone_angle.to_degrees(),
-                // A right angle in radians is a little more than 90° once it is rounded.
+                // π/2 rounded to f32 converts to slightly more than 90°.
                 outer_deg: spot.outer_cone_angle.to_degrees().min(90.0),
             },
             _ => return Err(format!("light {index} is of no type that glTF knows")),
@@ -198,8 +201,8 @@ impl Contents<'_> {
                 (center, linear.determinant() < 0.0)
             }
             MeshPlacement::Skinned(skin) => {
-                // The joints alone say where it stands: the placement of its own node does not count
-                // (section 3.7.3).
+                // Only the joints determine the position: the transform of the mesh's own node is
+                // ignored (section 3.7.3).
                 vertices.skin(document, primitive, &self.joints[&skin], what)?;
                 (Vec3::ZERO, false)
             }
@@ -242,16 +245,17 @@ impl Contents<'_> {
     }
 }
 
-/// How the vertices of a mesh come to their places in the world.
+/// How the vertices of a mesh are transformed to world space.
 #[derive(Clone, Copy)]
 enum MeshPlacement {
-    /// As the mesh's node stands.
+    /// By the matrix of the mesh's node.
     Rigid(DMat4),
-    /// By the joints of this skin.
+    /// By the joints of the skin with this index.
     Skinned(usize),
 }
 
-/// What shows a scene of one pose in another; none if more than places of objects and the camera differ.
+/// The update that takes the scene in one pose to another; `None` if more differs than the poses of
+/// objects and the camera.
 pub(super) fn update(
     document: &Document,
     hierarchy: &Hierarchy,
@@ -307,7 +311,8 @@ pub(super) fn update(
     Ok(Some(update))
 }
 
-/// Turns what one matrix has turned, scaled and sheared as another does, if no more than a rotation is between them.
+/// The rotation by which the linear parts of two transforms differ, if they differ by a rotation
+/// only.
 fn rotation(before: DMat4, after: DMat4) -> Option<Quat> {
     let [before, after] = [before, after].map(DMat3::from_mat4);
     if before == after {
@@ -317,6 +322,7 @@ fn rotation(before: DMat4, after: DMat4) -> Option<Quat> {
         return None;
     }
     let between = after * before.inverse();
+    // A rotation is orthogonal: RᵀR − I vanishes.
     let unlike = between.transpose() * between - DMat3::IDENTITY;
     let off = unlike
         .to_cols_array()
@@ -329,10 +335,10 @@ fn rotation(before: DMat4, after: DMat4) -> Option<Quat> {
     rotation.filter(|rotation| rotation.is_finite())
 }
 
-/// Numbers of a file are rounded to 24 bits.
+/// Tolerance for the file's values, which are rounded to 24 bits.
 const ROTATION_ERROR_MAX: f64 = 1e-5;
 
-/// Triangles that go round anticlockwise, of corners in a mode.
+/// Anticlockwise triangles from the corners of a primitive.
 fn triangles(
     mode: &Checked<Mode>,
     corners: &[u32],
@@ -344,7 +350,7 @@ fn triangles(
         Checked::Valid(Mode::TriangleStrip) => {
             let strip = corners.windows(3).enumerate();
             strip
-                // Every other triangle of a strip goes round the other way.
+                // In a strip, every other triangle has the opposite winding.
                 .map(|(i, three)| match i % 2 {
                     0 => [three[0], three[1], three[2]],
                     _ => [three[1], three[0], three[2]],
@@ -371,14 +377,14 @@ fn triangles(
     Ok(triangles)
 }
 
-/// A node with a perspective camera.
+/// A node of the file's scene that has a perspective camera.
 #[derive(Debug)]
 pub(super) struct NodeCamera {
     pub(super) node: usize,
     pub(super) name: String,
 }
 
-/// All of the file's scene.
+/// All perspective cameras of the file's scene.
 pub(super) fn cameras(
     document: &Document,
     hierarchy: &Hierarchy,
@@ -398,7 +404,7 @@ pub(super) fn cameras(
     Ok(cameras)
 }
 
-/// The camera of a node that has one, in a pose.
+/// The camera of a node in a pose.
 pub(super) fn camera_of(document: &Document, pose: &Pose, place: usize) -> Result<Camera, Refusal> {
     let perspective = camera(document, &document.root.nodes[place])?;
     let perspective = perspective.ok_or_else(|| format!("node {place} has no camera"))?;
@@ -406,7 +412,7 @@ pub(super) fn camera_of(document: &Document, pose: &Pose, place: usize) -> Resul
     Ok(perspective_camera(perspective, world_from_node))
 }
 
-/// The perspective camera of a node.
+/// The perspective camera of a node, if it has one.
 fn camera<'a>(document: &'a Document, node: &Node) -> Result<Option<&'a Perspective>, Refusal> {
     let Some(index) = node.camera else {
         return Ok(None);
@@ -416,13 +422,14 @@ fn camera<'a>(document: &'a Document, node: &Node) -> Result<Option<&'a Perspect
     Ok(camera.perspective.as_ref())
 }
 
-/// The light of a node.
+/// The index of a node's light, if it has one.
 fn light(node: &Node) -> Option<usize> {
     let extensions = node.extensions.as_ref()?;
     Some(extensions.khr_lights_punctual.as_ref()?.light.value())
 }
 
-/// Its picture is as wide as the file says, whatever size is drawn.
+/// A camera whose horizontal field of view is that of the file's aspect ratio, whatever the aspect
+/// ratio of the image.
 fn perspective_camera(perspective: &Perspective, world_from_node: DMat4) -> Camera {
     let aspect = f64::from(perspective.aspect_ratio.unwrap_or(16.0 / 9.0));
     let half_width = aspect * (0.5 * f64::from(perspective.yfov)).tan();
@@ -438,7 +445,7 @@ fn perspective_camera(perspective: &Perspective, world_from_node: DMat4) -> Came
     }
 }
 
-/// A camera that sees all objects from above their front.
+/// A camera that sees all meshes from the front and above.
 pub(super) fn framed(scene: &Scene) -> Camera {
     let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for object in &scene.objects {

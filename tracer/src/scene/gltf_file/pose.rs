@@ -1,4 +1,4 @@
-//! Poses: where the nodes of a glTF file stand at a time, and how far their meshes are morphed.
+//! Poses: the transforms of a glTF file's nodes at a time, and the weights of morph targets.
 
 use std::collections::BTreeMap;
 
@@ -11,22 +11,22 @@ use gltf_json::scene::Node;
 use super::animation::Animation;
 use super::{Document, Refusal, find};
 
-/// Nodes of the file's scene: parents before their children.
+/// The nodes of the file's scene, parents before their children.
 #[derive(Debug)]
 pub(super) struct Hierarchy {
-    /// A node and its parent.
+    /// Each node with its parent.
     nodes: Vec<(usize, Option<usize>)>,
 }
 
-/// Each node of the file's scene at a time.
+/// The state of all nodes of the file's scene at a time.
 #[derive(Clone, Debug)]
 pub(super) struct Pose {
     world_from_node: Vec<Option<DMat4>>,
-    /// Shares of the morph targets of nodes whose animation has them.
+    /// Weights of morph targets, for nodes with animated weights.
     weights: BTreeMap<usize, Vec<f64>>,
 }
 
-/// A node's place in its parent.
+/// A node's transform relative to its parent.
 #[derive(Clone, Copy)]
 struct Placement {
     translation: DVec3,
@@ -34,7 +34,7 @@ struct Placement {
     scale: DVec3,
 }
 
-/// From glTF's +y upwards to +z upwards.
+/// Converts from glTF's y-up to z-up coordinates.
 const Z_UP: DMat4 = DMat4::from_cols_array(&[
     1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0,
 ]);
@@ -45,6 +45,7 @@ impl Hierarchy {
         let place = root.scene.map_or(0, |scene| scene.value());
         let scene = find(&root.scenes, place, "scene")?;
         let mut is_reached = vec![false; root.nodes.len()];
+        // Depth-first; reversed, as a stack returns the last node first.
         let roots = scene.nodes.iter().rev();
         let mut stack: Vec<_> = roots.map(|node| (node.value(), None)).collect();
         let mut nodes = Vec::new();
@@ -62,12 +63,12 @@ impl Hierarchy {
         Ok(Self { nodes })
     }
 
-    /// The nodes in their order.
+    /// The nodes' indices, parents first.
     pub(super) fn nodes(&self) -> impl Iterator<Item = usize> + '_ {
         self.nodes.iter().map(|(node, _)| *node)
     }
 
-    /// The nodes at rest, or at a time of an animation.
+    /// The pose at rest, or at a time of an animation in seconds.
     pub(super) fn pose(&self, document: &Document, at: Option<(&Animation, f64)>) -> Pose {
         let nodes = &document.root.nodes;
         let mut placements: Vec<_> = nodes.iter().map(placement).collect();
@@ -104,13 +105,13 @@ impl Hierarchy {
 }
 
 impl Pose {
-    /// None if the scene does not have the node.
+    /// The matrix from a node to world space; `None` if the scene does not contain the node.
     pub(super) fn world_from_node(&self, node: usize) -> Option<DMat4> {
         *self.world_from_node.get(node)?
     }
 
-    /// Shares of the morph targets of a node's mesh: those of the animation, or the node's own, or else its mesh's, or
-    /// none of each.
+    /// Weights of the morph targets of a node's mesh: from the animation, or else the node, or else
+    /// the mesh, or else 0.
     pub(super) fn weights(&self, document: &Document, place: usize) -> Result<Vec<f64>, Refusal> {
         if let Some(weights) = self.weights.get(&place) {
             return Ok(weights.clone());
@@ -151,14 +152,14 @@ fn placement(node: &Node) -> Placement {
 }
 
 impl Document {
-    /// Morph targets of a node's mesh.
+    /// Number of morph targets of a node's mesh.
     pub(super) fn targets(&self, node: &Node) -> Result<usize, Refusal> {
         let Some(index) = node.mesh else { return Ok(0) };
         find(&self.targets, index.value(), "mesh").copied()
     }
 }
 
-/// Morph targets of each mesh: all of its primitives have as many.
+/// Number of morph targets of each mesh, which must be the same for all of its primitives.
 pub(super) fn targets(root: &Root) -> Result<Vec<usize>, Refusal> {
     let count = |primitive: &Primitive| primitive.targets.as_ref().map_or(0, Vec::len);
     let of_mesh = |(place, mesh): (usize, &gltf_json::Mesh)| {

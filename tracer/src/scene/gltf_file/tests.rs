@@ -31,7 +31,8 @@ fn picture() -> Vec<u8> {
     .unwrap()
 }
 
-/// A triangle with normals and texture coordinates in two nodes, the second one moved, turned and mirrored; a camera.
+/// A triangle with normals and texture coordinates in two nodes, the second one translated, rotated
+/// and mirrored; and a camera.
 pub(super) fn sample() -> (Value, Vec<u8>) {
     let mut binary = Vec::new();
     let positions = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -110,14 +111,15 @@ fn nodes_meshes_materials_and_camera_are_read() {
         panic!("{} objects", scene.objects.len());
     };
     assert_eq!((a.name.as_str(), b.name.as_str()), ("1 a", "3 b"));
-    // Two metres up, in the plane that looks along −y.
+    // Two metres up, in the plane facing −y.
     let (first, second) = (mesh(a), mesh(b));
     close(first.center, Vec3::new(0.0, 0.0, 2.0));
     close(first.positions[2], Vec3::Z);
     close(first.normals[0], Vec3::NEG_Y);
     assert_eq!(first.uvs[1], Vec2::ONE);
     assert_eq!(first.triangles, [[0, 1, 2]]);
-    // Its x is mirrored and twice as long, then turned to −z, which is +y here; the triangle still goes round its normal.
+    // Its x axis is mirrored and scaled by 2, then rotated to the file's −z, which is +y here; the
+    // winding still matches the normal.
     close(second.center, Vec3::new(1.0, 0.0, 2.0));
     close(second.positions[1], Vec3::new(0.0, -2.0, 0.0));
     close(second.normals[0].normalize(), Vec3::X);
@@ -171,7 +173,7 @@ fn lights_shine_along_minus_z_of_their_nodes() {
     }
     let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
     assert_eq!(scene.environment.radiance, Vec3::ZERO);
-    // In the order in which nodes are reached: the group's children first.
+    // In the order in which nodes are visited: the group's children first.
     let [sun, spot, point] = &scene.punctual_lights[..] else {
         panic!("{:?}", scene.punctual_lights);
     };
@@ -198,7 +200,7 @@ fn lights_shine_along_minus_z_of_their_nodes() {
     else {
         panic!("{spot:?}");
     };
-    // Turned by a right angle about +y of the file, −z is −x.
+    // Rotated by a right angle about the file's +y, −z becomes −x.
     close(direction, Vec3::NEG_X);
     assert_eq!(outer_deg, 90.0);
     json["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = json!(3);
@@ -261,7 +263,7 @@ fn texture_transforms_are_applied_to_coordinates() {
     }
     json["materials"][0]["normalTexture"]["extensions"] = transform;
     let scene = Scene::from_gltf(&glb(&json, &binary)).unwrap();
-    // (1, 1) is scaled to (2, 3), turned to (3, −2) and moved.
+    // (1, 1) is scaled to (2, 3), rotated to (3, −2) and translated.
     let off = mesh(&scene.objects[0]).uvs[1] - Vec2::new(3.5, -1.75);
     assert!(off.length() < 1e-5, "{off}");
     let base = &mut json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
@@ -277,7 +279,7 @@ fn texture_transforms_are_applied_to_coordinates() {
 
 #[test]
 fn integers_strips_fans_and_sparse_elements_are_read() {
-    // Four corners of a square as bytes, of which the last is replaced.
+    // The four corners of a square as bytes; the last one is replaced by a sparse element.
     let mut binary: Vec<u8> = vec![0, 0, 0, 9, 1, 0, 0, 9, 0, 1, 0, 9, 0, 0, 0, 9];
     binary.extend([3, 0, 0, 0, 1, 1, 0, 0]);
     let square = |mode: u32| {
@@ -399,7 +401,7 @@ fn each_fault_is_a_sentence_with_its_place() {
     }
 }
 
-/// A tetrahedron and a triangle of glass, of which only the former has an inside.
+/// A tetrahedron and a triangle of glass; only the former has an inside.
 #[test]
 fn closed_meshes_with_a_volume_that_transmit_are_dielectrics() {
     let corners = [
@@ -448,7 +450,7 @@ fn closed_meshes_with_a_volume_that_transmit_are_dielectrics() {
         panic!("{:?}", scene.materials);
     };
     assert_eq!((ior, alpha), (1.6, 0.25));
-    // Of light of these colours as much is left after half a metre.
+    // The fractions of light left after half a metre.
     let medium = medium.unwrap();
     let left = (-0.5 * medium.extinction).exp();
     close(left, Vec3::new(1.0, 0.5, 1e-6));
@@ -476,7 +478,7 @@ fn closed_meshes_with_a_volume_that_transmit_are_dielectrics() {
     assert_thin_walls(&scene, surface, 1.0);
 }
 
-/// All objects are of a surface that lets so much light pass.
+/// Checks that all objects have surfaces of this transmission.
 fn assert_thin_walls(scene: &Scene, surface: &str, transmission: f32) {
     let mut objects = scene.objects.iter();
     assert!(objects.all(|object| object.material == surface));
@@ -499,7 +501,7 @@ fn a_file_cut_anywhere_is_refused() {
     }
 }
 
-/// A scene without a camera is seen whole.
+/// Without a camera in the file, the default one sees the whole scene.
 #[test]
 fn what_has_no_camera_is_framed() {
     let (mut json, binary) = sample();

@@ -1,4 +1,5 @@
-//! Tracks of an animation: key frames of one quantity, interpolated at a time (appendix C of the specification).
+//! Tracks of an animation: key frames of one property and their interpolation (appendix C of the
+//! specification).
 
 use glam::DQuat;
 use gltf_json::accessor::Type;
@@ -9,9 +10,10 @@ use super::{Document, Refusal, known};
 /// Key frames of a translation, rotation, scale or of the weights of morph targets.
 #[derive(Debug)]
 pub(super) struct Track {
-    /// Seconds, growing.
+    /// Times in seconds, strictly increasing.
     times: Vec<f32>,
-    /// `width` numbers for each time; of cubic splines the tangent before, the value, and the tangent after.
+    /// `width` values per time; for cubic splines three times as many: in-tangent, value and
+    /// out-tangent.
     values: Vec<f32>,
     width: usize,
     interpolation: Interpolation,
@@ -19,7 +21,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// Reads and checks one; `width` is that of a key frame's value.
+    /// Reads and checks a track with `width` values per key frame.
     pub(super) fn read(
         document: &Document,
         sampler: &Sampler,
@@ -69,17 +71,17 @@ impl Track {
         }
     }
 
-    /// Numbers that it holds.
+    /// Number of floats that the track holds.
     pub(super) fn numbers(&self) -> usize {
         self.times.len() + self.values.len()
     }
 
-    /// When its last key frame is, seconds.
+    /// Time of the last key frame in seconds.
     pub(super) fn end_secs(&self) -> f64 {
         self.times.last().map_or(0.0, |secs| f64::from(*secs))
     }
 
-    /// The value at a time; before the first key frame that of the first, after the last that of the last.
+    /// The value at a time; constant before the first and after the last key frame.
     pub(super) fn at(&self, secs: f64) -> Vec<f64> {
         let next = self.times.partition_point(|key| f64::from(*key) <= secs);
         let value = match next {
@@ -93,7 +95,7 @@ impl Track {
         value
     }
 
-    /// Between a key frame and the next one.
+    /// The value between key frame `key` and the next one.
     fn between(&self, key: usize, secs: f64) -> Vec<f64> {
         let [begin, end] = [key, key + 1].map(|key| f64::from(self.times[key]));
         let t = (secs - begin) / (end - begin);
@@ -102,7 +104,7 @@ impl Track {
             Interpolation::Step => widened(from),
             Interpolation::Linear if self.is_rotation => {
                 let [from, to] = [from, to].map(|value| rotation(&widened(value)));
-                // Along the shorter way.
+                // `slerp` takes the shorter arc.
                 from.slerp(to, t).to_array().to_vec()
             }
             Interpolation::Linear => {
@@ -114,7 +116,8 @@ impl Track {
             Interpolation::CubicSpline => {
                 let (leaving, arriving) = (self.part(key, 2), self.part(key + 1, 0));
                 let (t2, t3, length) = (t * t, t * t * t, end - begin);
-                // Cubic Hermite polynomials of both values and tangents; the latter are per second.
+                // Cubic Hermite basis of both values and tangents. Tangents are per second, so they
+                // are scaled by the interval's length.
                 let weights = [
                     2.0 * t3 - 3.0 * t2 + 1.0,
                     length * (t3 - 2.0 * t2 + t),
@@ -140,7 +143,7 @@ impl Track {
         &self.values[start..start + self.width]
     }
 
-    /// Values of a key frame.
+    /// Number of parts of a key frame: a value, with tangents for cubic splines.
     fn parts(&self) -> usize {
         match self.interpolation {
             Interpolation::CubicSpline => 3,
@@ -174,7 +177,7 @@ fn widened(value: &[f32]) -> Vec<f64> {
     value.iter().map(|number| f64::from(*number)).collect()
 }
 
-/// A unit quaternion; none is turned by what a spline brings to 0.
+/// The unit quaternion of a value; the identity if interpolation has brought it to 0.
 fn rotation(value: &[f64]) -> DQuat {
     let [x, y, z, w] = *value else {
         return DQuat::IDENTITY;

@@ -1,9 +1,10 @@
 //! Mesh files: Wavefront OBJ and Stanford PLY.
 //!
-//! Both are read here and by no library, for the sake of messages that name the line and the value. Read are positions,
-//! normals and faces, which are cut into triangles that share their first corner, of OBJ texture coordinates, if all corners
-//! have them, and of PLY the colours of vertices (red, green, blue, perhaps alpha), which are
-//! sRGB. [`ObjScene`] reads an OBJ file with its materials, as MTL has them; groups are passed over.
+//! Both are parsed here rather than by a library, so that messages can name the line and the value.
+//! Supported are positions, normals and faces (triangulated as fans from their first corner); of
+//! OBJ texture coordinates, if all corners have them; and of PLY vertex colours (red, green, blue
+//! and optionally alpha), which are sRGB. [`ObjScene`] reads an OBJ file with its MTL materials.
+//! Groups are ignored.
 
 mod mtl;
 #[cfg(all(test, feature = "image-io"))]
@@ -25,35 +26,35 @@ use super::{ImageTexture, Material, Mesh, Scene};
 use crate::Error;
 use crate::text::{SENTENCE_BYTES_MAX, printable};
 
-/// The longest mesh file in bytes: ten million triangles as text have 0.7 GB.
+/// Maximum size of a mesh file in bytes: ten million triangles take 0.7 GB as text.
 pub const MESH_BYTES_MAX: u64 = 1 << 30;
 
 /// An OBJ file with its materials.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjScene {
-    /// A mesh for each material, in the order in which the file names them.
+    /// One mesh per material, in the order in which the file first uses them.
     pub parts: Vec<ObjPart>,
-    /// What materials' textures are indices into.
+    /// Textures, into which those of materials are indices.
     pub textures: Vec<ImageTexture>,
 }
 
 /// The faces of one material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjPart {
-    /// The material's name; empty of faces without.
+    /// The material's name; empty for faces without one.
     pub name: String,
-    /// The material; none of faces that name none.
+    /// The material; `None` for faces without one.
     pub material: Option<Material>,
-    /// All faces of it.
+    /// All faces with this material.
     pub mesh: Mesh,
 }
 
 impl ObjScene {
-    /// Reads an OBJ file, the MTL files beside it that it names, and their textures.
+    /// Reads an OBJ file, the MTL files beside it that it refers to, and their textures.
     ///
     /// # Errors
-    /// As [`Mesh::load`]; [`Error::Format`] too, with the file, the line and the value, if a file that is named is not
-    /// there or a material cannot be read.
+    /// As for [`Mesh::load`]; also [`Error::Format`], with the file, the line and the value, if a
+    /// referenced file does not exist or a material cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let bytes = read_mesh_file(path)?;
@@ -98,7 +99,7 @@ impl ObjScene {
         })
     }
 
-    /// Adds its parts to a scene, those without a material of its own in `otherwise`.
+    /// Adds the parts to a scene; parts without a material get `otherwise`.
     pub fn add_to(self, scene: &mut Scene, otherwise: Material) {
         let first = scene.textures.len() as u32;
         for texture in self.textures {
@@ -114,11 +115,11 @@ impl ObjScene {
 }
 
 impl Mesh {
-    /// Reads an OBJ or PLY file, which its name ends with.
+    /// Reads an OBJ or PLY file, as its file name's extension says.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be read; [`Error::Format`] with the place and the value if it is none of these,
-    /// is longer than [`MESH_BYTES_MAX`], or holds what no mesh can be made of.
+    /// [`Error::Io`] if the file cannot be read; [`Error::Format`] with the place and the value if
+    /// it is neither, is larger than [`MESH_BYTES_MAX`], or is not a valid mesh.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
         let path = path.as_ref();
         let extension = path.extension().and_then(|extension| extension.to_str());
@@ -130,7 +131,8 @@ impl Mesh {
         read(&read_mesh_file(path)?).map_err(|message| format(path, &message))
     }
 
-    /// Writes the mesh in its own frame as a binary PLY file, which reads back bit by bit.
+    /// Writes positions, normals and triangles in object space as a binary PLY file, without loss
+    /// of precision. Texture coordinates, colours and the pose are not written.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be written.
@@ -155,10 +157,10 @@ fn read_mesh_file(path: &Path) -> Result<Vec<u8>, Error> {
     Ok(bytes)
 }
 
-/// Why a file is refused.
+/// The reason why a file is refused.
 type Refusal = String;
 
-/// Adds the triangles of a face that share its first corner.
+/// Adds the triangles of a face, as a fan around its first corner.
 fn push_face(triangles: &mut Vec<[u32; 3]>, corners: &[u32]) -> Result<(), Refusal> {
     let [first, others @ ..] = corners else {
         return Err("a face has no corner".to_owned());

@@ -1,10 +1,14 @@
-//! Materials of OBJ files: Wavefront MTL, and the statements of its extension for physically based materials (Exocortex, 2012).
+//! Materials of OBJ files: Wavefront MTL with the statements of its extension for physically based
+//! materials (Exocortex, 2012).
 //!
-//! A material is [`Material::MetallicRoughness`]: `Kd` is its base colour, `Ks` the colour of its reflection, half of which glass has; `Ns` the
-//! exponent of a Phong lobe, as wide as a GGX lobe of width `α² = 2 / (Ns + 2)` (Walter et al., "Microfacet Models for Refraction
-//! through Rough Surfaces", EGSR 2007, section 5.2); `Ke` the radiance that it emits; `d`, or `Tr` as 1 − d, its alpha. `Pr`, `Pm`,
-//! `Pc`, `Pcr` and `Ps` are roughness, share of metal, clear coat, the coat's roughness and sheen. Of textures `map_Kd`, `map_Ke`
-//! and `norm` are read, and `map_d` where it is the file of `map_Kd`, whose alpha then counts; other statements are passed over.
+//! A material becomes [`Material::MetallicRoughness`]. `Kd` is its base colour; `Ks` the colour of
+//! its reflection, where 0.5 corresponds to the reflection of glass; `Ns` the exponent of a Phong
+//! lobe, as wide as a GGX lobe of width `α² = 2 / (Ns + 2)` (Walter et al., "Microfacet Models for
+//! Refraction through Rough Surfaces", EGSR 2007, section 5.2); `Ke` its emitted radiance; `d`, or
+//! `Tr` as 1 − d, its alpha. `Pr`, `Pm`, `Pc`, `Pcr` and `Ps` are roughness, metalness, clear coat,
+//! the coat's roughness and sheen. Of textures, `map_Kd`, `map_Ke` and `norm` are supported, and
+//! `map_d` if it is the same file as `map_Kd`, whose alpha is then used. Other statements are
+//! ignored.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,22 +22,23 @@ use crate::scene::validate::{MATERIALS_MAX, NAME_BYTES_MAX};
 use crate::scene::{ColorSpace, ImageTexture, Layers, Material, MaterialTextures, Opacity, Wrap};
 use crate::text::printable;
 
-/// The longest file of materials in bytes.
+/// Maximum size of an MTL file in bytes.
 const MTL_BYTES_MAX: u64 = 16 << 20;
-/// The most bytes that textures' files have together: 4 GiB of texels as PNG files that hardly shrink.
+/// Maximum total size of texture files in bytes, enough for 4 GiB of texels as PNG files that
+/// hardly compress.
 const TEXTURE_FILES_BYTES_MAX: u64 = 2 << 30;
 
-/// Materials by their names, and their textures.
+/// Materials by name, and their textures.
 #[derive(Default)]
 pub(super) struct MaterialLibrary {
     pub(super) materials: BTreeMap<String, Material>,
     pub(super) textures: Vec<ImageTexture>,
-    /// Textures by file, colour space and whether they are clamped.
+    /// Indices of textures by file, colour space and whether they are clamped.
     known: BTreeMap<(String, ColorSpace, bool), u32>,
     texture_bytes: u64,
 }
 
-/// A material so far.
+/// A material while its statements are read.
 #[derive(Default)]
 struct MtlMaterial {
     name: String,
@@ -48,12 +53,12 @@ struct MtlMaterial {
     clearcoat_roughness: f32,
     sheen: f32,
     textures: MaterialTextures,
-    /// The files of `map_Kd` and `map_d`.
+    /// Files of `map_Kd` and `map_d`.
     color_file: Option<String>,
     alpha_file: Option<String>,
 }
 
-/// Where a statement stands.
+/// Position of a statement in a file.
 struct Place<'a> {
     folder: &'a Path,
     file: &'a str,
@@ -67,7 +72,7 @@ impl Place<'_> {
 }
 
 impl MaterialLibrary {
-    /// Adds the materials of a file that stands in `folder`.
+    /// Adds the materials of a file in `folder`.
     pub(super) fn read(&mut self, folder: &Path, file: &str) -> Result<(), Refusal> {
         let path = beside(folder, file)?;
         let bytes = read_named_file(&path, MTL_BYTES_MAX).map_err(|why| why.to_string())?;
@@ -123,7 +128,7 @@ impl MaterialLibrary {
             "Ke" => material.emission = Some(radiance(words)?),
             "Ns" => material.exponent = Some(at_least_0(words, keyword)?),
             "d" => {
-                // `-halo` is a factor of the view's angle.
+                // With the option `-halo`, alpha depends on the viewing angle, which is ignored.
                 let words = words.filter(|word| *word != "-halo").collect::<Vec<_>>();
                 material.alpha = Some(number(words.join(" ").split_ascii_whitespace(), keyword)?);
             }
@@ -153,7 +158,7 @@ impl MaterialLibrary {
         Ok(())
     }
 
-    /// The index of a texture, which is read if need be.
+    /// The index of a texture, which is read unless it is known.
     fn texture(
         &mut self,
         map: &TextureStatement,
@@ -197,7 +202,9 @@ impl MtlMaterial {
             None if is_physical => Vec3::ONE,
             None => Vec3::ZERO,
         };
+        // The strength is at most 1; what exceeds it goes to the colour.
         let strength = specular.max_element().min(1.0);
+        // α = roughness², so roughness = (α²)^¼.
         let by_exponent = |exponent: f32| (2.0 / (exponent + 2.0)).powf(0.25);
         let by_exponent = self.exponent.map_or(1.0, by_exponent);
         let has_alpha = self.alpha_file.is_some() && self.alpha_file == self.color_file;
@@ -235,7 +242,7 @@ impl MtlMaterial {
     }
 }
 
-/// A texture's options and file.
+/// Options and file of a texture statement.
 struct TextureStatement {
     file: String,
     is_clamped: bool,
@@ -293,7 +300,7 @@ impl TextureStatement {
     }
 }
 
-/// A file in the folder or one within it.
+/// The path of a file in a folder or below.
 fn beside(folder: &Path, file: &str) -> Result<PathBuf, Refusal> {
     let path = Path::new(file);
     match lies_beside(path) && !file.is_empty() {
@@ -325,7 +332,7 @@ fn at_least_0(words: SplitAsciiWhitespace<'_>, what: &str) -> Result<f32, Refusa
     }
 }
 
-/// Three numbers, or one for all three.
+/// Three numbers, or one that stands for all three.
 fn triple(words: SplitAsciiWhitespace<'_>, what: &str) -> Result<Vec3, Refusal> {
     if words
         .clone()

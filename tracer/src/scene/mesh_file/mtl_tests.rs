@@ -12,7 +12,7 @@ const PAINT: &str = "# two\nnewmtl red\nKd 0.5 0.25 0.125\nKs 0.5 0.5 0.5\nNs 30
 const PAINTED: &str = "mtllib paint.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\n\
     f 1 2 3\nusemtl red\nf 1 2 4\nusemtl worn\nf 1/1 3/2 4/3\nusemtl red\nf 2 3 4\n";
 
-/// An OBJ file with its materials and a texture, in a folder of their own.
+/// An OBJ file with its materials and a texture, in a folder of its own.
 fn painted(obj: &str, mtl: &str) -> Result<ObjScene, Error> {
     let folder = tempfile::tempdir().unwrap();
     let texels = vec![[200, 100, 50, 128]; 4];
@@ -91,7 +91,7 @@ fn materials_of_obj_files_are_read() {
     scene.validate().unwrap();
     let last = scene.materials[&scene.objects[2].material];
     assert_eq!(last.textures().base_color, Some(1));
-    // As one mesh it has all faces and no materials.
+    // Read as one mesh, it has all faces and no materials.
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.obj");
     std::fs::write(&path, PAINTED).unwrap();

@@ -1,4 +1,4 @@
-//! Wavefront OBJ: text, a statement a line.
+//! Wavefront OBJ: text with one statement per line.
 
 use std::collections::HashMap;
 use std::str::SplitAsciiWhitespace;
@@ -9,54 +9,56 @@ use super::{Refusal, limit, push_face, push_vertex};
 use crate::scene::Mesh;
 use crate::scene::validate::{MATERIALS_MAX, TRIANGLES_MAX};
 
-/// Statements of no concern to a mesh's surface.
+/// Statements that are ignored, as they do not affect a mesh's surface.
 const PASSED_OVER: [&str; 6] = ["g", "o", "s", "l", "p", "mg"];
 
-/// A file so far.
+/// The contents of a file while it is read.
 pub(super) struct ObjReader {
     positions: Vec<Vec3>,
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
-    /// By material; of one alone if materials are passed over.
+    /// Faces by material; a single entry if materials are ignored.
     faces: Vec<Faces>,
-    /// Those that faces are added to.
+    /// Index of the entry that faces are added to.
     current: usize,
     is_by_material: bool,
-    /// Files of materials, each with the line that names it.
+    /// Files of materials, each with the line number that refers to it.
     pub(super) libraries: Vec<(String, usize)>,
 }
 
-/// Faces of one material.
+/// Faces with the same material.
 #[derive(Default)]
 struct Faces {
-    /// The name of their material and the line that first names it; none before any is named.
+    /// Name of the material and the line where it is first used; `None` for faces before any
+    /// `usemtl`.
     material: Option<(String, usize)>,
     triangles: Vec<[u32; 3]>,
-    /// Position, texture coordinates and normal of each vertex that a face has named, where faces have more than positions.
+    /// Indices of position, texture coordinates and normal of each distinct vertex, if faces have
+    /// more than positions.
     vertices: Vec<[u32; 3]>,
     numbers: HashMap<[u32; 3], u32>,
     has_normals: Option<bool>,
-    /// Whether the first corner has texture coordinates.
+    /// Whether the first corner has texture coordinates; `None` before it.
     has_uvs: Option<bool>,
-    /// Whether a later one has none, so that the mesh has none.
+    /// Whether a later corner has none, so that the mesh gets none.
     lacks_uvs: bool,
 }
 
-/// Faces of one material as a mesh.
+/// Faces with the same material, as a mesh.
 pub(super) struct ObjFaces {
-    /// The name of the material and the line that first names it.
+    /// Name of the material and the line where it is first used.
     pub(super) material: Option<(String, usize)>,
     pub(super) mesh: Mesh,
 }
 
-/// All faces as one mesh.
+/// Reads all faces as one mesh, ignoring materials.
 pub(super) fn read(bytes: &[u8]) -> Result<Mesh, Refusal> {
     let mut parts = ObjReader::read(bytes, false)?.finish()?;
     Ok(parts.swap_remove(0).mesh)
 }
 
 impl ObjReader {
-    /// Reads a file, its faces divided by material if they are to be.
+    /// Reads a file, dividing its faces by material if `is_by_material`.
     pub(super) fn read(bytes: &[u8], is_by_material: bool) -> Result<Self, Refusal> {
         let mut reader = Self {
             positions: Vec::new(),
@@ -117,7 +119,7 @@ impl ObjReader {
                 Ok(())
             }
             "vt" => {
-                // Theirs is the lower left corner.
+                // OBJ's v points up from the lower left corner.
                 let [u, v] = match words.clone().count() {
                     1 => numbers(words).map(|[u]| [u, 0.0])?,
                     _ => numbers(words)?,
@@ -137,12 +139,14 @@ impl ObjReader {
         }
     }
 
-    /// The number of a vertex: `position`, `position/texture`, `position//normal` or all three.
+    /// The index of a vertex given as `position`, `position/texture`, `position//normal` or
+    /// `position/texture/normal`.
     fn corner(&mut self, word: &str) -> Result<u32, Refusal> {
         let mut parts = word.split('/');
         let position = parts.next().unwrap_or_default();
         let position = index(position, self.positions.len(), "positions")?;
-        // Files name texture coordinates that they do not have.
+        // An invalid index counts as missing, as some files refer to texture coordinates that they
+        // do not contain.
         let uv = parts
             .next()
             .and_then(|part| index(part, self.uvs.len(), "").ok());
@@ -172,7 +176,7 @@ impl ObjReader {
         }))
     }
 
-    /// A mesh for each material that faces are of.
+    /// One mesh per material that has faces.
     pub(super) fn finish(mut self) -> Result<Vec<ObjFaces>, Refusal> {
         let faces = std::mem::take(&mut self.faces);
         let faces = faces
@@ -187,8 +191,8 @@ impl ObjReader {
 
     fn part(&mut self, faces: Faces) -> ObjFaces {
         let (has_normals, has_uvs) = (faces.has_normals == Some(true), faces.has_uvs == Some(true));
-        // Then corners have neither normals nor texture coordinates, and their numbers are those of the
-        // positions.
+        // Corners have neither normals nor texture coordinates, so their numbers are indices into
+        // the positions.
         if faces.vertices.is_empty() {
             let positions = std::mem::take(&mut self.positions);
             return ObjFaces {
@@ -216,10 +220,10 @@ impl ObjReader {
     }
 }
 
-/// The most files of materials that a file may name.
+/// Maximum number of material files of an OBJ file.
 const LIBRARIES_MAX: usize = 64;
 
-/// Counted from 1, or from the last one backwards as −1, −2, …
+/// Converts an index, which counts from 1, or backwards from the last element as −1, −2, …
 fn index(word: &str, count: usize, what: &str) -> Result<u32, Refusal> {
     let number: i64 = word
         .parse()
@@ -235,7 +239,7 @@ fn index(word: &str, count: usize, what: &str) -> Result<u32, Refusal> {
     }
 }
 
-/// The first N of a line; there may be more.
+/// The first N numbers of a line; further ones are ignored.
 fn numbers<const N: usize>(mut words: SplitAsciiWhitespace<'_>) -> Result<[f32; N], Refusal> {
     let mut numbers = [0.0; N];
     for number in &mut numbers {

@@ -1,4 +1,4 @@
-//! Stanford PLY: a header of text, then elements as text or bytes.
+//! Stanford PLY: a text header, followed by elements as text or in binary.
 
 use std::str::SplitAsciiWhitespace;
 
@@ -30,7 +30,7 @@ enum Scalar {
 struct Property {
     name: String,
     value: Scalar,
-    /// Type of a list's length.
+    /// Type of a list's length; `None` if the property is not a list.
     length: Option<Scalar>,
 }
 
@@ -40,13 +40,13 @@ struct Element {
     properties: Vec<Property>,
 }
 
-/// What the header says of what follows it.
+/// The structure of the file, from its header.
 struct Header {
     encoding: Encoding,
     elements: Vec<Element>,
 }
 
-/// The rest of a file.
+/// The part of a file that has not been read.
 struct Body<'a> {
     encoding: Encoding,
     rest: &'a [u8],
@@ -60,8 +60,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Mesh, Refusal> {
     };
     let mut mesh = Mesh::new(Vec::new(), Vec::new());
     let elements = header.elements.iter();
-    // Elements without properties take no bytes: the end of the file would not stop a count of them,
-    // however large.
+    // Elements without properties take no bytes, so a huge count of them would not be stopped by
+    // the end of the file.
     for element in elements.filter(|element| !element.properties.is_empty()) {
         for number in 0..element.count {
             let taken = body.element(element, &mut mesh);
@@ -165,7 +165,7 @@ fn scalar(name: &str) -> Result<Scalar, Refusal> {
     })
 }
 
-/// A vertex's colour, by convention that of a display (sRGB, IEC 61966-2-1), as shares of 1.
+/// A vertex colour with channels in [0, 1], sRGB by convention (IEC 61966-2-1).
 #[derive(Default)]
 struct VertexColor {
     rgb: [Option<f32>; 3],
@@ -173,7 +173,7 @@ struct VertexColor {
 }
 
 impl VertexColor {
-    /// Takes a property if it is a channel.
+    /// Sets a channel if the property is one.
     fn set(&mut self, name: &str, value: f32, of: Scalar) -> Result<(), Refusal> {
         let channel = match name {
             "red" | "diffuse_red" => &mut self.rgb[0],
@@ -197,7 +197,7 @@ impl VertexColor {
         Ok(())
     }
 
-    /// The linear colour if all of red, green and blue are given.
+    /// The linear colour, if red, green and blue are all given.
     fn linear(&self) -> Option<Vec4> {
         let [r, g, b] = self.rgb;
         let [r, g, b] =
@@ -240,7 +240,7 @@ impl Body<'_> {
         Ok(())
     }
 
-    /// Indices; what is no index becomes one that no mesh has.
+    /// A list of vertex indices. Values beyond u32 saturate, and are found out of range later.
     fn list(&mut self, length: Scalar, value: Scalar) -> Result<Vec<u32>, Refusal> {
         let length = self.number(length)?;
         if !(0.0..=LIST_MAX).contains(&length) {
@@ -276,7 +276,7 @@ impl Body<'_> {
         Ok(number)
     }
 
-    /// The next bytes, the lowest first.
+    /// The next N bytes in little-endian order.
     fn bytes<const N: usize>(&mut self) -> Result<[u8; N], Refusal> {
         let (bytes, rest) = self
             .rest
@@ -304,7 +304,7 @@ impl Body<'_> {
     }
 }
 
-/// A mesh as a binary file.
+/// A mesh encoded as a binary PLY file.
 pub(super) fn bytes(mesh: &Mesh) -> Vec<u8> {
     let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
     let properties = match mesh.normals.is_empty() {
@@ -332,7 +332,7 @@ pub(super) fn bytes(mesh: &Mesh) -> Vec<u8> {
     bytes
 }
 
-/// The most lines of a header.
+/// Maximum number of lines of a header.
 const HEADER_LINES_MAX: u32 = 1000;
-/// The longest list of a property.
+/// Maximum length of a list property.
 const LIST_MAX: f64 = 1e5;

@@ -58,7 +58,7 @@ fn texture_coordinates_of_obj_files_begin_at_the_lower_left() {
     assert!(mesh.normals.is_empty());
     let smooth = read("vn 0 0 1\nf 1/1/1 2/2/1 3/3/1\n");
     assert_eq!((smooth.uvs.len(), smooth.normals.len()), (3, 3));
-    // Where a corner has none, or names one that is not there, the mesh has none.
+    // If a corner has none, or refers to one that does not exist, the mesh has none.
     for faces in ["f 1/1 2/2 3\n", "f 1 2/2 3/3\n", "f 1/1 2/2 3/9\n"] {
         let mesh = read(faces);
         assert!(mesh.uvs.is_empty());
@@ -122,7 +122,7 @@ fn ply_colours_are_those_of_a_display() {
         let off = (*color - glam::Vec4::from(expected)).abs().max_element();
         assert!(off < 1e-5, "{:?}", mesh.colors);
     }
-    // One channel alone is no colour.
+    // A single channel is not a colour.
     assert!(loaded("b.ply", ASCII.as_bytes()).unwrap().colors.is_empty());
     let bright = text.replace("0 0 0 255 0 0.5 51", "0 0 0 255 0 1.5 51");
     let why = loaded("c.ply", bright.as_bytes()).unwrap_err().to_string();

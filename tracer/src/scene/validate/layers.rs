@@ -1,11 +1,11 @@
-//! The rules that opacity and the layers of glTF's material keep.
+//! Validation of opacity and of the layers of glTF's material.
 
 use super::{Check, IOR, SHARE, channels, check_albedo, in_range};
 use crate::scene::{Layers, MaterialTextures, Opacity};
 
-/// The largest scale of a normal map.
+/// Largest absolute scale of a normal map.
 pub const NORMAL_SCALE_MAX: f32 = 1e3;
-/// The largest cutoff of an alpha: above 1 nothing is there.
+/// Largest alpha cutoff; above 1 nothing is covered.
 pub const CUTOFF_MAX: f32 = 1e3;
 
 pub(super) fn check_opacity(opacity: Opacity) -> Check {

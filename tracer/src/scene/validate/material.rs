@@ -1,4 +1,4 @@
-//! The rules that materials keep.
+//! Validation of materials.
 
 use glam::Vec3;
 

@@ -1,4 +1,4 @@
-//! The rules that triangle meshes keep.
+//! Validation of triangle meshes.
 
 use std::fmt::Display;
 
@@ -8,13 +8,13 @@ use super::{COORDINATE_M_MAX, Check, UV_MAX, count, position, require, rotation}
 use crate::SceneError;
 use crate::scene::{Mesh, Scene, Shape};
 
-/// The most triangles in a scene: they, their vertex normals and their BVH take at most 1.5 GB of a node's memory
-/// a back end.
+/// Maximum number of triangles in a scene. With vertex normals and BVH they take at most 1.5 GB of
+/// a node's memory per tracer.
 pub const TRIANGLES_MAX: usize = 10_000_000;
-/// The most vertices in a mesh: no triangle shares one with another.
+/// Maximum number of vertices in a mesh, enough for triangles that share none.
 pub const VERTICES_MAX: usize = 3 * TRIANGLES_MAX;
 
-/// Counts the triangles of all meshes.
+/// Checks the total number of triangles of all meshes.
 pub(super) fn check_triangles(scene: &Scene) -> Check {
     let triangles = scene.objects.iter().map(|object| match &object.shape {
         Shape::Mesh(mesh) => mesh.triangles.len(),
@@ -33,7 +33,8 @@ pub(super) fn check_mesh(mesh: &Mesh) -> Check {
             "its mesh has {vertices} vertices and no triangle: give it one"
         ))
     })?;
-    // In the world a coordinate is at most the distance from the mesh's own origin beyond its centre.
+    // A coordinate in world space is at most the mesh's centre plus the vertex's distance from the
+    // mesh's origin.
     let reach_max = COORDINATE_M_MAX - mesh.center.abs().max_element();
     check_each(
         "vertex",
@@ -65,7 +66,7 @@ pub(super) fn check_mesh(mesh: &Mesh) -> Check {
     })
 }
 
-/// Checks that vertices have one element of a list each, or none.
+/// Checks that a list has one element per vertex, or none.
 fn check_count<T>(what: &str, elements: &[T], vertices: usize) -> Check {
     let count = elements.len();
     require(count == 0 || count == vertices, || {
@@ -75,7 +76,7 @@ fn check_count<T>(what: &str, elements: &[T], vertices: usize) -> Check {
     })
 }
 
-/// Checks elements of a list by a test that NaN fails.
+/// Checks all elements of a list with `is_valid`, which must be false for NaN.
 fn check_each<T: Display>(
     what: &str,
     elements: &[T],
@@ -92,13 +93,13 @@ fn check_each<T: Display>(
     }
 }
 
-/// An edge of a triangle from one corner to the next: both corners, the lower first, and twice the triangle's index,
-/// and one more where the edge goes from the higher to the lower.
+/// An edge of a triangle from one corner to the next: both corners, the lower one first; and twice
+/// the triangle's index, plus 1 if the edge goes from the higher to the lower corner.
 type DirectedEdge = ([u32; 2], u32);
 
-/// Checks that a mesh bounds a body: each edge belongs to two triangles, which go along it in opposite directions, and
-/// they go round counterclockwise as seen from outside. Vertices in the same place count as one, and triangles between
-/// fewer than three places as none.
+/// Checks that a mesh bounds a body: each edge belongs to two triangles, which traverse it in
+/// opposite directions, and triangles are counterclockwise as seen from outside. Vertices at the
+/// same position count as one, and triangles with fewer than three distinct vertices are ignored.
 pub(super) fn check_closed(mesh: &Mesh) -> Check {
     let welded = welded(&mesh.positions);
     let mut edges: Vec<DirectedEdge> = Vec::with_capacity(3 * mesh.triangles.len());
@@ -135,6 +136,8 @@ pub(super) fn check_closed(mesh: &Mesh) -> Check {
              {triangle} there are {along} that way and {against} the other way: there must be one of each"
         )));
     }
+    // The signed volumes (times 6) of the tetrahedra of all triangles and the origin add up to the
+    // mesh's volume.
     let volumes = mesh.triangles.iter().map(|corners| {
         let [a, b, c] = corners.map(|corner| mesh.positions[corner as usize].as_dvec3());
         a.dot(b.cross(c))
@@ -147,9 +150,9 @@ pub(super) fn check_closed(mesh: &Mesh) -> Check {
     })
 }
 
-/// For each vertex the first in the same place.
+/// For each vertex, the index of the first vertex at the same position.
 fn welded(positions: &[Vec3]) -> Vec<u32> {
-    // A sum with 0 makes −0 the same place as 0.
+    // Adding 0 turns −0 into 0, whose bits differ.
     let place = |vertex: u32| {
         (positions[vertex as usize] + Vec3::ZERO)
             .to_array()

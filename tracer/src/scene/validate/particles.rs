@@ -1,4 +1,4 @@
-//! The rules that an update's particles keep.
+//! Validation of an update's particles.
 
 use glam::Vec3;
 
@@ -11,7 +11,7 @@ use crate::SceneError;
 use crate::scene::{Material, ParticleCloud, ParticleForm, SceneUpdate};
 
 impl SceneUpdate {
-    /// Checks the particles: that they are not too many, and each cloud.
+    /// Checks the number of particles, and each cloud.
     ///
     /// # Errors
     /// The rule that is broken, with the value.
@@ -28,7 +28,7 @@ impl SceneUpdate {
 }
 
 impl SceneError {
-    /// The fault as one of a cloud of an update.
+    /// The fault as one of a cloud of particles.
     pub(crate) fn of_cloud(self, index: usize) -> Self {
         self.of(format!("cloud {index} of particles"))
     }

@@ -1,4 +1,4 @@
-//! The rules that shapes and lights keep.
+//! Validation of shapes and lights.
 
 use glam::Vec3;
 

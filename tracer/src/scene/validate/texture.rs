@@ -1,22 +1,24 @@
-//! The rules that image textures keep.
+//! Validation of image textures and environment maps.
 
 use super::{Check, TEXTURED, count, in_range, name, refuse_material, require};
 use crate::SceneError;
 use crate::scene::{ImageSource, ImageTexture, Material, Object, Scene, Shape};
 
-/// The most textures in a scene.
+/// Maximum number of textures in a scene.
 pub const TEXTURES_MAX: usize = 1024;
-/// The most bytes that all textures of a scene take with their levels of detail, decoded, on each back end:
-/// four to a texel and a third on top.
+/// Maximum size in bytes of all decoded textures of a scene with their mip levels, in each tracer:
+/// four bytes per texel plus a third.
 pub const TEXTURE_BYTES_MAX: u64 = 4 << 30;
-/// The largest texture coordinate: beyond, rounding to f32 shows in the largest textures.
+/// Largest absolute texture coordinate; beyond it, the rounding of f32 would be visible in the
+/// largest textures.
 pub const UV_MAX: f32 = 1e3;
 
 impl Scene {
-    /// Bytes that all textures and the environment map take once they are decoded, with their levels of detail, by the sizes in their files.
+    /// Size in bytes of all textures with their mip levels and of the environment map after
+    /// decoding, from the dimensions in their files.
     ///
     /// # Errors
-    /// The texture that is at fault, and why.
+    /// The texture at fault, and the reason.
     pub fn texture_bytes(&self) -> Result<u64, SceneError> {
         let mut bytes = 0;
         for (index, texture) in self.textures.iter().enumerate() {
@@ -61,7 +63,7 @@ impl Scene {
         }
     }
 
-    /// Whether an object has what its material's textures need.
+    /// Checks that an object has texture coordinates if its material has textures.
     pub(super) fn check_textured(&self, object: &Object) -> Check {
         let is_mapped = matches!(&object.shape, Shape::Mesh(mesh) if !mesh.uvs.is_empty());
         match self.materials[&object.material].has_textures() && !is_mapped {
@@ -77,7 +79,7 @@ impl ImageTexture {
     }
 }
 
-/// What is wrong with the file of an environment map.
+/// A fault of the environment map's file.
 pub(crate) fn map_fault(why: String) -> SceneError {
     SceneError::rule(why).of("the environment map")
 }
@@ -94,7 +96,7 @@ fn map_bytes(image: &ImageSource) -> Result<u64, String> {
     Ok(crate::scene::environment_bytes(size.width, size.height))
 }
 
-/// Without decoders a size is found once the scene is compiled, which then fails.
+/// Without decoders the size is unknown until the scene is compiled, which then fails.
 #[cfg(not(feature = "image-io"))]
 fn bytes_of(texture: &ImageTexture) -> Result<u64, String> {
     file(&texture.image).map(|_| 0)
