@@ -148,12 +148,13 @@ impl Scene {
             return Ok(());
         }
         match &object.shape {
-            Shape::Disc { .. } | Shape::Rectangle { .. } => {
-                refuse("is a dielectric, which needs an inside: give it to a sphere or a box")
-            }
-            Shape::TruncatedCone { .. } => refuse(DIELECTRIC),
+            // Rays meet a truncated cone and a CSG box from outside only.
+            Shape::Disc { .. }
+            | Shape::Rectangle { .. }
+            | Shape::TruncatedCone { .. }
+            | Shape::CsgBox { .. } => refuse(DIELECTRIC),
             Shape::Mesh(mesh) => check_closed(mesh),
-            Shape::Sphere { .. } | Shape::Box { .. } | Shape::CsgBox { .. } => Ok(()),
+            Shape::Sphere { .. } | Shape::Box { .. } => Ok(()),
         }
     }
 
@@ -202,7 +203,8 @@ impl Scene {
     }
 }
 
-const DIELECTRIC: &str = "is a dielectric, which needs an inside";
+const DIELECTRIC: &str =
+    "is a dielectric, which needs an inside: give it to a sphere, a box or a closed mesh";
 const THIN_WALL: &str = "has transmission, which makes it a thin wall: give it to a mesh, a disc or a rectangle, or \
                          make it a dielectric";
 const TEXTURED: &str = "has textures, which need a mesh with texture coordinates";

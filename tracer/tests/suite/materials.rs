@@ -703,12 +703,21 @@ fn what_cannot_be_drawn_is_refused_with_its_reason() {
     ] {
         assert_refused(material, sentence);
     }
-    let mut flat = furnace(glass(1.5, 0.0, None));
-    flat.objects[0].shape = Shape::Disc {
-        center: Vec3::ZERO,
-        normal: Vec3::Z,
-        radius: 1.0,
-    };
-    let why = CompiledScene::new(&flat).unwrap_err().to_string();
-    assert!(why.contains("a dielectric, which needs an inside"), "{why}");
+    let mut scene = furnace(glass(1.5, 0.0, None));
+    for shape in [
+        Shape::Disc {
+            center: Vec3::ZERO,
+            normal: Vec3::Z,
+            radius: 1.0,
+        },
+        Shape::CsgBox {
+            min: Vec3::NEG_ONE,
+            max: Vec3::ONE,
+            subtractions: Vec::new(),
+        },
+    ] {
+        scene.objects[0].shape = shape;
+        let why = CompiledScene::new(&scene).unwrap_err().to_string();
+        assert!(why.contains("a dielectric, which needs an inside"), "{why}");
+    }
 }

@@ -226,9 +226,13 @@ impl Body<'_> {
                 }
                 continue;
             };
-            let corners = self.list(length, property.value)?;
+            let list = self.list(length, property.value)?;
             let is_face = matches!(property.name.as_str(), "vertex_indices" | "vertex_index");
             if is_face && element.name == "face" {
+                let corners: Vec<u32> = list
+                    .into_iter()
+                    .map(vertex_index)
+                    .collect::<Result<_, _>>()?;
                 push_face(&mut mesh.triangles, &corners)?;
             }
         }
@@ -240,23 +244,14 @@ impl Body<'_> {
         Ok(())
     }
 
-    /// A list of vertex indices. Values beyond u32 saturate, and are found out of range later.
-    fn list(&mut self, length: Scalar, value: Scalar) -> Result<Vec<u32>, Refusal> {
+    fn list(&mut self, length: Scalar, value: Scalar) -> Result<Vec<f64>, Refusal> {
         let length = self.number(length)?;
         if !(0.0..=LIST_MAX).contains(&length) {
             return Err(format!(
                 "a list of {length}: at most {LIST_MAX} are allowed"
             ));
         }
-        let mut list = Vec::new();
-        for _ in 0..length as usize {
-            let index = self.number(value)?;
-            if index < 0.0 || index.fract() != 0.0 {
-                return Err(format!("{index} is not the number of a vertex"));
-            }
-            list.push(index as u32);
-        }
-        Ok(list)
+        (0..length as usize).map(|_| self.number(value)).collect()
     }
 
     fn number(&mut self, scalar: Scalar) -> Result<f64, Refusal> {
@@ -302,6 +297,14 @@ impl Body<'_> {
         word.parse()
             .map_err(|_| format!("`{word}` is not a number"))
     }
+}
+
+/// The index of a vertex. Values beyond u32 saturate, and are found out of range later.
+fn vertex_index(number: f64) -> Result<u32, Refusal> {
+    if number < 0.0 || number.fract() != 0.0 {
+        return Err(format!("{number} is not the number of a vertex"));
+    }
+    Ok(number as u32)
 }
 
 /// A mesh encoded as a binary PLY file.

@@ -100,6 +100,20 @@ fn ply_files_of_all_encodings_are_read() {
 }
 
 #[test]
+fn other_lists_of_ply_files_are_skipped() {
+    let file = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n\
+                end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0 0.5 -1 0 1.5\n";
+    assert_eq!(
+        loaded("a.ply", file.as_bytes()).unwrap().triangles,
+        [[0, 1, 2]]
+    );
+    let wrong = file.replace("3 0 1 2", "3 0 1 0.5");
+    let why = loaded("b.ply", wrong.as_bytes()).unwrap_err();
+    assert!(why.contains("0.5 is not the number of a vertex"), "{why}");
+}
+
+#[test]
 fn ply_colours_are_those_of_a_display() {
     let colored = ASCII.replace(
         "property uchar red\n",
