@@ -40,8 +40,7 @@ pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
     };
     mix(&mut x, &mut y, &mut z, &mut w);
     // Multiplication carries towards higher bits only, which makes those the best mixed. The shift feeds
-    // them
-    // back into the lower bits before the second round.
+    // them back into the lower bits before the second round.
     [x, y, z, w] = [x, y, z, w].map(|word| word ^ (word >> 16));
     mix(&mut x, &mut y, &mut z, &mut w);
     [x, y, z, w]
@@ -60,8 +59,7 @@ pub const BELOW_1: f64 = 1.0 - 1.0 / 16_777_216.0;
 #[inline]
 pub fn unit_float(word: u32) -> f32 {
     // f32 has a 24-bit significand: with more bits the conversion could round up to 1, outside the domain
-    // of
-    // the warps.
+    // of the warps.
     (word >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
@@ -85,8 +83,7 @@ pub fn sample_key(sample: u32) -> u32 {
 pub fn pair(pixel: u32, sample: u32, block: u32, seed: u32) -> [f32; 2] {
     let seeds = pair_seeds(block, seed);
     // An Owen scramble of the reversed index permutes aligned runs of 2ᵏ samples as wholes, so that each
-    // run
-    // keeps one point per cell.
+    // run keeps one point per cell.
     let sample = scramble(sample, seeds[0]).reverse_bits();
     // XOR is addition of polynomials over GF(2): this is f = g·q¹⁶ + h, since the first 16 digits of g·q¹⁶
     // are those of g (see `in_base_q`).
@@ -119,8 +116,8 @@ fn scramble(mut word: u32, seed: u32) -> u32 {
 pub const SCRAMBLE: [u32; 3] = [0x3d20_adea, 0x0552_6c56, 0x53a2_2864];
 
 /// Second Sobol coordinate of the point whose first is `x`, lowest bit first: the polynomial over GF(2)
-/// with
-/// these coefficients, expanded in powers of x + 1. Its generator matrix is Pascal's triangle modulo 2.
+/// with these coefficients, expanded in powers of x + 1. Its generator matrix is Pascal's triangle modulo
+/// 2.
 #[inline]
 fn second_dimension(mut x: u32) -> u32 {
     // The triangle modulo 2 is self-similar: five butterfly steps instead of a product with 32 rows.
@@ -177,10 +174,9 @@ pub const BLOCK_LENS: u32 = u32::MAX;
 pub const ROULETTE_DEPTH: u32 = 1;
 
 /// Survival probability of Russian roulette per unit of the largest channel of the throughput, for paths
-/// outside
-/// dielectrics (Arvo and Kirk, "Particle Transport and Image Synthesis", SIGGRAPH 1990). Of 1, 2 and
-/// 4, with and without the first vertex, 4 from the second vertex on reached equal relMSE of the game's
-/// room soonest.
+/// outside dielectrics (Arvo and Kirk, "Particle Transport and Image Synthesis", SIGGRAPH 1990). Of 1, 2
+/// and 4, with and without the first vertex, 4 from the second vertex on reached equal relMSE of the
+/// game's room soonest.
 pub const SURVIVAL_PER_THROUGHPUT: f32 = 4.0;
 
 /// Block of the scattering event at `depth`, counted from 0: direction, and choice between coat and base.

@@ -34,8 +34,7 @@ impl Prepared {
     }
 
     /// Adds the first-hit AOVs of a range of each pixel's samples to `sums`. Not inlined: it has three
-    /// callers,
-    /// and each inlined copy adds about a minute to the build.
+    /// callers, and each inlined copy adds about a minute to the build.
     #[inline(never)]
     pub(super) fn add_first_hits<S: Simd>(
         &self,
@@ -95,8 +94,7 @@ impl Prepared {
     }
 
     /// AOVs of camera rays: those of the first surface, and the light in its mirror reflection. `length`
-    /// is the
-    /// length of the ray's direction scaled to have component 1 along the camera axis.
+    /// is the length of the ray's direction scaled to have component 1 along the camera axis.
     #[inline(always)]
     fn first_hit_aovs<S: Simd>(
         &self,

@@ -106,8 +106,7 @@ impl AreaLights {
         let mut chosen: Option<LightReservoir<S>> = None;
         for (index, row) in (0..).zip(&self.rows) {
             // Weighted reservoir sampling with one random number: the next light replaces the chosen one
-            // with
-            // probability weight / sum, and `u[0]` is rescaled to [0, 1) within the branch taken.
+            // with probability weight / sum, and `u[0]` is rescaled to [0, 1) within the branch taken.
             let next = LightReservoir::new(simd, index, row, point);
             let sum_before = sum;
             sum += next.weight;
@@ -286,8 +285,7 @@ impl<S: Simd> SphericalRectangle<S> {
     }
 
     /// Solid angle, 0 from behind, and the lanes where it is below `SOLID_ANGLE_MIN` and estimated from
-    /// area,
-    /// cosine and distance: there the exact formula cancels in f32.
+    /// area, cosine and distance: there the exact formula cancels in f32.
     #[inline(always)]
     fn omega(&self, simd: S) -> (Float<S>, Mask<S>) {
         let exact = self.solid_angle(simd);
@@ -327,7 +325,8 @@ impl<S: Simd> SphericalRectangle<S> {
     #[inline(always)]
     fn sample(
         &self,
-        // Points uniform in area where the solid angle is small, with density d² / (area · cos θ) per solid angle.
+        // Points uniform in area where the solid angle is small, with density d² / (area · cos θ) per
+        // solid angle.
         simd: S,
         omega: Float<S>,
         by_area: Mask<S>,
@@ -362,8 +361,7 @@ impl<S: Simd> SphericalRectangle<S> {
         v: Float<S>,
     ) -> (Float<S>, Float<S>) {
         // Ureña, Fajardo and King 2013 in the form derived in `crate::scalar::area_light`: `start`
-        // rotated by
-        // u · omega replaces their inverse trigonometric functions.
+        // rotated by u · omega replaces their inverse trigonometric functions.
         let ([x0, x1], [y0, y1], h2) = (self.x, self.y, self.height * self.height);
         let root_min = Float::splat(simd, ROOT_MIN);
         let start = self.corner(x0, y1).times_conjugate(self.corner(x0, y0));
@@ -409,8 +407,7 @@ impl<S: Simd> Complex<S> {
     }
 
     /// Argument in (−π, π], within 3e-7: two range reductions, to |t| ≤ tan(π/8), and the polynomial of
-    /// Moshier's
-    /// Cephes library (`atanf`, 1989).
+    /// Moshier's Cephes library (`atanf`, 1989).
     #[inline(always)]
     fn argument(self, simd: S) -> Float<S> {
         let (re, im) = (self.re.abs(), self.im.abs());

@@ -69,8 +69,7 @@ impl Scratch {
             let pixels = BATCH.min(area.pixels() - first);
             self.begin(area, first, pixels);
             // A small area puts several samples into a batch, so that packets stay full at depths where
-            // few paths
-            // survive.
+            // few paths survive.
             let samples_at_once = (BATCH / pixels) as u32;
             for done in (0..settings.samples).step_by(samples_at_once as usize) {
                 let samples = samples_at_once.min(settings.samples - done);
@@ -80,8 +79,7 @@ impl Scratch {
                     return None;
                 }
                 // Place of the first sample of the second half within the batch; none if it lies in an
-                // earlier batch.
-                // A half that ends with a batch is handled as sample 0 of the next.
+                // earlier batch. A half that ends with a batch is handled as sample 0 of the next.
                 let half = (settings.samples / 2).checked_sub(done);
                 let half = half.filter(|_| settings.denoise && settings.samples > 1);
                 traced.dropped_samples += self.accumulate(samples as usize, half);
@@ -159,8 +157,7 @@ impl Scratch {
             for (sums, column) in self.sums.iter_mut().zip(&self.stream.finished.0) {
                 for ((sum, lost), &value) in sums.iter_mut().zip(&column[slots.clone()]) {
                     // Kahan summation: a plain f32 sum of 65,536 samples may lose a relative 2⁻⁸ in the
-                    // worst case, the
-                    // compensated sum about one rounding.
+                    // worst case, the compensated sum about one rounding.
                     let corrected = value - *lost;
                     let next = *sum + corrected;
                     *lost = (next - *sum) - corrected;
@@ -236,8 +233,7 @@ fn blacken_non_finite([r, g, b]: [&mut [f32]; 3]) -> u32 {
     let mut dropped = 0;
     for ((r, g), b) in r.iter_mut().zip(g).zip(b) {
         // `&` instead of `&&` keeps the loop branch-free, so that it is vectorised. All channels are set
-        // to 0
-        // together: a sample without its red would tint the pixel.
+        // to 0 together: a sample without its red would tint the pixel.
         let finite = r.is_finite() & g.is_finite() & b.is_finite();
         dropped += u32::from(!finite);
         if !finite {

@@ -1,13 +1,10 @@
 //! Beams: conservative bounds of a packet of rays, which cull many primitives at once.
 //!
-//! Rays of adjacent pixels have similar origins and directions. At a distance t all of
-//! them lie in a box whose faces move linearly with t, so that each face of a primitive's bounds gives an
-//! interval
-//! of t, and the bounds can be hit only where all six intervals overlap: interval arithmetic over the
-//! packet
+//! Rays of adjacent pixels have similar origins and directions. At a distance t all of them lie in a box
+//! whose faces move linearly with t, so that each face of a primitive's bounds gives an interval of t,
+//! and the bounds can be hit only where all six intervals overlap: interval arithmetic over the packet
 //! (Boulos, Wald and Shirley, "Geometric and Arithmetic Culling Methods for Entire Ray Packets", 2006),
-//! transposed
-//! so that a lane is a primitive. No ray hits a culled primitive.
+//! transposed so that a lane is a primitive. No ray hits a culled primitive.
 
 use fearless_simd::{f32x4, f32x8, prelude::*};
 use glam::Vec3;
@@ -120,8 +117,7 @@ impl Beam {
         let bounds = [[min.x, max.x], [min.y, max.y], [min.z, max.z]];
         for ([low, high], [min, max]) in self.faces.into_iter().zip(bounds) {
             // The lower face is at o + v·t and has to be below the bounds' maximum: t ≤ (max − o)/v if v
-            // > 0,
-            // and t ≥ (max − o)/v if v < 0. For the upper face and the minimum both comparisons are
+            // > 0, and t ≥ (max − o)/v if v < 0. For the upper face and the minimum both comparisons are
             // reversed.
             let t = (max - low.origin) * low.inverse;
             if low.inverse > 0.0 {
@@ -158,8 +154,7 @@ impl Face {
 
 impl BoundsGroups {
     /// `reach` bounds the absolute coordinates of primitives and ray origins together, metres; all bounds
-    /// are widened
-    /// in proportion to it.
+    /// are widened in proportion to it.
     pub(super) fn new(
         bounds: impl IntoIterator<Item = Bounds>,
         clusters: Clusters,
@@ -186,8 +181,7 @@ impl BoundsGroups {
     }
 
     /// Indices of the primitives of a group that the beam may hit, ascending; without a beam, of those
-    /// that any of the
-    /// rays may hit before its `limit`.
+    /// that any of the rays may hit before its `limit`.
     #[inline(always)]
     pub(super) fn met<S: Simd>(
         &self,

@@ -1,6 +1,5 @@
 //! BSDFs of surfaces, one surface point per lane: diffuse surfaces, bare or coated, here; metals and
-//! dielectrics in
-//! [`super::microfacet`], glTF's material in [`super::metallic_roughness`].
+//! dielectrics in [`super::microfacet`], glTF's material in [`super::metallic_roughness`].
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -160,8 +159,7 @@ impl<S: Simd> Bsdf<S> {
     }
 
     /// Whether `wi` is on the same side of the geometric as of the shading normal; `None` where all
-    /// shading normals are
-    /// geometric normals.
+    /// shading normals are geometric normals.
     #[inline(always)]
     pub(super) fn is_above(&self, wi: Vec3x<S>) -> Option<Mask<S>> {
         let height = self.geometric?.dot(wi);
@@ -186,8 +184,8 @@ impl<S: Simd> Bsdf<S> {
 
     /// Draws a direction by `u[1]` and `u[2]`, which also choose between coat and base; `u[0]` chooses
     /// the lobe of a dielectric and of glTF's material. Sets the lanes whose ray continues inside a
-    /// dielectric in
-    /// `inside`. A direction on different sides of the geometric and the shading normal has weight 0.
+    /// dielectric in `inside`. A direction on different sides of the geometric and the shading normal has
+    /// weight 0.
     #[inline(always)]
     pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> BsdfSample<S> {
         let mut u1 = u[1];
@@ -246,8 +244,7 @@ impl<S: Simd> Bsdf<S> {
     }
 
     /// BSDF of the coat's mirror, spread over the cone of path regularisation, for lanes that are
-    /// `regularised`, sr⁻¹;
-    /// 0 in the others.
+    /// `regularised`, sr⁻¹; 0 in the others.
     #[inline(always)]
     pub(super) fn regularised_coat(&self, simd: S, regularised: Mask<S>, wi: Vec3x<S>) -> Float<S> {
         let in_cone = regularised & self.mirrored.dot(wi).simd_gt(CONE_COSINE);

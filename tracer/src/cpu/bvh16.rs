@@ -168,8 +168,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     let node = &self.nodes[part as usize];
                     let (entries, hits) = node.enter(simd, &ray, slack, distance[lane]);
                     // The nearest child is visited at once: it never goes through the stack, where its
-                    // distance would be
-                    // compared again.
+                    // distance would be compared again.
                     if hits != 0 {
                         let nearest;
                         (nearest, waiting) =
@@ -191,8 +190,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
     }
 
     /// Updates the nearest hit by the hits of a leaf that are nearer, or equally far with a smaller id:
-    /// so the result
-    /// does not depend on the order of traversal.
+    /// so the result does not depend on the order of traversal.
     #[inline(always)]
     fn update<S: Simd>(
         &self,
@@ -203,8 +201,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         is_met: impl Fn(u32) -> bool,
     ) {
         // Shapes report hits strictly before the limit. The next larger float admits hits at equal
-        // distance, of
-        // which the smaller id wins, as in a linear search in the order of ids.
+        // distance, of which the smaller id wins, as in a linear search in the order of ids.
         let Some((hit, t)) = self.meet(simd, leaf, ray, frame, distance.next_up()) else {
             return;
         };
@@ -331,8 +328,7 @@ impl Bvh16Node {
         // relative to the ray's origin.
         let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
         // Slab test by centre and half extent: multiplying by |1/d| orders near and far planes by itself,
-        // where
-        // corners need a minimum and a maximum more per axis.
+        // where corners need a minimum and a maximum more per axis.
         let middle = (center - ray.origin).scale(ray.inverse);
         let near = (-half).scale_add(ray.inverse_abs, middle);
         let far = half.scale_add(ray.inverse_abs, middle);
@@ -346,8 +342,7 @@ impl Bvh16Node {
 }
 
 /// Returns the nearest of the children in `hits` (not empty) and the new stack height. The other children
-/// are pushed
-/// above the `waiting` entries of the stack, the nearest on top.
+/// are pushed above the `waiting` entries of the stack, the nearest on top.
 #[inline(always)]
 fn queue(
     entries: &[f32; LANES],
@@ -429,8 +424,7 @@ impl RayLanes {
 }
 
 /// Slack of boxes for rounding at the coordinates of a ray's origin. A slack by the extent of the whole
-/// scene would
-/// enlarge the boxes of a small mesh on a floor of 10 km so much that they cull nothing.
+/// scene would enlarge the boxes of a small mesh on a floor of 10 km so much that they cull nothing.
 #[inline(always)]
 fn origin_slack<S: Simd>(ray: &Rays<S>) -> Float<S> {
     let origin = &ray.origin;
@@ -483,8 +477,7 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
         for (lane, part) in self.parts(subtree).iter().enumerate() {
             let center = 0.5 * (part.min + part.max);
             // Maximum of both differences: the centre is rounded, and the half extent has to reach the
-            // farther
-            // corner.
+            // farther corner.
             let half = (part.max - center).max(center - part.min) + self.slack;
             let child = self.build(bvh16, part);
             let node = &mut bvh16.nodes[number];
@@ -499,15 +492,13 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
     }
 
     /// Collapses `subtree` to up to one child per lane, opening the child of the largest surface area,
-    /// which
-    /// most rays enter, first.
+    /// which most rays enter, first.
     fn parts(&self, subtree: &BvhNode) -> Vec<BvhNode> {
         let mut parts = vec![*subtree];
         while parts.len() < LANES {
             let divisible = parts.iter().enumerate();
             // What fits a leaf stays whole: opened, it would be spread over several leaves, each of which
-            // costs a
-            // full step.
+            // costs a full step.
             let divisible = divisible.filter(|(_, part)| part.count as usize > LANES);
             let largest =
                 divisible.max_by(|(_, a), (_, b)| a.half_area().total_cmp(&b.half_area()));

@@ -45,8 +45,7 @@ impl CsgBox {
         let left = rays.start.simd_ge(self.first) & rays.start.simd_le(last);
         let zero = Float::splat(simd, 0.0);
         // A ray that leaves the body starts within the margin of the face that it leaves, and would count
-        // as
-        // inside that subtraction again.
+        // as inside that subtraction again.
         let start = left.select(Float::splat(simd, CSG_MARGIN_M), zero);
         let mut t = enter.max(start);
         let mut open = t.simd_lt(end);
@@ -250,8 +249,7 @@ impl<S: Simd> ApexCone<S> {
 }
 
 /// A ray relative to a cone: orthogonal to the axis it moves from q along d, while the cone's radius
-/// there changes
-/// from `radius` by `growth` per unit of `t`.
+/// there changes from `radius` by `growth` per unit of `t`.
 struct Approach<S: Simd> {
     /// |d|²
     d2: Float<S>,

@@ -65,8 +65,7 @@ impl EmissiveSurfaceSampler {
     }
 
     /// Area per solid angle at the hits of rays from `origin`, m²·sr⁻¹, which converts densities by area
-    /// to densities by
-    /// solid angle; 0 for spheres seen from within.
+    /// to densities by solid angle; 0 for spheres seen from within.
     #[inline(always)]
     pub(super) fn area_per_angle<S: Simd>(
         &self,
@@ -106,8 +105,7 @@ impl EmissiveSurfaceSampler {
     }
 
     /// Draws a point for each of `lanes`; distance and radiance are 0 in the others. Not inlined, to keep
-    /// it out of the
-    /// instruction stream of scenes without emissive surfaces.
+    /// it out of the instruction stream of scenes without emissive surfaces.
     #[inline(never)]
     pub(super) fn sample<S: Simd>(
         &self,
@@ -240,8 +238,7 @@ impl EmissiveSurfaceSampler {
 }
 
 /// Area per solid angle of spheres, m²·sr⁻¹, from a point at the square root of `squared` from the
-/// centre; 0 from
-/// within.
+/// centre; 0 from within.
 #[inline(always)]
 fn area_per_angle_of_sphere<S: Simd>(simd: S, squared: Float<S>, radius: Float<S>) -> Float<S> {
     let beyond = squared - radius * radius;
@@ -252,8 +249,7 @@ fn area_per_angle_of_sphere<S: Simd>(simd: S, squared: Float<S>, radius: Float<S
 }
 
 /// Draws a surface for each lane by `u` in [0, 1). For few surfaces a linear scan is faster than
-/// gathering a row per
-/// lane.
+/// gathering a row per lane.
 #[inline(always)]
 fn draw_of_few<S: Simd>(
     simd: S,
@@ -443,8 +439,7 @@ impl<S: Simd> DrawnSurfaces<S> {
         let is_outside = area_per_angle.simd_gt(0.0);
         let angle_per_area = is_outside.select(one / area_per_angle, zero);
         // 1 − cos θ of the direction, uniform in solid angle. Kept in this form, as 1 − cos θ of a small
-        // angle would
-        // cancel.
+        // angle would cancel.
         let within = u * 2.0 * radius2 * angle_per_area;
         let sine2 = within * (2.0 - within);
         let distance = squared.sqrt();

@@ -30,8 +30,7 @@ pub(super) fn ln<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
         .mul_add(m, 0.333_333_3);
     let y = y * m * z + exponent * -2.121_944_4e-4 - z * 0.5;
     // ln 2 = 0.693359375 − 2.12e-4: the larger part has few enough bits that its product with the
-    // exponent is
-    // exact. Smaller terms are added first.
+    // exponent is exact. Smaller terms are added first.
     m + y + exponent * 0.693_359_4
 }
 

@@ -160,8 +160,7 @@ impl CpuTracer {
         let (samples, rays) = (AtomicU64::new(0), AtomicU64::new(0));
         self.pool.install(|| {
             // Without a maximum rayon would give a task a run of adjacent tiles, which would finish one
-            // after
-            // another instead of in parallel.
+            // after another instead of in parallel.
             let tiles = job.tiles.par_iter().with_max_len(1).enumerate();
             tiles.for_each(|(index, &tile)| {
                 let Some(traced) = self.trace_tile(scene, job, tile, strips) else {

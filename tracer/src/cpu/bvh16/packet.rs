@@ -10,8 +10,7 @@ use super::{
 
 impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
     /// [`Bvh16::nearest`] for coherent rays: their `beam` finds the leaves, and each ray is tested
-    /// against those whose
-    /// boxes it enters.
+    /// against those whose boxes it enters.
     #[inline(always)]
     pub(in super::super) fn nearest_in_beam<S: Simd>(
         &self,
@@ -52,8 +51,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         let mut part = self.root;
         loop {
             // Stack entries hold parent · LANES + lane instead of the child's index, because the child's
-            // box is stored in
-            // its parent.
+            // box is stored in its parent.
             let places: [u32; LANES] =
                 std::array::from_fn(|lane| part * LANES as u32 + lane as u32);
             let node = &self.nodes[part as usize];
@@ -79,8 +77,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
                 let limit = Float::load_array(simd, distance);
                 // The beam has culled leaves, this test culls rays: it costs one step for all rays, and
-                // each ray that it
-                // excludes saves a step over 16 primitives.
+                // each ray that it excludes saves a step over 16 primitives.
                 let mut lanes = node.entered_by(simd, lane, rays, slack, limit);
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize % LANES;
@@ -91,8 +88,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     self.update(simd, leaf, (&ray, &frame), nearest, |_| true);
                 }
                 // Includes unused lanes of the last packet; they can only keep this bound large, which
-                // visits more
-                // but stays correct.
+                // visits more but stays correct.
                 farthest = -least(simd, -Float::load_array(simd, distance), all);
                 (next, waiting) = pop(&stack, waiting, farthest);
             };
@@ -102,8 +98,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
 
 impl Bvh16Node {
     /// Distances at which a beam enters the children's boxes, enlarged by `slack` for the beam's origins,
-    /// and the bit
-    /// mask of those that it enters up to `limit`.
+    /// and the bit mask of those that it enters up to `limit`.
     #[inline(always)]
     fn overlap<S: Simd>(
         &self,
