@@ -175,8 +175,8 @@ impl MotionVectors {
         }
         self.before.project(simd, seen, hidden)
     }
-/// Motion of a primitive; `None` if it is static.
 
+    /// Motion of a primitive; `None` if it is static.
     fn motion(&self, id: u32) -> Option<&Motion> {
         let after = self
             .motions
