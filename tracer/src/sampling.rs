@@ -3,10 +3,9 @@
 //! A number is a function of (pixel, sample, block, seed) alone, so the image does not depend on which
 //! node traced which tile. The same integer arithmetic runs in the scalar tracer, in SIMD and in WGSL.
 //!
-//! A path draws its numbers in pairs; each pair is identified by a *block*. The pairs of a block are points
-//! of Sobol's two-dimensional sequence. The assignment of points to (pixel, sample) guarantees two
-//! stratifications at once, each for every power of two:
-//! for every power of two:
+//! A path draws its numbers in pairs; each pair is identified by a *block*. The pairs of a block are
+//! points of Sobol's two-dimensional sequence. The assignment of points to (pixel, sample) guarantees two
+//! stratifications at once, each for every power of two: for every power of two:
 //!
 //! * The first 2ᵏ samples of a pixel, and every aligned run of 2ᵏ, have one point in each of the 2ᵏ
 //!   cells of every division into equal rectangles of dyadic sides.
@@ -132,14 +131,13 @@ fn second_dimension(mut x: u32) -> u32 {
 /// `digits` to its coefficients.
 ///
 /// Derivation: let the bits of a sample's index be the coefficients of a polynomial g, and the pairs of
-/// bits of a pixel's Morton index, the highest first, the 16 digits of a polynomial h to the base q.
-/// The point of `f = g·q¹⁶ + h` has f's coefficients as the digits of its first
-/// coordinate and those of f(x + 1) as the digits of its second. By the Chinese remainder theorem f
-/// is determined by its remainders modulo xᵃ, (x + 1)ᵇ and qᶜ, which are coprime, and by
-/// its remaining highest coefficients: fixing the upper bits of sample and pixel (qᶜ) leaves
-/// exactly one point for each cell (xᵃ, (x + 1)ᵇ). This is Niederreiter's construction, over the
-/// places x, x + 1, q and ∞. Since `q¹⁶ = 1 + x¹⁶ + x³²`, the first 16 digits of g·q¹⁶ are those of
-/// g: [`pair`] omits the product.
+/// bits of a pixel's Morton index, the highest first, the 16 digits of a polynomial h to the base q. The
+/// point of `f = g·q¹⁶ + h` has f's coefficients as the digits of its first coordinate and those of f(x +
+/// 1) as the digits of its second. By the Chinese remainder theorem f is determined by its remainders
+/// modulo xᵃ, (x + 1)ᵇ and qᶜ, which are coprime, and by its remaining highest coefficients: fixing the
+/// upper bits of sample and pixel (qᶜ) leaves exactly one point for each cell (xᵃ, (x + 1)ᵇ). This is
+/// Niederreiter's construction, over the places x, x + 1, q and ∞. Since `q¹⁶ = 1 + x¹⁶ + x³²`, the first
+/// 16 digits of g·q¹⁶ are those of g: [`pair`] omits the product.
 #[inline]
 fn in_base_q(mut digits: u32) -> u32 {
     // Each step merges halves to polynomials of twice the length: low + qⁿ·high, with qⁿ = 1 + xⁿ + x²ⁿ for

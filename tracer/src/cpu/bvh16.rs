@@ -1,5 +1,5 @@
-//! BVH with 16 children per node: each ray by itself against 16 boxes at once, then against
-//! 16 primitives at once.
+//! BVH with 16 children per node: each ray by itself against 16 boxes at once, then against 16 primitives
+//! at once.
 //!
 //! The binary [`Bvh`] with inner nodes collapsed until they have a child per lane (Wald, Benthin and
 //! Boulos, "Getting rid of packets", 2008): from the second vertex on rays are incoherent, and a packet
@@ -86,8 +86,7 @@ type Stack = [Entry; STACK_PARTS];
 const STACK_PARTS: usize = ((DEPTH_MAX + 1) as usize) * LANES;
 
 /// Node or leaf with its entry distance. The distance's bits come first, so that entries compare by
-/// distance:
-/// non-negative floats and their bit patterns have the same order.
+/// distance: non-negative floats and their bit patterns have the same order.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry(u64);
 

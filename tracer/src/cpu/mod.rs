@@ -8,9 +8,9 @@
 //! ```
 //!
 //! One generic source is compiled to SSE2, AVX2, AVX-512 or NEON code, chosen at run time. The random
-//! numbers of a sample are a function of its pixel and index, and each pixel sums its samples in order, so
-//! that an image is bit-identical for any tiling and number of threads. Instruction sets
-//! differ in rounding: those with fused multiply-add round once where others round twice.
+//! numbers of a sample are a function of its pixel and index, and each pixel sums its samples in order,
+//! so that an image is bit-identical for any tiling and number of threads. Instruction sets differ in
+//! rounding: those with fused multiply-add round once where others round twice.
 //!
 //! SIMD code stays in functions marked `#[inline(always)]`, never in closures: the compiler may
 //! leave closures out of line, compiled for the baseline instruction set, at a third of the speed.

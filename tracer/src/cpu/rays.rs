@@ -23,8 +23,7 @@ pub(super) struct Rays<S: Simd> {
     /// Of unit length.
     pub(super) direction: Vec3x<S>,
     /// Primitive on which each ray starts and which it cannot hit again, as all are convex. With
-    /// [`INSIDE`]:
-    /// the dielectric that the ray is inside of.
+    /// [`INSIDE`]: the dielectric that the ray is inside of.
     pub(super) start: Word<S>,
     /// Componentwise reciprocal of `direction`, finite.
     pub(super) inverse: Vec3x<S>,

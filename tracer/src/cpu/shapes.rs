@@ -150,10 +150,10 @@ impl Shape<6> for Sphere {
     }
 }
 
-/// Chord of a line inside a sphere, accurate in f32 for distant origins: the difference of
-/// origin and centre keeps its rounding error (Knuth's TwoDiff), and the perpendicular is orthogonalised
-/// twice. Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray
-/// Tracing Gems ch. 7, 2019, use part of this.
+/// Chord of a line inside a sphere, accurate in f32 for distant origins: the difference of origin and
+/// centre keeps its rounding error (Knuth's TwoDiff), and the perpendicular is orthogonalised twice.
+/// Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems ch. 7, 2019, use
+/// part of this.
 pub(super) struct Chord<S: Simd> {
     /// From the centre to the line, orthogonal to it.
     perpendicular: Vec3x<S>,

@@ -236,8 +236,8 @@ impl SharedEdges {
         lanes: u16,
         crossed: &mut Crossed,
     ) -> CrossedTriangles {
-        // Local copies stay in registers, as stores to `crossed` cannot alias them.
-        // Orthonormal basis with the ray as third axis: the problem becomes a point in a 2D triangle.
+        // Local copies stay in registers, as stores to `crossed` cannot alias them. Orthonormal basis
+        // with the ray as third axis: the problem becomes a point in a 2D triangle.
         let (origin, direction) = (rays.origin, rays.direction);
         let (u, v) = basis(simd, direction);
         let columns = (crossed.x.iter_mut())

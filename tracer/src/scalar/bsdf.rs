@@ -31,8 +31,8 @@ pub struct Bsdf {
     pub coat_alpha: f64,
     /// The mirror of a rough coat's sampled microfacet: [`Bsdf::with_facet`].
     pub facet: Option<CoatFacet>,
-    /// Energy compensation of the base for internal reflection:
-    /// `1 / (η²(1 − F_dr,int))`; 1 without a coat.
+    /// Energy compensation of the base for internal reflection: `1 / (η²(1 − F_dr,int))`; 1 without a
+    /// coat.
     pub diffuse_scale: f64,
     /// Sheen colour of a cloth over 2π; 0 for none.
     pub sheen: DVec3,

@@ -1,22 +1,22 @@
 //! Scalar path tracer: f64, one sample at a time, with the random numbers of the fast tracers.
 //!
 //! # Estimator
-//! The fast tracers follow it sample by sample, up to the rounding of f32. With `k` the
-//! depth, from 0, and `u = sampling::pair(pixel, sample, block, seed)`:
+//! The fast tracers follow it sample by sample, up to the rounding of f32. With `k` the depth, from 0,
+//! and `u = sampling::pair(pixel, sample, block, seed)`:
 //!
 //! 1. **Camera.** The ray goes through film position `pixel + u` of block `BLOCK_CAMERA`, and through the
 //!    point of the lens of block `BLOCK_LENS`.
 //! 2. **Edge.** The nearest primitive with `t > 0` is hit, at equal distances the first in the order
 //!    spheres, boxes, discs, rectangles, CSG boxes, triangles, area lights. The primitive that the ray
-//!    leaves is skipped: each is convex, so an outward ray cannot hit it again, and origins need no offset;
-//!    a ray inside a dielectric hits the far side of that body and no other of its own, or any triangle of
-//!    a mesh ([`triangle`]). Inside, free flight comes first: the path is scattered after
+//!    leaves is skipped: each is convex, so an outward ray cannot hit it again, and origins need no
+//!    offset; a ray inside a dielectric hits the far side of that body and no other of its own, or any
+//!    triangle of a mesh ([`triangle`]). Inside, free flight comes first: the path is scattered after
 //!    `−ln(1 − u[1]) / sampling_density` metres if that is nearer, with `u` of block `block_choice(k)`,
-//!    isotropically by `block_scatter(k)`, which counts as a scattering event. A ray that hits nothing adds
-//!    `beta · environment` and ends. A ray that hits an area light ends; from the front it adds
-//!    `beta · radiance · w`, where `w` is 1 for camera rays and after specular or volume scattering, which
-//!    has no density (a metal mirror, smooth glass, a medium), 0 where step 3 has added the area lights
-//!    (after a coat's mirror, and for light scattered inside a ball that is connected by
+//!    isotropically by `block_scatter(k)`, which counts as a scattering event. A ray that hits nothing
+//!    adds `beta · environment` and ends. A ray that hits an area light ends; from the front it adds
+//!    `beta · radiance · w`, where `w` is 1 for camera rays and after specular or volume scattering,
+//!    which has no density (a metal mirror, smooth glass, a medium), 0 where step 3 has added the area
+//!    lights (after a coat's mirror, and for light scattered inside a ball that is connected by
 //!    [`refracted_nee`]), else the power heuristic of the pdf against `brightness / light_weight_sum`.
 //!    After `max_depth` scattering events a ray that hits a surface ends black.
 //! 3. **Light.** Coat: if the nearest area light in the mirror direction is hit from the front and not

@@ -7,13 +7,13 @@
 //! around the direction from the centre to the inner point there is at most one, so that all others can be
 //! left to BSDF sampling exactly.
 //!
-//! In units of the radius, let the inner point be at `r` on an axis through the centre, and a ray leave it
-//! at an angle θ ≤ 90° to that axis. It meets the boundary after `l = cos θi − r cos θ`, where
-//! `sin θi = r sin θ`, not beyond the middle of its chord: `l ≤ cos θi`. When θ increases by a small angle,
-//! the exit point moves by `k = l / cos θi ≤ 1` of it, and the direction outside turns by
-//! `k + (1 − k) n cos θi / cos θo > 0` of it: rays that leave in a plane through the axis diverge and never
-//! cross, and as they also diverge sideways, none crosses the axis. So each point outside lies on at most
-//! one of them, and the side of a ray on which it lies tells in which direction to search.
+//! In units of the radius, let the inner point be at `r` on an axis through the centre, and a ray leave
+//! it at an angle θ ≤ 90° to that axis. It meets the boundary after `l = cos θi − r cos θ`, where
+//! `sin θi = r sin θ`, not beyond the middle of its chord: `l ≤ cos θi`. When θ increases by a small
+//! angle, the exit point moves by `k = l / cos θi ≤ 1` of it, and the direction outside turns by
+//! `k + (1 − k) n cos θi / cos θo > 0` of it: rays that leave in a plane through the axis diverge and
+//! never cross, and as they also diverge sideways, none crosses the axis. So each point outside lies on
+//! at most one of them, and the side of a ray on which it lies tells in which direction to search.
 
 use glam::{DVec2, DVec3};
 
