@@ -306,6 +306,7 @@ fn unit(v: DVec3) -> Vec3 {
 }
 
 fn area_lights(area_lights: &[AreaLight]) -> Vec<AreaLightData> {
+    // Relative to the brightest light, so that sampling weights stay in the range of f32.
     let mean = |light: &AreaLight| light.radiance.as_dvec3().element_sum() / 3.0;
     let brightest = area_lights
         .iter()

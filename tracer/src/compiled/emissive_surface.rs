@@ -182,6 +182,7 @@ impl CompiledScene {
             let area = 4.0 * f64::from(light.length_u) * f64::from(light.length_v);
             area * mean(light.radiance)
         });
+        // Fluxes over π: area times mean radiance of Lambertian emitters.
         let share = flux / (flux + others.sum::<f64>());
         match self.area_lights.is_empty() {
             true => 16,

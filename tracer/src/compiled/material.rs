@@ -54,6 +54,8 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             internal_reflectance,
             stripe,
         } => {
+            // Internal reflections form a geometric series with the sum 1 / (1 − F_dr,int); radiance that
+            // leaves is lower by η².
             let eta = f64::from(ior);
             let internal =
                 internal_reflectance.map_or_else(|| internal_diffuse_reflectance(eta), f64::from);
@@ -122,6 +124,7 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             opacity,
             layers,
         } => {
+            // Fresnel reflectance at normal incidence.
             let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
             let mut f0 = f0 * layers.specular_color;
             // With textures the product is clamped where they are looked up.

@@ -364,6 +364,7 @@ fn triangle_uvs(mesh: &Mesh, corners: &[u32; 3]) -> TriangleUvs {
     let [ta, tb, tc] = corners.map(|corner| mesh.uvs[corner as usize].as_dvec2());
     let area = (b - a).cross(c - a).length();
     let covered = (tb - ta).perp_dot(tc - ta).abs();
+    // Both areas are those of parallelograms; their ratio is that of the triangles.
     let density = if area > 0.0 {
         (covered / area).sqrt()
     } else {

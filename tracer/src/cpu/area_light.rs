@@ -380,6 +380,7 @@ impl<S: Simd> SphericalRectangle<S> {
         let d2 = x.mul_add(x, h2);
         let h0 = y0 / y0.mul_add(y0, d2).sqrt();
         let h1 = y1 / y1.mul_add(y1, d2).sqrt();
+        // h = y / √(d² + y²) is uniform along the second edge.
         let h = (h1 - h0).mul_add(v, h0);
         let y = h * (d2 / (1.0 - h * h).max(root_min)).sqrt();
         (x, y.max(y0).min(y1))

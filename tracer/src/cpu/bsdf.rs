@@ -102,6 +102,7 @@ impl<S: Simd> Bsdf<S> {
         };
         let h = sample_visible(simd, alpha, self.normal, self.wo, u[0], u[1]);
         let h = Vec3x::select(rough, h, self.normal);
+        // Reflectance F(wo·h) · G1(wi): the weight of a visible-normal sample.
         let cos_h = self.wo.dot(h);
         let mirrored = h.mul_add(cos_h * 2.0, -self.wo);
         let cos_i = self.normal.dot(mirrored).max(0.0);

@@ -269,6 +269,7 @@ impl<S: Simd> Approach<S> {
     #[inline(always)]
     fn meet(&self, t: Float<S>) -> (Mask<S>, Float<S>) {
         let (radius, growth) = (self.radius, self.growth);
+        // |q + t d|² = (radius + t growth)² as a quadratic in t.
         let square = self.d2 - growth * growth;
         let half_linear = self.along - growth * radius;
         let quarter = self.d2 * (radius * radius) - self.miss2

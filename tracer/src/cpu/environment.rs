@@ -79,6 +79,7 @@ impl Environment {
         let pdf = pdf();
         let is_found = pdf.simd_gt(0.0) & pdf.simd_lt(f32::INFINITY);
         let one = Float::splat(simd, 1.0);
+        // Power heuristic.
         let ratio = density / is_found.select(pdf, one);
         let weight = one / ratio.mul_add(ratio, one);
         radiance * is_found.select(weight, one)
@@ -109,6 +110,7 @@ fn seen<S: Simd>(
         || {
             let Vec3x { x, y, z } = direction;
             let sine = x.mul_add(x, y * y).sqrt();
+            // Equirectangular projection; the azimuth is measured from +y towards +x.
             let across = argument(simd, y, x) * (0.5 * FRAC_1_PI) + (0.5 + map.turn);
             let across = (across - across.floor()).to_array();
             let down = (argument(simd, z, sine) * FRAC_1_PI).to_array();

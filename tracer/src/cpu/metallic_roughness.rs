@@ -83,6 +83,7 @@ fn metallic_roughness_row((shape, material): (ShapeKind, &MaterialData)) -> Meta
         return row;
     }
     row[IS_SUCH] = 1.0;
+    // glTF's material reuses fields of other kinds: see `MaterialData`.
     row[DIELECTRIC_F0..][..3].copy_from_slice(&material.eta);
     row[SPECULAR] = material.diffuse_scale;
     row[METALLIC] = material.metallic;
@@ -272,6 +273,7 @@ impl<S: Simd> MetallicRoughness<S> {
                     point_density: rows.number(simd, POINT_DENSITY),
                     diffuse,
                     f0: (base - even).mul_add(metallic, even),
+                    // Metals reflect all light at grazing incidence.
                     f90: (1.0 - specular).mul_add(metallic, specular),
                     dielectric_f0,
                     base_f90: ((1.0 - alpha) * (1.0 - alpha) * specular).max(dielectric_f0),
@@ -406,6 +408,7 @@ impl<S: Simd> MetallicRoughness<S> {
             #[inline(always)]
             || {
                 let share = self.reflected_share(normal.dot(wo));
+                // Each choice rescales u0 for the next; it is unused in lanes that are already decided.
                 let (mut u0, mut alpha, mut coated) = (u[0], self.alpha, Mask::splat(simd, false));
                 let mut mirror_normal = normal;
                 let (mut passes, mut passed_share) = (coated, Float::splat(simd, 0.0));

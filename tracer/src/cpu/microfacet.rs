@@ -241,6 +241,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
         BsdfSample {
             wi: Vec3x::select(self.scattered, even, wi),
             weight: Vec3x::select(self.scattered, unweighted, weight),
+            // ∞ for specular directions, −∞ for scattering inside a body.
             pdf: self
                 .rough
                 .select(density, self.scattered.select(-infinite, infinite)),

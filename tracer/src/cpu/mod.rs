@@ -211,6 +211,7 @@ impl CpuTracer {
     }
 
     fn trace_area(&self, scene: &Prepared, job: &TraceJob<'_>, area: Tile) -> Option<Traced> {
+        // As many buffers exist as threads have ever traced at the same time; the lock is not held meanwhile.
         let mut scratch = self.lock_scratch().pop().unwrap_or_else(Scratch::new);
         let (settings, cancelled) = (job.settings, job.cancelled);
         let traced = dispatch!(self.level, simd => {

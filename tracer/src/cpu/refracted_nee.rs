@@ -110,6 +110,7 @@ impl<S: Simd> PlaneRays<S> {
     /// [`crate::scalar::refracted_nee`].
     #[inline(always)]
     fn spread(&self, ior: Float<S>, outside: Float<S>) -> Float<S> {
+        // Coddington's equations: see the scalar tracer's `spread`.
         let moved = self.length / self.cos_i.max(TINY);
         let bent = ior * self.cos_i / self.cos_o.max(TINY);
         let turned = bent.mul_add(1.0 - moved, moved);

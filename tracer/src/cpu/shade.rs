@@ -167,6 +167,7 @@ impl Prepared {
         let mut emission = surface.emission;
         if let Some(lights) = &self.emissive_surfaces {
             let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+            // Densities by area are converted by the geometric normal; it is 0 where it equals `normal`.
             let mut normal = hit.normal;
             if let Some(geometric) = hit.geometric {
                 let is_other = geometric.length_squared().simd_gt(0.0);

@@ -316,6 +316,7 @@ impl Surfaces {
             boundary = triangles.boundary;
         }
         if !self.microfacet.is_empty() {
+            // A mesh tells by its winding whether the ray was inside; other bodies by the tag.
             let mut tags = tag & (INSIDE | SCATTERED);
             if let (Some(triangles), Some(boundary)) = (triangles, &boundary) {
                 let [inside, outside] = [INSIDE, 0].map(|tag| Word::splat(simd, tag));

@@ -221,6 +221,7 @@ impl Bsdf {
         if cos_o <= 0.0 || cos_i <= 0.0 {
             return DVec3::ZERO;
         }
+        // Fresnel transmittance on entry and on exit; `diffuse_scale` accounts for internal reflection.
         let coat = (1.0 - self.reflected(cos_o)) * (1.0 - self.fresnel(cos_i));
         self.albedo * (coat * self.diffuse_scale / PI)
     }
@@ -253,6 +254,7 @@ impl Bsdf {
                 pdf: Some(0.0),
             };
         }
+        // Malley's method with the rescaled number: cosine-weighted directions.
         let u1 = (u[1] - probability_mirror) / (1.0 - probability_mirror);
         let (radius, phi) = (u1.sqrt(), 2.0 * PI * u[2]);
         let cos_i = (1.0 - u1).max(0.0).sqrt();
@@ -262,6 +264,7 @@ impl Bsdf {
         let f = self.eval(cos_o, cos_i) + self.sheen(wo, wi, n);
         BsdfSample {
             wi,
+            // f · cos over the density (1 − p) · cos / π.
             weight: f * (PI / (1.0 - probability_mirror)),
             pdf: Some(pdf),
         }

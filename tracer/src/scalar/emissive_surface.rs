@@ -63,6 +63,7 @@ pub fn sample_emissive_surface(
         direction_to_flat(corners, weights, point)?
     };
     let area = surface.kind().area_factor()? * unit_area;
+    // 1/pdf = area · (solid angle per area) / P(surface).
     let probability = f64::from(surface.probability) * f64::from(lights.probability());
     let material = scene.material_of(surface.primitive())?;
     Some(EmissiveSurfaceSample {

@@ -107,6 +107,7 @@ impl<'a> PathTracer<'a> {
             let mut sum = DVec3::ZERO;
             let half = self.settings.samples / 2;
             for taken in 0..self.settings.samples {
+                // Reached before the first sample of the second half.
                 if taken == half {
                     let mean = sum / f64::from(half.max(1));
                     row.half.push(mean.as_vec3().to_array());

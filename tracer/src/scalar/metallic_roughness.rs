@@ -1,20 +1,21 @@
 //! The metallic-roughness material of glTF 2.0: a diffuse base or a metal under a rough specular
 //! reflection.
 //!
-//! The specular lobe is GGX ([`super::microfacet`]) with Schlick's Fresnel term ("An Inexpensive BRDF Model
-//! for Physically-based Rendering", CGF 13(3), 1994). Transmitted light is diffuse as under the coat of
-//! [`crate::Material::SmoothPlastic`], attenuated in both directions, so that the BSDF is reciprocal and
-//! conserves energy; it is divided by `1 − F_avg`, the mean transmittance into the base, so that a smooth
-//! white surface reflects all light. Rough surfaces reflect less at grazing angles than smooth ones, so
-//! that Schlick's term of the attenuation rises only to `(1 − α)²`: about the least with which white
-//! surfaces create no light.
+//! The specular lobe is GGX ([`super::microfacet`]) with Schlick's Fresnel term ("An Inexpensive BRDF
+//! Model for Physically-based Rendering", CGF 13(3), 1994). Transmitted light is diffuse as under the
+//! coat of [`crate::Material::SmoothPlastic`], attenuated in both directions, so that the BSDF is
+//! reciprocal and conserves energy; it is divided by `1 − F_avg`, the mean transmittance into the base,
+//! so that a smooth white surface reflects all light. Rough surfaces reflect less at grazing angles than
+//! smooth ones, so that Schlick's term of the attenuation rises only to `(1 − α)²`: about the least with
+//! which white surfaces create no light.
 //!
-//! # Layers A sheen ([`crate::sheen`]) is added to the lobes below, which are scaled by one minus the
-//! larger of its directional albedos for both directions (Khronos Group, `KHR_materials_sheen`); a sheen
-//! whose albedo would exceed 1 is divided by it. A clear coat of index 1.5 lies over both: another rough
+//! # Layers
+//! A sheen ([`crate::sheen`]) is added to the lobes below, which are scaled by one minus the larger of
+//! its directional albedos for both directions (Khronos Group, `KHR_materials_sheen`); a sheen whose
+//! albedo would exceed 1 is divided by it. A clear coat of index 1.5 lies over both: another rough
 //! specular lobe, whose transmittances in both directions scale all lobes below. The diffuse base is
-//! divided by the mean of the product of both transmittances, so that a white one reflects all light under
-//! a smooth coat, too; interreflection between a metal and the coat is neglected.
+//! divided by the mean of the product of both transmittances, so that a white one reflects all light
+//! under a smooth coat, too; interreflection between a metal and the coat is neglected.
 //!
 //! Part of the light in the base may be transmitted: see [`ThinWall`].
 //!
@@ -127,9 +128,11 @@ impl MetallicRoughness {
         let metallic = f64::from(material.metallic) * factors.metallic;
         let specular = f64::from(material.diffuse_scale) * factors.specular;
         let f0 = vector(material.eta) * factors.specular_color * factors.specular;
+        // KHR_materials_specular: the coloured reflectance is at most the specular strength.
         let f0 = f0.min(DVec3::splat(specular));
         let dielectric_f0 = f0.max_element();
         let alpha = f64::from(material.alpha) * factors.roughness * factors.roughness;
+        // glTF's material reuses fields of other kinds: see `MaterialData`.
         let [clearcoat, clearcoat_alpha, transmission] = material.stripe_albedo.map(f64::from);
         let transmission = transmission * factors.transmission;
         let dielectric = base * (1.0 - metallic);
@@ -146,6 +149,7 @@ impl MetallicRoughness {
         Self {
             diffuse: dielectric * (1.0 - transmission),
             f0: f0.lerp(base, metallic),
+            // Metals reflect all light at grazing incidence.
             f90: specular + (1.0 - specular) * metallic,
             dielectric_f0,
             base_f90: ((1.0 - alpha).powi(2) * specular).max(dielectric_f0),
@@ -192,6 +196,7 @@ impl MetallicRoughness {
         let seen = 0.25 * ggx(alpha, h.dot(coat_n)) * visibility(alpha, cos_o);
         let mut coat = self.coat_reflected(wo.dot(h)) * seen * visibility(alpha, cos_i);
         if self.clearcoat_n.is_some() {
+            // `f` is multiplied by the larger cosine later, while this lobe is defined with its own.
             coat *= cos_i / self.cosine(wi, n);
         }
         (f + coat, share * seen + (1.0 - share) * pdf)

@@ -167,6 +167,8 @@ fn highest(r: f64, point: DVec2) -> f64 {
 /// equations).
 fn spread(ray: &PlaneRay, ior: f64, outside: f64) -> f64 {
     let moved = ray.length / ray.cos_i;
+    // Per angle at the inner point: the exit point moves by `moved`, and the direction outside turns by
+    // moved + bent (1 − moved), as derived above.
     let bent = ior * ray.cos_i / ray.cos_o.max(f64::MIN_POSITIVE);
     let in_plane = moved * ray.cos_o + outside * (moved + bent * (1.0 - moved));
     let power = ior * ray.cos_i - ray.cos_o;

@@ -1,30 +1,35 @@
 //! Triangle intersection in f64, and shading normals.
 //!
-//! # Watertightness Corners are transformed to a coordinate system with the ray as z axis: their x and y
-//! are rounded once each, independently of the triangle that they belong to. The ray hits a triangle if it
-//! is on one side of all three edges, by the signs of edge functions. These are exact: rounding preserves
-//! the order of two products, and the same edge of a neighbour has the same two products with opposite
-//! sign. So a ray through a closed mesh hits it, at edges and corners too. An edge function of 0 only tells
-//! that the ray meets the line of an edge: a triangle seen edge-on lies on that line however far away, and
-//! is hit only if the ray is also within the bounds of its corners (Woop, Benthin and Wald, "Watertight
-//! Ray/Triangle Intersection", JCGT 2(1), 2013, whose shear is a rotation here).
+//! # Watertightness
+//! Corners are transformed to a coordinate system with the ray as z axis: their x and y are rounded once
+//! each, independently of the triangle that they belong to. The ray hits a triangle if it is on one side
+//! of all three edges, by the signs of edge functions. These never have the wrong sign: rounding is
+//! monotonic, so that the difference of two products at worst becomes 0, and the same edge of a neighbour
+//! has the same two products with opposite sign. So a ray through a closed mesh hits it, at edges and
+//! corners too. An edge function of 0 only tells that the ray meets the line of an edge: a triangle seen
+//! edge-on lies on that line however far away, and is hit only if the ray is also within the bounds of
+//! its corners (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013, whose
+//! shear is a rotation here).
 //!
-//! # Normals A facet is shaded with its geometric normal. With vertex normals, the BSDF uses their
-//! interpolation, or the result of a normal map, while the geometric normal decides which side is outside:
-//! a direction below the triangle carries no light (Pharr, Jakob and Humphreys, "Physically Based
-//! Rendering", 4th edition, section 9.1.1, on light leaks). So shading may lose light near silhouettes and
-//! terminators but never adds any. Where the mirror direction of the viewer would be below, the normal is
-//! turned towards the viewer until it is not (Keller et al., "The Iray Light Transport Simulation and
-//! Rendering System", 2017, appendix A.3).
+//! # Normals
+//! A facet is shaded with its geometric normal. With vertex normals, the BSDF uses their interpolation,
+//! or the result of a normal map, while the geometric normal decides which side is outside: a direction
+//! below the triangle carries no light (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th
+//! edition, section 9.1.1, on light leaks). So shading may lose light near silhouettes and terminators
+//! but never adds any. Where the mirror direction of the viewer would be below, the normal is turned
+//! towards the viewer until it is not (Keller et al., "The Iray Light Transport Simulation and Rendering
+//! System", 2017, appendix A.3).
 //!
-//! # Bodies Meshes of a dielectric are closed, with corners counterclockwise as seen from outside, so that
-//! the side that is hit tells whether a ray was inside. A ray that continues inside may hit the triangle on
+//! # Bodies
+//! Meshes of a dielectric are closed, with corners counterclockwise as seen from outside, so that the
+//! side that is hit tells whether a ray was inside. A ray that continues inside may hit the triangle on
 //! which it starts only on its way out, after a scattering event inside: from the surface it leads away.
 //! Refracted light goes to the side of the triangle to which the shading normal sends it, or is lost.
 //!
-//! # Opacity Where a material's [`crate::Opacity`] lets a ray pass, the triangle is not hit: each ray,
-//! shadow rays included, decides by a hash of itself and the triangle. That is unbiased for any number of
-//! layers in any order, needs no random number of the path, and costs nothing for opaque scenes.
+//! # Opacity
+//! Where a material's [`crate::Opacity`] lets a ray pass, the triangle is not hit: each ray, shadow rays
+//! included, decides by a hash of itself and the triangle. That is unbiased for any number of layers in
+//! any order, needs no random number of the path, and costs nothing for opaque scenes.
 
 use glam::DVec3;
 

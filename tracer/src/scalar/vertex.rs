@@ -65,6 +65,7 @@ impl Vertex {
     /// an opaque material with a shading normal.
     pub(super) fn is_below(&self, wi: DVec3) -> bool {
         let is_passed = self.scatter.lets_light_pass() && wi.dot(self.n) < 0.0;
+        // Transmitted directions have to be below the geometric surface, all others above.
         let height = wi.dot(self.geometric_n) * if is_passed { -1.0 } else { 1.0 };
         let is_smooth = self.n != self.geometric_n || self.scatter.has_clearcoat_normal();
         is_smooth && height <= 0.0

@@ -40,6 +40,7 @@ impl MetallicRoughness {
         let Some(wall) = self.wall.filter(|wall| !wall.is_smooth && cos_o > 0.0) else {
             return (DVec3::ZERO, 0.0);
         };
+        // Evaluated as the reflection lobe in the direction mirrored to the side of `wo`.
         let wi = mirrored(wi, n);
         let h = (wo + wi).normalize();
         let seen = 0.25 * ggx(self.alpha, h.dot(n)) * visibility(self.alpha, cos_o);
