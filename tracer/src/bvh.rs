@@ -371,7 +371,7 @@ mod tests {
         }
     }
 
-    /// Balls in a cloud, in one place, along lines with growing gaps, huge and tiny, hidden.
+    /// Spheres in a cloud, coinciding, along lines with growing gaps, huge and tiny, hidden.
     fn crowds(count: usize) -> Vec<Vec<SphereData>> {
         let random = |i: usize| {
             let [x, y, z, r] = uniforms(i as u32, 7, 0, 0);
@@ -395,7 +395,7 @@ mod tests {
         places.into_iter().map(crowd).collect()
     }
 
-    /// Checks a part and returns the longest way down.
+    /// Checks a subtree and returns its depth.
     fn check(bvh: &Bvh, spheres: &[SphereData], part: &BvhNode) -> u32 {
         let range = part.first as usize..(part.first + part.count) as usize;
         assert!(range.start.is_multiple_of(LEAF));
@@ -481,7 +481,7 @@ mod tests {
         }
     }
 
-    /// Points of a flat shape lie in its bounds, and some near each side.
+    /// The bounds of a flat shape contain its points, and are tight on each side.
     #[test]
     fn bounds_of_flat_shapes_are_tight() {
         for i in 0..1000 {

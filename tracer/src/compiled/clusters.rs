@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn there_are_at_most_as_many_clusters_as_fit() {
-        // Twice a heap at each corner of a cube round the origin.
+        // Two clusters of four boxes at each corner of a cube around the origin, in different groups.
         let center = |i: u8| {
             let corner = [0, 1, 2].map(|axis| if (i / 4) >> axis & 1 == 1 { 2.0 } else { -2.0 });
             (Vec3::from(corner) + 0.1 * f32::from(i % 4)).to_array()

@@ -19,10 +19,10 @@ pub struct SphereData {
     /// Unit axis through the number circles, in world space.
     pub number_axis: [f32; 3],
     /// 1 if next-event estimation connects points inside to area lights through the boundary
-    /// ([`crate::scalar::refracted_nee`]), else 0. Requires a smooth boundary, and that the plane of every
-    /// area light lies at least half a radius above the whole ball, facing it, so that no area light is
-    /// visible from inside along a straight line except through the hemisphere where refracted paths leave,
-    /// or much larger.
+    /// ([`crate::scalar::refracted_nee`]), else 0. Requires a smooth boundary, and that the plane of
+    /// every area light lies at least half a radius above the whole ball, facing it: then a light's solid
+    /// angle from an inner point, by which it is sampled, is positive wherever it is from the exit point,
+    /// and of similar size.
     pub allows_refracted_nee: u32,
 }
 

@@ -301,7 +301,7 @@ mod tests {
         let map = spotted();
         let of = |x: f32, y: f32| map.density([(x + 0.5) / 24.0, (y + 0.5) / 10.0]);
         assert!(of(3.0, 2.0) > 20.0 * of(10.0, 4.0));
-        // What is interpolated at the edge of light is not black.
+        // Interpolation reaches half a pixel beyond the edge of the bright area.
         assert!(of(10.0, 8.0) > 0.0 && of(10.0, 9.0) < 1e-3);
     }
 

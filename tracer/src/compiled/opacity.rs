@@ -48,8 +48,8 @@ impl CompiledScene {
 impl AlphaTest<'_> {
     /// Whether a ray hits a triangle at the point with these barycentric coordinates.
     ///
-    /// The random number is a hash of ray and triangle (as in Pharr, Jakob and Humphreys, "Physically Based
-    /// Rendering", 4th edition, section 7.1.1), so that all back ends decide alike, independently of the
+    /// The random number is a hash of ray and triangle (as in Pharr, Jakob and Humphreys, "Physically
+    /// Based Rendering", 4th edition, section 7.1.1), so that all tests of the same ray agree, in any
     /// order of traversal. Shadow rays use the same stochastic test: the product of all layers'
     /// transmittances would require a traversal of every layer, where this ends at the first that is hit.
     pub(crate) fn is_met(
@@ -143,7 +143,7 @@ fn ray_number(origin: Vec3, direction: Vec3, triangle: u32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Of rays that differ in the last bits alone, as those of one pixel do.
+    /// For rays that differ in the last bits only, as those of one pixel do.
     #[test]
     fn numbers_of_neighbouring_rays_are_even_and_independent() {
         let numbers = |triangle: u32| {

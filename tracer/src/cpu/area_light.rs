@@ -458,7 +458,7 @@ mod tests {
     use crate::simd::{Level, dispatch};
     use crate::{Camera, CompiledScene, Lens, Scene};
 
-    /// Two area lights of other shapes and directions.
+    /// Two area lights of different shapes and orientations.
     fn area_lights() -> Vec<AreaLightData> {
         let light = |center, half_u, half_v, radiance| AreaLight {
             name: "lamp".to_owned(),
@@ -550,7 +550,7 @@ mod tests {
                 differing += u32::from(!same);
             }
         }
-        // Points so near a threshold that rounding decides.
+        // Points so close to a threshold that rounding decides.
         assert!(differing <= 16, "{differing} of 16,384");
     }
 }

@@ -316,7 +316,7 @@ mod tests {
         2.0 * uniforms(index, block, 5, 7)[0] - 1.0
     }
 
-    /// Rays whose origins and directions are as far apart as `spread`, now along an axis and now not.
+    /// Rays whose origins and directions differ by up to `spread`; some directions are parallel to an axis.
     fn packet(index: u32, spread: f32) -> Six {
         let middle: [f32; 6] = std::array::from_fn(|i| random(index, i as u32));
         let along = (index % 3) as usize;
@@ -332,7 +332,7 @@ mod tests {
         })
     }
 
-    /// Hits, and where something lies before 2 m, of the `lanes`, by their beam or without.
+    /// Hits, and occlusion before 2 m, of the rays of `lanes`, with their beam or without.
     #[inline(always)]
     fn hits<S: Simd>(
         simd: S,
@@ -370,7 +370,7 @@ mod tests {
                 let mut six = packet(index, spread);
                 let lanes = if index % 7 == 0 { 0x0ff3 } else { 0xffff };
                 if index % 7 == 0 {
-                    // A lane that is left out may hold anything.
+                    // A masked-out lane may hold any values.
                     six[index as usize % 6][2] = [f32::NAN, f32::INFINITY][index as usize % 2];
                 }
                 let [all, by_beam] = [false, true].map(|is_by_beam| {

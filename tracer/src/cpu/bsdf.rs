@@ -25,7 +25,7 @@ pub(super) struct Bsdf<S: Simd> {
     fresnel: Float<S>,
     /// Direction of the coat's mirror reflection.
     mirrored: Vec3x<S>,
-    /// The lanes whose coat is rough; `None` if the packet met no rough coat.
+    /// The lanes whose coat is rough; `None` if the scene has no rough coats or the packet met no coat.
     rough: Option<Mask<S>>,
     /// Probability with which the coat's mirror direction is sampled.
     specular_share: Float<S>,
@@ -244,7 +244,7 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// BSDF of the coat's mirror, spread over the cone of path regularisation, for lanes that are
+    /// `f · cos θ` of the coat's mirror, spread over the cone of path regularisation, for lanes that are
     /// `regularised`, sr⁻¹; 0 in the others.
     #[inline(always)]
     pub(super) fn regularised_coat(&self, simd: S, regularised: Mask<S>, wi: Vec3x<S>) -> Float<S> {

@@ -549,8 +549,8 @@ mod tests {
     type Packet = ([[f32; LANES]; 6], [u32; LANES]);
     type Answer = ([u32; LANES], [u32; LANES], [u64; 2]);
 
-    /// Bits of the distance to the nearest primitive, its id, and what is occluded from half that way
-    /// and from twice it.
+    /// Bits of the distance to the nearest primitive, its id, and occlusion before half and before twice
+    /// that distance.
     #[inline(always)]
     fn nearest_hits<S: Simd>(simd: S, geometry: &Geometry, (six, start): &Packet) -> Answer {
         let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
@@ -594,7 +594,7 @@ mod tests {
         (0..count).map(packet).collect()
     }
 
-    /// Compares the BVH with each primitive by itself; returns how many rays hit.
+    /// Compares the BVH with a linear search; returns the number of hits.
     fn compare(level: Level, mut scene: CompiledScene, packets: &[Packet]) -> u32 {
         scene.bvh_use = BvhUse::Never;
         let each = Geometry::new(&scene);
@@ -630,7 +630,7 @@ mod tests {
         }
     }
 
-    /// A box, another of glass and a square: triangles that share corners and edges.
+    /// A box, a second one of glass and a square, as triangles that share corners and edges.
     fn small_meshes() -> CompiledScene {
         use crate::{Camera, Material, Mesh, Scene};
         let block = |center: Vec3, half: f32| {
@@ -667,7 +667,7 @@ mod tests {
         CompiledScene::new(&scene).unwrap()
     }
 
-    /// Rays to corners of triangles and to points of their edges, from somewhere and from along an axis.
+    /// Rays to corners of triangles and to points on their edges, from random origins and along an axis.
     fn packets_at_edges(scene: &CompiledScene, count: u32) -> Vec<Packet> {
         let mut packets = packets(scene, 2, count);
         for (i, lane) in (0..count * LANES as u32).zip((0..LANES).cycle()) {
@@ -690,7 +690,7 @@ mod tests {
         packets
     }
 
-    /// Bits of distances, ids and what is occluded: of the triangles by shared edges, then of each by itself.
+    /// Bits of distances, ids and occlusion: of the triangles by shared edges, then of each by itself.
     #[inline(always)]
     fn by_edges_and_each<S: Simd>(
         simd: S,
@@ -745,7 +745,7 @@ mod tests {
         }
     }
 
-    /// As [`compare`]; where the rays begin nowhere, checks that nothing is met by the BVH.
+    /// Like [`compare`]; for rays with origins that are not finite, checks that the BVH reports no hits.
     fn compare_or_miss(scene: &CompiledScene, packet: Packet) {
         let level = Level::new();
         if packet.0[..3].iter().flatten().all(|c| c.is_finite()) {

@@ -284,11 +284,11 @@ mod tests {
         let cut = FirstHits::new(&scene, size);
         let depths = whole.inverse_depth.iter().zip(&cut.inverse_depth);
         let off = depths.filter(|(a, b)| (*a - *b).abs() > 1e-4 * a.abs());
-        // Rounding sends a ray past the other side of an edge now and then.
+        // By rounding, a few rays pass an edge on the other side.
         assert!(off.count() < 20);
     }
 
-    /// The ray through each pixel traced.
+    /// Traces the ray through each pixel.
     fn all_traced(scene: &CompiledScene, size: ImageSize) -> (Vec<f32>, Vec<u32>) {
         let rays = FirstRays::new(scene, size);
         let width = size.width as usize;
@@ -314,7 +314,7 @@ mod tests {
             let (depths, primitives) = all_traced(&scene, size);
             let others = primitives.iter().zip(&hits.primitive);
             let others = others.filter(|(traced, found)| traced != found).count();
-            // What is narrower than two pixels.
+            // Features narrower than two pixels.
             assert!(others * 2000 <= size.pixels(), "{others} of {size:?}");
             let same = (0..size.pixels()).filter(|at| primitives[*at] == hits.primitive[*at]);
             let error = |at: usize| (hits.inverse_depth[at] / depths[at] - 1.0).abs();

@@ -499,7 +499,7 @@ mod tests {
         }
     }
 
-    /// Boxes and CSG boxes in heaps round the origin.
+    /// Boxes and CSG boxes clustered around the origin.
     fn heaps() -> Vec<Shape> {
         let solid = |i: u32, is_csg: bool| {
             let heap = Vec3::from(
@@ -597,7 +597,8 @@ mod tests {
         }
     }
 
-    /// Impacts a few ulps inside and outside of a ball's edge: beyond 4 of them none is mistaken.
+    /// Impacts a few ulps inside and outside a ball's silhouette: beyond 4 ulps all are classified
+    /// correctly.
     #[test]
     fn grazing_rays_are_exact_to_4_ulps() {
         const RADIUS: f32 = 0.028_575;

@@ -257,8 +257,8 @@ impl Prepared {
         !self.surfaces.nee_boundaries.is_empty()
     }
 
-    /// Lanes whose ray, scattered inside a ball at density `pdf` and `distance` before its boundary, leaves
-    /// the ball by a path that refracted next-event estimation covers.
+    /// Lanes whose ray, of stored density `pdf`, was scattered inside a ball, travelled `distance` to the
+    /// boundary, and leaves by a path that refracted next-event estimation covers.
     #[inline(always)]
     pub(super) fn exits_by_nee_hemisphere<S: Simd>(
         &self,

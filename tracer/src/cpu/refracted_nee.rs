@@ -37,7 +37,7 @@ pub(super) fn nee_boundary_row(sphere: &SphereData, material: &MaterialData) -> 
 
 /// The ball around each path of a packet.
 pub(super) struct NeeBoundaries<S: Simd> {
-    /// Lanes inside a ball that allows it.
+    /// Lanes inside a ball that allows it, or at its boundary.
     pub(super) lanes: Mask<S>,
     center: Vec3x<S>,
     radius: Float<S>,

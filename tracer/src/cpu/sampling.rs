@@ -158,7 +158,7 @@ mod tests {
     use crate::sampling::sample_key;
     use crate::simd::{Level, dispatch};
 
-    /// The first lane's sample; later ones wrap round.
+    /// Sample index of the first lane; those of later lanes wrap around.
     const SAMPLE: u32 = u32::MAX - 7;
 
     #[inline(always)]

@@ -361,7 +361,7 @@ impl CrossedTriangles {
 mod tests {
     use super::*;
 
-    /// Triangles of a fan round a corner.
+    /// Triangles of a fan around a corner.
     fn fan(count: usize) -> impl ExactSizeIterator<Item = ([[f32; 3]; 3], bool)> {
         (0..count).map(|i| {
             (

@@ -314,7 +314,7 @@ mod tests {
         (0..200_000).map(|i| uniforms(i, 0, 0, 7).map(f64::from))
     }
 
-    /// To a tilted normal, at `cos` to it.
+    /// Direction at `cos` to a tilted normal.
     fn wo_at(cos: f64, n: DVec3) -> DVec3 {
         let (t, _) = basis(n);
         cos * n + (1.0 - cos * cos).sqrt() * t
@@ -401,7 +401,7 @@ mod tests {
         }
     }
 
-    /// The mean of `reflectance(wi) of` over the facets of a coat and over the directions that GGX sends light to.
+    /// Mean of `reflectance(wi) of` over the facets of a coat, and over GGX-distributed directions.
     fn facet_means(bsdf: Bsdf, cos_o: f64, of: fn(DVec3) -> f64) -> [f64; 2] {
         let (n, wo) = (DVec3::Z, wo_at(cos_o, DVec3::Z));
         let drawn = samples().map(|[u, v, ..]| {

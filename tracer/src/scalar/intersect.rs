@@ -366,7 +366,7 @@ mod tests {
         );
         assert_eq!(met([0.0; 3], to_x), Some((1.0, DVec3::X)));
         assert_eq!(met([0.0; 3], [-1.0, 0.0, 0.0]), Some((1.0, DVec3::NEG_X)));
-        // Along a face and along an edge: the closed box is met.
+        // Along a face and along an edge: the box is closed, so both hit.
         assert_eq!(met([-3.0, 1.0, 0.0], to_x), Some((2.0, DVec3::NEG_X)));
         assert_eq!(met([-3.0, 1.0, -1.0], to_x), Some((2.0, DVec3::NEG_X)));
         assert_eq!(met([-3.0, 1.0 + 1e-9, 0.0], to_x), None);

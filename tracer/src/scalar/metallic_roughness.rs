@@ -386,7 +386,7 @@ mod tests {
         }
     }
 
-    /// Under a clear coat and a sheen.
+    /// A surface with a clear coat and a sheen.
     pub(super) fn layered(
         base: MetallicRoughness,
         coat: f64,
@@ -442,7 +442,7 @@ mod tests {
         }
     }
 
-    /// The mean weight of directions that are drawn.
+    /// Mean weight of sampled directions.
     fn directional_albedo(surface: &MetallicRoughness, cos_o: f64) -> f64 {
         let wo = direction(cos_o, 0.3);
         let draws = 20_000;
@@ -450,7 +450,8 @@ mod tests {
         weights.sum::<f64>() / f64::from(draws)
     }
 
-    /// White furnace of layers: a white base under a smooth coat reflects all that comes, and none makes light.
+    /// White furnace of layers: a white base under a smooth coat reflects all light, and no layer creates
+    /// any.
     #[test]
     fn coats_and_sheens_over_white_surfaces_make_no_light() {
         for metallic in [0.0, 0.5, 1.0] {
@@ -472,7 +473,7 @@ mod tests {
         }
     }
 
-    /// White furnace: at grazing angles a narrow sheen alone would reflect a third more than comes.
+    /// White furnace: at grazing angles a narrow sheen alone would reflect a third more light than arrives.
     #[test]
     fn narrow_sheens_make_no_light_at_grazing_angles() {
         for width in [0.1, 0.15, 0.3] {
@@ -487,7 +488,7 @@ mod tests {
         }
     }
 
-    /// Light that a coat with a normal of its own reflects, and with it what is below.
+    /// Light reflected by a coat with a normal of its own and by the base below.
     #[test]
     fn directions_of_a_coat_with_its_own_normal_are_drawn_with_their_density() {
         let n = DVec3::new(0.3, -0.8, -0.4).normalize();
@@ -498,7 +499,7 @@ mod tests {
                 clearcoat_n: Some((tilt.cos() * n + tilt.sin() * b).normalize()),
                 ..layered(below, 0.7, 0.0, 0.6)
             };
-            // A coat of strength 1 lets nothing pass at grazing angles, where draws would have no weight.
+            // A coat of strength 1 transmits nothing at grazing angles, where samples would have no weight.
             let wo = (0.6 * n + 0.7 * t + 0.2 * b).normalize();
             let density = |wi| surface.eval(wo, wi, n).1;
             let sample = |u| surface.sample(wo, n, u);
@@ -521,7 +522,7 @@ mod tests {
         }
     }
 
-    /// White furnace: a white surface never reflects more than comes, and a smooth one all of it.
+    /// White furnace: a white surface never reflects more light than arrives, and a smooth one all of it.
     #[test]
     fn white_surfaces_make_no_light() {
         for metallic in [0.0, 0.3, 1.0] {

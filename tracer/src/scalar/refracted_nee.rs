@@ -209,8 +209,8 @@ mod tests {
         (point, [1.0, 1.0001, 1.33, 1.5, 2.4][(d * 5.0) as usize])
     }
 
-    /// Where a ray from inside leaves and its direction outside, if it is not reflected, and whether by
-    /// the half towards which it began.
+    /// Exit point of a ray from inside and its direction outside, if it is not totally reflected, and
+    /// whether it leaves by the hemisphere towards which it began.
     fn leave(from: DVec3, direction: DVec3, ior: f64) -> (DVec3, Option<DVec3>, bool) {
         let sphere = ball();
         let (center, radius) = (vector(sphere.center), f64::from(sphere.radius));
@@ -247,7 +247,7 @@ mod tests {
                 continue;
             }
             let Some(refracted) = refracted else {
-                // On the edge of what can be found, rounding decides.
+                // At the limit of existence of a path rounding decides.
                 let axis = (from - vector(ball().center)).normalize();
                 let cos_o = outer.dot(place - vector(ball().center)) / f64::from(ball().radius);
                 let edge = direction.dot(axis).min(cos_o);
@@ -271,7 +271,7 @@ mod tests {
         assert!(found > CASES / 4, "{found}");
     }
 
-    /// By three rays close together.
+    /// Estimate of the spread by three adjacent rays.
     #[test]
     fn spread_equals_that_of_neighbouring_rays() {
         const APART: f64 = 1e-6;
@@ -295,7 +295,7 @@ mod tests {
             let moved = [t, b].map(|side| {
                 let (place, outer, _) = leave(from, (direction + APART * side).normalize(), ior);
                 let outer = outer.expect("not near the angle of total reflection");
-                // Where the neighbour passes the plane across the ray at its end.
+                // Where the adjacent ray passes the plane orthogonal to the ray at its end.
                 let end = place
                     + outer * ((to - place).dot(refracted.outer) / outer.dot(refracted.outer));
                 (end - to) / APART

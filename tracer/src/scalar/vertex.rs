@@ -111,7 +111,8 @@ impl Vertex {
         self
     }
 
-    /// BSDF of a coat's mirror, spread over the cone of path regularisation, sr⁻¹; 0 if not regularised.
+    /// `f · cos θ` of a coat's mirror, spread over the cone of path regularisation, sr⁻¹; 0 if not
+    /// regularised.
     pub(super) fn regularised_coat(&self, wi: DVec3) -> f64 {
         let cos_o = self.wo.dot(self.n);
         let mirrored = self.scatter.mirrored(self.wo, self.n);

@@ -194,7 +194,7 @@ mod tests {
         cloud
     }
 
-    /// Particles in a box on the floor, a little out of line.
+    /// Particles in a box on the floor, slightly off a lattice.
     fn heap(count: [u32; 3], shift: Vec3) -> Vec<Vec3> {
         let [nx, ny, nz] = count;
         let indices = (0..nx * ny * nz).map(|i| [i % nx, i / nx % ny, i / nx / ny]);
@@ -218,7 +218,7 @@ mod tests {
         volumes.sum()
     }
 
-    /// As many triangles go along each edge one way as the other.
+    /// A closed mesh has as many triangles along each edge in one direction as in the other.
     fn assert_closed(mesh: &SurfaceMesh) {
         let mut edges: BTreeMap<[u32; 2], i32> = BTreeMap::new();
         for [a, b, c] in &mesh.triangles {
@@ -254,19 +254,19 @@ mod tests {
         }
     }
 
-    /// A lone particle is a ball of about its own volume.
+    /// An isolated particle gives a ball of about its own volume.
     #[test]
     fn lone_particles_are_small_drops() {
         let mesh = surface(vec![Vec3::new(0.1, 0.2, 0.3)], 0.0);
         let share = volume_m3(&mesh) / f64::from(SPACING_M).powi(3);
         assert!((0.5..1.5).contains(&share), "{share}");
-        // Far apart, each for itself.
+        // So far apart that they are isolated.
         let many = (0..40).map(|i| Vec3::new(0.04 * i as f32 - 0.8, 0.0, 0.2));
         let all = volume_m3(&surface(many.collect(), 0.0)) / f64::from(SPACING_M).powi(3);
         assert!((0.5..1.5).contains(&(all / 40.0)), "{all}");
     }
 
-    /// Two layers of particles that are a little out of line make a flat film of their volume.
+    /// Two layers of particles slightly off a lattice give a flat film of their volume.
     #[test]
     fn a_lying_pool_is_flat() {
         let mesh = surface(heap([40, 40, 2], Vec3::new(-0.125, -0.125, 0.0)), 0.0);

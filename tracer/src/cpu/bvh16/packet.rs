@@ -151,7 +151,7 @@ mod tests {
     /// Origins, then directions.
     type Six = [[f32; LANES]; 6];
 
-    /// A ray among the primitives of a scene, and others that are `spread` from it.
+    /// A ray among the primitives of a scene, and others that differ from it by up to `spread`.
     fn alike(scene: &CompiledScene, index: u32, spread: f32) -> Six {
         let middle = ray(scene, 3, index);
         let rays: [_; LANES] = std::array::from_fn(|lane| {

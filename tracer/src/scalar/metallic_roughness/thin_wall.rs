@@ -120,7 +120,7 @@ mod tests {
     use crate::scalar::basis::basis;
     use crate::scalar::microfacet::tests::assert_drawn;
 
-    /// A surface whose base lets a share of light pass.
+    /// A surface whose base transmits part of the light.
     fn wall(
         base: DVec3,
         metallic: f64,
@@ -179,7 +179,7 @@ mod tests {
         }
     }
 
-    /// White furnace: a smooth white wall reflects or lets pass all that comes, and none makes light.
+    /// White furnace: a smooth white wall reflects or transmits all light, and no wall creates any.
     #[test]
     fn white_walls_make_no_light() {
         for (coat, sheen) in [(0.0, 0.0), (1.0, 0.0), (0.5, 1.0)] {
