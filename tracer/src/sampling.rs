@@ -5,10 +5,10 @@
 //!
 //! A path draws its numbers in pairs; each pair is identified by a *block*. The pairs of a block are
 //! points of Sobol's two-dimensional sequence. The assignment of points to (pixel, sample) guarantees two
-//! stratifications at once, each for every power of two: for every power of two:
+//! stratifications at once, each for every power of two:
 //!
-//! * The first 2ᵏ samples of a pixel, and every aligned run of 2ᵏ, have one point in each of the 2ᵏ
-//!   cells of every division into equal rectangles of dyadic sides.
+//! * The first 2ᵏ samples of a pixel, and every aligned run of 2ᵏ, have one point in each elementary
+//!   interval of area 2⁻ᵏ: in each cell of every division into 2ᵏ equal rectangles of dyadic sides.
 //! * So do those samples of all pixels of an aligned square of 2ʳ × 2ʳ together, with 4ʳ times as
 //!   many cells: errors of neighbouring pixels are anticorrelated, so that the image error is
 //!   high-frequency noise, which the eye and a denoiser average out.

@@ -138,6 +138,7 @@ fn share_of_groups(bound: Bounds, origin: Vec3) -> f32 {
     if to_nearest == 0.0 {
         return 1.0;
     }
+    // Representative distance between the nearest point and the centre.
     let distance = to_nearest.midpoint(to_middle.length());
     let extent = bound.max - bound.min;
     // Projected area towards the origin, by the faces' areas and the direction's components.

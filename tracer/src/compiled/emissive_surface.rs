@@ -58,6 +58,7 @@ impl EmissiveSurfaces {
 
     /// Index of the surface that a number in [0, 1) selects.
     pub fn sample_index(&self, u: f32) -> usize {
+        // The last surface whose interval begins at or below `u`.
         let next = self.surfaces.partition_point(|surface| surface.before <= u);
         next.saturating_sub(1)
     }

@@ -273,6 +273,7 @@ impl Taps {
             WRAP_REPEAT => coordinate - coordinate.floor(),
             WRAP_CLAMP => coordinate.clamp(0.0, 1.0),
             _ => {
+                // Triangle wave of period 2.
                 let half = 0.5 * coordinate;
                 1.0 - (2.0 * (half - half.floor()) - 1.0).abs()
             }

@@ -138,6 +138,7 @@ impl Prepared {
         inverse_depth: Float<S>,
         mut emitted: Vec3x<S>,
     ) -> AovLanes<S> {
+        // One mirror bounce is followed for the emission AOV, so that reflections of lamps stay sharp.
         let reflectance = bsdf.mirror(simd);
         let mut mirror = met & reflectance.length_squared().simd_gt(0.0);
         let mirrored = bsdf.shown();

@@ -28,7 +28,7 @@ pub(super) struct Bvh16<F, const N: usize> {
 
 /// Filter of hits, for surfaces that rays may pass through (opacity).
 pub(super) trait HitFilter {
-    /// Whether the filter rejects any hits.
+    /// Whether the filter may reject hits; if not, it need not be asked.
     fn is_some(&self) -> bool;
 
     /// Whether a ray that intersects primitive `id` hits it.

@@ -178,6 +178,7 @@ impl TriangleTextures {
         } else {
             mapped
         };
+        // Lifted above the geometric surface, as by the scalar tracer's `facing`.
         let lift = REFLECTION_SINE_MIN as f32 - mapped.dot(hit.n);
         Some(match lift > 0.0 {
             true => (mapped + lift * hit.n).normalize(),

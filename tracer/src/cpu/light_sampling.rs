@@ -294,7 +294,7 @@ impl Prepared {
         let Some(microfacet) = &hit.microfacet else {
             return 0;
         };
-        // Counts as two scattering events, inside and at the boundary, as for paths that leave by chance.
+        // Counts as two scattering events, inside and at the boundary, as for paths found by sampling.
         if packet.depth + 2 > self.settings.max_depth {
             return 0;
         }

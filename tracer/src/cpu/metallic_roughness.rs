@@ -129,7 +129,7 @@ struct LayerLanes<S: Simd> {
     /// Normal of coats with one of their own; 0 in other lanes; `None` if there are none.
     normal: Option<Vec3x<S>>,
     sheen: Sheen<S>,
-    /// Directional albedo of the sheen at the nodes of [`Self::sheen_reflected`].
+    /// Directional albedo of the sheen at six cosines.
     sheen_reflected: [Float<S>; 6],
 }
 

@@ -17,7 +17,7 @@ pub(crate) struct Motion {
     /// Ids of primitives as in [`FirstHits`].
     pub(crate) ids: Range<u32>,
     pub(crate) turn: Mat3,
-    /// Earlier minus present position of the origin, metres.
+    /// Translation, metres.
     pub(crate) shift: Vec3,
     /// Present centre of a sphere, metres: points that faced away from the earlier eye were not visible.
     pub(crate) center: Option<Vec3>,

@@ -20,7 +20,7 @@ pub(super) const DIRECTION_MIN: f32 = 1e-30;
 #[derive(Clone, Copy)]
 pub(super) struct Rays<S: Simd> {
     pub(super) origin: Vec3x<S>,
-    /// Of unit length.
+    /// Unit vectors.
     pub(super) direction: Vec3x<S>,
     /// Primitive on which each ray starts and which it cannot hit again, as all are convex. With
     /// [`INSIDE`]: the dielectric that the ray is inside of.

@@ -242,8 +242,7 @@ fn wood<S: Simd>(
     let off = is_end.select(p.x.abs() - sights.y, p.y.abs() - sights.z);
     let nearest = (along / sights.x + 0.5).floor();
     let count = is_end.select(Float::splat(simd, 1.5), Float::splat(simd, 3.5));
-    // Three sights on an end rail; six on a side rail, where the middle pocket takes the place of a
-    // seventh.
+    // Three sights on an end rail; six on a side rail, where a pocket replaces the middle one of seven.
     let exists = nearest.abs().simd_lt(count) & (is_end | nearest.simd_ne(0.0));
     let diamond = (along - nearest * sights.x).abs() * (1.0 / SIGHT_HALF_M[0])
         + off.abs() * (1.0 / SIGHT_HALF_M[1]);

@@ -62,6 +62,7 @@ impl PathTracer<'_> {
         sum.normal += vertex.n;
         let beyond_near = hit.t * ray.direction.dot(-axis);
         sum.inverse_depth += 1.0 / (f64::from(self.frame.near_m) + beyond_near);
+        // One mirror bounce is followed for the emission, so that reflections of lamps stay sharp.
         let mirror = vertex.scatter.mirror(vertex.wo, vertex.n);
         if mirror != DVec3::ZERO {
             let mirrored = Ray {

@@ -191,6 +191,7 @@ fn exit_sphere(sphere: &SphereData, ray: &Ray) -> (f64, DVec3) {
     let t_nearest = -from_center.dot(ray.direction);
     let nearest = from_center + t_nearest * ray.direction;
     let distance = nearest.length();
+    // A grazing ray that rounding has put outside leaves at the point nearest to the centre.
     let half_chord = ((radius - distance) * (radius + distance)).max(0.0).sqrt();
     let n = (nearest + half_chord * ray.direction).normalize();
     ((t_nearest + half_chord).max(0.0), n)

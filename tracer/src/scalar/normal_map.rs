@@ -69,6 +69,7 @@ fn tangents(triangle: &TriangleData, uvs: &TriangleUvs, n: DVec3) -> Option<[DVe
     let along_v = turn * (uv_b.x * edge_c - uv_c.x * edge_b);
     let tangent = (along_u - n * n.dot(along_u)).try_normalize()?;
     let across = n.cross(tangent);
+    // In glTF v points down in the image, the y of a normal map up.
     let side = if across.dot(along_v) > 0.0 { -1.0 } else { 1.0 };
     Some([tangent, side * across])
 }

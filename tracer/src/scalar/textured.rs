@@ -104,6 +104,7 @@ fn barycentric(triangle: &TriangleData, point: DVec3) -> [f64; 3] {
     let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(vector);
     let across = (b - a).cross(c - a);
     let area = across.length_squared();
+    // Ratio of the signed area opposite to a corner to that of the triangle.
     let weight = |from: DVec3, to: DVec3| (to - from).cross(point - from).dot(across) / area;
     [weight(b, c), weight(c, a), weight(a, b)]
 }
