@@ -78,8 +78,8 @@ impl Clusters {
 struct Part {
     /// Bit mask of the boxes.
     members: u64,
-    /// Expected number of tests per group of rays.
     bound: Bounds,
+    /// Expected number of tests per group of rays.
     cost: f32,
 }
 

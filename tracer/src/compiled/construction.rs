@@ -225,8 +225,8 @@ impl CompiledScene {
                 && material.alpha == 0.0
                 && material.sampling_density > 0.0
                 && material.ior >= 1.0
-                // Half a radius above the whole ball, that is 1.5 radii above its centre.
                 && sphere.radius > 0.0
+                // Half a radius above the whole ball, that is 1.5 radii above its centre.
                 && heights.all(|height| height >= 1.5 * sphere.radius),
         )
     }

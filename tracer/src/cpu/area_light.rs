@@ -297,8 +297,8 @@ impl<S: Simd> SphericalRectangle<S> {
         (in_front.select(omega, Float::splat(simd, 0.0)), by_area)
     }
 
+    /// Complex number whose argument is the solid angle of the rectangle from (0, 0) to (x, y).
     #[inline(always)]
-    // Argument: the solid angle of the rectangle from (0, 0) to (x, y).
     fn corner(&self, x: Float<S>, y: Float<S>) -> Complex<S> {
         let height2 = self.height * self.height;
         let distance = x.mul_add(x, y.mul_add(y, height2)).sqrt();

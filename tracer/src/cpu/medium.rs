@@ -10,11 +10,11 @@ use super::rows::Rows;
 
 /// Result of a free flight: distance and weight.
 pub(super) struct FreeFlight<S: Simd> {
-    /// Lanes that are scattered before the boundary. Distance to the scattering event or the boundary,
-    /// metres.
+    /// Lanes that are scattered before the boundary.
     pub(super) scattered: Mask<S>,
-    /// Factor of the throughput: transmittance, and scattering coefficient if scattered, over the density.
+    /// Distance to the scattering event or the boundary, metres.
     pub(super) distance: Float<S>,
+    /// Factor of the throughput: transmittance, and scattering coefficient if scattered, over the density.
     pub(super) weight: Vec3x<S>,
 }
 

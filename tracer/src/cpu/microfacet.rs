@@ -302,15 +302,15 @@ pub(super) fn ggx<S: Simd>(alpha: Float<S>, normal: Vec3x<S>, h: Vec3x<S>) -> Fl
     alpha2 * FRAC_1_PI / (root * root)
 }
 
-#[inline(always)]
 /// `G1(cos) / cos`: [`crate::scalar::ggx::visibility`].
+#[inline(always)]
 pub(super) fn visibility<S: Simd>(alpha: Float<S>, cos: Float<S>) -> Float<S> {
     let alpha2 = alpha * alpha;
     2.0 / (cos + ((1.0 - alpha2) * cos).mul_add(cos, alpha2).sqrt())
 }
 
-#[inline(always)]
 /// Draws a visible microfacet normal: [`crate::scalar::ggx::sample_visible`].
+#[inline(always)]
 pub(super) fn sample_visible<S: Simd>(
     simd: S,
     alpha: Float<S>,

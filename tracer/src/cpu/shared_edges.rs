@@ -236,9 +236,9 @@ impl SharedEdges {
         lanes: u16,
         crossed: &mut Crossed,
     ) -> CrossedTriangles {
-        // Local copies stay in registers, as stores to `crossed` cannot alias them. Orthonormal basis
-        // with the ray as third axis: the problem becomes a point in a 2D triangle.
+        // Local copies stay in registers, as stores to `crossed` cannot alias them.
         let (origin, direction) = (rays.origin, rays.direction);
+        // Orthonormal basis with the ray as third axis: the test becomes that of a point in a 2D triangle.
         let (u, v) = basis(simd, direction);
         let columns = (crossed.x.iter_mut())
             .zip(&mut crossed.y)

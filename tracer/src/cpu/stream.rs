@@ -48,8 +48,9 @@ pub(super) struct Shadows {
     /// Origins, for the first lobe in scenes with refracted NEE; elsewhere the path's origin is used.
     pub(super) origin: Triple,
     pub(super) direction: Triple,
-    /// Distance to the light, metres; 0 where there is no ray. Id of the target area light.
+    /// Distance to the light, metres; 0 where there is no ray.
     pub(super) distance: Box<[f32]>,
+    /// Id of the target area light, or of no primitive.
     pub(super) light: Box<[u32]>,
     /// Radiance times throughput that arrives if the ray is not occluded.
     pub(super) radiance: Triple,
@@ -63,9 +64,10 @@ pub(super) struct Triple(pub(super) [Box<[f32]>; 3]);
 
 /// Position of a packet in a stream.
 #[derive(Clone, Copy)]
-/// Index of the first path, and number of paths.
 pub(super) struct StreamPacket {
+    /// Index of its first path.
     pub(super) at: usize,
+    /// Number of its paths.
     pub(super) lanes: usize,
 }
 

@@ -74,8 +74,8 @@ pub fn sample_light(
     let mut chosen: Option<(usize, SphericalRectangle, f64)> = None;
     for (index, light) in area_lights.iter().enumerate() {
         let seen = SphericalRectangle::new(light, point);
-        // Probability of keeping the light chosen before.
         let weight = seen.weight(light);
+        // Probability of keeping the light chosen before.
         let kept = if sum + weight > 0.0 {
             sum / (sum + weight)
         } else {

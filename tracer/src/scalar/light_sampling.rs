@@ -44,8 +44,8 @@ impl PathTracer<'_> {
 
     /// Next-event estimation: light from one point of an emissive surface, a punctual light, the
     /// environment map, or an area light.
-    // One number chooses the kind of light and is rescaled within its interval.
     pub(super) fn direct_light(&self, vertex: &Vertex, [u, v]: [f64; 2], rays: &mut u64) -> DVec3 {
+        // One number chooses the kind of light and is rescaled within its interval.
         let emissive = f64::from(self.scene.emissive_surfaces.probability());
         if u < emissive {
             return self.direct_emissive_surface(vertex, [u / emissive, v], rays);
