@@ -325,8 +325,6 @@ impl<S: Simd> SphericalRectangle<S> {
     #[inline(always)]
     fn sample(
         &self,
-        // Points uniform in area where the solid angle is small, with density d² / (area · cos θ) per
-        // solid angle.
         simd: S,
         omega: Float<S>,
         by_area: Mask<S>,
@@ -335,6 +333,7 @@ impl<S: Simd> SphericalRectangle<S> {
         let (mut x, mut y) = self.sample_solid_angle(simd, omega, u, v);
         let mut inverse_pdf = omega;
         let height2 = self.height * self.height;
+        // Uniform in area where the solid angle is small, with density d² / (area · cos θ) per solid angle.
         if by_area.any_true() {
             x = by_area.select((self.x[1] - self.x[0]).mul_add(u, self.x[0]), x);
             y = by_area.select((self.y[1] - self.y[0]).mul_add(v, self.y[0]), y);

@@ -272,7 +272,6 @@ impl Iterator for Indices {
         if self.bits == 0 {
             return None;
         }
-        // Clears the lowest bit that is set.
         self.bits &= self.bits - 1;
         Some(self.first + bit)
     }
