@@ -69,7 +69,7 @@ impl SurfaceMesh {
         if cloud.places.is_empty() {
             return Ok(Self::default());
         }
-        // A floor far below the particles has no effect, but would enlarge the grid.
+        // A floor far below the particles has no effect; the bound keeps coordinates of blocks small.
         let floor_m = floor_m.max(cloud.min.z - 2.0 * smoothing_m);
         let cell_m = smoothing_m / NODES_PER_RADIUS;
         let mut origin = cloud.min - 2.0 * smoothing_m;
