@@ -47,6 +47,7 @@ pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
         half_width,
         ..
     } = CameraBasis::new(camera);
+    // Pixels are square; the width of the image determines their size.
     let pixel = 2.0 * half_width / f64::from(size.width);
     let corner = forward - right * half_width + up * (0.5 * pixel * f64::from(size.height));
     let array = |v: DVec3| v.as_vec3().to_array();

@@ -104,6 +104,7 @@ fn merged(boxes: &[Bounds], origin: Vec3) -> Vec<Part> {
     let single = |(index, bounds): (usize, &Bounds)| Part::new(1 << index, *bounds, origin);
     let mut parts: Vec<Part> = boxes.iter().enumerate().map(single).collect();
     loop {
+        // Cubic in the number of boxes, which is at most `Clusters::GROUP`.
         let mut best = (0.0, None);
         for (i, a) in parts.iter().enumerate() {
             for (j, b) in parts.iter().enumerate().skip(i + 1) {

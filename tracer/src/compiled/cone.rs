@@ -35,6 +35,7 @@ impl Cone {
         let axis = turn * DVec3::Z;
         let from = pose.position.as_dvec3();
         let to = from + axis * f64::from(self.length);
+        // Where the radius extrapolates to 0, before the narrow end.
         let apex = from - axis * (narrow / slope);
         // A disc of radius r orthogonal to the unit axis a extends r·√(1 − aᵢ²) along coordinate axis i.
         // Rounding may make 1 − aᵢ² negative.

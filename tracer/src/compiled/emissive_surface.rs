@@ -104,6 +104,7 @@ impl CompiledScene {
             let power = brightness[material as usize] * (shape.area_factor()? * unit_area);
             (power > 0.0 && power.is_finite()).then_some((shape, index, power))
         });
+        // One more than the maximum, to detect an excess without collecting all.
         let powers: Vec<(ShapeKind, u32, f64)> = powers.take(EMISSIVE_SURFACES_MAX + 1).collect();
         let power: f64 = powers.iter().map(|(.., power)| power).sum();
         if powers.is_empty() || powers.len() > EMISSIVE_SURFACES_MAX || !power.is_finite() {

@@ -175,11 +175,13 @@ fn compile(
     let ImageSize { width, height } = picture.size;
     let luminance = |[r, g, b]: [f32; 3]| {
         let scaled = scale * Vec3::new(r, g, b);
+        // Luminance of linear Rec. 709 colours.
         f64::from(scaled.dot(Vec3::new(0.2126, 0.7152, 0.0722)))
     };
     let mut rows = Vec::with_capacity(height as usize);
     let mut conditional = Vec::new();
     for y in 0..height {
+        // The solid angle of a row's pixels is proportional to the sine of its colatitude.
         let sine = (PI * (f64::from(y) + 0.5) / f64::from(height)).sin();
         let weights = (0..width).map(|x| shown(&picture, x, y, &luminance));
         let weights: Vec<f64> = weights.collect();

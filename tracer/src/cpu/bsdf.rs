@@ -168,6 +168,7 @@ impl<S: Simd> Bsdf<S> {
         let Some(transmissive) = self.is_transmissive() else {
             return Some(above);
         };
+        // A transmitted direction has to be below both normals, any other above both.
         let passed = transmissive & self.normal.dot(wi).simd_lt(0.0);
         Some((passed & height.simd_le(0.0)) | (!passed & above))
     }

@@ -155,6 +155,7 @@ impl EmissiveSurfaceSampler {
                     let is_outside = lanes & sphere.angle_per_area.simd_gt(0.0);
                     is_seen = (is_sphere & is_outside) | (is_seen & !is_sphere);
                 }
+                // Reciprocal densities per solid angle need area · angle_per_area / (P(kind) · P(surface)).
                 let per_angle = angle_per_area * (1.0 / self.probability());
                 let emission = match self.emission_varies {
                     true => self.emission(simd, lanes, &drawn, weights),

@@ -220,6 +220,7 @@ impl<'a> FirstRays<'a> {
                         }
                     }
                 }
+                // Distances count from the near plane; 1/s = length / (distance from the eye).
                 let depth = nearest.distance + length * camera.near_m;
                 ((length / depth).to_array(), primitives)
             },

@@ -86,6 +86,7 @@ impl Prepared {
             None
         };
         if GENERAL && self.area_lights.is_empty() {
+            // Other kinds of light replace these below in the lanes that chose them.
             queue_no_shadow_rays(packet, stream);
         } else {
             let mut light = self.area_lights.sample(simd, hit.position, u);

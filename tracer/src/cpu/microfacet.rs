@@ -165,6 +165,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
         let seen = ggx(self.alpha, normal, h) * self.visibility(cos_o);
         let shadowing = self.visibility(cos_i.abs()) * cos_i.abs();
 
+        // Jacobian 1 / (4 wo·h) of reflection, whose wo·h cancels against that of the visible normals.
         let quarter = seen * 0.25;
         let f = fresnel(simd, o, self.eta);
         let thinner = 1.0 / (self.eta * self.eta);

@@ -371,6 +371,7 @@ impl Surfaces {
         if ior.simd_gt(0.0).any_true() {
             let axis = rows.triple(simd, STRIPE_AXIS);
             let half_width = rows.number(simd, STRIPE_HALF_WIDTH);
+            // The stripe is a band of latitudes around the ball's equator.
             let striped = normal.dot(axis).abs().simd_lt(half_width);
             albedo = Vec3x::select(striped, rows.triple(simd, STRIPE_ALBEDO), albedo);
         }
@@ -378,6 +379,7 @@ impl Surfaces {
             albedo = albedo.scale(color);
         }
         if !self.texture.is_empty() {
+            // Rays start on the near plane, while `footprint` is per metre from the eye.
             let footprint = (distance + self.near_m) * footprint;
             albedo = textured(
                 simd,

@@ -170,6 +170,7 @@ impl TriangleSurfaces {
                 if !self.textures.is_empty() {
                     let n_out = out_normal(smooth, interpolated, corners);
                     let distance = (hit.position - origin).length_squared().sqrt();
+                    // Rays start on the near plane, while `footprint` is per metre from the eye.
                     let footprint = (distance + self.near_m) * footprint;
                     let looked_up = self.look_up(id, weights, footprint, n_out, normal);
                     hit.textures = Some(looked_up.lanes(simd));

@@ -177,6 +177,7 @@ impl Bsdf {
         let cos_h = wo.dot(h);
         let wi = 2.0 * cos_h * h - wo;
         let cos_i = wi.dot(n).max(0.0);
+        // Value over density of a visible-normal sample is F · G1(wi).
         let shadowing = visibility(self.coat_alpha, cos_i) * cos_i;
         Self {
             facet: Some(CoatFacet {

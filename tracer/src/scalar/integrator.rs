@@ -277,6 +277,7 @@ impl<'a> PathTracer<'a> {
         if ray.direction.dot(hit.n) >= 0.0 || light.brightness == 0.0 {
             return DVec3::ZERO;
         }
+        // Density with which the previous vertex would have drawn this direction.
         let density = f64::from(light.brightness) / prev.light_weight_sum;
         let weight = prev.pdf.map_or(1.0, |pdf| power_heuristic(pdf, density));
         weight * light.radiance_at(hit.point)
@@ -288,6 +289,7 @@ impl<'a> PathTracer<'a> {
         let Some(pdf) = prev.sampled_pdf else {
             return emission;
         };
+        // The ray's origin, recovered from its hit.
         let origin = vertex.point + hit.t * vertex.wo;
         let cosine = vertex.wo.dot(vertex.geometric_n).abs();
         let density = emissive_surface_density(self.scene, hit.primitive, origin, hit.t, cosine);

@@ -217,6 +217,7 @@ impl MetallicRoughness {
             return (DVec3::ZERO, 0.0);
         }
         let h = (wo + wi).normalize();
+        // Density of visible normals times the Jacobian of reflection, as in `Conductor::eval`.
         let seen = 0.25 * ggx(self.alpha, h.dot(n)) * visibility(self.alpha, cos_o);
         let reflected =
             schlick(self.f0, self.f90, wo.dot(h)) * (seen * visibility(self.alpha, cos_i));

@@ -44,6 +44,7 @@ impl Conductor {
             return (DVec3::ZERO, 0.0);
         }
         let h = (wo + wi).normalize();
+        // Density of visible normals, G1 (wo·h) D / cos θo, times the Jacobian 1 / (4 wo·h) of reflection.
         let pdf = 0.25 * ggx(self.alpha, h.dot(n)) * visibility(self.alpha, cos_o);
         let reflectance = fresnel_conductor(wo.dot(h), self.eta, self.k);
         (reflectance * (pdf * visibility(self.alpha, cos_i)), pdf)
@@ -107,6 +108,7 @@ impl Dielectric {
         let seen = ggx(self.alpha, h.dot(n)) * visibility(self.alpha, wo.dot(n));
         let passed = 1.0 - fresnel_dielectric(o, self.eta);
         let eta2 = self.eta * self.eta;
+        // Density of visible normals times the Jacobian of equation 17.
         let pdf = passed * seen * o * i * eta2 / (o - self.eta * i).powi(2);
         Facet {
             f: pdf * visibility(self.alpha, -wi.dot(n)) / eta2,

@@ -171,6 +171,7 @@ fn spread(ray: &PlaneRay, ior: f64, outside: f64) -> f64 {
     // moved + bent (1 − moved), as derived above.
     let bent = ior * ray.cos_i / ray.cos_o.max(f64::MIN_POSITIVE);
     let in_plane = moved * ray.cos_o + outside * (moved + bent * (1.0 - moved));
+    // Sagittal equation: the surface of unit radius has the power n cos θi − cos θo.
     let power = ior * ray.cos_i - ray.cos_o;
     let sideways = ray.length + outside * (ior - power * ray.length);
     in_plane * sideways

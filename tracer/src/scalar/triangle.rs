@@ -172,6 +172,7 @@ fn descend(bvh: &Bvh, ray: &Ray, mut t_max: f64, offer: &mut impl FnMut(u32, &mu
 
 /// Whether a ray enters a box up to `t_max`; conservative with respect to rounding.
 fn enters(ray: &Ray, [min, max]: [DVec3; 2], t_max: f64) -> bool {
+    // Far more than the rounding error of f64.
     let slack = 1e-12 * (min.abs().max(max.abs()).max_element() + ray.origin.abs().max_element());
     let (mut near, mut far) = (0.0f64, t_max * (1.0 + 1e-12));
     for axis in 0..3 {

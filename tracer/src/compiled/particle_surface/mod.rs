@@ -146,6 +146,7 @@ fn drop_among(center: Vec3, around: &[&[(u64, Vec3)]], smoothing_m: f32) -> Drop
     }
     // In a subsampled cell the particle itself, whose weight is 1, may not be among those evaluated.
     let density = density.max(1.0);
+    // 0 for an isolated particle, whose density is its own weight of 1.
     let share = ((density - 1.0) / (FILM_DENSITY - 1.0)).min(1.0);
     Drop {
         center: center + offset * (CENTERING / density),
