@@ -1,6 +1,6 @@
-//! Bounding volume hierarchy (BVH) over many primitives of a shape.
+//! Bounding volume hierarchy (BVH) over the primitives of one shape.
 //!
-//! A binary BVH by the surface area heuristic (MacDonald and Booth, "Heuristics for ray tracing
+//! A binary BVH, built by the surface area heuristic (SAH; MacDonald and Booth, "Heuristics for ray tracing
 //! using space subdivision", The Visual Computer 6, 1990) over bins (Wald, "On fast Construction of
 //! SAH-based Bounding Volume Hierarchies", 2007).
 
@@ -10,25 +10,25 @@ use crate::compiled::{
     AreaLightData, BoxData, CsgBoxData, DiscData, RectangleData, SphereData, TriangleData,
 };
 
-/// Primitives of a leaf; the last one may have fewer.
+/// Primitives per leaf; the last leaf may have fewer.
 ///
-/// Every other leaf is full: each split is moved to the next multiple. So the BVH of a number of
-/// primitives has the same number of nodes wherever they are, kernels keep their layout from frame to
-/// frame, and several threads build it into memory that is taken once.
+/// All other leaves are full, as splits are rounded to multiples of this. So the number of nodes depends on
+/// the number of primitives alone, GPU buffers keep their layout from frame to frame, and threads build
+/// subtrees into preallocated slices.
 pub const LEAF: usize = 4;
-/// Inner nodes from the root to any leaf, at most.
+/// Maximum number of inner nodes from the root to a leaf.
 pub const DEPTH_MAX: u32 = 32;
-/// How far, over the largest coordinates of the BVH and of the ray's origin together, boxes must be widened by those
-/// who test rays in f32: tests of boxes and of what is in them together err by less than half of this. Only where a ray
-/// grazes a flat shape may a test find it further outside its box; then a BVH misses it.
+/// Relative slack by which f32 traversal has to widen boxes, times the largest coordinate of BVH and ray
+/// origin together: box tests and tests of the primitives inside err by less than half of this in sum. Only
+/// a grazing ray on a flat shape may be found to hit it further outside its box; a BVH misses such a hit.
 pub const SLACK: f32 = 64.0 * 0.5 * f32::EPSILON;
 
-/// What a primitive lies in.
+/// Axis-aligned bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Corner of the smallest coordinates, metres.
+    /// Minimum corner, metres.
     pub min: Vec3,
-    /// Corner of the largest.
+    /// Maximum corner, metres.
     pub max: Vec3,
 }
 
@@ -59,9 +59,9 @@ impl From<&BoxData> for Bounds {
 
 impl From<&DiscData> for Bounds {
     fn from(disc: &DiscData) -> Self {
-        // Sines of the angles between the normal and the axes.
+        // Extents of a disc along the axes are its radius times the sines between normal and axes.
         let [x, y, z] = disc.normal;
-        // √(1 − x²) would cancel where the normal is along an axis, just where the bounds are thin.
+        // √(1 − x²) would cancel for a normal along an axis, where the bounds are thin.
         let sines = Vec3::new(y.hypot(z), z.hypot(x), x.hypot(y));
         Self::around(disc.center, disc.radius * sines)
     }
@@ -101,47 +101,47 @@ impl From<&TriangleData> for Bounds {
     }
 }
 
-/// Primitives by place.
+/// A BVH.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bvh {
-    /// All of them.
+    /// Node of all primitives.
     pub root: BvhNode,
     /// Indices of the primitives, leaf by leaf.
     pub order: Vec<u32>,
-    /// Both halves of each part that is not a leaf, depth first: one fewer than leaves.
+    /// Children of the inner nodes, depth first: one pair fewer than leaves.
     pub nodes: Vec<[BvhNode; 2]>,
 }
 
-/// A part of the primitives, and the box round them.
+/// A node: a range of primitives and their bounding box.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BvhNode {
-    /// Corner of the smallest coordinates, metres.
+    /// Minimum corner, metres.
     pub min: Vec3,
-    /// Corner of the largest.
+    /// Maximum corner, metres.
     pub max: Vec3,
-    /// Its first primitive in [`Bvh::order`], a multiple of [`LEAF`].
+    /// Index of its first primitive in [`Bvh::order`], a multiple of [`LEAF`].
     pub first: u32,
-    /// Its primitives; a leaf if there are no more than [`LEAF`].
+    /// Number of its primitives; a leaf if at most [`LEAF`].
     pub count: u32,
-    /// Its halves in [`Bvh::nodes`]; of a leaf without meaning.
+    /// Index of its children in [`Bvh::nodes`]; meaningless for a leaf.
     pub node: u32,
 }
 
 impl BvhNode {
-    /// Whether it is not divided further.
+    /// Whether it is a leaf.
     pub fn is_leaf(&self) -> bool {
         self.count as usize <= LEAF
     }
 
-    /// Half the surface of its box, m².
+    /// Half the surface area of its box, m².
     pub fn half_area(&self) -> f32 {
         half_area(self.min, self.max)
     }
 }
 
 impl Bvh {
-    /// The BVH of primitives in `bounds`; none if they are no more than one leaf. By the threads of
-    /// the current pool: `carom-bench bvh` prints how long it takes.
+    /// Builds the BVH of primitives with these bounds on the current thread pool (`carom-bench bvh` prints
+    /// the time); `None` if they fit one leaf.
     pub fn new(bounds: impl ExactSizeIterator<Item = Bounds>) -> Option<Self> {
         if bounds.len() <= LEAF {
             return None;
@@ -163,13 +163,13 @@ impl Bvh {
         Some(Self { root, order, nodes })
     }
 
-    /// By how much its boxes are to be widened, metres: [`SLACK`] of its largest coordinate.
+    /// Amount by which its boxes have to be widened, metres: [`SLACK`] times its largest coordinate.
     pub fn slack(&self) -> f32 {
         SLACK * self.root.min.abs().max(self.root.max.abs()).max_element()
     }
 }
 
-/// Leaves of the BVH of so many primitives.
+/// Number of leaves of the BVH of `primitives` primitives.
 pub const fn leaves(primitives: usize) -> usize {
     primitives.div_ceil(LEAF)
 }
@@ -186,7 +186,7 @@ impl BuildItem {
     }
 }
 
-/// A subtree to be built, with the memory for its nodes.
+/// A subtree to be built, with preallocated slices for its primitives and nodes.
 struct BuildTask<'a> {
     items: &'a mut [BuildItem],
     nodes: &'a mut [[BvhNode; 2]],
@@ -211,13 +211,13 @@ impl BuildTask<'_> {
             count: items.len() as u32,
             node,
         };
-        // The slice has one node fewer than the subtree has leaves, so that it is empty for a leaf and
-        // nothing else.
+        // A subtree has one pair of children fewer than leaves, so that the slice is empty exactly for a
+        // leaf.
         let Some((halves, nodes)) = nodes.split_first_mut() else {
             return subtree;
         };
-        // Both halves own their slices of primitives and of nodes. So threads share nothing, and where a
-        // node is put depends on counts alone: the BVH is the same however many threads build it.
+        // Both children own disjoint slices of primitives and nodes, at offsets that depend on counts
+        // alone: the BVH is identical for any number of threads.
         let is_large = items.len() >= PARALLEL_MIN;
         let left = divide(items, depth);
         let (left_items, right_items) = items.split_at_mut(left);
@@ -246,19 +246,18 @@ impl BuildTask<'_> {
     }
 }
 
-/// Puts the primitives of one half before those of the other; returns how many, a multiple of
+/// Partitions the primitives in place; returns the size of the first part, a multiple of
 /// [`LEAF`].
 fn divide(items: &mut [BuildItem], depth: u32) -> usize {
     let low = least(items.iter().map(BuildItem::center));
     let extent = most(items.iter().map(BuildItem::center)) - low;
     let axis = extent.max_position();
     let leaves = leaves(items.len());
-    // Halves by number, from here on, would reach the last level: each has no more than half the
-    // leaves, rounded up.
-    // This bounds the stacks of all traversals, those in shaders included.
+    // Median splits from here on would reach the maximum depth, as each part has at most half the leaves,
+    // rounded up. The limit bounds the stacks of all traversals, including those in shaders.
     let is_deep = depth + leaves.next_power_of_two().ilog2() >= DEPTH_MAX;
     let bins_per_metre = BINS as f32 / extent[axis];
-    // All centres in one place give a division by zero; then any division is as good.
+    // Coinciding centres give a division by zero; then any split is as good.
     let left = if is_deep || !bins_per_metre.is_finite() {
         leaves / 2
     } else {
@@ -266,23 +265,22 @@ fn divide(items: &mut [BuildItem], depth: u32) -> usize {
         let left = cheapest_split(items, |item| bin(item).min(BINS - 1));
         (left + LEAF / 2) / LEAF
     };
-    // The split is moved to a multiple of a leaf and no longer lies between two bins. So primitives are
-    // divided by rank, not by bin; total_cmp orders those with the same coordinate, −0 and NaN included,
-    // without a panic.
+    // A split rounded to full leaves no longer lies between two bins, so primitives are partitioned by
+    // rank. total_cmp orders equal coordinates, −0 and NaN without a panic.
     let left = left.clamp(1, leaves - 1) * LEAF;
     let by_place = |a: &BuildItem, b: &BuildItem| a.center()[axis].total_cmp(&b.center()[axis]);
     items.select_nth_unstable_by(left, by_place);
     left
 }
 
-/// Number of primitives below the split between two bins whose surface area heuristic is least.
+/// Number of primitives below the bin boundary of least SAH cost.
 fn cheapest_split(items: &[BuildItem], bin: impl Fn(&BuildItem) -> usize) -> usize {
     let mut bins = [SahBin::EMPTY; BINS];
     for item in items {
         bins[bin(item)].add(item);
     }
-    // One sweep from above for the costs of upper parts, one from below that adds those of lower parts:
-    // each split costs O(1) instead of O(bins).
+    // A sweep from above accumulates the costs of upper parts, one from below adds those of lower parts:
+    // O(1) per split instead of O(bins).
     let mut above = [0.0; BINS];
     let mut whole = SahBin::EMPTY;
     for (cost, bin) in above.iter_mut().zip(&bins).rev() {
@@ -331,8 +329,8 @@ impl SahBin {
         if self.count == 0 {
             return 0.0;
         }
-        // No constants of traversal and of leaves: every subtree is divided down to leaves of one size,
-        // and what all splits pay alike changes no comparison.
+        // Without constants for traversal and leaves: all subtrees are split down to leaves of one size, so
+        // that these costs are the same for all splits.
         half_area(self.min, self.max) * self.count as f32
     }
 }
@@ -351,7 +349,7 @@ fn most(points: impl Iterator<Item = Vec3>) -> Vec3 {
 }
 
 const BINS: usize = 16;
-/// Parts with fewer primitives are not worth a task.
+/// Least number of primitives of a subtree that is worth a task.
 const PARALLEL_MIN: usize = 4096;
 
 #[cfg(test)]
@@ -373,7 +371,7 @@ mod tests {
         }
     }
 
-    /// Balls in a cloud, in one place, along lines with growing gaps, huge and tiny, hidden.
+    /// Spheres in a cloud, coinciding, along lines with growing gaps, huge and tiny, hidden.
     fn crowds(count: usize) -> Vec<Vec<SphereData>> {
         let random = |i: usize| {
             let [x, y, z, r] = uniforms(i as u32, 7, 0, 0);
@@ -397,7 +395,7 @@ mod tests {
         places.into_iter().map(crowd).collect()
     }
 
-    /// Checks a part and returns the longest way down.
+    /// Checks a subtree and returns its depth.
     fn check(bvh: &Bvh, spheres: &[SphereData], part: &BvhNode) -> u32 {
         let range = part.first as usize..(part.first + part.count) as usize;
         assert!(range.start.is_multiple_of(LEAF));
@@ -483,7 +481,7 @@ mod tests {
         }
     }
 
-    /// Points of a flat shape lie in its bounds, and some near each side.
+    /// The bounds of a flat shape contain its points, and are tight on each side.
     #[test]
     fn bounds_of_flat_shapes_are_tight() {
         for i in 0..1000 {

@@ -1,4 +1,4 @@
-//! A scene as flat plain-old-data arrays: the bytes that both back ends read.
+//! Compiled scenes: a scene as flat plain-old-data arrays, the bytes that all back ends read.
 
 mod camera;
 pub(crate) mod clusters;
@@ -53,71 +53,72 @@ use crate::scene::{Camera, ObjectPose};
 /// the order of [`objects`](crate::scene::Scene::objects).
 #[derive(Clone, Debug)]
 pub struct CompiledScene {
-    /// The camera that the next picture is taken with.
+    /// Camera of the next image.
     pub camera: Camera,
-    /// Radiance of rays that leave the scene where there is no environment map.
+    /// Radiance of rays that leave the scene if there is no environment map, W·sr⁻¹·m⁻².
     pub environment: Vec3,
-    /// Its environment map.
+    /// Environment map; empty if there is none.
     pub environment_map: CompiledEnvironment,
-    /// Balls: the scene's, then particles of the update.
+    /// Spheres: the scene's, then the particles of the last update.
     pub spheres: Vec<SphereData>,
     /// Axis-aligned boxes.
     pub boxes: Vec<BoxData>,
-    /// Round discs.
+    /// Discs.
     pub discs: Vec<DiscData>,
     /// Rectangles.
     pub rectangles: Vec<RectangleData>,
-    /// Boxes with solids subtracted.
+    /// Boxes with subtracted solids (CSG).
     pub csg_boxes: Vec<CsgBoxData>,
-    /// Surfaces of CSG boxes: each one's box, then its subtractions.
+    /// Faces of CSG boxes: for each the box itself, then its subtractions.
     pub csg_faces: Vec<CsgFaceData>,
     /// Triangle meshes.
     pub meshes: CompiledMeshes,
-    /// Emitting rectangles; rays end on them.
+    /// Area lights: emitting rectangles; rays end on them.
     pub area_lights: Vec<AreaLightData>,
-    /// Surfaces that emit.
+    /// Emissive surfaces for light sampling.
     pub emissive_surfaces: EmissiveSurfaces,
-    /// Lights without extent.
+    /// Punctual lights.
     pub punctual_lights: Vec<PunctualLightData>,
-    /// Probability with which light sampling aims at one of them.
+    /// Probability with which light sampling chooses a punctual light.
     pub punctual_probability: f32,
-    /// Materials; primitives hold indices.
+    /// Materials; primitives refer to them by index.
     pub materials: Vec<MaterialData>,
     /// Image textures of the materials.
     pub textures: CompiledTextures,
-    /// Per object of the scene: its shape's array and its place in it.
+    /// Per object of the scene: the array of its shape and its index there.
     pub primitives: Vec<Primitive>,
-    /// When rays find primitives by a BVH.
+    /// When rays use a BVH.
     pub bvh_use: BvhUse,
-    /// Of each shape as it is now, once somebody has asked for it.
+    /// BVH per shape in its current state, built on first use.
     bvhs: [OnceLock<Option<Bvh>>; ShapeKind::ALL.len()],
-    /// Of the boxes.
+    /// Clusters of the boxes.
     pub(crate) box_clusters: Clusters,
-    /// Of the CSG boxes.
+    /// Clusters of the CSG boxes.
     pub(crate) csg_clusters: Clusters,
-    /// The spheres as the scene has them: what an update starts from.
+    /// Spheres as in the scene, from which updates start.
     base_spheres: Vec<SphereData>,
-    /// How many materials the scene has; those of an update's particles follow.
+    /// Number of the scene's materials; those of an update's particles follow.
     base_materials: usize,
-    /// The truncated cones among the CSG boxes, and the scene's poses of them.
+    /// Truncated cones among the CSG boxes, with their poses in the scene.
     cones: Vec<(Cone, ObjectPose)>,
+    /// Camera of the scene, from which updates start.
     base_camera: Camera,
 }
 
-/// When rays find primitives of a shape by a [`Bvh`] instead of meeting each of them: pictures are the same
-/// but where a ray that grazes a flat shape is rounded to its edge.
+/// When rays find primitives of a shape by a [`Bvh`] instead of a linear search. Images are the same except
+/// where a ray that grazes a flat shape is rounded to its edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BvhUse {
-    /// Where that is faster: each back end knows from how many on.
+    /// Where it is faster: from a number of primitives that each back end specifies.
     #[default]
     WhereFaster,
     /// Never.
     Never,
-    /// Whenever there is a BVH.
+    /// Whenever there are more primitives than fit in a leaf.
     Always,
 }
 
-/// A shape's array in the scene, in the order in which back ends number primitives.
+/// Shapes, in the order in which back ends number primitives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShapeKind {
     /// [`CompiledScene::spheres`].
@@ -135,7 +136,7 @@ pub enum ShapeKind {
 }
 
 impl ShapeKind {
-    /// All of them.
+    /// All shapes, in that order.
     pub const ALL: [Self; 6] = [
         Self::Sphere,
         Self::Box,
@@ -145,7 +146,7 @@ impl ShapeKind {
         Self::Triangle,
     ];
 
-    /// A primitive of the shape.
+    /// Primitive `index` of the shape.
     pub(crate) fn primitive(self, index: u32) -> Primitive {
         match self {
             Self::Sphere => Primitive::Sphere(index),
@@ -158,7 +159,7 @@ impl ShapeKind {
     }
 }
 
-/// Where an object's data lies, and what a ray hit.
+/// Reference to a primitive: of an object's data, or of what a ray has hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Primitive {
     /// Index into [`CompiledScene::spheres`].
@@ -169,17 +170,17 @@ pub enum Primitive {
     Disc(u32),
     /// Index into [`CompiledScene::rectangles`].
     Rectangle(u32),
-    /// Index into [`CompiledScene::csg_faces`]; for an object its first face.
+    /// Index into [`CompiledScene::csg_faces`]; for an object, that of its first face.
     CsgFace(u32),
-    /// Index into [`CompiledMeshes::triangles`]; for an object its first triangle.
+    /// Index into [`CompiledMeshes::triangles`]; for an object, that of its first triangle.
     Triangle(u32),
     /// Index into [`CompiledScene::area_lights`].
     AreaLight(u32),
 }
 
 impl CompiledScene {
-    /// Memory that it takes, in bytes: that of textures, triangles with a BVH, and other primitives. What back ends
-    /// make of it is not counted.
+    /// Approximate memory of the scene in bytes: textures, triangles with a BVH, and other primitives. Data
+    /// derived by back ends is not counted.
     pub fn memory_bytes(&self) -> u64 {
         let spheres = size_of_val(&self.spheres[..]) + size_of_val(&self.base_spheres[..]);
         let flat = size_of_val(&self.boxes[..])
@@ -192,7 +193,7 @@ impl CompiledScene {
         let textures = size_of_val(&self.textures.texels[..]);
         let environment = size_of_val(&self.environment_map.numbers[..]);
         let meshes = &self.meshes;
-        // Once more for the BVH over them.
+        // Counted twice to account for the BVH over them.
         let triangles = 2 * size_of_val(&meshes.triangles[..]);
         let triangles = triangles
             + size_of_val(&meshes.normals[..])
@@ -201,8 +202,8 @@ impl CompiledScene {
         (spheres + flat + textures + environment + triangles) as u64
     }
 
-    /// Unit axis of the truncated cone that a face of a CSG box is the side of, and how far along it the
-    /// narrow end lies.
+    /// Unit axis of the truncated cone whose side a face of a CSG box is, and the coordinate of its
+    /// narrow end along the axis, metres; `None` for other faces.
     pub(crate) fn cone_axis(&self, face: u32) -> Option<(DVec3, f64)> {
         let side = &self.csg_faces[face as usize];
         if side.kind != CSG_FACE_APEX_CONE {
@@ -213,7 +214,7 @@ impl CompiledScene {
         Some((axis, -f64::from(narrow_end.b[0])))
     }
 
-    /// The probability with which light sampling aims at an area light rather than at others.
+    /// Probability with which light sampling chooses an area light rather than another kind of light.
     pub(crate) fn area_light_probability(&self) -> f64 {
         match self.area_lights.is_empty() {
             true => 1.0,
@@ -224,13 +225,13 @@ impl CompiledScene {
         }
     }
 
-    /// Whether some surface emits.
+    /// Whether any material emits.
     pub(crate) fn has_emission(&self) -> bool {
         let emits = |m: &MaterialData| m.kind == KIND_METALLIC_ROUGHNESS && m.k != [0.0; 3];
         self.materials.iter().any(emits)
     }
 
-    /// Whether some mesh is of a dielectric.
+    /// Whether any mesh is of a dielectric.
     pub(crate) fn has_dielectric_mesh(&self) -> bool {
         let mut materials = self.meshes.materials();
         materials.any(|material| {
@@ -239,7 +240,7 @@ impl CompiledScene {
         })
     }
 
-    /// How many primitives of a shape there are.
+    /// Number of primitives of a shape.
     pub fn count(&self, shape: ShapeKind) -> usize {
         match shape {
             ShapeKind::Sphere => self.spheres.len(),
@@ -251,17 +252,16 @@ impl CompiledScene {
         }
     }
 
-    /// The number of a shape's first primitive, where back ends number all of them.
+    /// Id of a shape's first primitive in the numbering of all primitives by back ends.
     pub(crate) fn first_id(&self, shape: ShapeKind) -> u32 {
         let before = ShapeKind::ALL.into_iter().take_while(|kind| *kind != shape);
         before.map(|kind| self.count(kind) as u32).sum()
     }
 
-    /// The BVH by which a back end finds the primitives of a shape that is faster so from `least` of them
-    /// on; made when first asked for, that of balls again after [`CompiledScene::apply`], that of
-    /// triangles after one that moves some. None where rays
-    /// are to meet each of them, and for the faces of CSG boxes, which are few
-    /// ([`crate::scene::validate::SUBTRACTIONS_TOTAL_MAX`]).
+    /// BVH of a shape's primitives for a back end for which it is faster from `least` primitives on. Built
+    /// on first use; that of spheres again after [`CompiledScene::apply`], that of triangles after an
+    /// update that moves some. `None` where rays are to test each primitive, and for faces of CSG boxes,
+    /// which are few ([`crate::scene::validate::SUBTRACTIONS_TOTAL_MAX`]).
     pub fn bvh(&self, shape: ShapeKind, least: usize) -> Option<&Bvh> {
         let is_wanted = match self.bvh_use {
             BvhUse::WhereFaster => self.count(shape) >= least,
@@ -272,7 +272,7 @@ impl CompiledScene {
         is_wanted.then(bvh)?.as_ref()
     }
 
-    /// The BVH of a shape's primitives, made anew; none if they are no more than a leaf.
+    /// Builds the BVH of a shape's primitives; `None` if they fit one leaf.
     pub fn build_bvh(&self, shape: ShapeKind) -> Option<Bvh> {
         match shape {
             ShapeKind::Sphere => Bvh::new(self.spheres.iter().map(Bounds::from)),
@@ -284,7 +284,7 @@ impl CompiledScene {
         }
     }
 
-    /// The material of a primitive; none for an area light.
+    /// Material of a primitive; `None` for an area light.
     pub fn material_of(&self, primitive: Primitive) -> Option<&MaterialData> {
         let material = match primitive {
             Primitive::Sphere(i) => self.spheres[i as usize].material,
@@ -298,8 +298,8 @@ impl CompiledScene {
         Some(&self.materials[material as usize])
     }
 
-    /// Points of everything that can be met but area lights and triangles, and how far it reaches from them; `length`
-    /// is an upper bound of an edge's.
+    /// Points of all primitives except area lights and triangles, each with a bound of the primitive's
+    /// extent around it. `length` returns an upper bound of an edge's length.
     pub(crate) fn extents(
         &self,
         length: impl Fn([f32; 3]) -> f32,
@@ -314,13 +314,13 @@ impl CompiledScene {
         spheres.chain(corners).chain(discs).chain(rectangles)
     }
 
-    /// The current camera's rays for an image of `size`.
+    /// Rays of the current camera for an image of `size`.
     pub fn camera_frame(&self, size: ImageSize) -> CameraFrame {
         camera_frame(&self.camera, size)
     }
 }
 
-/// The bounds of primitives.
+/// Bounds of each primitive.
 pub(crate) fn all_bounds<T>(all: &[T]) -> Vec<Bounds>
 where
     for<'a> Bounds: From<&'a T>,

@@ -2,10 +2,10 @@
 //! multiple importance sampling (Veach 1997, chapter 9), as in Pharr, Jakob and Humphreys,
 //! "Physically Based Rendering", 4th edition, sections 13.4 and 14.2.
 //!
-//! The other tracers agree with it in the mean. From [`crate::scalar`] it takes leaves alone:
-//! intersection, and evaluation and sampling of a BSDF. Its lights, media and weights are its own,
-//! it sees the finest level of image textures,
-//! and its random numbers are independent: any plain generator will do.
+//! The other tracers agree with it in expectation. It shares only basic functions with [`crate::scalar`]:
+//! intersection, and evaluation and sampling of BSDFs. Lights, media and MIS weights are implemented
+//! independently, image textures are sampled at the finest level, and random numbers are independent: any
+//! generator will do.
 
 use glam::DVec3;
 
@@ -17,7 +17,7 @@ use crate::scalar::punctual_light::PunctualIncidence;
 use crate::scalar::triangle::visible_shading_normal;
 use crate::scalar::{medium::uniform_direction, scatter::Scatter};
 
-/// Radiance that one path finds along `ray`, scattering at most `max_depth` times. `random` gives
+/// Radiance estimate of one path along `ray` with at most `max_depth` scattering events. `random` returns
 /// independent numbers, uniform in [0, 1).
 pub fn radiance(
     scene: &CompiledScene,
@@ -27,7 +27,7 @@ pub fn radiance(
 ) -> DVec3 {
     let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
     let mut ray_origin: Option<RayOrigin> = None;
-    // Density of the ray's direction; none where light sampling could not have found it.
+    // Density of the ray's direction; `None` where light sampling could not have drawn it.
     let mut bsdf_pdf = None;
     for depth in 0..=max_depth {
         let Some(hit) = intersect_from(scene, &ray, ray_origin) else {
@@ -60,7 +60,7 @@ pub fn radiance(
             return radiance + beta * weight * light.radiance_at(hit.point);
         }
         let vertex = SurfaceVertex::new(scene, &ray, hit, random);
-        // Triangles that emit are found by chance alone.
+        // Emissive surfaces are found by BSDF sampling alone, with weight 1.
         radiance += beta * vertex.bsdf.emission();
         if depth == max_depth {
             break;
@@ -72,7 +72,7 @@ pub fn radiance(
         }
         beta *= sample.weight;
         let left = vertex.ray_origin(sample.wi);
-        // A mirror has no density, and into bodies no light is sampled.
+        // A mirror has no density, and light is not sampled inside bodies.
         bsdf_pdf = sample.pdf.filter(|&pdf| pdf > 0.0 && !left.is_inside);
         (ray.origin, ray.direction) = (vertex.hit.point, sample.wi);
         ray_origin = Some(left);
@@ -80,7 +80,7 @@ pub fn radiance(
     radiance
 }
 
-/// Light sampling: a light chosen uniformly, and a point uniform in its area.
+/// Light sampling: a light drawn uniformly, and a point uniform on its area.
 fn direct_light(
     scene: &CompiledScene,
     vertex: &SurfaceVertex,
@@ -100,7 +100,7 @@ fn direct_light(
     let (origin, direction) = (vertex.hit.point, to_light.normalize());
     let shadow_ray = Ray { origin, direction };
     let ray_origin = vertex.ray_origin(direction);
-    // The whole scene is searched, no occlusion test: what a shadow ray sees is what a camera ray would.
+    // Full intersection instead of an occlusion test: shadow rays see exactly what camera rays would.
     let nearest = intersect_from(scene, &shadow_ray, Some(ray_origin));
     let is_visible = nearest.is_some_and(|hit| hit.primitive == Primitive::AreaLight(index as u32));
     match light_pdf(scene, light, &shadow_ray, to_light.length()) {
@@ -114,7 +114,7 @@ fn direct_light(
     }
 }
 
-/// Light sampling of the environment map, by its density.
+/// Light sampling of the environment map by its density.
 fn environment_light(
     scene: &CompiledScene,
     vertex: &SurfaceVertex,
@@ -133,7 +133,7 @@ fn environment_light(
     f * chosen.radiance * (vertex.cosine(direction) * weight * inverse_pdf)
 }
 
-/// Light from a light without extent, by its probability.
+/// Light of a punctual light, over its probability.
 fn punctual_light(
     scene: &CompiledScene,
     vertex: &SurfaceVertex,
@@ -151,33 +151,35 @@ fn punctual_light(
     f * incidence.irradiance * (vertex.cosine(direction) / choice(scene))
 }
 
-/// The probability of each light: area lights, those without extent, and the environment map.
+/// Probability of each light: area lights, punctual lights and the environment map.
 fn choice(scene: &CompiledScene) -> f64 {
     let map = usize::from(!scene.environment_map.is_empty());
     1.0 / (scene.area_lights.len() + scene.punctual_lights.len() + map) as f64
 }
 
-/// Density of light sampling per solid angle, for a light met at distance `t`; none from behind.
+/// Density of light sampling per solid angle for an area light hit at distance `t`; `None` from behind.
 fn light_pdf(scene: &CompiledScene, light: &AreaLightData, ray: &Ray, t: f64) -> Option<f64> {
     let cosine = -ray.direction.dot(vector(light.normal));
     let area = 4.0 * f64::from(light.length_u) * f64::from(light.length_v);
     (cosine > 0.0).then(|| t * t * choice(scene) / (cosine * area))
 }
 
-/// Weight of a sample of density `chosen` where another technique has density `other`.
+/// MIS weight of a sample of density `chosen` where another technique has density `other` (Veach 1997,
+/// exponent 2).
 fn power_heuristic(chosen: f64, other: f64) -> f64 {
     chosen * chosen / (chosen * chosen + other * other)
 }
 
-/// Free flight towards a surface at distance `t`: where it ends early, if so, and its weight. A
-/// channel is chosen uniformly and its exponential law sampled (3rd edition, section 15.2.1).
+/// Samples a free flight towards a surface at distance `t`: returns where it is scattered, if so, and its
+/// weight. A channel is drawn uniformly, then a distance from its exponential distribution (3rd edition,
+/// section 15.2.1).
 fn sample_distance(
     medium: &MaterialData,
     t: f64,
     random: &mut dyn FnMut() -> f64,
 ) -> (Option<f64>, DVec3) {
     let extinction = vector(medium.extinction);
-    // Compiled over the rate by which the other tracers draw distances, which is undone here.
+    // Compiled as scattering coefficient over sampling rate, which is undone here.
     let scattering = f64::from(medium.sampling_density) * vector(medium.scattering);
     let channel = (3.0 * random()) as usize;
     let distance = -(1.0 - random()).ln() / extinction[channel];
@@ -189,7 +191,7 @@ fn sample_distance(
     (None, transmittance / (transmittance.element_sum() / 3.0))
 }
 
-/// A point of a surface where a path scatters; `n`, which it is shaded with, is on the side of `wo`.
+/// Surface point at which a path scatters; the shading normal `n` is on the side of `wo`.
 struct SurfaceVertex {
     hit: Hit,
     wo: DVec3,
@@ -217,12 +219,12 @@ impl SurfaceVertex {
         }
     }
 
-    /// The cosine at which light falls in from `wi`.
+    /// Cosine of the incident direction `wi`.
     fn cosine(&self, wi: DVec3) -> f64 {
         self.bsdf.cosine(wi, self.n).abs()
     }
 
-    /// Whether a triangle that is shaded with another normal than its own lets `wi` go to another side than that does.
+    /// Whether shading and geometric normal of a triangle disagree on the side of `wi`.
     fn is_below(&self, wi: DVec3) -> bool {
         let is_passed = self.bsdf.lets_light_pass() && wi.dot(self.n) < 0.0;
         let side = wi.dot(self.hit.n) * self.wo.dot(self.hit.n);
@@ -231,7 +233,7 @@ impl SurfaceVertex {
         is_far && !is_flat
     }
 
-    /// The side of the surface on which a ray along `wi` goes on.
+    /// Origin of a ray along `wi`, with the side of the surface on which it continues.
     fn ray_origin(&self, wi: DVec3) -> RayOrigin {
         let is_transmitted = wi.dot(self.n) < 0.0;
         RayOrigin {

@@ -1,29 +1,29 @@
-//! Random numbers of a path: Owen-scrambled Sobol points, spread over samples and pixels at once.
+//! Random numbers of a path: Owen-scrambled Sobol points, stratified over samples and pixels at once.
 //!
-//! A number depends on (pixel, sample, block, seed) alone, so the picture does not depend on who
-//! traced which tile. The same integer arithmetic runs in the scalar tracer, in SIMD and in WGSL.
+//! A number is a function of (pixel, sample, block, seed) alone, so the image does not depend on which
+//! node traced which tile. The same integer arithmetic runs in the scalar tracer, in SIMD and in WGSL.
 //!
-//! A path takes its numbers in pairs, a *block* each. The pairs of a block are points of Sobol's
-//! two-dimensional sequence. Which one belongs to (pixel, sample) makes two promises at once, each
-//! for every power of two:
+//! A path draws its numbers in pairs; each pair is identified by a *block*. The pairs of a block are
+//! points of Sobol's two-dimensional sequence. The assignment of points to (pixel, sample) guarantees two
+//! stratifications at once, each for every power of two:
 //!
-//! * The first 2ᵏ samples of a pixel, and every aligned run of 2ᵏ, have one point in each of the 2ᵏ
-//!   cells of every division into equal rectangles of dyadic sides.
+//! * The first 2ᵏ samples of a pixel, and every aligned run of 2ᵏ, have one point in each elementary
+//!   interval of area 2⁻ᵏ: in each cell of every division into 2ᵏ equal rectangles of dyadic sides.
 //! * So do those samples of all pixels of an aligned square of 2ʳ × 2ʳ together, with 4ʳ times as
-//!   many cells: what one pixel gets wrong its neighbours make good, so that the error is noise of
-//!   high frequency, which the eye and a denoiser average out.
+//!   many cells: errors of neighbouring pixels are anticorrelated, so that the image error is
+//!   high-frequency noise, which the eye and a denoiser average out.
 //!
 //! Ahmed and Wonka ("Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
-//! Hierarchical Ordering of Pixels", SIGGRAPH Asia 2020) get the second from the number
-//! `morton(pixel) · samples + sample`, for which the number of samples must be known. Here it need
-//! not be: see [`in_base_q`]. Both numbers are shuffled, block by block, and the points scrambled, by
-//! hashes that keep the promises (Laine and Karras, "Stratified Sampling for Stochastic
+//! Hierarchical Ordering of Pixels", SIGGRAPH Asia 2020) get the second from the index
+//! `morton(pixel) · samples + sample`, which requires the number of samples in advance. The construction
+//! used here does not: see [`in_base_q`]. Both indices are shuffled per block, and the points scrambled, by
+//! hashes that preserve both stratifications (Laine and Karras, "Stratified Sampling for Stochastic
 //! Transparency", EGSR 2011; Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020), so
 //! that blocks are independent of each other.
 //!
 //! At 480×270 the pool table has a FLIP of 0.049 at 1 sample and 0.0195 at 4 (`carom-farm compare`).
-//! Without the second promise, with points that are scrambled for each pixel by itself, the squared
-//! error is the same and FLIP 1.4 times as large.
+//! Without the second stratification, with points that are scrambled for each pixel independently, the
+//! squared error is the same and FLIP is 1.4 times as large.
 
 /// Hashes four words to four: PCG4D of Jarzynski and Olano, "Hash Functions for GPU Rendering",
 /// JCGT 9(3), 2020.
@@ -38,83 +38,88 @@ pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
         *w = w.wrapping_add(y.wrapping_mul(*z));
     };
     mix(&mut x, &mut y, &mut z, &mut w);
-    // Products carry upwards only. This brings the good upper bits down before they are mixed again.
+    // Multiplication carries towards higher bits only, which makes those the best mixed. The shift feeds
+    // them back into the lower bits before the second round.
     [x, y, z, w] = [x, y, z, w].map(|word| word ^ (word >> 16));
     mix(&mut x, &mut y, &mut z, &mut w);
     [x, y, z, w]
 }
 
-/// Four independent numbers in [0, 1), multiples of 2⁻²⁴, for four words.
+/// Hashes four words to four independent numbers in [0, 1), multiples of 2⁻²⁴.
 #[inline]
 pub fn uniforms(a: u32, b: u32, c: u32, d: u32) -> [f32; 4] {
     pcg4d([a, b, c, d]).map(unit_float)
 }
 
-/// The largest of [`pair`]'s numbers.
+/// Largest number that [`pair`] returns: 1 − 2⁻²⁴.
 pub const BELOW_1: f64 = 1.0 - 1.0 / 16_777_216.0;
 
-/// The upper 24 bits as a number in [0, 1).
+/// Returns the upper 24 bits as a number in [0, 1).
 #[inline]
 pub fn unit_float(word: u32) -> f32 {
-    // 24 bits are what f32 holds: with more the conversion could round up to 1, which no warp expects.
+    // f32 has a 24-bit significand: with more bits the conversion could round up to 1, outside the domain
+    // of the warps.
     (word >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// The first argument of [`pair`] for a pixel: its Morton number (bits of x at even places, of y at
-/// odd ones), bits in reverse. Coordinates are below 2¹⁶.
+/// The first argument of [`pair`] for a pixel: its Morton index (bits of x at even positions, of y at
+/// odd ones), bit-reversed. Coordinates are below 2¹⁶.
 #[inline]
 pub fn pixel_key(x: u32, y: u32) -> u32 {
     (spread(x) | (spread(y) << 1)).reverse_bits()
 }
 
-/// The second argument of [`pair`] for a sample: its index, bits in reverse. The index counts
-/// modulo 2³², after which the sequence begins again.
+/// The second argument of [`pair`] for a sample: its index, bit-reversed. Indices wrap modulo 2³², the
+/// period of the sequence.
 #[inline]
 pub fn sample_key(sample: u32) -> u32 {
     sample.reverse_bits()
 }
 
-/// Two numbers in [0, 1), multiples of 2⁻²⁴: the point of [`pixel_key`] and [`sample_key`] in a
-/// block.
+/// Returns two numbers in [0, 1), multiples of 2⁻²⁴: the point of a block that belongs to a [`pixel_key`]
+/// and a [`sample_key`].
 #[inline]
 pub fn pair(pixel: u32, sample: u32, block: u32, seed: u32) -> [f32; 2] {
     let seeds = pair_seeds(block, seed);
-    // Permutes aligned runs of 2ᵏ samples as wholes, so that each run keeps one point a cell.
+    // An Owen scramble of the reversed index permutes aligned runs of 2ᵏ samples as wholes, so that each
+    // run keeps one point per cell.
     let sample = scramble(sample, seeds[0]).reverse_bits();
-    // Exclusive or adds polynomials over GF(2): f = g·q¹⁶ + h, and 16 digits of g·q¹⁶ are those of
-    // g.
+    // XOR is addition of polynomials over GF(2): this is f = g·q¹⁶ + h, since the first 16 digits of g·q¹⁶
+    // are those of g (see `in_base_q`).
     let x = sample ^ in_base_q(scramble(pixel, seeds[1]));
     let y = second_dimension(x);
-    // Owen scrambling keeps the count of every elementary interval and makes blocks independent.
+    // Owen scrambling preserves the number of points in every elementary interval; a different seed per
+    // block makes blocks independent.
     [scramble(x, seeds[2]), scramble(y, seeds[3])].map(|word| unit_float(word.reverse_bits()))
 }
 
-/// What shuffles samples and pixels and scrambles both coordinates in a block.
+/// Seeds of a block: shuffle of samples, shuffle of pixels, scramble of either coordinate.
 #[inline]
 pub fn pair_seeds(block: u32, seed: u32) -> [u32; 4] {
     pcg4d([block, seed, 0x6d2b_79f5, 0x1b56_c4e9])
 }
 
-/// Flips each bit depending on those below it: Owen's scrambling of a number whose first binary
-/// digit is the lowest bit. The hash is that of Vegdahl, "Building a Better LK Hash", 2021.
+/// Owen scrambling of a number whose first binary digit is the lowest bit: each bit is flipped depending
+/// on the bits below it. The hash is that of Vegdahl, "Building a Better LK Hash", 2021.
 #[inline]
 fn scramble(mut word: u32, seed: u32) -> u32 {
     word ^= word.wrapping_mul(SCRAMBLE[0]);
     word = word.wrapping_add(seed);
-    // Odd: an even factor would lose the highest bit.
+    // Odd, hence a bijection: an even factor would discard the highest bit.
     word = word.wrapping_mul((seed >> 16) | 1);
     word ^= word.wrapping_mul(SCRAMBLE[1]);
     word ^ word.wrapping_mul(SCRAMBLE[2])
 }
 
-/// Multipliers of [`scramble`]; even, so that a bit depends on those below it alone.
+/// Multipliers of [`scramble`]; even, so that a bit depends on lower bits alone.
 pub const SCRAMBLE: [u32; 3] = [0x3d20_adea, 0x0552_6c56, 0x53a2_2864];
 
-/// Sobol's second coordinate of the point whose first is `x`, first digit lowest: the polynomial
-/// over GF(2) with these coefficients, in terms of x + 1 (Pascal's triangle modulo 2).
+/// Second Sobol coordinate of the point whose first is `x`, lowest bit first: the polynomial over GF(2)
+/// with these coefficients, expanded in powers of x + 1. Its generator matrix is Pascal's triangle modulo
+/// 2.
 #[inline]
 fn second_dimension(mut x: u32) -> u32 {
-    // The triangle repeats itself: five steps of 2ⁱ rows instead of 32 rows.
+    // The triangle modulo 2 is self-similar: five butterfly steps instead of a product with 32 rows.
     x ^= (x & 0xaaaa_aaaa) >> 1;
     x ^= (x & 0xcccc_cccc) >> 2;
     x ^= (x & 0xf0f0_f0f0) >> 4;
@@ -122,21 +127,21 @@ fn second_dimension(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// The polynomial over GF(2) whose digits to the base `q = x² + x + 1` are the pairs of bits, in
-/// terms of x.
+/// Converts the polynomial over GF(2) whose digits to the base `q = x² + x + 1` are the pairs of bits of
+/// `digits` to its coefficients.
 ///
-/// Why: let the bits of a sample's index be the coefficients of a polynomial g, and the pairs of
-/// bits of a pixel's Morton number, the highest first, the digits of a polynomial h to the base q,
-/// 16 of them. The point of `f = g·q¹⁶ + h` has f's coefficients as the digits of its first
-/// coordinate and those of f(x + 1) as the digits of its second. By the Chinese remainder theorem f
-/// is determined by its remainders modulo xᵃ, (x + 1)ᵇ and qᶜ, which have no common factors, and by
-/// as many highest coefficients as are left: to fix the upper bits of sample and pixel (qᶜ) leaves
-/// exactly one point for each cell (xᵃ, (x + 1)ᵇ). This is Niederreiter's construction, over the
-/// places x, x + 1, q and ∞. Since `q¹⁶ = 1 + x¹⁶ + x³²`, the first 16 digits of g·q¹⁶ are those of
-/// g: [`pair`] leaves the product out.
+/// Derivation: let the bits of a sample's index be the coefficients of a polynomial g, and the pairs of
+/// bits of a pixel's Morton index, the highest first, the 16 digits of a polynomial h to the base q. The
+/// point of `f = g·q¹⁶ + h` has f's coefficients as the digits of its first coordinate and those of f(x +
+/// 1) as the digits of its second. By the Chinese remainder theorem f is determined by its remainders
+/// modulo xᵃ, (x + 1)ᵇ and qᶜ, which are coprime, and by its remaining highest coefficients: fixing the
+/// upper bits of sample and pixel (qᶜ) leaves exactly one point for each cell (xᵃ, (x + 1)ᵇ). This is
+/// Niederreiter's construction, over the places x, x + 1, q and ∞. Since `q¹⁶ = 1 + x¹⁶ + x³²`, the first
+/// 16 digits of g·q¹⁶ are those of g: [`pair`] omits the product.
 #[inline]
 fn in_base_q(mut digits: u32) -> u32 {
-    // Twice as long polynomials from halves: low + qⁿ·high, where qⁿ = 1 + xⁿ + x²ⁿ for n = 2ⁱ.
+    // Each step merges halves to polynomials of twice the length: low + qⁿ·high, with qⁿ = 1 + xⁿ + x²ⁿ for
+    // n = 2ⁱ, as squaring is linear over GF(2).
     let high = digits & 0xcccc_cccc;
     digits ^= (high >> 2) ^ (high >> 1);
     let high = digits & 0xf0f0_f0f0;
@@ -147,7 +152,7 @@ fn in_base_q(mut digits: u32) -> u32 {
     digits ^ (high >> 16) ^ (high >> 8)
 }
 
-/// The lower 16 bits at even places.
+/// Spreads the lower 16 bits to the even positions.
 #[inline]
 fn spread(mut bits: u32) -> u32 {
     bits &= 0xffff;
@@ -157,45 +162,47 @@ fn spread(mut bits: u32) -> u32 {
     (bits | (bits << 1)) & 0x5555_5555
 }
 
-/// Block of the camera ray: position in the pixel.
+/// Block of the camera ray's position within the pixel.
 pub const BLOCK_CAMERA: u32 = 0;
 
-/// Block of the camera ray: position on the lens.
+/// Block of the camera ray's position on the lens.
 pub const BLOCK_LENS: u32 = u32::MAX;
 
-/// Vertices of a path at which it is never ended by Russian roulette: the first.
+/// Number of vertices at the start of a path at which Russian roulette is not applied.
 pub const ROULETTE_DEPTH: u32 = 1;
 
-/// A path outside of bodies survives Russian roulette (Arvo and Kirk, "Particle Transport and Image Synthesis",
-/// SIGGRAPH 1990) with this many times the largest channel of its throughput. Of 1, 2 and
-/// 4, with and without the first vertex, this one reached the same relMSE of the game's room soonest.
+/// Survival probability of Russian roulette per unit of the largest channel of the throughput, for paths
+/// outside dielectrics (Arvo and Kirk, "Particle Transport and Image Synthesis", SIGGRAPH 1990). Of 1, 2
+/// and 4, with and without the first vertex, 4 from the second vertex on reached equal relMSE of the
+/// game's room soonest.
 pub const SURVIVAL_PER_THROUGHPUT: f32 = 4.0;
 
-/// Block of the scattering event at `depth`, counted from 0: direction, and with it a coat's lobe.
+/// Block of the scattering event at `depth`, counted from 0: direction, and choice between coat and base.
 #[inline]
 pub const fn block_scatter(depth: u32) -> u32 {
     1 + 3 * depth
 }
 
-/// Block of next-event estimation at that depth: area light and point on it.
+/// Block of next-event estimation at `depth`: choice of a light and point on it.
 #[inline]
 pub const fn block_light(depth: u32) -> u32 {
     2 + 3 * depth
 }
 
-/// Block of a dielectric: whether light is reflected there, and how far it flies before that.
+/// Block of the lobe choice at `depth` (reflection or refraction) and of the free-flight distance before
+/// it.
 #[inline]
 pub const fn block_choice(depth: u32) -> u32 {
     3 + 3 * depth
 }
 
-/// Block of a rough coat at that depth: the microfacet that the path meets.
+/// Block of a rough coat at `depth`: the microfacet normal.
 #[inline]
 pub const fn block_coat(depth: u32) -> u32 {
     COAT_BLOCKS + depth
 }
 
-/// The first [`block_coat`], beyond the other blocks of the longest path.
+/// First block of [`block_coat`], beyond the other blocks of the longest path.
 pub const COAT_BLOCKS: u32 = 1 << 31;
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! Scenes of many primitives of a shape and rays among them, on which BVHs are tested against each by
-//! itself.
+//! Test scenes with many primitives of one shape, and rays through them, for comparing BVH traversal with a
+//! linear search.
 
 use std::collections::BTreeMap;
 
@@ -11,13 +11,13 @@ use crate::{Camera, CompiledScene, Environment, Lens, Material, Mesh, Object, Sc
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Arrangement {
-    /// Here and there, through each other too.
+    /// Random positions, also overlapping.
     Cloud,
-    /// In a lattice, each touching its neighbours.
+    /// On a lattice, each touching its neighbours.
     Touching,
-    /// Several in the same place.
+    /// Several at the same position.
     Coincident,
-    /// From a few micrometres to a metre.
+    /// Sizes from a few micrometres to a metre.
     Sized,
     /// Along a line, with gaps that grow to a kilometre.
     Growing,
@@ -45,7 +45,7 @@ pub(crate) const SHAPES: [ShapeKind; 5] = [
     ShapeKind::Triangle,
 ];
 
-/// Place and radius of primitive `i` of `count`.
+/// Position and radius of primitive `i` of `count`.
 fn place(kind: Arrangement, count: u32, seed: u32, i: u32) -> (Vec3, f32) {
     let [x, y, z, r] = uniforms(i, seed, 7, 0);
     let (cloud, small) = (
@@ -114,7 +114,7 @@ fn shape(of: ShapeKind, kind: Arrangement, (center, radius): (Vec3, f32), i: u32
     }
 }
 
-/// A scene of one shape; flat ones are never of glass.
+/// A scene of one shape; flat shapes are never glass.
 pub(crate) fn test_scene(kind: Arrangement, of: ShapeKind, count: u32, seed: u32) -> CompiledScene {
     let albedo = Vec3::ONE;
     let is_body = matches!(of, ShapeKind::Sphere | ShapeKind::Box);
@@ -153,15 +153,15 @@ pub(crate) fn test_scene(kind: Arrangement, of: ShapeKind, count: u32, seed: u32
 
 pub(crate) struct CrowdRay {
     pub(crate) origin: Vec3,
-    /// Of unit length.
+    /// Unit vector.
     pub(crate) direction: Vec3,
-    /// The primitive that it leaves.
+    /// The primitive that the ray starts on, if any.
     pub(crate) left: Option<u32>,
-    /// It crosses that one's inside.
+    /// Whether the ray travels inside that primitive.
     pub(crate) is_inside: bool,
 }
 
-/// Centre of a primitive and half its extent.
+/// Centre and half extents of a primitive.
 fn extent(scene: &CompiledScene, i: usize) -> (Vec3, Vec3) {
     let (center, half) = if let Some(sphere) = scene.spheres.get(i) {
         (sphere.center, Vec3::splat(sphere.radius))
@@ -182,8 +182,7 @@ fn extent(scene: &CompiledScene, i: usize) -> (Vec3, Vec3) {
     (center.into(), half)
 }
 
-/// A point on a primitive's surface and the normal there: of flat ones the centre, and the side that is
-/// not told.
+/// A point on a primitive's surface with its normal; for flat shapes the centre, without a normal.
 fn surface(scene: &CompiledScene, i: usize, aside: Vec3) -> (Vec3, Option<Vec3>) {
     let (center, half) = extent(scene, i);
     if i < scene.spheres.len() {
@@ -197,7 +196,8 @@ fn surface(scene: &CompiledScene, i: usize, aside: Vec3) -> (Vec3, Option<Vec3>)
     (center, None)
 }
 
-/// From the eye, from between the primitives or from one's surface, at one, along an axis or anywhere.
+/// Ray from the eye, from between the primitives or from a primitive's surface; towards a primitive, along
+/// an axis or in a random direction.
 pub(crate) fn ray(scene: &CompiledScene, seed: u32, i: u32) -> CrowdRay {
     let [a, b, c, d] = uniforms(i, seed, 8, 0);
     let [e, f, g, h] = uniforms(i, seed, 9, 0);
@@ -239,7 +239,7 @@ pub(crate) fn ray(scene: &CompiledScene, seed: u32, i: u32) -> CrowdRay {
     }
 }
 
-/// A closed mesh round the origin, with rays from within it at its corners and at points of its edges.
+/// A closed mesh around the origin, with rays from within to its vertices and to points on its edges.
 pub(crate) fn globe_with_rays() -> (CompiledScene, Vec<(Vec3, Vec3)>) {
     const ROWS: u32 = 12;
     const COLUMNS: u32 = 17;

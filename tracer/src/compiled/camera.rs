@@ -1,4 +1,4 @@
-//! The camera of a scene as a basis, and as the rays of a picture.
+//! Cameras: orthonormal basis, and rays of an image.
 
 use bytemuck::Zeroable as _;
 use glam::DVec3;
@@ -7,23 +7,23 @@ use super::CameraFrame;
 use crate::ImageSize;
 use crate::scene::Camera;
 
-/// A camera's orthonormal basis in f64: the one place where its angle of view becomes a length.
+/// Orthonormal basis of a camera in f64; the one place where the angle of view is converted to a length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraBasis {
-    /// Position, m.
+    /// Position, metres.
     pub eye: DVec3,
-    /// Direction of view.
+    /// Unit viewing direction.
     pub forward: DVec3,
-    /// To the right on the image.
+    /// Unit vector to the right in the image.
     pub right: DVec3,
-    /// Upwards on the image.
+    /// Unit vector upwards in the image.
     pub up: DVec3,
-    /// Half the width of the image at distance 1.
+    /// Half the width of the image plane at distance 1.
     pub half_width: f64,
 }
 
 impl CameraBasis {
-    /// The basis of a valid camera.
+    /// Basis of a valid camera.
     pub fn new(camera: &Camera) -> Self {
         let eye = camera.eye.as_dvec3();
         let forward = (camera.target.as_dvec3() - eye).normalize();
@@ -38,7 +38,7 @@ impl CameraBasis {
     }
 }
 
-/// The camera's rays for an image of `size`, computed in f64 and rounded once.
+/// Rays of a camera for an image of `size`, computed in f64 and rounded once.
 pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
     let CameraBasis {
         forward,
@@ -47,6 +47,7 @@ pub fn camera_frame(camera: &Camera, size: ImageSize) -> CameraFrame {
         half_width,
         ..
     } = CameraBasis::new(camera);
+    // Pixels are square; the width of the image determines their size.
     let pixel = 2.0 * half_width / f64::from(size.width);
     let corner = forward - right * half_width + up * (0.5 * pixel * f64::from(size.height));
     let array = |v: DVec3| v.as_vec3().to_array();

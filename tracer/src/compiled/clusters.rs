@@ -1,31 +1,32 @@
-//! Clusters of boxes that lie together: rays that do not meet the bound of one meet none of its boxes.
+//! Clusters of adjacent boxes: a ray that misses the bounds of a cluster misses all of its boxes.
 
 use glam::Vec3;
 
 use crate::bvh::Bounds;
 
-/// How the boxes of a scene, if they are few, are divided into single ones and clusters.
+/// Partition of a scene's boxes, if they are few, into single ones and clusters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Clusters {
-    /// The boxes of each, a bit each; those behind the last are empty.
+    /// Bit mask of the boxes in each cluster; 0 behind the last.
     members: [u64; Self::COUNT_MAX],
 }
 
 impl Clusters {
-    /// Single boxes alone.
+    /// No clusters: all boxes are single.
     pub(crate) const NONE: Self = Self {
         members: [0; Self::COUNT_MAX],
     };
+    /// Maximum number of clusters.
     const COUNT_MAX: usize = 10;
-    /// Boxes whose bounds a kernel tests together: none are in one cluster with those of another group.
+    /// Number of boxes whose bounds a kernel tests together; no cluster spans several groups.
     pub(crate) const GROUP: usize = 32;
-    /// Groups of boxes that are divided at most.
+    /// Maximum number of groups that are partitioned.
     pub(crate) const GROUPS_MAX: usize = 2;
-    /// The most boxes that are divided.
+    /// Maximum number of boxes that are partitioned.
     const BOXES_MAX: usize = Self::GROUPS_MAX * Self::GROUP;
 
-    /// A division with few tests of boxes and bounds for rays that leave `origin` in all directions; no clusters of
-    /// more than [`Clusters::BOXES_MAX`] boxes.
+    /// Partition that needs few tests of boxes and bounds for rays from `origin` in all directions;
+    /// [`Clusters::NONE`] for more than [`Clusters::BOXES_MAX`] boxes.
     pub(crate) fn new(boxes: &[Bounds], origin: Vec3) -> Self {
         if boxes.len() > Self::BOXES_MAX {
             return Self::NONE;
@@ -38,7 +39,7 @@ impl Clusters {
             })
             .filter(|members| members.count_ones() > 1)
             .collect();
-        // The largest ones, if there are too many.
+        // The largest clusters, if there are too many.
         found.sort_by_key(|members| members.count_zeros());
         found.truncate(Self::COUNT_MAX);
         found.sort_unstable();
@@ -47,19 +48,19 @@ impl Clusters {
         clusters
     }
 
-    /// The boxes of each, a bit each.
+    /// Bit mask of the boxes in each cluster.
     pub(crate) fn members(&self) -> impl Iterator<Item = u64> + '_ {
         let members = self.members.iter().copied();
         members.filter(|members| *members != 0)
     }
 
-    /// How many there are.
+    /// Number of clusters.
     #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn len(&self) -> usize {
         self.members().count()
     }
 
-    /// Their bounds.
+    /// Common bounds of each cluster.
     #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn bounds(&self, boxes: &[Bounds]) -> Vec<Bounds> {
         let bound = |members: u64| {
@@ -72,18 +73,19 @@ impl Clusters {
     }
 }
 
-/// Boxes with their common bound.
+/// A set of boxes with their common bounds.
 #[derive(Clone, Copy)]
 struct Part {
-    /// A bit each.
+    /// Bit mask of the boxes.
     members: u64,
     bound: Bounds,
+    /// Expected number of tests per group of rays.
     cost: f32,
 }
 
 impl Part {
-    /// With its tests per group of rays: 1 of a single box; of a cluster 1 of its bound, and those of its boxes in the
-    /// share of groups that meet it.
+    /// A part with its cost: 1 for a single box; for a cluster 1 for its bounds, and the number of its
+    /// boxes times the fraction of groups that hit the bounds.
     fn new(members: u64, bound: Bounds, origin: Vec3) -> Self {
         let cost = match members.count_ones() {
             1 => 1.0,
@@ -97,11 +99,12 @@ impl Part {
     }
 }
 
-/// Boxes merged pair by pair, each time those that save the most, until no two save anything.
+/// Greedy agglomeration: merges the pair that saves the most, until no pair saves anything.
 fn merged(boxes: &[Bounds], origin: Vec3) -> Vec<Part> {
     let single = |(index, bounds): (usize, &Bounds)| Part::new(1 << index, *bounds, origin);
     let mut parts: Vec<Part> = boxes.iter().enumerate().map(single).collect();
     loop {
+        // Cubic in the number of boxes, which is at most `Clusters::GROUP`.
         let mut best = (0.0, None);
         for (i, a) in parts.iter().enumerate() {
             for (j, b) in parts.iter().enumerate().skip(i + 1) {
@@ -120,6 +123,7 @@ fn merged(boxes: &[Bounds], origin: Vec3) -> Vec<Part> {
     }
 }
 
+/// Smallest box around both.
 pub(crate) fn union(a: Bounds, b: Bounds) -> Bounds {
     Bounds {
         min: a.min.min(b.min),
@@ -127,15 +131,18 @@ pub(crate) fn union(a: Bounds, b: Bounds) -> Bounds {
     }
 }
 
-/// The share of groups of rays from `origin` of which some ray meets a bound.
+/// Approximate fraction of ray groups from `origin` of which some ray hits the bounds: solid angle over 4π,
+/// for groups of [`RAYS_APART`] independent directions.
 fn share_of_groups(bound: Bounds, origin: Vec3) -> f32 {
     let to_nearest = origin.clamp(bound.min, bound.max).distance(origin);
     let to_middle = 0.5 * (bound.min + bound.max) - origin;
     if to_nearest == 0.0 {
         return 1.0;
     }
+    // Representative distance between the nearest point and the centre.
     let distance = to_nearest.midpoint(to_middle.length());
     let extent = bound.max - bound.min;
+    // Projected area towards the origin, by the faces' areas and the direction's components.
     let faces = Vec3::new(
         extent.y * extent.z,
         extent.z * extent.x,
@@ -143,11 +150,11 @@ fn share_of_groups(bound: Bounds, origin: Vec3) -> f32 {
     );
     let seen = faces.dot(to_middle.normalize().abs());
     let share = seen / (4.0 * std::f32::consts::PI * distance * distance);
-    // A group enters a cluster for any one of its rays.
+    // A group enters a cluster if any of its rays does.
     1.0 - (1.0 - share.min(1.0)).powi(RAYS_APART)
 }
 
-/// Directions that a group of 32 rays has, as those of neighbours are alike.
+/// Effective number of independent directions in a group of 32 rays, as adjacent rays are similar.
 const RAYS_APART: i32 = 8;
 
 #[cfg(test)]
@@ -211,7 +218,7 @@ mod tests {
 
     #[test]
     fn there_are_at_most_as_many_clusters_as_fit() {
-        // Twice a heap at each corner of a cube round the origin.
+        // Two clusters of four boxes at each corner of a cube around the origin, in different groups.
         let center = |i: u8| {
             let corner = [0, 1, 2].map(|axis| if (i / 4) >> axis & 1 == 1 { 2.0 } else { -2.0 });
             (Vec3::from(corner) + 0.1 * f32::from(i % 4)).to_array()

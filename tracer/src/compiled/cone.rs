@@ -1,6 +1,6 @@
-//! Truncated cones as CSG boxes: a box about the cone, without what lies outside of it and beyond its
-//! ends. The box itself is never a surface, so that the cone can be turned with its box's axes left
-//! where they are.
+//! Truncated cones as CSG boxes: an enclosing box, from which the cone's exterior and the half spaces
+//! beyond its ends are subtracted. The box itself is never visible, so that the cone can be rotated while
+//! its box stays axis-aligned.
 
 use glam::{DQuat, DVec3};
 
@@ -10,7 +10,7 @@ use super::data::{
 use crate::scene::ObjectPose;
 use crate::scene::validate::CSG_MARGIN_M;
 
-/// Faces of a cone's CSG box: the box, the cone's side, and its two ends.
+/// Number of faces of a cone's CSG box: the box, the cone's side, and both ends.
 pub(super) const FACES: u32 = 4;
 
 /// A truncated cone of a compiled scene.
@@ -19,13 +19,15 @@ pub(super) struct Cone {
     /// Index of its CSG box.
     pub(super) csg_box: u32,
     pub(super) first_face: u32,
+    /// Length along the axis, metres.
     pub(super) length: f32,
+    /// Radii of the narrow and the wide end, metres.
     pub(super) radii: [f32; 2],
 }
 
 impl Cone {
-    /// Its CSG box and faces where `pose` has it; a box without extent, which no ray meets, if it is
-    /// hidden.
+    /// CSG box and faces of the cone at `pose`; if it is hidden, the box has no extent, so that no ray hits
+    /// it.
     pub(super) fn at(&self, pose: &ObjectPose, material: u32) -> (CsgBoxData, [CsgFaceData; 4]) {
         let [narrow, wide] = self.radii.map(f64::from);
         let slope = (wide - narrow) / f64::from(self.length);
@@ -33,10 +35,12 @@ impl Cone {
         let axis = turn * DVec3::Z;
         let from = pose.position.as_dvec3();
         let to = from + axis * f64::from(self.length);
+        // Where the radius extrapolates to 0, before the narrow end.
         let apex = from - axis * (narrow / slope);
-        // A disc of radius r across the unit axis a reaches r·√(1 − aᵢ²) along axis i. Rounding may leave
-        // 1 − aᵢ² below 0.
+        // A disc of radius r orthogonal to the unit axis a extends r·√(1 − aᵢ²) along coordinate axis i.
+        // Rounding may make 1 − aᵢ² negative.
         let across = (1.0 - axis * axis).max(DVec3::ZERO).map(f64::sqrt);
+        // The box must enclose the cone by more than the margin of subtractions and the rounding to f32.
         let margin = 4.0 * f64::from(CSG_MARGIN_M)
             + 4.0 * f64::from(f32::EPSILON) * from.abs().max(to.abs()).max_element();
         let mut min = (from - across * narrow).min(to - across * wide) - margin;

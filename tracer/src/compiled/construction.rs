@@ -1,4 +1,4 @@
-//! The layout of a scene as arrays.
+//! Construction of a [`CompiledScene`] from a scene description.
 
 use bytemuck::Zeroable as _;
 use glam::{DVec3, Quat, Vec3, Vec3Swizzles as _};
@@ -17,7 +17,7 @@ use crate::Error;
 use crate::scene::{AreaLight, Axis, CsgSolid, ObjectPose, Scene, Shape, Subtraction};
 
 impl CompiledScene {
-    /// Checks `scene` against [`crate::scene::validate`] and lays it out.
+    /// Validates `scene` by [`crate::scene::validate`] and lays it out as arrays.
     ///
     /// # Errors
     /// [`Error::InvalidScene`] with the first rule that the scene breaks.
@@ -74,7 +74,8 @@ impl CompiledScene {
         Ok(compiled)
     }
 
-    /// For rays from the middle of the spheres; without any, from what is looked at.
+    /// Finds clusters for rays from the mean of the sphere centres, or from the camera's target without
+    /// spheres.
     fn find_clusters(&mut self) {
         let centers = self.spheres.iter().map(|ball| Vec3::from(ball.center));
         let middle = match self.spheres.len() {
@@ -210,7 +211,7 @@ impl CompiledScene {
         Primitive::CsgFace(cone.first_face)
     }
 
-    /// [`SphereData::allows_refracted_nee`].
+    /// Value of [`SphereData::allows_refracted_nee`].
     pub(super) fn allows_refracted_nee(&self, sphere: usize) -> u32 {
         let sphere = &self.spheres[sphere];
         let material = &self.materials[sphere.material as usize];
@@ -225,11 +226,12 @@ impl CompiledScene {
                 && material.sampling_density > 0.0
                 && material.ior >= 1.0
                 && sphere.radius > 0.0
+                // Half a radius above the whole ball, that is 1.5 radii above its centre.
                 && heights.all(|height| height >= 1.5 * sphere.radius),
         )
     }
 
-    /// Lights without extent are aimed at as often as all others together.
+    /// Gives punctual lights the same probability as all other lights together.
     fn share_light_sampling(&mut self) {
         let has_others = !self.area_lights.is_empty() || self.environment_map.probability > 0.0;
         self.punctual_probability = match (self.punctual_lights.is_empty(), has_others) {
@@ -241,7 +243,7 @@ impl CompiledScene {
     }
 }
 
-/// Its place in `all`.
+/// Appends `one` and returns its index.
 fn add<T>(all: &mut Vec<T>, one: T) -> u32 {
     all.push(one);
     all.len() as u32 - 1
@@ -285,8 +287,7 @@ fn subtraction_face(solid: &CsgSolid, material: u32) -> CsgFaceData {
             };
             (
                 kind,
-                // The radius where the coordinate along the axis is 0, so that it is linear in that
-                // coordinate.
+                // Radius at coordinate 0 along the axis, so that it is linear in the coordinate.
                 center.truncate().extend(taper.mul_add(-center.z, radius)),
                 Vec3::new(taper, beyond.x, beyond.y),
             )
@@ -305,6 +306,7 @@ fn unit(v: DVec3) -> Vec3 {
 }
 
 fn area_lights(area_lights: &[AreaLight]) -> Vec<AreaLightData> {
+    // Relative to the brightest light, so that sampling weights stay in the range of f32.
     let mean = |light: &AreaLight| light.radiance.as_dvec3().element_sum() / 3.0;
     let brightest = area_lights
         .iter()

@@ -1,10 +1,11 @@
-//! Surfaces that emit, as light sampling draws points on them: spheres, discs, rectangles and triangles.
+//! Emissive surfaces for light sampling: spheres, discs, rectangles and triangles.
 //!
-//! A surface is drawn in proportion to its power, area times mean emission, by a table of sums, so that neighbours in a mesh
-//! are neighbours in the random number and its even distribution carries over to the surface; then a point uniform in its
-//! area or, of a sphere, in the solid angle that it fills (Pharr, Jakob and Humphreys, "Physically Based Rendering",
-//! 4th edition, sections 12.4, 6.5.2 and 6.2.4). The density of a place by area is that of its material alone, mean emission over the
-//! power of all: so what meets a surface by chance knows it without a search.
+//! A surface is drawn in proportion to its power, area times mean emission, by a cumulative table, so that
+//! adjacent triangles of a mesh are adjacent in the random number and its stratification carries over to
+//! the surface; then a point is drawn uniformly by area or, for a sphere, by the solid angle that it
+//! subtends (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition, sections 12.4, 6.5.2
+//! and 6.2.4). The density of a point by area depends on its material alone: mean emission over total
+//! power. So the MIS weight at a hit needs no search of the table.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -17,51 +18,52 @@ use super::{
     MaterialTextureData, Primitive, ShapeKind,
 };
 
-/// Surfaces that emit: spheres, discs and rectangles, then triangles, each in the order of the scene's. Those of an update's particles
-/// are not among them.
+/// Emissive surfaces: spheres, discs and rectangles, then triangles, each in the order of the scene. Those
+/// of an update's particles are not included.
 #[derive(Clone, Debug, Default)]
 pub struct EmissiveSurfaces {
-    /// One each.
+    /// The table, in the order of the random number.
     pub surfaces: Arc<Vec<EmissiveSurfaceData>>,
-    /// Probability with which light sampling aims at one of them, in sixteenths.
+    /// Probability with which light sampling chooses an emissive surface, in sixteenths.
     pub sixteenths: u32,
-    /// Area times mean emission, over the channels and all of them, W·sr⁻¹.
+    /// Sum of area times mean emission of the channels, W·sr⁻¹.
     pub power: f64,
 }
 
-/// A surface that emits.
+/// An emissive surface.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct EmissiveSurfaceData {
     /// Index into the array of its shape.
     pub index: u32,
-    /// The probability of those before it.
+    /// Sum of the probabilities of the surfaces before it.
     pub before: f32,
-    /// Its own probability.
+    /// Probability of the surface.
     pub probability: f32,
-    /// Its [`ShapeKind`], as a number.
+    /// Its [`ShapeKind`], as an integer.
     pub shape: u32,
 }
 
-/// The most surfaces that emit of a scene that light sampling aims at: with more the probability of one is less than
-/// random numbers can tell, and all are found by chance.
+/// Maximum number of emissive surfaces that are sampled: with more, single probabilities would be below the
+/// resolution of the random numbers; all are found by BSDF sampling alone then.
 pub const EMISSIVE_SURFACES_MAX: usize = 1 << 20;
-/// How far along a ray to a point on such a surface anything may be in the way: the rest is left to rounding.
+/// Length of a shadow ray to an emissive surface, relative to the distance; the rest is slack for rounding.
 pub const EMISSIVE_SURFACE_REACH: f32 = 1.0 - 1e-4;
 
 impl EmissiveSurfaces {
-    /// Probability with which light sampling aims at one of them.
+    /// Probability with which light sampling chooses an emissive surface.
     pub fn probability(&self) -> f32 {
         self.sixteenths as f32 * (1.0 / 16.0)
     }
 
-    /// The index in the table of the surface that a number in [0, 1) draws.
+    /// Index of the surface that a number in [0, 1) selects.
     pub fn sample_index(&self, u: f32) -> usize {
+        // The last surface whose interval begins at or below `u`.
         let next = self.surfaces.partition_point(|surface| surface.before <= u);
         next.saturating_sub(1)
     }
 
-    /// Those that are no triangles, and those that are.
+    /// The surfaces other than triangles, and the triangles.
     pub(crate) fn shapes_and_triangles(&self) -> (&[EmissiveSurfaceData], &[EmissiveSurfaceData]) {
         let is_shape = |surface: &EmissiveSurfaceData| surface.kind() != ShapeKind::Triangle;
         self.surfaces
@@ -75,8 +77,8 @@ impl ShapeKind {
         self.area_factor().is_some()
     }
 
-    /// What the parallelogram of [`CompiledScene::emissive_corners`], or the square of a sphere's radius, is multiplied by for the
-    /// area of a surface; none of shapes that are found by chance alone.
+    /// Area of a surface over that of the parallelogram of [`CompiledScene::emissive_corners`], or over the
+    /// square of a sphere's radius; `None` for shapes that are found by BSDF sampling alone.
     pub(crate) const fn area_factor(self) -> Option<f64> {
         match self {
             Self::Sphere => Some(4.0 * PI),
@@ -89,7 +91,7 @@ impl ShapeKind {
 }
 
 impl CompiledScene {
-    /// Finds the surfaces that emit, and how often light sampling aims at them beside others.
+    /// Finds the emissive surfaces, and the probability with which light sampling chooses them.
     pub(super) fn find_emissive_surfaces(&mut self) {
         let brightness: Vec<f64> = (0..self.materials.len())
             .map(|material| mean_emission(&self.materials[material], material, &self.textures))
@@ -102,6 +104,7 @@ impl CompiledScene {
             let power = brightness[material as usize] * (shape.area_factor()? * unit_area);
             (power > 0.0 && power.is_finite()).then_some((shape, index, power))
         });
+        // One more than the maximum, to detect an excess without collecting all.
         let powers: Vec<(ShapeKind, u32, f64)> = powers.take(EMISSIVE_SURFACES_MAX + 1).collect();
         let power: f64 = powers.iter().map(|(.., power)| power).sum();
         if powers.is_empty() || powers.len() > EMISSIVE_SURFACES_MAX || !power.is_finite() {
@@ -109,7 +112,7 @@ impl CompiledScene {
         }
         let fluxes = powers.iter().map(|(shape, _, power)| match shape {
             ShapeKind::Sphere => *power,
-            // They shine to both sides.
+            // Flat shapes emit on both sides.
             _ => 2.0 * power,
         });
         let flux = fluxes.sum();
@@ -118,8 +121,8 @@ impl CompiledScene {
         for (shape, index, own) in powers {
             let before = (sum / power) as f32;
             sum += own;
-            // The difference of rounded sums, where the next one begins too: intervals adjoin, and what
-            // rounding leaves empty, which no number would draw, is left out.
+            // Difference of rounded sums, where the next interval begins too, so that intervals adjoin.
+            // Those that rounding leaves empty can never be drawn and are omitted.
             let probability = ((sum / power).min(1.0) as f32) - before;
             if probability > 0.0 {
                 surfaces.push(EmissiveSurfaceData {
@@ -145,8 +148,8 @@ impl CompiledScene {
         self.environment_map.probability *= left;
     }
 
-    /// Primitives of the shapes that light sampling draws points on: shape, index, material and what
-    /// [`ShapeKind::area_factor`] multiplies, square metres.
+    /// Primitives of the shapes that light sampling supports: shape, index, material, and the unit area
+    /// that [`ShapeKind::area_factor`] multiplies, m².
     fn emissive_candidates(&self) -> impl Iterator<Item = (ShapeKind, u32, u32, f64)> {
         let spheres = self.spheres.iter().zip(0..).map(|(sphere, index)| {
             let unit_area = f64::from(sphere.radius).powi(2);
@@ -170,8 +173,9 @@ impl CompiledScene {
         spheres.chain(discs).chain(rectangles).chain(triangles)
     }
 
-    /// Half beside surroundings and lights without extent, whose power is told by the place alone; by power beside area lights;
-    /// all without others. `flux` is what all emit, over π.
+    /// Probability in sixteenths: one half beside environment maps and punctual lights, whose irradiance
+    /// depends on the point; by power beside area lights; 1 without other lights. `flux` is the total
+    /// emitted flux over π.
     fn emissive_surface_sixteenths(&self, flux: f64) -> u32 {
         if self.punctual_probability > 0.0 || self.environment_map.probability > 0.0 {
             return 8;
@@ -180,6 +184,7 @@ impl CompiledScene {
             let area = 4.0 * f64::from(light.length_u) * f64::from(light.length_v);
             area * mean(light.radiance)
         });
+        // Fluxes over π: area times mean radiance of Lambertian emitters.
         let share = flux / (flux + others.sum::<f64>());
         match self.area_lights.is_empty() {
             true => 16,
@@ -187,7 +192,7 @@ impl CompiledScene {
         }
     }
 
-    /// Whether a material's emission depends on the place: by a texture, or by what its opacity leaves.
+    /// Whether the emission of a material varies over surfaces: by a texture or by opacity.
     pub(crate) fn emission_varies(&self, material: usize) -> bool {
         let data = &self.materials[material];
         let maps = self.textures.materials.get(material);
@@ -197,7 +202,8 @@ impl CompiledScene {
             && (is_textured || data.is_transparent())
     }
 
-    /// What a point of a surface emits, of a triangle of what its opacity leaves there, where corners have these weights.
+    /// Emission at a point of a surface with these corner weights, for a triangle scaled by its opacity
+    /// there.
     pub(crate) fn emission_at(&self, surface: &EmissiveSurfaceData, weights: [f32; 3]) -> Vec3 {
         match surface.kind() {
             ShapeKind::Triangle => self.triangle_tables().emission(surface.index, weights),
@@ -206,9 +212,9 @@ impl CompiledScene {
         }
     }
 
-    /// Corners of a parallelogram on which points of a surface are drawn, the first next to both others: a triangle's own;
-    /// three of a rectangle's; a disc's centre and two points on its rim at right angles. Of a sphere its centre, and its radius
-    /// as x of the next.
+    /// Corners of the parallelogram on which points of a surface are drawn, the first adjacent to both
+    /// others: of a triangle its own; of a rectangle three; of a disc its centre and two points on its rim
+    /// at right angles. Of a sphere its centre, and its radius as x of the second.
     pub(crate) fn emissive_corners(&self, surface: &EmissiveSurfaceData) -> [Vec3; 3] {
         let index = surface.index as usize;
         match surface.kind() {
@@ -223,7 +229,7 @@ impl CompiledScene {
             ShapeKind::Disc => {
                 let disc = &self.discs[index];
                 let center = Vec3::from(disc.center);
-                // Sums turn −0 into 0, which has another basis.
+                // Adding 0 turns −0 into 0, for which the basis is another.
                 let (t, b) = (Vec3::from(disc.normal) + Vec3::ZERO).any_orthonormal_pair();
                 [center, center + disc.radius * t, center + disc.radius * b]
             }
@@ -244,14 +250,14 @@ impl EmissiveSurfaceData {
         ShapeKind::ALL[self.shape as usize]
     }
 
-    /// What rays meet of it.
+    /// Its primitive.
     pub fn primitive(&self) -> Primitive {
         self.kind().primitive(self.index)
     }
 }
 
 impl AlphaTest<'_> {
-    /// What a point of a triangle emits of what its opacity leaves there, where corners have these weights.
+    /// Emission at a point of a triangle, scaled by its opacity there.
     pub(crate) fn emission(&self, triangle: u32, weights: [f32; 3]) -> Vec3 {
         let data = &self.triangles[triangle as usize];
         let material = &self.materials[data.material as usize];
@@ -267,7 +273,7 @@ impl AlphaTest<'_> {
     }
 }
 
-/// The mean of a material's emission over the channels and its texture.
+/// Mean of a material's emission over channels and texture.
 fn mean_emission(material: &MaterialData, index: usize, textures: &CompiledTextures) -> f64 {
     if material.kind != KIND_METALLIC_ROUGHNESS {
         return 0.0;

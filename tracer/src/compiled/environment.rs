@@ -1,10 +1,10 @@
-//! An environment map as back ends read it: radiance by direction, and a density to draw directions with.
+//! Compiled environment map: radiance by direction, and a sampling density.
 //!
-//! The picture is an equirectangular one: its middle shows +y, its right half +x, its upper edge +z. Radiance is interpolated
-//! between the centres of pixels. A pixel is drawn by the mean luminance that it shows times the sine of its colatitude:
-//! a row by the marginal distribution, a pixel of the row by the conditional one (Pharr, Jakob and Humphreys, "Physically
-//! Based Rendering", 3rd edition, section 14.2.4), and a point of it uniformly, so that neighbouring random numbers lead to
-//! neighbouring directions.
+//! The map is an equirectangular image: its centre shows +y, its right half +x, its upper edge +z. Radiance
+//! is interpolated bilinearly between pixel centres. A pixel is drawn in proportion to the mean luminance
+//! over its area times the sine of its colatitude: a row by the marginal distribution, a pixel of the row
+//! by the conditional one (Pharr, Jakob and Humphreys, "Physically Based Rendering", 3rd edition, section
+//! 14.2.4), and a point in it uniformly, so that nearby random numbers give nearby directions.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -17,32 +17,34 @@ use crate::scene::validate::map_fault;
 #[cfg(feature = "image-io")]
 use crate::{ImageSize, RadianceImage};
 
-/// The environment map of a scene, shared with copies of it; without any its size is 0.
+/// Environment map of a scene, shared between copies; its size is 0 if there is none.
 #[derive(Clone, Debug, Default)]
 pub struct CompiledEnvironment {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Turn about +z, added to the picture's horizontal coordinate, in [0, 1).
+    /// Rotation about +z in turns, added to the image's horizontal coordinate, in [0, 1).
     pub turn: f32,
-    /// Probability with which light sampling aims at the environment rather than at another light.
+    /// Probability with which light sampling chooses the environment rather than another kind of light.
     pub probability: f32,
-    /// `height + 1` sums of the rows' probabilities; `width + 1` sums of the pixels' probabilities for each row; red,
-    /// green and blue of each pixel, in W·sr⁻¹·m⁻².
+    /// Marginal CDF of the rows (`height + 1` numbers); conditional CDF of the pixels of each row
+    /// (`width + 1` numbers each); red, green and blue of each pixel, W·sr⁻¹·m⁻².
     pub numbers: Arc<Vec<f32>>,
 }
 
-/// A point of the environment that was drawn.
+/// A sampled point of the environment map.
 #[derive(Clone, Copy, Debug)]
 pub struct EnvironmentSample {
-    /// Across and down the picture, in [0, 1).
+    /// Horizontal and vertical coordinate in the image, in [0, 1).
     pub uv: [f32; 2],
     /// Its density in the unit square.
     pub density: f32,
 }
 
 impl CompiledEnvironment {
+    /// Compiles `map`, whose radiance is multiplied by `scale`.
+    ///
     /// # Errors
     /// [`Error::InvalidScene`] if the map's file is broken.
     pub(super) fn new(
@@ -57,12 +59,12 @@ impl CompiledEnvironment {
         compiled.map_err(|why| Error::InvalidScene(map_fault(why)))
     }
 
-    /// Whether there is none.
+    /// Whether there is no map.
     pub fn is_empty(&self) -> bool {
         self.width == 0
     }
 
-    /// The sine of the colatitude of a direction, and where the picture shows it.
+    /// Sine of the colatitude of a direction, and its coordinates in the image.
     pub fn uv(&self, direction: DVec3) -> (f64, [f32; 2]) {
         let sine = direction.x.hypot(direction.y);
         let across = 0.5 + direction.x.atan2(direction.y) / (2.0 * PI) + f64::from(self.turn);
@@ -70,7 +72,7 @@ impl CompiledEnvironment {
         (sine, [(across - across.floor()) as f32, down as f32])
     }
 
-    /// The unit direction that the picture shows at a place, and the sine of its colatitude.
+    /// Unit direction of image coordinates, and the sine of its colatitude.
     pub fn direction(&self, [across, down]: [f32; 2]) -> (DVec3, f64) {
         let azimuth = 2.0 * PI * (f64::from(across) - f64::from(self.turn) - 0.5);
         let (sine, cosine) = (PI * f64::from(down)).sin_cos();
@@ -78,14 +80,14 @@ impl CompiledEnvironment {
         (direction, sine)
     }
 
-    /// Radiance at a place of the picture.
+    /// Radiance at image coordinates, W·sr⁻¹·m⁻².
     pub fn radiance(&self, [across, down]: [f32; 2]) -> [f32; 3] {
         let x = across * self.width as f32 - 0.5;
         let y = (down * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
         let (left, top) = (x.floor(), y.floor());
         let (share_x, share_y) = (x - left, y - top);
         let last = self.width - 1;
-        // It goes on all round; at the poles it ends.
+        // Wraps around horizontally; clamped at the poles.
         let left = if left < 0.0 {
             last
         } else {
@@ -102,7 +104,7 @@ impl CompiledEnvironment {
         std::array::from_fn(|i| top[i] + share_y * (bottom[i] - top[i]))
     }
 
-    /// Draws a place.
+    /// Draws image coordinates by importance.
     pub fn sample(&self, [u, v]: [f32; 2]) -> EnvironmentSample {
         let (y, row_share, down) = draw(&self.numbers[..=self.height as usize], v);
         let (x, share, across) = draw(self.conditional(y), u);
@@ -115,7 +117,7 @@ impl CompiledEnvironment {
         }
     }
 
-    /// The density with which [`CompiledEnvironment::sample`] draws a place.
+    /// Density with which [`CompiledEnvironment::sample`] draws image coordinates.
     pub fn density(&self, [across, down]: [f32; 2]) -> f32 {
         let place = |at: f32, count: u32| ((at * count as f32) as u32).min(count - 1) as usize;
         let (x, y) = (place(across, self.width), place(down, self.height));
@@ -124,6 +126,7 @@ impl CompiledEnvironment {
         row * (sums[x + 1] - sums[x]) * (self.width as f32 * self.height as f32)
     }
 
+    /// Conditional CDF of row `y`.
     fn conditional(&self, y: usize) -> &[f32] {
         let first = self.height as usize + 1 + y * (self.width as usize + 1);
         &self.numbers[first..=first + self.width as usize]
@@ -136,10 +139,10 @@ impl CompiledEnvironment {
     }
 }
 
-/// The interval of rising sums from 0 to 1 that a number lies in, its length, and where in it.
+/// Inverts a CDF: the interval in which `u` lies, its length, and the position in it.
 fn draw(sums: &[f32], u: f32) -> (usize, f32, f32) {
-    // The last interval that does not begin above `u`.
-    // An interval of length 0 is passed over, as the next one begins at or below `u` as well.
+    // The last interval that begins at or below `u`: so intervals of length 0 are skipped, as the next one
+    // begins at or below `u` as well.
     let first = sums[1..sums.len() - 1].partition_point(|sum| *sum <= u);
     let share = sums[first + 1] - sums[first];
     let within = if share > 0.0 {
@@ -150,7 +153,7 @@ fn draw(sums: &[f32], u: f32) -> (usize, f32, f32) {
     (first, share, within.min(BELOW_1))
 }
 
-/// The largest number below 1.
+/// Largest f32 below 1.
 const BELOW_1: f32 = 1.0 - 0.5 * f32::EPSILON;
 
 #[cfg(not(feature = "image-io"))]
@@ -172,11 +175,13 @@ fn compile(
     let ImageSize { width, height } = picture.size;
     let luminance = |[r, g, b]: [f32; 3]| {
         let scaled = scale * Vec3::new(r, g, b);
+        // Luminance of linear Rec. 709 colours.
         f64::from(scaled.dot(Vec3::new(0.2126, 0.7152, 0.0722)))
     };
     let mut rows = Vec::with_capacity(height as usize);
     let mut conditional = Vec::new();
     for y in 0..height {
+        // The solid angle of a row's pixels is proportional to the sine of its colatitude.
         let sine = (PI * (f64::from(y) + 0.5) / f64::from(height)).sin();
         let weights = (0..width).map(|x| shown(&picture, x, y, &luminance));
         let weights: Vec<f64> = weights.collect();
@@ -202,15 +207,15 @@ fn compile(
     })
 }
 
-/// The mean over a pixel of what is interpolated between it and its neighbours.
+/// Mean over a pixel's area of the bilinear interpolation between it and its neighbours.
 #[cfg(feature = "image-io")]
 fn shown(picture: &RadianceImage, x: u32, y: u32, of: &impl Fn([f32; 3]) -> f64) -> f64 {
     let ImageSize { width, height } = picture.size;
     let columns = [(x + width - 1) % width, x, (x + 1) % width];
     let rows = [y.saturating_sub(1), y, (y + 1).min(height - 1)];
     let mut mean = 0.0;
-    // Integrals over the pixel of the tents that interpolate it and its neighbours: of 1 − |x| from −½ to
-    // ½, and of the neighbours' over half a pixel each.
+    // Integrals over the pixel of the tent functions of bilinear interpolation: that of the pixel itself, 1
+    // − |x| from −½ to ½, is ¾; those of its neighbours, over half a pixel each, are ⅛.
     for (row, share_y) in rows.into_iter().zip([0.125, 0.75, 0.125]) {
         for (column, share_x) in columns.into_iter().zip([0.125, 0.75, 0.125]) {
             let pixel = picture.pixels[(row * width + column) as usize];
@@ -220,7 +225,7 @@ fn shown(picture: &RadianceImage, x: u32, y: u32, of: &impl Fn([f32; 3]) -> f64)
     mean
 }
 
-/// Rising sums of weights, from 0 to 1; of equal ones if all are 0.
+/// CDF of weights, from 0 to 1; uniform if all are 0.
 #[cfg(feature = "image-io")]
 fn sums(weights: &[f64]) -> Vec<f32> {
     let total: f64 = weights.iter().sum();
@@ -234,8 +239,8 @@ fn sums(weights: &[f64]) -> Vec<f32> {
         sum as f32
     }));
     if let Some(last) = sums.last_mut() {
-        // Rounding leaves the sum a little off 1, and what it leaves out could not be drawn. Densities
-        // are taken from the same rounded sums, so that they are those of what is drawn.
+        // Rounding leaves the sum slightly off 1, and random numbers beyond it could not be used. Densities
+        // are computed from the same rounded sums, so that they match the sampling exactly.
         *last = 1.0;
     }
     sums
@@ -298,7 +303,7 @@ mod tests {
         let map = spotted();
         let of = |x: f32, y: f32| map.density([(x + 0.5) / 24.0, (y + 0.5) / 10.0]);
         assert!(of(3.0, 2.0) > 20.0 * of(10.0, 4.0));
-        // What is interpolated at the edge of light is not black.
+        // Interpolation reaches half a pixel beyond the edge of the bright area.
         assert!(of(10.0, 8.0) > 0.0 && of(10.0, 9.0) < 1e-3);
     }
 

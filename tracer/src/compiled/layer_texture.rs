@@ -1,19 +1,20 @@
-//! Textures of glTF's layers and of its specular reflection, beside those of all materials: few scenes have any.
+//! Textures of glTF's layers and specular reflection, stored apart from the base textures, as few scenes
+//! have any.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::scene::Material;
 
-/// What textures a material's sheen, specular reflection and clear coat have, as indices into
+/// Textures of a material's sheen, specular reflection and clear coat, as indices into
 /// [`super::CompiledTextures::images`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct LayerTextureData {
     /// See [`crate::MaterialTextures::sheen`].
     pub sheen: u32,
-    /// See [`crate::MaterialTextures::sheen_roughness`]; of a view that has alpha as its colour.
+    /// See [`crate::MaterialTextures::sheen_roughness`]; index of a view with alpha as colour.
     pub sheen_roughness: u32,
-    /// See [`crate::MaterialTextures::specular`]; of a view that has alpha as its colour.
+    /// See [`crate::MaterialTextures::specular`]; index of a view with alpha as colour.
     pub specular: u32,
     /// See [`crate::MaterialTextures::specular_color`].
     pub specular_color: u32,
@@ -21,15 +22,15 @@ pub struct LayerTextureData {
     pub clearcoat_normal: u32,
     /// See [`crate::MaterialTextures::clearcoat_normal_scale`].
     pub clearcoat_normal_scale: f32,
-    /// 1 if its clear coat has other normals than its base.
+    /// 1 if its clear coat has normals other than its base's, else 0.
     pub has_coat_normal: u32,
 }
 
 impl LayerTextureData {
-    /// Stands for no texture.
+    /// Index that stands for no texture.
     pub const NONE: u32 = u32::MAX;
 
-    /// Whether a texture multiplies the sheen or the specular reflection.
+    /// Whether a texture scales the sheen or the specular reflection.
     pub(crate) fn has_factors(&self) -> bool {
         let textures = [
             self.sheen,
@@ -40,12 +41,12 @@ impl LayerTextureData {
         textures != [Self::NONE; 4]
     }
 
-    /// Whether it says anything.
+    /// Whether the material has any of these.
     pub(super) fn is_some(&self) -> bool {
         self.has_factors() || self.has_coat_normal == 1
     }
 
-    /// Of a material; `alpha_of` gives the view of a texture's alpha.
+    /// Textures of a material; `alpha_of` returns the view of a texture's alpha.
     pub(super) fn new(material: &Material, mut alpha_of: impl FnMut(u32) -> u32) -> Self {
         let textures = material.textures();
         let index = |texture: Option<u32>| texture.unwrap_or(Self::NONE);

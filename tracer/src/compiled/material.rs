@@ -1,4 +1,4 @@
-//! Materials of a scene as back ends read them.
+//! Conversion of materials to the form read by back ends.
 
 use bytemuck::Zeroable as _;
 use glam::Vec3;
@@ -14,7 +14,7 @@ use crate::scene::{ClothMarks, Layers, Material, Medium, Opacity, ProceduralText
 use crate::sheen::{sheen_reflectance_max, sheen_reflectances};
 use crate::texture::CIRCLE_ALBEDO;
 
-/// The materials of a scene in their order, and then those of the discs that numbers of metals and dielectrics stand on.
+/// Materials of a scene in its order, then those of the discs behind the numbers of metals and dielectrics.
 pub(super) fn with_number_discs(scene: &Scene) -> Vec<MaterialData> {
     let mut all: Vec<_> = scene.materials.values().map(material_data).collect();
     for (index, material) in scene.materials.values().enumerate() {
@@ -36,9 +36,10 @@ pub(super) fn with_number_discs(scene: &Scene) -> Vec<MaterialData> {
     all
 }
 
-/// Phenolic resin.
+/// Index of refraction of the discs: phenolic resin.
 const DISC_IOR: f32 = 1.5;
 
+/// Converts a material.
 #[expect(clippy::too_many_lines, reason = "one arm for each material")]
 pub(super) fn material_data(material: &Material) -> MaterialData {
     match *material {
@@ -53,6 +54,8 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             internal_reflectance,
             stripe,
         } => {
+            // Internal reflections form a geometric series with the sum 1 / (1 − F_dr,int); radiance that
+            // leaves is lower by η².
             let eta = f64::from(ior);
             let internal =
                 internal_reflectance.map_or_else(|| internal_diffuse_reflectance(eta), f64::from);
@@ -121,9 +124,10 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
             opacity,
             layers,
         } => {
+            // Fresnel reflectance at normal incidence.
             let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
             let mut f0 = f0 * layers.specular_color;
-            // What textures multiply is limited where they are looked up.
+            // With textures the product is clamped where they are looked up.
             if textures.specular.or(textures.specular_color).is_none() {
                 f0 = f0.min(Vec3::ONE);
             }
@@ -151,30 +155,30 @@ pub(super) fn material_data(material: &Material) -> MaterialData {
 }
 
 impl MaterialData {
-    /// Whether it has a coat of GGX microfacets over a diffuse base.
+    /// Whether it has a rough coat over a diffuse base.
     pub(crate) fn has_rough_coat(&self) -> bool {
         self.kind == KIND_LAYERED && self.ior > 0.0 && self.alpha > 0.0
     }
 
-    /// The index of the material of the discs with a ball's number, if it is a metal or dielectric that has some.
+    /// Index of the material of the discs with a ball's number, for a metal or dielectric that has any.
     pub(crate) fn number_disc(&self) -> Option<u32> {
         let is_body = matches!(self.kind, KIND_CONDUCTOR | KIND_DIELECTRIC);
         (is_body && self.number > 0).then_some(self.number)
     }
 
-    /// Whether it has a clear coat or a sheen over glTF's material.
+    /// Whether it is glTF's material with a clear coat or a sheen.
     pub(crate) fn has_layers(&self) -> bool {
         let has_some = self.stripe_albedo[0] > 0.0 || self.sheen != [0.0; 3];
         self.kind == KIND_METALLIC_ROUGHNESS && has_some
     }
 
-    /// Whether it is a thin wall of glTF's material.
+    /// Whether it is glTF's material with transmission through a thin wall.
     pub(crate) fn is_thin_wall(&self) -> bool {
         self.kind == KIND_METALLIC_ROUGHNESS && self.stripe_albedo[2] > 0.0
     }
 }
 
-/// A clear coat and a sheen over glTF's material.
+/// Adds the parameters of clear coat, sheen and transmission to glTF's material.
 fn with_layers(base: MaterialData, layers: &Layers) -> MaterialData {
     let alpha = layers.clearcoat_roughness * layers.clearcoat_roughness;
     let (least, most) = (*SHEEN_ROUGHNESS.start(), *SHEEN_ROUGHNESS.end());
@@ -204,7 +208,7 @@ fn cloth_data(
     marks: Option<ClothMarks>,
 ) -> MaterialData {
     let most = sheen_reflectance_max(f64::from(sheen_roughness)) as f32;
-    // A strong sheen of a small width would reflect more than comes at grazing angles.
+    // A strong sheen of small width would reflect more light than arrives at grazing angles.
     let sheen = sheen / (sheen.max_element() * most).max(1.0);
     let left = (1.0 - sheen.max_element() * most).max(0.0);
     let pattern = marks.map_or(PATTERN_NONE, |_| PATTERN_CLOTH);
@@ -299,7 +303,8 @@ fn rough_alpha(alpha: f32) -> f32 {
     if alpha < ALPHA_SMOOTH_MAX { 0.0 } else { alpha }
 }
 
-/// Distances are drawn for the clearest channel, so that no channel's weight grows on the way.
+/// Parameters of an interior medium. Distances are drawn by the channel of least extinction, so that no
+/// channel's weight exceeds 1.
 fn medium_data(medium: &Medium) -> MaterialData {
     let Medium { extinction, albedo } = *medium;
     let data = MaterialData {

@@ -1,4 +1,4 @@
-//! Meshes as triangles in the world.
+//! Meshes as triangles in world space.
 
 use std::any::Any;
 use std::collections::BTreeMap;
@@ -14,41 +14,42 @@ use super::particle_surface::SurfaceMesh;
 use crate::SceneError;
 use crate::scene::{Mesh, ObjectPose, ParticleCloud, ParticleForm};
 
-/// The meshes of a scene. Their triangles are shared with copies of it and with what back ends have laid out,
-/// until some of them move.
+/// Meshes of a scene. Their arrays, and what back ends derive from them, are shared between copies of the
+/// scene until meshes move.
 #[derive(Clone, Debug, Default)]
 pub struct CompiledMeshes {
-    /// Triangles, mesh by mesh in the order of the scene's objects, then those of surfaces of the update's particles.
+    /// Triangles, mesh by mesh in the order of the scene's objects, then those of particle surfaces.
     pub triangles: Arc<Vec<TriangleData>>,
-    /// Vertex normals of those that have some.
+    /// Vertex normals of the triangles that have any.
     pub normals: Arc<Vec<TriangleNormals>>,
-    /// Texture coordinates of those that have some.
+    /// Texture coordinates of the triangles that have any.
     pub uvs: Arc<Vec<TriangleUvs>>,
-    /// Colours of the triangles up to the last that has some; all others are white.
+    /// Vertex colours of the triangles up to the last that has any; all later ones are white.
     pub colors: Arc<Vec<TriangleColors>>,
-    /// The largest sum of a vertex's coordinates, each without its sign, in metres.
+    /// Largest sum of a vertex's absolute coordinates, metres.
     pub reach: f32,
     placed: Vec<PlacedMesh>,
-    /// The clouds whose surfaces are there, with their materials.
+    /// Clouds whose surfaces are included, with their materials.
     surfaces: Vec<(u32, ParticleCloud)>,
-    /// What the CPU tracer has made of the triangles.
+    /// Triangles in the layout of the CPU tracer.
     pub(crate) layout: LayoutCache,
 }
 
-/// A mesh of a compiled scene.
+/// A mesh of a compiled scene, with its ranges in the arrays.
 #[derive(Clone, Debug)]
 struct PlacedMesh {
-    /// As the scene has it.
+    /// Pose in the scene.
     base: ObjectPose,
+    /// Current pose.
     pose: ObjectPose,
     triangles: Range<usize>,
     normals: Range<usize>,
-    /// Triangles and normals in the base pose, of one that is elsewhere.
+    /// Triangles and normals in the base pose, if the mesh is elsewhere.
     unmoved: Option<(Vec<TriangleData>, Vec<TriangleNormals>)>,
 }
 
 impl CompiledMeshes {
-    /// Adds an object's mesh; returns the index of its first triangle.
+    /// Appends an object's mesh; returns the index of its first triangle.
     pub(super) fn push(&mut self, object: u32, mesh: &Mesh, material: u32) -> u32 {
         let (triangles, normals) = (self.triangles.len(), self.normals.len());
         let world_from_mesh = mesh.rotation.as_dquat().normalize();
@@ -94,7 +95,7 @@ impl CompiledMeshes {
         triangles as u32
     }
 
-    /// Adds the colours of a mesh whose first triangle has this index.
+    /// Appends the vertex colours of a mesh whose first triangle has index `triangles`.
     fn push_colors(&mut self, triangles: usize, mesh: &Mesh) {
         if !mesh.colors.is_empty() {
             let colors = Arc::make_mut(&mut self.colors);
@@ -110,8 +111,8 @@ impl CompiledMeshes {
         self.place_of(object).is_some()
     }
 
-    /// Puts meshes where `poses` want them, and all others where the scene has them. Returns whether any has
-    /// moved since the last time.
+    /// Moves meshes to `poses`, and all others to their poses in the scene. Returns whether any has
+    /// moved since the last call.
     pub(super) fn place(&mut self, poses: &[ObjectPose]) -> bool {
         let moved = self.placed.iter().enumerate();
         let moved = moved.filter(|(_, mesh)| mesh.unmoved.is_some());
@@ -122,7 +123,7 @@ impl CompiledMeshes {
         let mut has_moved = false;
         for (place, pose) in wanted {
             let mesh = &mut self.placed[place];
-            // Also because `Arc::make_mut` would copy triangles that other scenes share.
+            // Skipped also because `Arc::make_mut` would copy triangles that other scenes share.
             if pose == mesh.pose {
                 continue;
             }
@@ -136,17 +137,18 @@ impl CompiledMeshes {
         }
         if has_moved {
             self.reach = reach(&self.triangles);
-            // A new one, not the old one emptied: copies of the scene that have not moved share that.
+            // A new cache instead of clearing the old one, which unmoved copies of the scene share.
             self.layout = LayoutCache::default();
         }
         has_moved
     }
 
-    /// Puts the surfaces of `clouds`, which are valid and have these materials, behind the scene's own triangles, and hidden ones up to a
-    /// power of two: kernels are built for numbers of primitives. Returns whether any surface is another than before.
+    /// Replaces the particle surfaces behind the scene's own triangles by those of `clouds`, which are
+    /// valid and have these materials, padded with hidden triangles to a power of two, as kernels are
+    /// specialised for the number of primitives. Returns whether any surface has changed.
     ///
     /// # Errors
-    /// As [`SurfaceMesh::new`], with the index of the cloud in the update; then all stays as it was.
+    /// As [`SurfaceMesh::new`], with the index of the cloud in the update; the meshes are unchanged then.
     pub(super) fn set_surfaces(
         &mut self,
         clouds: &[(u32, usize, &ParticleCloud)],
@@ -196,7 +198,7 @@ impl CompiledMeshes {
         Ok(true)
     }
 
-    /// The material of each mesh and surface; all triangles of one have the same.
+    /// Material of each mesh and particle surface; all triangles of one share it.
     pub(crate) fn materials(&self) -> impl Iterator<Item = u32> {
         let firsts = self.placed.iter().map(|mesh| mesh.triangles.start);
         let own = firsts.filter_map(|first| Some(self.triangles.get(first)?.material));
@@ -205,12 +207,13 @@ impl CompiledMeshes {
 
     fn place_of(&self, object: u32) -> Option<usize> {
         self.placed
-            // Meshes are added in the order of the scene's objects.
+            // Sorted, as meshes are appended in the order of the scene's objects.
             .binary_search_by_key(&object, |mesh| mesh.base.object)
             .ok()
     }
 
-    /// The index of the first triangle of the mesh that a triangle is of; all surfaces of particles are one.
+    /// Index of the first triangle of the mesh that contains `triangle`; all particle surfaces count as one
+    /// mesh.
     pub(crate) fn first_of_mesh(&self, triangle: u32) -> u32 {
         let own = self
             .placed
@@ -223,7 +226,7 @@ impl CompiledMeshes {
         self.placed[next - 1].triangles.start as u32
     }
 
-    /// First triangle and pose of each mesh.
+    /// First triangle and current pose of each mesh.
     pub(crate) fn poses(&self) -> impl Iterator<Item = (u32, ObjectPose)> {
         let meshes = self.placed.iter();
         meshes.map(|mesh| (mesh.triangles.start as u32, mesh.pose))
@@ -240,7 +243,7 @@ impl PlacedMesh {
         let (base_triangles, base_normals) = self
             .unmoved
             .get_or_insert_with(|| (triangles.to_vec(), normals.to_vec()));
-        // From the base pose each time: the rounding of one movement does not go into the next.
+        // From the base pose each time, so that rounding errors do not accumulate over movements.
         triangles.copy_from_slice(base_triangles);
         normals.copy_from_slice(base_normals);
         let movement = Movement::new(&self.base, &pose);
@@ -253,7 +256,7 @@ impl PlacedMesh {
             for corner in [&mut triangle.a, &mut triangle.b, &mut triangle.c] {
                 *corner = match pose.visible {
                     true => movement.point(*corner),
-                    // Without area, a triangle is never met.
+                    // A degenerate triangle is never hit.
                     false => pose.position.to_array(),
                 };
             }
@@ -266,7 +269,7 @@ impl PlacedMesh {
     }
 }
 
-/// From one pose to another.
+/// Rigid motion from one pose to another.
 struct Movement {
     from: DVec3,
     to: DVec3,
@@ -294,7 +297,8 @@ impl Movement {
     }
 }
 
-/// Triangles between points; `first` are the places of the first one's normals and texture coordinates, if they have any.
+/// Triangles between points; `first` are the indices of the first triangle's normals and texture
+/// coordinates, if any.
 fn triangle_data(
     triangles: &[[u32; 3]],
     points: &[Vec3],
@@ -331,7 +335,7 @@ fn triangle_normals(
     })
 }
 
-/// Adds triangles without area until the update's are a power of two.
+/// Appends degenerate triangles until the number of triangles after the first `own` is a power of two.
 fn hide_up_to_slots(
     triangles: &mut Vec<TriangleData>,
     normals: &mut Vec<TriangleNormals>,
@@ -352,7 +356,7 @@ fn hide_up_to_slots(
     }
 }
 
-/// The fewest triangles that surfaces of an update's particles take up.
+/// Least number of triangles of particle surfaces, including hidden ones.
 const SURFACE_SLOTS_MIN: usize = 1024;
 
 fn triangle_uvs(mesh: &Mesh, corners: &[u32; 3]) -> TriangleUvs {
@@ -360,6 +364,7 @@ fn triangle_uvs(mesh: &Mesh, corners: &[u32; 3]) -> TriangleUvs {
     let [ta, tb, tc] = corners.map(|corner| mesh.uvs[corner as usize].as_dvec2());
     let area = (b - a).cross(c - a).length();
     let covered = (tb - ta).perp_dot(tc - ta).abs();
+    // Both areas are those of parallelograms; their ratio is that of the triangles.
     let density = if area > 0.0 {
         (covered / area).sqrt()
     } else {
@@ -374,21 +379,22 @@ fn triangle_uvs(mesh: &Mesh, corners: &[u32; 3]) -> TriangleUvs {
     }
 }
 
+/// Largest sum of a vertex's absolute coordinates, metres.
 fn reach(triangles: &[TriangleData]) -> f32 {
     let corners = triangles.iter().flat_map(TriangleData::corners);
     let sums = corners.map(|corner| corner.abs().element_sum());
     sums.fold(0.0, f32::max)
 }
 
-/// What a back end has made of a scene's triangles, kept from picture to picture.
+/// Data that a back end has derived from a scene's triangles, cached from image to image.
 #[derive(Clone, Default)]
 pub(crate) struct LayoutCache(Arc<Mutex<Option<CachedLayout>>>);
 
 type CachedLayout = Arc<dyn Any + Send + Sync>;
 
 impl LayoutCache {
-    /// The layout; made if there is none, by two threads at once rather than that one holds the other up while it
-    /// works with others of its pool.
+    /// The cached layout, made if there is none. Two threads may make it at the same time: holding the lock
+    /// meanwhile could block threads of the pool that `make` itself works with.
     pub(crate) fn get_or_make<T: Any + Send + Sync>(&self, make: impl FnOnce() -> T) -> Arc<T> {
         let cached = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let found = cached().clone();

@@ -1,4 +1,4 @@
-//! Tests of whether rays meet triangles whose material is not opaque.
+//! Opacity: stochastic alpha tests of rays against triangles.
 
 use glam::Vec3;
 
@@ -8,7 +8,7 @@ use super::{
 };
 use crate::sampling::{pcg4d, unit_float};
 
-/// What tells whether a ray meets a triangle that it goes through.
+/// Tables for alpha tests and emission of triangles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AlphaTest<'a> {
     pub(crate) materials: &'a [MaterialData],
@@ -19,21 +19,21 @@ pub(crate) struct AlphaTest<'a> {
 }
 
 impl MaterialData {
-    /// Whether rays may pass it.
+    /// Whether rays may pass through it.
     pub(crate) fn is_transparent(&self) -> bool {
         self.kind == KIND_METALLIC_ROUGHNESS && self.sights[2] != OPACITY_OPAQUE
     }
 }
 
 impl CompiledScene {
-    /// The test of rays against the scene's triangles; none if all are opaque.
+    /// Tables for alpha tests; `None` if all triangles are opaque.
     pub(crate) fn alpha_test(&self) -> Option<AlphaTest<'_>> {
         let has_some = self.materials.iter().any(MaterialData::is_transparent);
         let has_some = has_some && !self.meshes.triangles.is_empty();
         has_some.then(|| self.triangle_tables())
     }
 
-    /// What tells of points of triangles how much is there, and what it emits.
+    /// Tables for opacity and emission at points of triangles.
     pub(super) fn triangle_tables(&self) -> AlphaTest<'_> {
         AlphaTest {
             materials: &self.materials,
@@ -46,12 +46,12 @@ impl CompiledScene {
 }
 
 impl AlphaTest<'_> {
-    /// Whether a ray meets a triangle where the corners have these weights.
+    /// Whether a ray hits a triangle at the point with these barycentric coordinates.
     ///
-    /// Its random number is a hash of the ray and the triangle (as in Pharr, Jakob and Humphreys, "Physically Based
-    /// Rendering", 4th edition, section 7.1.1), so that all who trace a ray decide alike, in whatever order they meet
-    /// triangles. It is drawn once, for rays to lights too: to multiply what all layers let pass takes a walk through them in
-    /// order, where the first that is met ends this one.
+    /// The random number is a hash of ray and triangle (as in Pharr, Jakob and Humphreys, "Physically
+    /// Based Rendering", 4th edition, section 7.1.1), so that all tests of the same ray agree, in any
+    /// order of traversal. Shadow rays use the same stochastic test: the product of all layers'
+    /// transmittances would require a traversal of every layer, where this ends at the first that is hit.
     pub(crate) fn is_met(
         &self,
         origin: Vec3,
@@ -68,7 +68,7 @@ impl AlphaTest<'_> {
         share >= 1.0 || ray_number(origin, direction, triangle) < share
     }
 
-    /// With which probability a ray meets a triangle where the corners have these weights.
+    /// Probability with which a ray hits a triangle at the point with these barycentric coordinates.
     pub(super) fn share_there(&self, triangle: u32, weights: [f32; 3]) -> f32 {
         let data = &self.triangles[triangle as usize];
         let material = &self.materials[data.material as usize];
@@ -99,8 +99,8 @@ impl AlphaTest<'_> {
             && maps.base_color != MaterialTextureData::NONE
         {
             let uv = uvs.at(weights);
-            // Always the finest level: whether a ray is the camera's is not known here, and all tests of
-            // it must agree.
+            // Always the finest level: the test does not know whether a ray is a camera ray, and all tests
+            // of the same ray must agree.
             let [.., of_texture] = self.textures.sample(maps.base_color, uv, 0.0);
             alpha *= of_texture;
         }
@@ -109,14 +109,14 @@ impl AlphaTest<'_> {
 }
 
 impl TriangleUvs {
-    /// Where corners have these weights.
+    /// Texture coordinates at these barycentric coordinates.
     pub(super) fn at(&self, [wa, wb, wc]: [f32; 3]) -> [f32; 2] {
         [0, 1].map(|axis| wa * self.a[axis] + wb * self.b[axis] + wc * self.c[axis])
     }
 }
 
-/// What the corners of a triangle weigh where a ray goes through it: Möller and Trumbore, "Fast, Minimum Storage Ray-Triangle
-/// Intersection", JGT 2(1), 1997.
+/// Barycentric coordinates of a ray's intersection with a triangle: Möller and Trumbore, "Fast, Minimum
+/// Storage Ray-Triangle Intersection", JGT 2(1), 1997.
 pub(crate) fn corner_weights(triangle: &TriangleData, origin: Vec3, direction: Vec3) -> [f32; 3] {
     let [a, b, c] = triangle.corners();
     let (edge_b, edge_c, from_a) = (b - a, c - a, origin - a);
@@ -129,12 +129,12 @@ pub(crate) fn corner_weights(triangle: &TriangleData, origin: Vec3, direction: V
     [1.0 - wb - wc, wb, wc]
 }
 
-/// A number in [0, 1) of a ray and a triangle.
+/// Hash of a ray and a triangle to a number in [0, 1).
 fn ray_number(origin: Vec3, direction: Vec3, triangle: u32) -> f32 {
     let [ox, oy, oz] = origin.to_array().map(f32::to_bits);
     let [dx, dy, dz] = direction.to_array().map(f32::to_bits);
     let [x, y, z, w] = pcg4d([ox, oy, oz, triangle]);
-    // The hash takes four words: the direction comes in once origin and triangle are mixed.
+    // The hash takes four words; the direction is mixed in by a second round.
     let [number, ..] = pcg4d([x ^ dx, y ^ dy, z ^ dz, w]);
     unit_float(number)
 }
@@ -143,7 +143,7 @@ fn ray_number(origin: Vec3, direction: Vec3, triangle: u32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Of rays that differ in the last bits alone, as those of one pixel do.
+    /// For rays that differ in the last bits only, as those of one pixel do.
     #[test]
     fn numbers_of_neighbouring_rays_are_even_and_independent() {
         let numbers = |triangle: u32| {

@@ -1,23 +1,24 @@
-//! Lights without extent as back ends read them.
+//! Punctual lights as read by back ends.
 
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::scene::{PunctualEmitter, PunctualLight};
 
-/// A light without extent.
+/// A punctual light: point, spot or distant.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct PunctualLightData {
-    /// Its place, metres; 0 of a distant one.
+    /// Position, metres; 0 for a distant light.
     pub center: [f32; 3],
-    /// 1 of a distant one, 0 of the others.
+    /// 1 for a distant light, else 0.
     pub is_distant: u32,
-    /// Unit direction in which it shines; 0 of a point.
+    /// Unit direction in which it shines; 0 for a point light.
     pub direction: [f32; 3],
-    /// Factor on the cosine to the direction; a spot's light is the square of that plus `cone_offset`, from 0 to 1.
+    /// Factor of the cosine to `direction`: a spot's intensity is scaled by the square of
+    /// `cosine · cone_scale + cone_offset`, clamped to [0, 1].
     pub cone_scale: f32,
-    /// Intensity, W·sr⁻¹; of a distant one irradiance, W·m⁻².
+    /// Intensity, W·sr⁻¹; for a distant light irradiance, W·m⁻².
     pub strength: [f32; 3],
     /// See `cone_scale`.
     pub cone_offset: f32,

@@ -1,10 +1,11 @@
-//! Image textures as back ends read them: texels of all levels of detail, and what a ray sees of them.
+//! Image textures as read by back ends: mip levels, and texture filtering.
 //!
-//! A level of detail halves its predecessor by the mean of what each of its texels covers, in linear light (Williams,
-//! "Pyramidal Parametrics", SIGGRAPH 1983). Camera rays see the level whose texels are as wide as their pixel, and of two
-//! levels in between (Akenine-Möller et al., "Improved Shader and Texture Level of Detail Using Ray Cones", JCGT 10(1), 2021,
-//! equation 34, without the slope of the surface: across it the samples of a pixel smooth what a level does not). Later
-//! vertices see the finest level. Colours are interpolated after they are made linear.
+//! Each mip level halves the previous one by the mean of the texels that it covers, in linear light
+//! (Williams, "Pyramidal Parametrics", SIGGRAPH 1983). Camera rays interpolate between the two levels whose
+//! texels are about as wide as their pixel's footprint (Akenine-Möller et al., "Improved Shader and Texture
+//! Level of Detail Using Ray Cones", JCGT 10(1), 2021, equation 34, without the slope of the surface:
+//! across it the samples of a pixel do the filtering). Later vertices use the finest level. Colours are
+//! converted to linear light before interpolation.
 
 use std::sync::Arc;
 
@@ -18,43 +19,44 @@ use crate::scene::{ColorSpace, Wrap, levels};
 use crate::scene::{ImageTexture, Material, MaterialTextures, halved};
 use crate::tonemap::SRGB_LINEAR;
 
-/// The textures of a scene, shared with copies of it.
+/// Textures of a scene, shared between copies.
 #[derive(Clone, Debug, Default)]
 pub struct CompiledTextures {
-    /// One each, and views of those whose alpha is read as a number.
+    /// One per texture, then views of those whose alpha is read as a number.
     pub images: Arc<Vec<TextureData>>,
     /// Per material of the scene; empty if none has a texture.
     pub materials: Arc<Vec<MaterialTextureData>>,
-    /// The same for layers and specular reflection; empty if none has a texture there.
+    /// Textures of layers and specular reflection, per material; empty if no material has any.
     pub layers: Arc<Vec<LayerTextureData>>,
-    /// The texture of each material's transmission, or [`MaterialTextureData::NONE`]; empty if no material of a thin wall has one.
+    /// Transmission texture per material, or [`MaterialTextureData::NONE`]; empty if no thin wall has one.
     pub transmission: Arc<Vec<u32>>,
-    /// Red, green, blue and alpha, red in the lowest byte: level by level, row by row.
+    /// RGBA texels, red in the lowest byte, level by level, row by row.
     pub texels: Arc<Vec<u32>>,
 }
 
-/// Where a texture lies among the texels.
+/// Location and format of a texture.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub struct TextureData {
-    /// Texels before it.
+    /// Index of its first texel.
     pub first: u32,
-    /// Texels across its finest level.
+    /// Width of the finest level, texels.
     pub width: u32,
-    /// Texels down its finest level.
+    /// Height of the finest level, texels.
     pub height: u32,
-    /// How many levels it has: the last one is a single texel.
+    /// Number of mip levels; the last is a single texel.
     pub levels: u32,
-    /// 1 if its red, green and blue are sRGB, 0 if they are linear, [`TextureData::ALPHA`] if they are its alpha.
+    /// 1 if its red, green and blue are sRGB, 0 if they are linear, [`TextureData::ALPHA`] if they are
+    /// replaced by alpha.
     pub is_srgb: u32,
-    /// [`WRAP_REPEAT`], [`WRAP_CLAMP`] or [`WRAP_MIRROR`] across.
+    /// Horizontal wrap mode: [`WRAP_REPEAT`], [`WRAP_CLAMP`] or [`WRAP_MIRROR`].
     pub wrap_u: u32,
-    /// The same down.
+    /// Vertical wrap mode.
     pub wrap_v: u32,
 }
 
 impl TextureData {
-    /// [`TextureData::is_srgb`] of the view of a texture that has its alpha as red, green and blue.
+    /// [`TextureData::is_srgb`] of a view that has a texture's alpha as red, green and blue.
     pub const ALPHA: u32 = 2;
 }
 
@@ -86,7 +88,7 @@ pub struct MaterialTextureData {
 }
 
 impl MaterialTextureData {
-    /// Stands for no texture.
+    /// Index that stands for no texture.
     pub const NONE: u32 = LayerTextureData::NONE;
 
     fn new(textures: MaterialTextures) -> Self {
@@ -104,7 +106,7 @@ impl MaterialTextureData {
 }
 
 impl CompiledTextures {
-    /// Decodes the textures of valid materials, in the order of the scene's.
+    /// Decodes the textures of valid materials; `materials` are those of the scene in its order.
     ///
     /// # Errors
     /// [`Error::InvalidScene`] if a file is broken.
@@ -145,13 +147,13 @@ impl CompiledTextures {
         })
     }
 
-    /// Whether any surface has a texture.
+    /// Whether no material has a texture.
     pub fn is_empty(&self) -> bool {
         self.materials.is_empty()
     }
 
-    /// Red, green, blue and alpha of a texture at texture coordinates, linear, at a level of detail: 0 is
-    /// the finest.
+    /// Linear RGBA of a texture at texture coordinates and a mip level, trilinearly interpolated; level 0
+    /// is the finest.
     pub fn sample(&self, image: u32, uv: [f32; 2], level: f32) -> [f32; 4] {
         let data = &self.images[image as usize];
         let level = level.clamp(0.0, (data.levels - 1) as f32);
@@ -167,7 +169,8 @@ impl CompiledTextures {
         sampled
     }
 
-    /// Mean of red, green and blue over a texture, linear. The coarsest level has it rounded to bytes.
+    /// Mean of linear red, green and blue over a texture, from the finest level, as the coarsest is rounded
+    /// to bytes.
     pub(super) fn mean(&self, image: u32) -> Vec3 {
         let data = &self.images[image as usize];
         let texels = data.first..data.first + data.width * data.height;
@@ -220,7 +223,7 @@ fn transmission_texture(material: &Material) -> u32 {
     texture.unwrap_or(MaterialTextureData::NONE)
 }
 
-/// The view of a texture's alpha as colour, which is added if need be.
+/// Index of the view of a texture's alpha as colour, which is added if there is none.
 fn alpha_of(images: &mut Vec<TextureData>, texture: u32) -> u32 {
     let view = TextureData {
         is_srgb: TextureData::ALPHA,
@@ -233,7 +236,7 @@ fn alpha_of(images: &mut Vec<TextureData>, texture: u32) -> u32 {
     }) as u32
 }
 
-/// A level of detail.
+/// Location of a mip level.
 struct Level {
     first: u32,
     width: u32,
@@ -256,7 +259,7 @@ impl Level {
     }
 }
 
-/// The texels beside a coordinate, and the share of the second.
+/// The two texels adjacent to a coordinate, and the weight of the second.
 struct Taps {
     before: u32,
     after: u32,
@@ -265,19 +268,20 @@ struct Taps {
 
 impl Taps {
     fn new(coordinate: f32, count: u32, wrap: u32) -> Self {
-        // Whole turns first: they would cost the digits of the rest.
+        // The integer part is removed before scaling, where it would cost the fraction's precision.
         let turn = match wrap {
             WRAP_REPEAT => coordinate - coordinate.floor(),
             WRAP_CLAMP => coordinate.clamp(0.0, 1.0),
             _ => {
+                // Triangle wave of period 2.
                 let half = 0.5 * coordinate;
                 1.0 - (2.0 * (half - half.floor()) - 1.0).abs()
             }
         };
         let at = turn * count as f32 - 0.5;
         let before = at.floor();
-        // −1 and `count` lie beyond the edges.
-        // A mirrored picture goes on with the texel at its edge, as one that is clamped does.
+        // −1 and `count` are beyond the edges. A mirrored texture continues with the texel at its edge,
+        // like a clamped one.
         let wrapped = |place: f32| match (place < 0.0, place as u32 >= count) {
             (false, false) => place as u32,
             (true, _) if wrap == WRAP_REPEAT => count - 1,
@@ -336,7 +340,7 @@ mod mip {
     use crate::texture_file::Texels;
     use crate::tonemap::SRGB_LINEAR;
 
-    /// The next level of detail.
+    /// Computes the next mip level.
     pub(super) fn halve(level: &Texels, is_srgb: bool) -> Texels {
         let [width, height] = level.size;
         let size = [halved(width), halved(height)];
@@ -362,7 +366,7 @@ mod mip {
         Texels { size, texels }
     }
 
-    /// Texels of a finer level that one of the next covers, along an axis.
+    /// Texels of a finer level that one texel of the next covers, along one axis.
     struct Cover {
         first: usize,
         shares: [f32; 3],
@@ -370,8 +374,8 @@ mod mip {
 
     impl Cover {
         fn new(place: u32, finer: u32, coarser: u32) -> Self {
-            // An odd edge is halved downwards: its scale lies above 2, at most at 3 (of 3 texels to 1),
-            // so that a texel covers parts of up to three.
+            // An odd size is halved rounding down: the scale is above 2, at most 3 (from 3 texels to 1), so
+            // that a texel covers parts of up to three.
             let scale = finer as f32 / coarser as f32;
             let (begin, end) = (place as f32 * scale, (place + 1) as f32 * scale);
             let first = begin as usize;
@@ -406,7 +410,7 @@ mod mip {
         [color(r), color(g), color(b), plain(a)]
     }
 
-    /// The byte whose light is nearest.
+    /// sRGB byte of nearest linear value.
     fn srgb_byte(share: f32) -> u8 {
         let above = SRGB_LINEAR
             .partition_point(|linear| *linear < share)

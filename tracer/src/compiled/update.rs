@@ -1,4 +1,4 @@
-//! Poses, cameras and particles of an update, put into a compiled scene.
+//! Updates of compiled scenes: poses, camera and particles.
 
 use std::sync::OnceLock;
 
@@ -11,17 +11,17 @@ use super::{CompiledScene, Primitive, ShapeKind, SphereData};
 use crate::scene::{ObjectPose, ParticleCloud, ParticleForm, SceneUpdate};
 use crate::{Error, SceneError};
 
-/// The fewest spheres that an update's particles take up: a cloud that thins out keeps its kernel.
+/// Least number of spheres for an update's particles, so that a shrinking cloud keeps its kernel.
 const PARTICLE_SLOTS_MIN: usize = 1024;
 
 impl CompiledScene {
-    /// Puts camera and objects where `update` wants them; what it does not name goes back to
-    /// where the scene has it, so that updates may come in any order.
+    /// Applies camera, poses and particles of `update`; everything that it does not name returns to
+    /// its state in the scene, so that updates may be applied in any order.
     ///
     /// # Errors
-    /// [`Error::InvalidUpdate`] if a pose names no sphere, truncated cone or mesh of the scene, one that another pose
-    /// has named, or holds a number that is not finite, the camera is degenerate, or particles are out of range; the
-    /// scene then is as if nothing had been applied.
+    /// [`Error::InvalidUpdate`] if a pose names no sphere, truncated cone or mesh of the scene, names one
+    /// twice, or contains a number that is not finite, the camera is degenerate, or particles are out of
+    /// range; the scene then is in its original state.
     pub fn apply(&mut self, update: &SceneUpdate) -> Result<(), Error> {
         self.reset();
         let applied = self.try_apply(update);
@@ -33,6 +33,7 @@ impl CompiledScene {
         applied.map_err(Error::InvalidUpdate)
     }
 
+    /// Restores spheres, cones, materials and camera of the scene.
     fn reset(&mut self) {
         self.spheres.clone_from(&self.base_spheres);
         self.materials.truncate(self.base_materials);
@@ -66,7 +67,8 @@ impl CompiledScene {
         self.push_particles(&update.particles)
     }
 
-    /// Adds particles, surfaces first: so their materials keep their places when dust comes and goes.
+    /// Adds particles, surfaces first, so that their materials keep their indices when balls appear or
+    /// vanish.
     fn push_particles(&mut self, clouds: &[ParticleCloud]) -> Result<(), SceneError> {
         let is_surface = |cloud: &ParticleCloud| matches!(cloud.form, ParticleForm::Surface { .. });
         let surfaces = clouds
@@ -91,8 +93,8 @@ impl CompiledScene {
         Ok(())
     }
 
-    /// Adds balls behind the scene's own spheres, and hidden ones up to a power of two: kernels are built for
-    /// numbers of primitives, and so need not be built anew for each frame of a cloud that grows.
+    /// Appends balls to the scene's own spheres, padded with hidden ones to a power of two: kernels are
+    /// specialised for the number of primitives, and need not be rebuilt for each frame of a growing cloud.
     fn push_balls(&mut self, clouds: &[&ParticleCloud]) {
         let particles: usize = clouds.iter().map(|cloud| cloud.places.len()).sum();
         if particles == 0 {

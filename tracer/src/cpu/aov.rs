@@ -1,4 +1,4 @@
-//! First hits, a pixel or a path per lane.
+//! AOVs of first hits, one pixel or path per lane.
 
 use std::ops::Range;
 
@@ -15,11 +15,11 @@ use crate::Aovs;
 use crate::aov::AOV_CHANNELS;
 use crate::sampling::{pixel_key, sample_key};
 
-/// The columns of [`Aovs`].
+/// Channels of [`Aovs`], one vector per channel.
 pub(super) type AovLanes<S> = [Float<S>; AOV_CHANNELS];
 
 impl Prepared {
-    /// Means over the samples of pixels, columns and rows of the picture.
+    /// Means over all samples of each pixel; `pixels` are (column, row) in the image.
     #[inline(always)]
     pub(super) fn aovs<S: Simd>(&self, simd: S, pixels: &[(u32, u32)]) -> Vec<Aovs> {
         let (films, keys): (Vec<u32>, Vec<u32>) = pixels
@@ -33,8 +33,8 @@ impl Prepared {
         (0..keys.len()).map(pixel).collect()
     }
 
-    /// Adds the first hits of a range of each pixel's samples to `sums`. It has three callers, and so
-    /// much in it that each copy costs a minute of a build.
+    /// Adds the first-hit AOVs of a range of each pixel's samples to `sums`. Not inlined: it has three
+    /// callers, and each inlined copy adds about a minute to the build.
     #[inline(never)]
     pub(super) fn add_first_hits<S: Simd>(
         &self,
@@ -64,7 +64,7 @@ impl Prepared {
         samples: Range<u32>,
         at: usize,
     ) -> AovLanes<S> {
-        // Lanes beyond the last pixel repeat it.
+        // Excess lanes of the last packet repeat its last pixel; their results are discarded.
         let (film, pixel) = if at + LANES <= keys.len() {
             (load_words(simd, films, at), load_words(simd, keys, at))
         } else {
@@ -93,8 +93,8 @@ impl Prepared {
         sum
     }
 
-    /// What camera rays meet, and what its mirror shows: `length` is that of a direction of 1
-    /// along the camera's axis.
+    /// AOVs of camera rays: those of the first surface, and the light in its mirror reflection. `length`
+    /// is the length of the ray's direction scaled to have component 1 along the camera axis.
     #[inline(always)]
     fn first_hit_aovs<S: Simd>(
         &self,
@@ -110,7 +110,7 @@ impl Prepared {
             let zero = Vec3x::splat(simd, [0.0; 3]);
             return columns(zero, zero, zero.x, emitted);
         }
-        // Lanes that ended are computed as if on the first surface, and left out.
+        // Lanes that hit no surface are evaluated with a valid dummy hit and masked out.
         let met = !ended;
         let id = met.select(nearest.id, Word::splat(simd, 0));
         let distance = met.select(nearest.distance, Float::splat(simd, 1.0));
@@ -122,7 +122,7 @@ impl Prepared {
         self.surface_aovs(simd, met, id, &hit, &bsdf, inverse_depth, emitted)
     }
 
-    /// What the lanes in `met` see of the surface that they met, and `emitted` in all.
+    /// AOVs of the surface hit by the lanes in `met`, and `emitted` in all lanes.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
@@ -138,12 +138,13 @@ impl Prepared {
         inverse_depth: Float<S>,
         mut emitted: Vec3x<S>,
     ) -> AovLanes<S> {
+        // One mirror bounce is followed for the emission AOV, so that reflections of lamps stay sharp.
         let reflectance = bsdf.mirror(simd);
         let mut mirror = met & reflectance.length_squared().simd_gt(0.0);
         let mirrored = bsdf.shown();
         let rays = Rays::new(simd, hit.position, mirrored, id);
         if mirror.any_true() && self.environment.is_black() {
-            // What is in the way matters only where there is light behind it.
+            // Occluders of the mirror ray matter only if there is a light behind them.
             let light = self.geometry.nearest_area_light(simd, &rays);
             mirror &= light.id.simd_ne(NONE);
         }
@@ -162,7 +163,7 @@ impl Prepared {
         )
     }
 
-    /// Light of the area light or the environment in which rays end, for the lanes in `mask`.
+    /// Radiance of the area light or environment at which rays end, for the lanes in `mask`; 0 in others.
     #[inline(always)]
     pub(super) fn emission<S: Simd>(
         &self,
@@ -192,7 +193,7 @@ impl Prepared {
     }
 }
 
-/// Adds the AOVs of the first lanes to these pixels.
+/// Adds the AOVs of the first `pixels.len()` lanes to `sums` at `pixels`.
 #[inline(always)]
 fn add<S: Simd>(
     simd: S,

@@ -1,4 +1,5 @@
-//! Area lights as points see them, a lane each: the arithmetic of [`crate::scalar::area_light`].
+//! Area lights as seen from shading points, one point per lane: the arithmetic of
+//! [`crate::scalar::area_light`].
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -13,26 +14,26 @@ use crate::sampling::BELOW_1;
 /// The area lights of a scene.
 pub(super) struct AreaLights {
     rows: Vec<AreaLightRow>,
-    /// The radiance of some depends on the place.
+    /// Whether the radiance of any light varies over its area.
     is_graded: bool,
 }
 
 type AreaLightRow = [f32; 24];
 
 const CENTER: usize = 0;
-/// Unit vectors along the edges.
+// Unit vectors along the edges.
 const AXIS_U: usize = 3;
 const AXIS_V: usize = 6;
 const NORMAL: usize = 9;
 const RADIANCE: usize = 12;
 const BRIGHTNESS: usize = 15;
-/// Half the edges.
+// Half lengths of the edges, metres.
 const LENGTH_U: usize = 16;
 const LENGTH_V: usize = 17;
 const GRADIENT: usize = 18;
 const SLOPE: usize = 21;
 
-/// What a ray needs that meets an area light.
+/// Properties of the area light that a ray has hit.
 pub(super) struct Emission<S: Simd> {
     pub(super) normal: Vec3x<S>,
     pub(super) radiance: Vec3x<S>,
@@ -43,14 +44,14 @@ pub(super) struct Emission<S: Simd> {
 pub(super) struct LightSample<S: Simd> {
     pub(super) index: Word<S>,
     pub(super) wi: Vec3x<S>,
-    /// 0 where no area light is seen.
+    /// Distance to the point, metres; 0 where no area light is visible.
     pub(super) distance: Float<S>,
-    /// Inverse density of `wi` per solid angle.
+    /// Reciprocal of the density of `wi` per solid angle, sr.
     pub(super) inverse_pdf: Float<S>,
-    /// Inverse of the density that the power heuristic takes: `light_weight_sum / brightness`.
+    /// Reciprocal of the density used by the power heuristic: `light_weight_sum / brightness`.
     pub(super) inverse_density: Float<S>,
     pub(super) radiance: Vec3x<S>,
-    /// The sum over all area lights of brightness times solid angle.
+    /// Sum over all area lights of brightness times solid angle.
     pub(super) light_weight_sum: Float<S>,
 }
 
@@ -71,7 +72,7 @@ impl AreaLights {
         Rows::new(&self.rows, index).triple(simd, NORMAL)
     }
 
-    /// What a point on area light `index` emits.
+    /// Emission of area light `index` at `point`.
     #[inline(always)]
     pub(super) fn emission<S: Simd>(
         &self,
@@ -91,8 +92,8 @@ impl AreaLights {
         }
     }
 
-    /// Draws an area light by brightness times solid angle with `u[0]` and a direction to it with what is
-    /// left of both.
+    /// Draws an area light with probability proportional to brightness times solid angle, by `u[0]`, and a
+    /// direction to it with `u[1]` and the rescaled remainder of `u[0]`.
     #[inline(always)]
     pub(super) fn sample<S: Simd>(
         &self,
@@ -104,8 +105,8 @@ impl AreaLights {
         let mut sum = zero;
         let mut chosen: Option<LightReservoir<S>> = None;
         for (index, row) in (0..).zip(&self.rows) {
-            // Weighted reservoir sampling: the next light replaces the chosen one with probability
-            // weight / sum, and what is left of `u[0]` is stretched to [0, 1) again.
+            // Weighted reservoir sampling with one random number: the next light replaces the chosen one
+            // with probability weight / sum, and `u[0]` is rescaled to [0, 1) within the branch taken.
             let next = LightReservoir::new(simd, index, row, point);
             let sum_before = sum;
             sum += next.weight;
@@ -140,14 +141,14 @@ impl AreaLights {
     }
 }
 
-/// The area light drawn so far.
+/// Reservoir: the area light drawn so far.
 struct LightReservoir<S: Simd> {
     index: Word<S>,
     seen: SphericalRectangle<S>,
     radiance: Vec3x<S>,
     omega: Float<S>,
     by_area: Mask<S>,
-    /// Brightness times solid angle.
+    /// Brightness times solid angle, the unnormalised selection probability.
     weight: Float<S>,
 }
 
@@ -166,7 +167,7 @@ impl<S: Simd> LightReservoir<S> {
         }
     }
 
-    /// Selects, as a table's rows would have to be gathered lane by lane.
+    /// Blends two reservoirs by lane. Selecting on registers avoids gathering table rows lane by lane.
     #[inline(always)]
     fn select(mask: Mask<S>, a: Self, b: Self) -> Self {
         Self {
@@ -214,7 +215,7 @@ fn graded<S: Simd>(simd: S, rows: &Rows<'_, 24>, point: Vec3x<S>, radiance: Vec3
     rows.triple(simd, GRADIENT).mul_add(u, radiance)
 }
 
-/// An area light in the frame of the point that sees it: [`crate::scalar::area_light::SphericalRectangle`].
+/// An area light in the frame of the shading point: [`crate::scalar::area_light::SphericalRectangle`].
 struct SphericalRectangle<S: Simd> {
     axes: [Vec3x<S>; 3],
     x: [Float<S>; 2],
@@ -222,7 +223,7 @@ struct SphericalRectangle<S: Simd> {
     height: Float<S>,
     area: Float<S>,
     unit: Float<S>,
-    /// Of the centre, in units.
+    /// Distance of the centre, in units of `unit`.
     distance: Float<S>,
 }
 
@@ -243,6 +244,7 @@ impl<S: Simd> SphericalRectangle<S> {
         let (length_u, length_v) = (row[LENGTH_U], row[LENGTH_V]);
         let to_center = triple(simd, row, CENTER) - point;
         let distance = to_center.length_squared().sqrt();
+        // Lengths are normalised to `unit`, so that products of four stay in the range of f32.
         let unit = distance + (length_u + length_v);
         let per_unit = 1.0 / unit;
         let (along_u, along_v) = (to_center.dot(axes[0]), to_center.dot(axes[1]));
@@ -282,7 +284,8 @@ impl<S: Simd> SphericalRectangle<S> {
         }
     }
 
-    /// The solid angle, 0 from behind, and where it is an estimate because it is small.
+    /// Solid angle, 0 from behind, and the lanes where it is below `SOLID_ANGLE_MIN` and estimated from
+    /// area, cosine and distance: there the exact formula cancels in f32.
     #[inline(always)]
     fn omega(&self, simd: S) -> (Float<S>, Mask<S>) {
         let exact = self.solid_angle(simd);
@@ -294,6 +297,7 @@ impl<S: Simd> SphericalRectangle<S> {
         (in_front.select(omega, Float::splat(simd, 0.0)), by_area)
     }
 
+    /// Complex number whose argument is the solid angle of the rectangle from (0, 0) to (x, y).
     #[inline(always)]
     fn corner(&self, x: Float<S>, y: Float<S>) -> Complex<S> {
         let height2 = self.height * self.height;
@@ -311,6 +315,8 @@ impl<S: Simd> SphericalRectangle<S> {
         let right = self.corner(x1, y1).times_conjugate(self.corner(x1, y0));
         let product = right.times_conjugate(left);
         let angle = product.argument(simd);
+        // A negative argument is either a solid angle above π, or 0 with rounding error seen nearly edge
+        // on.
         let is_before = x0.simd_lt(0.0) & x1.simd_gt(0.0) & y0.simd_lt(0.0) & y1.simd_gt(0.0);
         let is_above_pi = angle.simd_lt(0.0) & (is_before | product.re.simd_lt(0.0));
         is_above_pi.select(angle + TAU, angle.max(0.0))
@@ -327,6 +333,7 @@ impl<S: Simd> SphericalRectangle<S> {
         let (mut x, mut y) = self.sample_solid_angle(simd, omega, u, v);
         let mut inverse_pdf = omega;
         let height2 = self.height * self.height;
+        // Uniform in area where the solid angle is small, with density d² / (area · cos θ) per solid angle.
         if by_area.any_true() {
             x = by_area.select((self.x[1] - self.x[0]).mul_add(u, self.x[0]), x);
             y = by_area.select((self.y[1] - self.y[0]).mul_add(v, self.y[0]), y);
@@ -352,6 +359,8 @@ impl<S: Simd> SphericalRectangle<S> {
         u: Float<S>,
         v: Float<S>,
     ) -> (Float<S>, Float<S>) {
+        // Ureña, Fajardo and King 2013 in the form derived in `crate::scalar::area_light`: `start`
+        // rotated by u · omega replaces their inverse trigonometric functions.
         let ([x0, x1], [y0, y1], h2) = (self.x, self.y, self.height * self.height);
         let root_min = Float::splat(simd, ROOT_MIN);
         let start = self.corner(x0, y1).times_conjugate(self.corner(x0, y0));
@@ -370,13 +379,14 @@ impl<S: Simd> SphericalRectangle<S> {
         let d2 = x.mul_add(x, h2);
         let h0 = y0 / y0.mul_add(y0, d2).sqrt();
         let h1 = y1 / y1.mul_add(y1, d2).sqrt();
+        // h = y / √(d² + y²) is uniform along the second edge.
         let h = (h1 - h0).mul_add(v, h0);
         let y = h * (d2 / (1.0 - h * h).max(root_min)).sqrt();
         (x, y.max(y0).min(y1))
     }
 }
 
-/// What is under a root counts at least as this much: 0 / 0 on the rectangle's edge.
+/// Lower bound of radicands and denominators, which are 0 / 0 on the rectangle's edge.
 const ROOT_MIN: f32 = 1e-30;
 
 /// A complex number per lane.
@@ -396,13 +406,14 @@ impl<S: Simd> Complex<S> {
         }
     }
 
-    /// In (−π, π], within 3e-7: two reductions and the polynomial of Moshier's Cephes library
-    /// (`atanf`, 1989).
+    /// Argument in (−π, π], within 3e-7: two range reductions, to |t| ≤ tan(π/8), and the polynomial of
+    /// Moshier's Cephes library (`atanf`, 1989).
     #[inline(always)]
     fn argument(self, simd: S) -> Float<S> {
         let (re, im) = (self.re.abs(), self.im.abs());
         let (low, high) = (re.min(im), re.max(im).max(f32::MIN_POSITIVE));
         let is_steep = low.simd_gt(high * TAN_EIGHTH_TURN);
+        // atan(x) = π/4 + atan((x − 1)/(x + 1)); numerator and denominator are multiplied by `high`.
         let t = is_steep.select(low - high, low) / is_steep.select(low + high, high);
         let t2 = t * t;
         let tail = t2
@@ -426,7 +437,7 @@ pub(super) fn argument<S: Simd>(simd: S, re: Float<S>, im: Float<S>) -> Float<S>
 /// tan(π/8).
 const TAN_EIGHTH_TURN: f32 = 0.414_213_57;
 
-/// `atan(t) = t + t³ (…)` for |t| ≤ tan(π/8), the highest power first.
+/// Coefficients of `atan(t) = t + t³ (…)` for |t| ≤ tan(π/8), highest power first.
 const ATAN: [f32; 4] = [
     8.053_744_5e-2,
     -1.387_768_6e-1,
@@ -446,7 +457,7 @@ mod tests {
     use crate::simd::{Level, dispatch};
     use crate::{Camera, CompiledScene, Lens, Scene};
 
-    /// Two area lights of other shapes and directions.
+    /// Two area lights of different shapes and orientations.
     fn area_lights() -> Vec<AreaLightData> {
         let light = |center, half_u, half_v, radiance| AreaLight {
             name: "lamp".to_owned(),
@@ -538,7 +549,7 @@ mod tests {
                 differing += u32::from(!same);
             }
         }
-        // Points so near a threshold that rounding decides.
+        // Points so close to a threshold that rounding decides.
         assert!(differing <= 16, "{differing} of 16,384");
     }
 }

@@ -1,4 +1,4 @@
-//! One thread's work: a rectangle of pixels, batch by batch through the stream, into sums.
+//! Work of one thread: traces a rectangle of pixels in batches of paths and sums their samples.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -11,30 +11,31 @@ use crate::denoise::{DenoiseInput, SampleSums};
 use crate::sampling::{pixel_key, sample_key};
 use crate::{RenderSettings, Tile};
 
-/// Paths in a batch: enough to fill the packets of deeper vertices, few enough for the cache. Half
+/// Paths per batch: enough to fill the packets of deeper vertices, few enough for the cache. Half
 /// as many are as fast.
 const BATCH: usize = 2048;
 
-/// What a thread needs to trace, taken once and kept from tile to tile.
+/// Buffers of a thread, allocated once and reused from tile to tile.
 pub(super) struct Scratch {
     stream: Stream,
-    /// Place on the film and key of each pixel.
+    /// Film position (row in the upper, column in the lower 16 bits) and random-number key of each pixel.
     films: Vec<u32>,
     keys: Vec<u32>,
-    /// Per channel and pixel: a sum and what rounding has taken from it (Kahan, "Pracniques:
+    /// Per channel and pixel: a sum and its rounding error, for compensated summation (Kahan, "Pracniques:
     /// Further Remarks on Reducing Truncation Errors", CACM 8(1), 1965).
     sums: [Vec<(f32, f32)>; 3],
-    /// Of denoised pictures: sums of the first half of the samples, and of all first hits.
+    /// For denoised images: sums of the first half of the samples.
     half: [Vec<f32>; 3],
+    /// For denoised images: sums of the first-hit AOVs of all samples.
     aovs: [Vec<f32>; AOV_CHANNELS],
 }
 
-/// A traced rectangle.
+/// Result of a traced rectangle.
 #[derive(Default)]
 pub(super) struct Traced {
-    /// Of pictures that are not denoised.
+    /// Mean radiance per pixel; empty if the image is denoised.
     pub(super) radiance: Vec<[f32; 3]>,
-    /// Of pictures that are.
+    /// Input of the denoiser; empty if the image is not denoised.
     pub(super) denoise_input: DenoiseInput,
     pub(super) dropped_samples: u32,
     pub(super) rays: u64,
@@ -52,8 +53,8 @@ impl Scratch {
         }
     }
 
-    /// Traces `area`, or returns `None` as soon as `cancelled` is seen to be true. A pixel's
-    /// samples are summed in their order, whatever the area and the batches.
+    /// Traces `area`; returns `None` as soon as `cancelled` is seen to be true. The samples of a pixel
+    /// are summed in order, independently of area and batches.
     #[inline(always)]
     pub(super) fn trace<S: Simd>(
         &mut self,
@@ -67,8 +68,8 @@ impl Scratch {
         for first in (0..area.pixels()).step_by(BATCH) {
             let pixels = BATCH.min(area.pixels() - first);
             self.begin(area, first, pixels);
-            // A small area takes several samples into a batch, so that packets stay full where few paths
-            // are left.
+            // A small area puts several samples into a batch, so that packets stay full at depths where
+            // few paths survive.
             let samples_at_once = (BATCH / pixels) as u32;
             for done in (0..settings.samples).step_by(samples_at_once as usize) {
                 let samples = samples_at_once.min(settings.samples - done);
@@ -77,8 +78,8 @@ impl Scratch {
                 if cancelled.load(Ordering::Relaxed) {
                     return None;
                 }
-                // None once the half lies in an earlier batch. One at the end of a batch is sample 0 of
-                // the next.
+                // Place of the first sample of the second half within the batch; none if it lies in an
+                // earlier batch. A half that ends with a batch is handled as sample 0 of the next.
                 let half = (settings.samples / 2).checked_sub(done);
                 let half = half.filter(|_| settings.denoise && settings.samples > 1);
                 traced.dropped_samples += self.accumulate(samples as usize, half);
@@ -114,13 +115,13 @@ impl Scratch {
             sums.clear();
             sums.resize(pixels, (0.0, 0.0));
         }
-        // Of these nothing is read before it is written.
+        // Overwritten before they are read, so their previous contents need not be cleared.
         for sums in self.half.iter_mut().chain(&mut self.aovs) {
             sums.resize(pixels, 0.0);
         }
     }
 
-    /// A path per sample and pixel, samples in the outer loop.
+    /// Fills the stream with one path per sample and pixel, samples in the outer loop.
     fn fill(&mut self, first_sample: u32, samples: u32) {
         let pixels = self.keys.len();
         let stream = &mut self.stream;
@@ -131,8 +132,7 @@ impl Scratch {
         for (sample, ((films, keys), numbers)) in (0..samples).zip(films.zip(keys).zip(numbers)) {
             films.copy_from_slice(&self.films);
             keys.copy_from_slice(&self.keys);
-            // Samples in the outer loop: neighbouring lanes are neighbouring pixels, whose rays are
-            // alike.
+            // With samples in the outer loop adjacent lanes are adjacent pixels, whose rays are coherent.
             numbers.fill(sample_key(first_sample.wrapping_add(sample)));
         }
         for (slot, place) in stream.slot[..stream.len].iter_mut().zip(0..) {
@@ -140,8 +140,8 @@ impl Scratch {
         }
     }
 
-    /// Adds the batch to the sums; returns how many samples were not finite and count as black.
-    /// Before sample `half` of the batch the sums are those of the first half.
+    /// Adds the batch to the sums; returns the number of samples that were not finite and count as black.
+    /// Before sample `half` of the batch the sums are saved as those of the first half.
     #[inline(always)]
     fn accumulate(&mut self, samples: usize, half: Option<u32>) -> u32 {
         let pixels = self.keys.len();
@@ -156,8 +156,8 @@ impl Scratch {
             dropped += blacken_non_finite(channels);
             for (sums, column) in self.sums.iter_mut().zip(&self.stream.finished.0) {
                 for ((sum, lost), &value) in sums.iter_mut().zip(&column[slots.clone()]) {
-                    // At 65,536 samples a plain f32 sum has lost a relative 2⁻⁸ in the worst case; this
-                    // keeps it exact to rounding.
+                    // Kahan summation: a plain f32 sum of 65,536 samples may lose a relative 2⁻⁸ in the
+                    // worst case, the compensated sum about one rounding.
                     let corrected = value - *lost;
                     let next = *sum + corrected;
                     *lost = (next - *sum) - corrected;
@@ -168,7 +168,7 @@ impl Scratch {
         dropped
     }
 
-    /// Keeps the sums as those of the first half.
+    /// Saves the current sums as those of the first half of the samples.
     fn resolve_half(&mut self) {
         for (half, sums) in self.half.iter_mut().zip(&self.sums) {
             half.clear();
@@ -192,7 +192,7 @@ impl Scratch {
         }
     }
 
-    /// Appends the means of all samples with what the filter needs.
+    /// Appends radiance sums, half sums and AOVs of the batch's pixels to the input of the denoiser.
     #[inline(always)]
     fn resolve_denoise_input<S: Simd>(
         &mut self,
@@ -220,7 +220,7 @@ impl Scratch {
         );
     }
 
-    /// Appends the means of all samples.
+    /// Appends the mean radiance of each pixel.
     fn resolve(&self, samples: u32, radiance: &mut Vec<[f32; 3]>) {
         let [r, g, b] = &self.sums;
         let mean = |&(sum, _): &(f32, f32)| sum / samples as f32;
@@ -232,8 +232,8 @@ impl Scratch {
 fn blacken_non_finite([r, g, b]: [&mut [f32]; 3]) -> u32 {
     let mut dropped = 0;
     for ((r, g), b) in r.iter_mut().zip(g).zip(b) {
-        // `&` keeps the loop free of branches, so that it is compiled to vectors. All channels go black
-        // together: a sample without its red would tint the pixel.
+        // `&` instead of `&&` keeps the loop branch-free, so that it is vectorised. All channels are set
+        // to 0 together: a sample without its red would tint the pixel.
         let finite = r.is_finite() & g.is_finite() & b.is_finite();
         dropped += u32::from(!finite);
         if !finite {

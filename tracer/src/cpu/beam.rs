@@ -1,10 +1,10 @@
-//! Beams: what a whole packet of rays may meet, found for many primitives at once.
+//! Beams: conservative bounds of a packet of rays, which cull many primitives at once.
 //!
-//! Rays of neighbouring pixels leave from about the same place in about the same direction. At a distance t all of
-//! them are within a box whose faces move linearly with t, so that each face of a primitive's bounds gives an interval
-//! of t, and the bounds are met only where the intervals of all six overlap: interval arithmetic over the packet
-//! (Boulos, Wald and Shirley, "Geometric and Arithmetic Culling Methods for Entire Ray Packets", 2006), turned around
-//! so that a lane is a primitive. Whatever is left out is met by none of the rays.
+//! Rays of adjacent pixels have similar origins and directions. At a distance t all of them lie in a box
+//! whose faces move linearly with t, so that each face of a primitive's bounds gives an interval of t,
+//! and the bounds can be hit only where all six intervals overlap: interval arithmetic over the packet
+//! (Boulos, Wald and Shirley, "Geometric and Arithmetic Culling Methods for Entire Ray Packets", 2006),
+//! transposed so that a lane is a primitive. No ray hits a culled primitive.
 
 use fearless_simd::{f32x4, f32x8, prelude::*};
 use glam::Vec3;
@@ -14,45 +14,46 @@ use super::rays::{DIRECTION_MIN, Rays};
 use crate::bvh::{Bounds, SLACK};
 use crate::compiled::clusters::{Clusters, union};
 
-/// A box round all rays of a packet at each distance from their origins.
+/// Box around all rays of a packet as a function of the distance from their origins.
 pub(super) struct Beam {
-    /// By axis: the face of the smaller coordinates, then the other.
+    /// Per axis: the face of smaller, then that of larger coordinates.
     faces: [[Face; 2]; 3],
-    /// To the end of the longest ray, in lengths of their directions.
+    /// Length of the longest ray, in units of the directions' length.
     distance: f32,
 }
 
-/// A face of the box, which moves along its axis.
+/// A face of the box, at `origin + velocity · t` along its axis.
 #[derive(Clone, Copy)]
 struct Face {
     origin: f32,
-    /// 1 / velocity, without infinities.
+    /// 1 / velocity, finite.
     inverse: f32,
 }
 
-/// Bounds of primitives, by [`LANES`] of them.
+/// Bounds of primitives, in groups of [`LANES`].
 pub(super) struct BoundsGroups {
     groups: Vec<BoundsGroup>,
 }
 
 struct BoundsGroup {
-    /// Corners of the smallest coordinates, then of the largest.
+    /// Minimum x, y, z, then maximum x, y, z; empty bounds in unused lanes.
     bounds: [[f32; LANES]; 6],
-    /// Primitives that are in no cluster, a bit each.
+    /// Bit mask of the primitives that are in no cluster.
     single: u32,
     clusters: Vec<BoundsCluster>,
 }
 
-/// Primitives of a group that lie together: rays that do not meet their common bound meet none of them.
+/// Adjacent primitives of a group with their common bounds: a ray that misses the bounds misses all of
+/// them.
 struct BoundsCluster {
     min: [f32; 3],
     max: [f32; 3],
-    /// A bit each.
+    /// Bit mask of the group's primitives in the cluster.
     members: u32,
 }
 
 impl Beam {
-    /// The beam of the rays of `lanes`, as far as `distance`; none if one of them is not finite.
+    /// Beam of the rays of `lanes` up to `distance`; `None` if one of those rays is not finite.
     #[inline(always)]
     pub(super) fn new<S: Simd>(
         simd: S,
@@ -61,13 +62,12 @@ impl Beam {
         distance: Float<S>,
     ) -> Option<Self> {
         let (o, d) = (rays.origin, rays.direction);
-        // Not a number where one of them is not finite.
-        // One comparison instead of six: ∞ · 0 and NaN · 0 are NaN, which is not equal to itself.
+        // ∞ · 0 and NaN · 0 are NaN, which is not equal to itself: one comparison instead of six.
         let zero = (o.x + o.y + o.z + d.x + d.y + d.z) * 0.0;
         if (lanes & !zero.simd_eq(zero)).any_true() {
             return None;
         }
-        // The largest, by the one reduction there is.
+        // Maximum, by the one reduction available.
         let distance = -least(simd, -distance, lanes);
         Some(Self {
             faces: [
@@ -75,12 +75,13 @@ impl Beam {
                 faces(simd, o.y, d.y, lanes),
                 faces(simd, o.z, d.z, lanes),
             ],
-            // Below ∞, where the bounds of no primitive begin.
+            // Finite, because the empty bounds of unused lanes begin at ∞.
             distance: distance.min(f32::MAX),
         })
     }
 
-    /// The beam of all rays from a point whose directions, of any length, lie between two.
+    /// Beam of all rays from a point whose directions, of any length, lie between `first` and `last` on
+    /// each axis.
     #[inline(always)]
     pub(super) fn between(origin: [f32; 3], first: Vec3, last: Vec3) -> Self {
         let (low, high) = (first.min(last), first.max(last));
@@ -96,7 +97,7 @@ impl Beam {
         }
     }
 
-    /// Which bounds of a group overlap the box somewhere, a bit each.
+    /// Bit mask of the bounds of a group that the beam overlaps.
     #[inline(always)]
     fn meets<S: Simd>(&self, simd: S, bounds: &[[f32; LANES]; 6]) -> u32 {
         let [x, y, z, max_x, max_y, max_z] = bounds;
@@ -106,7 +107,8 @@ impl Beam {
         begin.simd_le(end).to_bitmask() as u32
     }
 
-    /// From which distance to which the bounds of a primitive per lane overlap the box; none if the first is larger.
+    /// Interval of distances in which the beam overlaps the bounds of each lane; empty if the first is
+    /// larger.
     #[inline(always)]
     pub(super) fn overlap<S: Simd>(&self, min: Vec3x<S>, max: Vec3x<S>) -> (Float<S>, Float<S>) {
         let simd = min.x.token();
@@ -114,9 +116,9 @@ impl Beam {
         let mut end = Float::splat(simd, self.distance);
         let bounds = [[min.x, max.x], [min.y, max.y], [min.z, max.z]];
         for ([low, high], [min, max]) in self.faces.into_iter().zip(bounds) {
-            // The lower face is at o + v·t. It has to be below the bounds' maximum: t ≤ (max − o)/v if it
-            // moves up, and t ≥ that if it moves down. With the upper face and the minimum both
-            // comparisons turn round.
+            // The lower face is at o + v·t and has to be below the bounds' maximum: t ≤ (max − o)/v if v
+            // > 0, and t ≥ (max − o)/v if v < 0. For the upper face and the minimum both comparisons are
+            // reversed.
             let t = (max - low.origin) * low.inverse;
             if low.inverse > 0.0 {
                 end = end.min(t);
@@ -133,7 +135,7 @@ impl Beam {
         (begin, end)
     }
 
-    /// The largest coordinate of an origin.
+    /// Largest absolute coordinate of an origin, metres.
     #[inline(always)]
     pub(super) fn origin_max(&self) -> f32 {
         let [[a, b], [c, d], [e, f]] = self.faces.map(|axis| axis.map(|face| face.origin.abs()));
@@ -144,22 +146,22 @@ impl Beam {
 impl Face {
     #[inline(always)]
     fn new(origin: f32, velocity: f32) -> Self {
-        // A face that stands still then meets bounds always or, at a t of about ±1e30 metres, never.
+        // A face at rest then overlaps bounds for all t or, with a bound of t near ±1e30 metres, for none.
         let inverse = 1.0 / velocity.abs().max(DIRECTION_MIN).copysign(velocity);
         Self { origin, inverse }
     }
 }
 
 impl BoundsGroups {
-    /// `reach` is an upper bound of the coordinates of primitives and of rays' origins together, by which bounds are
-    /// widened.
+    /// `reach` bounds the absolute coordinates of primitives and ray origins together, metres; all bounds
+    /// are widened in proportion to it.
     pub(super) fn new(
         bounds: impl IntoIterator<Item = Bounds>,
         clusters: Clusters,
         reach: f32,
     ) -> Self {
-        // Beams are tested in f32 too. Without slack a ray that grazes a face could meet what its
-        // beam has left out, and the picture would depend on which rays share a packet.
+        // Beams are tested in f32 too. Without slack a beam could cull what one of its rays grazes, and the
+        // image would depend on which rays share a packet.
         let widened = |bounds: Bounds| Bounds {
             min: bounds.min - reach * SLACK,
             max: bounds.max + reach * SLACK,
@@ -172,14 +174,14 @@ impl BoundsGroups {
         }
     }
 
-    /// How many groups there are.
+    /// Number of groups.
     #[inline(always)]
     pub(super) fn len(&self) -> usize {
         self.groups.len()
     }
 
-    /// Indices of the primitives of a group that the beam may meet, in order; without a beam those that one of the rays
-    /// may meet before its `limit`.
+    /// Indices of the primitives of a group that the beam may hit, ascending; without a beam, of those
+    /// that any of the rays may hit before its `limit`.
     #[inline(always)]
     pub(super) fn met<S: Simd>(
         &self,
@@ -200,9 +202,9 @@ impl BoundsGroups {
 }
 
 impl BoundsGroup {
-    /// The `index`-th group of the primitives, of these bounds.
+    /// Group `index` of the primitives, from their bounds.
     fn new(of_group: &[Bounds], index: usize, clusters: Clusters) -> Self {
-        // Nothing meets what is not there.
+        // Unused lanes get empty bounds, which nothing overlaps.
         let (min, max) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
         let mut bounds = [min, min, min, max, max, max];
         for (lane, one) in of_group.iter().enumerate() {
@@ -217,7 +219,7 @@ impl BoundsGroup {
             clusters: Vec::new(),
         };
         for members in clusters.members() {
-            // A cluster may be in several groups.
+            // A cluster may span several groups, so its mask is shifted to this one.
             let members = (members.checked_shr((index * LANES) as u32)).unwrap_or(0);
             let members = members as u32 & group.single;
             if members.count_ones() < 2 {
@@ -227,6 +229,7 @@ impl BoundsGroup {
                 first: 0,
                 bits: members,
             };
+            // A group keeps its own part of a cluster, with bounds of that part alone.
             let bound = own.map(|lane| of_group[lane]).reduce(union);
             let bound = bound.expect("a cluster has boxes");
             group.single &= !members;
@@ -254,7 +257,7 @@ impl BoundsGroup {
     }
 }
 
-/// Indices of the bits that are set, in order.
+/// Iterator over the indices of the bits that are set, ascending.
 pub(super) struct Indices {
     first: usize,
     bits: u32,
@@ -274,16 +277,16 @@ impl Iterator for Indices {
     }
 }
 
-/// Both faces of an axis, along which rays begin at `origin` and move by `velocity`.
+/// Both faces on an axis of rays with these origins and velocities.
 #[inline(always)]
 fn faces<S: Simd>(simd: S, origin: Float<S>, velocity: Float<S>, lanes: Mask<S>) -> [Face; 2] {
     let low = Face::new(least(simd, origin, lanes), least(simd, velocity, lanes));
     let high = [least(simd, -origin, lanes), least(simd, -velocity, lanes)];
-    // The smallest origin with the smallest velocity need not be one ray's. The box only grows by that.
+    // Minimum origin and minimum velocity may belong to different rays; the box stays conservative.
     [low, Face::new(-high[0], -high[1])]
 }
 
-/// The least of the values of `lanes`.
+/// Minimum of `values` over `lanes`.
 #[inline(always)]
 pub(super) fn least<S: Simd>(simd: S, values: Float<S>, lanes: Mask<S>) -> f32 {
     let values = lanes.select(values, Float::splat(simd, f32::INFINITY));
@@ -312,7 +315,7 @@ mod tests {
         2.0 * uniforms(index, block, 5, 7)[0] - 1.0
     }
 
-    /// Rays whose origins and directions are as far apart as `spread`, now along an axis and now not.
+    /// Rays whose origins and directions differ by up to `spread`; some directions are parallel to an axis.
     fn packet(index: u32, spread: f32) -> Six {
         let middle: [f32; 6] = std::array::from_fn(|i| random(index, i as u32));
         let along = (index % 3) as usize;
@@ -328,7 +331,7 @@ mod tests {
         })
     }
 
-    /// Hits, and where something lies before 2 m, of the `lanes`, by their beam or without.
+    /// Hits, and occlusion before 2 m, of the rays of `lanes`, with their beam or without.
     #[inline(always)]
     fn hits<S: Simd>(
         simd: S,
@@ -366,7 +369,7 @@ mod tests {
                 let mut six = packet(index, spread);
                 let lanes = if index % 7 == 0 { 0x0ff3 } else { 0xffff };
                 if index % 7 == 0 {
-                    // A lane that is left out may hold anything.
+                    // A masked-out lane may hold any values.
                     six[index as usize % 6][2] = [f32::NAN, f32::INFINITY][index as usize % 2];
                 }
                 let [all, by_beam] = [false, true].map(|is_by_beam| {

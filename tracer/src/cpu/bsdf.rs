@@ -1,4 +1,5 @@
-//! Diffuse surfaces, bare or under a coat, a lane each; other materials by [`super::microfacet`].
+//! BSDFs of surfaces, one surface point per lane: diffuse surfaces, bare or coated, here; metals and
+//! dielectrics in [`super::microfacet`], glTF's material in [`super::metallic_roughness`].
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -13,7 +14,7 @@ use super::sheen::Sheen;
 use super::surface::Hit;
 use crate::regularisation::{CONE_COSINE, CONE_DENSITY};
 
-/// The BSDF at a hit, seen from one direction: a mirror that reflects `fresnel` over a diffuse
+/// The BSDF at a hit for one outgoing direction: a specular coat that reflects `fresnel` over a diffuse
 /// base. Without a coat `fresnel` is 0.
 pub(super) struct Bsdf<S: Simd> {
     normal: Vec3x<S>,
@@ -22,13 +23,13 @@ pub(super) struct Bsdf<S: Simd> {
     ior: Float<S>,
     cos_o: Float<S>,
     fresnel: Float<S>,
-    /// Where the coat's mirror shows.
+    /// Direction of the coat's mirror reflection.
     mirrored: Vec3x<S>,
-    /// The lanes whose coat is rough, if the scene has such.
+    /// The lanes whose coat is rough; `None` if the scene has no rough coats or the packet met no coat.
     rough: Option<Mask<S>>,
-    /// Probability that a sampled direction is the mirror's.
+    /// Probability with which the coat's mirror direction is sampled.
     specular_share: Float<S>,
-    /// The base's albedo times all that does not depend on the other direction.
+    /// Albedo of the base times all factors that do not depend on `wi`.
     base: Vec3x<S>,
     coated: Mask<S>,
     any_coated: bool,
@@ -38,7 +39,7 @@ pub(super) struct Bsdf<S: Simd> {
 }
 
 impl<S: Simd> Bsdf<S> {
-    /// `wo` leaves the surface on the normal's side.
+    /// `wo` is on the side of the normal.
     #[inline(always)]
     pub(super) fn new(simd: S, hit: &Hit<S>, wo: Vec3x<S>) -> Self {
         let cos_o = hit.normal.dot(wo);
@@ -74,10 +75,11 @@ impl<S: Simd> Bsdf<S> {
         bsdf
     }
 
-    /// What the coat reflects, and what it lets pass to the base.
+    /// Sets the reflectance of the coat, and with it what the base receives and the lobes' probabilities.
     #[inline(always)]
     fn set_coat(&mut self, simd: S, hit: &Hit<S>, reflected: Float<S>) {
         let zero = Float::splat(simd, 0.0);
+        // The mirror is chosen in proportion to its share of the albedo, F / (F + (1 − F)·mean albedo).
         let mean = (hit.albedo.x + hit.albedo.y + hit.albedo.z) * (1.0 / 3.0);
         let share = reflected / (1.0 - reflected).mul_add(mean, reflected);
         self.fresnel = reflected;
@@ -85,13 +87,14 @@ impl<S: Simd> Bsdf<S> {
         self.base = hit.albedo * ((1.0 - reflected) * hit.diffuse_scale);
     }
 
-    /// The lanes whose coat is rough, if the packet met any.
+    /// The lanes whose coat is rough; `None` if there are none.
     #[inline(always)]
     pub(super) fn rough_coats(&self) -> Option<Mask<S>> {
         self.rough.filter(|rough| rough.any_true())
     }
 
-    /// Gives rough coats the mirror of one of the microfacets that are seen: [`crate::scalar::bsdf::Bsdf::with_facet`].
+    /// Replaces rough coats by the mirror of one visible microfacet each:
+    /// [`crate::scalar::bsdf::Bsdf::with_facet`].
     #[inline(always)]
     pub(super) fn draw_facets(&mut self, simd: S, hit: &Hit<S>, u: [Float<S>; 2]) {
         let (Some(rough), Some(alpha)) = (self.rough_coats(), hit.coat_alpha) else {
@@ -99,6 +102,7 @@ impl<S: Simd> Bsdf<S> {
         };
         let h = sample_visible(simd, alpha, self.normal, self.wo, u[0], u[1]);
         let h = Vec3x::select(rough, h, self.normal);
+        // Reflectance F(wo·h) · G1(wi): the weight of a visible-normal sample.
         let cos_h = self.wo.dot(h);
         let mirrored = h.mul_add(cos_h * 2.0, -self.wo);
         let cos_i = self.normal.dot(mirrored).max(0.0);
@@ -108,7 +112,8 @@ impl<S: Simd> Bsdf<S> {
         self.set_coat(simd, hit, rough.select(reflected, self.fresnel));
     }
 
-    /// Where light that comes straight from a light towards `wi`, at `cos_i`, may be scattered to `wo`.
+    /// Lanes in which light from `wi`, at `cos_i` to the normal, can be scattered to `wo` other than by a
+    /// mirror.
     #[inline(always)]
     pub(super) fn sees(&self, wi: Vec3x<S>, cos_i: Float<S>) -> Mask<S> {
         let mut faces = cos_i.simd_gt(0.0);
@@ -128,8 +133,8 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// `f · |cos θ|` without mirrors and the pdf towards a direction at `cos_i` that the surface
-    /// sees.
+    /// `f · |cos θ|` without mirrors, and the pdf per solid angle, for a direction at `cos_i` that
+    /// passes [`Bsdf::sees`].
     #[inline(always)]
     pub(super) fn evaluate(&self, simd: S, wi: Vec3x<S>, cos_i: Float<S>) -> (Vec3x<S>, Float<S>) {
         let diffuse = cos_i * FRAC_1_PI;
@@ -154,8 +159,8 @@ impl<S: Simd> Bsdf<S> {
         )
     }
 
-    /// Whether a direction is on the same side of the surface as of the normal that it is shaded with, where that is
-    /// another than its own.
+    /// Whether `wi` is on the same side of the geometric as of the shading normal; `None` where all
+    /// shading normals are geometric normals.
     #[inline(always)]
     pub(super) fn is_above(&self, wi: Vec3x<S>) -> Option<Mask<S>> {
         let height = self.geometric?.dot(wi);
@@ -163,11 +168,12 @@ impl<S: Simd> Bsdf<S> {
         let Some(transmissive) = self.is_transmissive() else {
             return Some(above);
         };
+        // A transmitted direction has to be below both normals, any other above both.
         let passed = transmissive & self.normal.dot(wi).simd_lt(0.0);
         Some((passed & height.simd_le(0.0)) | (!passed & above))
     }
 
-    /// Where light can pass; none if the packet met nothing that lets it.
+    /// Lanes whose surface transmits light; `None` if the packet met no such surface.
     #[inline(always)]
     fn is_transmissive(&self) -> Option<Mask<S>> {
         let walls = (self.metallic_roughness.as_ref()).and_then(MetallicRoughness::lets_pass);
@@ -178,13 +184,15 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// Draws a direction by `u[1]` and `u[2]`, which choose between coat and base too; `u[0]` chooses
-    /// the lobe of a dielectric and of glTF's material. Sets the lanes whose ray goes on inside one in `inside`. A direction on
-    /// the other side of a triangle than of the normal that it is shaded with has no weight.
+    /// Draws a direction by `u[1]` and `u[2]`, which also choose between coat and base; `u[0]` chooses
+    /// the lobe of a dielectric and of glTF's material. Sets the lanes whose ray continues inside a
+    /// dielectric in `inside`. A direction on different sides of the geometric and the shading normal has
+    /// weight 0.
     #[inline(always)]
     pub(super) fn sample(&self, simd: S, u: [Float<S>; 3], inside: &mut Mask<S>) -> BsdfSample<S> {
         let mut u1 = u[1];
         if self.any_coated {
+            // Values of `u[1]` above the mirror's share choose the base and are rescaled to [0, 1).
             u1 = ((u1 - self.specular_share) / (1.0 - self.specular_share)).max(0.0);
         }
         let wi = cosine_hemisphere(simd, self.normal, u1, u[2]);
@@ -203,6 +211,7 @@ impl<S: Simd> Bsdf<S> {
         if let Some(sheen) = &self.sheen {
             let f = sheen.evaluate(simd, self.normal, self.wo, wi);
             let pi = Float::splat(simd, std::f32::consts::PI);
+            // f · cos / pdf, where pdf = cos / π.
             scattered.weight = scattered.weight + f * pi;
         }
         if let Some(microfacet) = &self.microfacet {
@@ -225,7 +234,7 @@ impl<S: Simd> Bsdf<S> {
         scattered
     }
 
-    /// The part of light that a coat reflects; 0 without.
+    /// Share of light that the coat reflects; 0 without a coat.
     #[inline(always)]
     pub(super) fn coat(&self, simd: S) -> Float<S> {
         match &self.microfacet {
@@ -236,15 +245,15 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// The share of light from `wi` that the coat reflects in lanes that are `regularised`, sr⁻¹; 0
-    /// in the others.
+    /// `f · cos θ` of the coat's mirror, spread over the cone of path regularisation, for lanes that are
+    /// `regularised`, sr⁻¹; 0 in the others.
     #[inline(always)]
     pub(super) fn regularised_coat(&self, simd: S, regularised: Mask<S>, wi: Vec3x<S>) -> Float<S> {
         let in_cone = regularised & self.mirrored.dot(wi).simd_gt(CONE_COSINE);
         in_cone.select(self.coat(simd) * CONE_DENSITY, Float::splat(simd, 0.0))
     }
 
-    /// The lanes whose base is diffuse.
+    /// Lanes with a diffuse base, bare or coated.
     #[inline(always)]
     pub(super) fn layered(&self, simd: S) -> Mask<S> {
         let layered = match &self.microfacet {
@@ -257,10 +266,11 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// Turns the lanes with `u` below the mirror's share to it.
+    /// Replaces the sample by the coat's mirror in lanes with `u` below its probability.
     #[inline(always)]
     fn choose_mirror(&self, simd: S, u: Float<S>, scattered: &mut BsdfSample<S>) {
         let specular = u.simd_lt(self.specular_share);
+        // NaN where the share is 0, in lanes that `specular` excludes.
         let weight = self.fresnel / self.specular_share;
         let weight = Vec3x::new(weight, weight, weight);
         scattered.wi = Vec3x::select(specular, self.mirrored, scattered.wi);
@@ -268,7 +278,7 @@ impl<S: Simd> Bsdf<S> {
         scattered.pdf = specular.select(Float::splat(simd, 0.0), scattered.pdf);
     }
 
-    /// Reflectance of a diffuse base; 1 of metals and dielectrics, which show others.
+    /// Albedo AOV: reflectance of a diffuse base; 1 for metals and dielectrics, which show other surfaces.
     #[inline(always)]
     pub(super) fn albedo(&self, simd: S, mut albedo: Vec3x<S>) -> Vec3x<S> {
         if let Some(surface) = &self.metallic_roughness {
@@ -282,8 +292,7 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// Reflectance of the mirror that the surface is or has, or what it lets pass if it is a smooth thin wall; 0 of rough
-    /// coats.
+    /// Reflectance of a smooth mirror or coat, or transmittance of a smooth thin wall; 0 for rough coats.
     #[inline(always)]
     pub(super) fn mirror(&self, simd: S) -> Vec3x<S> {
         let mut coat = Vec3x::new(self.fresnel, self.fresnel, self.fresnel);
@@ -305,7 +314,7 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// What the mirror shows, or what lies straight behind a thin wall.
+    /// Direction of the mirror reflection, or straight ahead through a thin wall.
     #[inline(always)]
     pub(super) fn shown(&self) -> Vec3x<S> {
         let walls = (self.metallic_roughness.as_ref()).and_then(MetallicRoughness::lets_pass);
@@ -315,13 +324,13 @@ impl<S: Simd> Bsdf<S> {
         }
     }
 
-    /// Where the coat's mirror shows.
+    /// Direction of the coat's mirror reflection.
     #[inline(always)]
     pub(super) fn mirrored(&self) -> Vec3x<S> {
         self.mirrored
     }
 
-    /// The share of light that passes the coat towards or from a direction at `cos`.
+    /// Share of light that the coat transmits at `cos` to the normal.
     #[inline(always)]
     fn transmitted(&self, simd: S, cos: Float<S>) -> Float<S> {
         let one = Float::splat(simd, 1.0);

@@ -1,9 +1,9 @@
-//! BVH with sixteen children a node: each ray by itself against sixteen boxes at once, then against
-//! sixteen primitives at once.
+//! BVH with 16 children per node: each ray by itself against 16 boxes at once, then against 16 primitives
+//! at once.
 //!
-//! The [`Bvh`] with inner nodes joined until they have a child per lane (Wald, Benthin and
-//! Boulos, "Getting rid of packets", 2008): paths have spread by their second ray, and packets of
-//! them would visit nearly all that each of their rays does.
+//! The binary [`Bvh`] with inner nodes collapsed until they have a child per lane (Wald, Benthin and
+//! Boulos, "Getting rid of packets", 2008): from the second vertex on rays are incoherent, and a packet
+//! would visit nearly the union of the nodes that its rays visit.
 
 mod packet;
 
@@ -16,26 +16,26 @@ use super::rays::{HitMask, NONE, Nearest, Rays};
 use super::shapes::{PackedPrimitive, Primitives, Shape};
 use crate::bvh::{Bvh, BvhNode, DEPTH_MAX, SLACK};
 
-/// Primitives under a BVH of wide nodes.
+/// Primitives and the wide BVH over them.
 pub(super) struct Bvh16<F, const N: usize> {
     nodes: Vec<Bvh16Node>,
     leaves: Vec<Bvh16Leaf<F, N>>,
-    /// Some primitives are of dielectrics.
+    /// Whether some primitive belongs to a dielectric.
     has_dielectric: bool,
-    /// A node, or with [`LEAF_TAG`] a leaf.
+    /// Root: index of a node, or of a leaf with [`LEAF_TAG`].
     root: u32,
 }
 
-/// Which of the primitives that rays go through they meet.
+/// Filter of hits, for surfaces that rays may pass through (opacity).
 pub(super) trait HitFilter {
-    /// Whether it lets rays pass any.
+    /// Whether the filter may reject hits; if not, it need not be asked.
     fn is_some(&self) -> bool;
 
-    /// Whether a ray meets the primitive with an id.
+    /// Whether a ray that intersects primitive `id` hits it.
     fn is_met(&self, origin: [f32; 3], direction: [f32; 3], id: u32) -> bool;
 }
 
-/// Rays meet all.
+/// Filter that accepts all hits.
 pub(super) struct Solid;
 
 impl HitFilter for Solid {
@@ -50,20 +50,21 @@ impl HitFilter for Solid {
     }
 }
 
-/// Set in the number of a leaf.
+/// Flag of an index that refers to a leaf.
 const LEAF_TAG: u32 = 1 << 31;
 
-/// Boxes of a node's parts, by lane; begins with a cache line.
+/// Node: bounding boxes and children, by lane. Aligned to a cache line.
 #[repr(C, align(64))]
 struct Bvh16Node {
     center: [[f32; LANES]; 3],
     half: [[f32; LANES]; 3],
+    /// Children: index of a node, or of a leaf with [`LEAF_TAG`].
     parts: [u32; LANES],
-    /// A bit for each lane that has a part: rays that are no numbers enter any box.
+    /// Bit mask of the lanes with a child; without it rays with NaN would enter unused lanes too.
     lanes: u64,
 }
 
-/// Primitives by lane; the numbers of lanes without one are NaN. Begins with a cache line.
+/// Leaf: primitives by lane; the numbers of unused lanes are NaN. Aligned to a cache line.
 #[repr(C, align(64))]
 struct Bvh16Leaf<F, const N: usize> {
     numbers: [[f32; LANES]; N],
@@ -71,7 +72,7 @@ struct Bvh16Leaf<F, const N: usize> {
     shape: PhantomData<F>,
 }
 
-/// Rays by lane.
+/// Components of rays, as arrays by lane.
 struct RayLanes {
     origin: [[f32; LANES]; 3],
     direction: [[f32; LANES]; 3],
@@ -79,13 +80,13 @@ struct RayLanes {
     start: [u32; LANES],
 }
 
-/// Parts still to be visited: on every level of the BVH at most one fewer than lanes.
+/// Nodes and leaves still to be visited: at most `LANES − 1` siblings per level of the BVH.
 type Stack = [Entry; STACK_PARTS];
 
 const STACK_PARTS: usize = ((DEPTH_MAX + 1) as usize) * LANES;
 
-/// A part with the distance at which the ray enters its box, whose bits come first: distances are not negative, and their
-/// bits are in the same order.
+/// Node or leaf with its entry distance. The distance's bits come first, so that entries compare by
+/// distance: non-negative floats and their bit patterns have the same order.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry(u64);
 
@@ -107,7 +108,7 @@ impl Entry {
 }
 
 impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
-    /// Of what is not hidden of `each`.
+    /// Builds the wide BVH; `None` in `each` is a hidden primitive, which is left out.
     pub(super) fn new(bvh: &Bvh, each: &[Option<PackedPrimitive<F, N>>]) -> Self {
         let mut bvh16 = Self {
             nodes: Vec::new(),
@@ -120,7 +121,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         bvh16
     }
 
-    /// Takes what rays meet, and `filter` lets them, before what they have met, or as far away with a smaller id.
+    /// Updates `nearest` by hits that `filter` accepts and that are nearer, or equally far with a smaller
+    /// id.
     #[inline(always)]
     pub(super) fn nearest<S: Simd>(
         &self,
@@ -155,7 +157,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             let ray = columns.ray(simd, lane);
             let frame = F::frame(simd, &ray);
             let slack = origin_slack(&ray);
-            // Beside the stack, not in it: it stays in a register.
+            // A local of its own rather than a field of the stack, so that it stays in a register.
+            // Number of entries on the stack.
             let mut waiting = 0;
             let mut next = Some(Entry::new(0.0, self.root));
             while let Some(entry) = next {
@@ -163,7 +166,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 if part & LEAF_TAG == 0 {
                     let node = &self.nodes[part as usize];
                     let (entries, hits) = node.enter(simd, &ray, slack, distance[lane]);
-                    // The nearest child is followed at once and never touches the stack, where its
+                    // The nearest child is visited at once: it never goes through the stack, where its
                     // distance would be compared again.
                     if hits != 0 {
                         let nearest;
@@ -185,8 +188,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         (distance, id)
     }
 
-    /// Takes what the ray meets of a leaf if it is nearer, or as far away with a smaller id: so it does not matter in which
-    /// order leaves are visited.
+    /// Updates the nearest hit by the hits of a leaf that are nearer, or equally far with a smaller id:
+    /// so the result does not depend on the order of traversal.
     #[inline(always)]
     fn update<S: Simd>(
         &self,
@@ -196,9 +199,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         (distance, id): (&mut f32, &mut u32),
         is_met: impl Fn(u32) -> bool,
     ) {
-        // Shapes report hits strictly before the limit. One step beyond the distance so far lets hits as
-        // far away through, which the smaller id then decides; a linear search over ids gives the same
-        // answer.
+        // Shapes report hits strictly before the limit. The next larger float admits hits at equal
+        // distance, of which the smaller id wins, as in a linear search in the order of ids.
         let Some((hit, t)) = self.meet(simd, leaf, ray, frame, distance.next_up()) else {
             return;
         };
@@ -207,15 +209,14 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
             let at = hits.trailing_zeros() as usize % LANES;
             hits &= hits - 1;
             let met = (t[at], leaf.id[at]);
-            // The filter comes last: looking an opacity up in a texture costs far more than both
-            // comparisons.
+            // The filter comes last: a texture look-up of opacity costs far more than both comparisons.
             if met < (*distance, *id) && is_met(met.1) {
                 (*distance, *id) = met;
             }
         }
     }
 
-    /// Adds where a primitive that `filter` lets rays meet lies before `distance` to `dark`.
+    /// Sets the lanes in `dark` whose ray hits a primitive that `filter` accepts before `distance`.
     #[inline(always)]
     pub(super) fn occlude<S: Simd>(
         &self,
@@ -245,8 +246,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         let columns = RayLanes::new(rays);
         let mut stack = [Entry(0); STACK_PARTS];
         for (lane, limit) in distance.to_array().into_iter().enumerate() {
-            // A distance of 0 marks a lane without a shadow ray; lanes that are dark already need no
-            // other occluder.
+            // Distance 0 marks a lane without a shadow ray; a lane that is dark already needs no further
+            // occluder.
             if limit <= 0.0 || dark >> lane & 1 == 1 || !columns.is_finite(lane) {
                 continue;
             }
@@ -285,7 +286,7 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         dark
     }
 
-    /// Where the ray meets primitives of a leaf before `limit`.
+    /// Hits of a ray on the primitives of a leaf before `limit`.
     #[inline(always)]
     fn meet<S: Simd>(
         &self,
@@ -310,7 +311,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
 }
 
 impl Bvh16Node {
-    /// Where the ray enters the boxes of parts, and which of them it enters up to `limit`, a bit each.
+    /// Distances at which a ray enters the children's boxes, and the bit mask of those that it enters up
+    /// to `limit`.
     #[inline(always)]
     fn enter<S: Simd>(
         &self,
@@ -321,25 +323,25 @@ impl Bvh16Node {
     ) -> ([f32; LANES], u64) {
         let center = Vec3x::load_arrays(simd, &self.center);
         let half = Vec3x::load_arrays(simd, &self.half);
-        // The node's slack covers what rounds at the coordinates of the scene, this one what rounds at
-        // the ray's.
+        // The boxes' own slack covers rounding relative to the coordinates of the scene, this one rounding
+        // relative to the ray's origin.
         let half = Vec3x::new(half.x + slack, half.y + slack, half.z + slack);
-        // Slabs by centre and half extent: |1/d| orders near and far by itself, where corners would ask
-        // for a minimum and a maximum more on each axis.
+        // Slab test by centre and half extent: multiplying by |1/d| orders near and far planes by itself,
+        // where corners need a minimum and a maximum more per axis.
         let middle = (center - ray.origin).scale(ray.inverse);
         let near = (-half).scale_add(ray.inverse_abs, middle);
         let far = half.scale_add(ray.inverse_abs, middle);
-        // Never below 0, so that the bits of distances can be compared as integers.
+        // Clamped to 0, so that the distances' bits can be compared as integers.
         let entry = near.x.max(near.y).max(near.z.max(0.0));
         let exit = far.x.min(far.y).min(far.z.min(limit));
-        // Lanes without a part have a box of no size at 0, which rays from there would enter.
+        // Unused lanes hold a box of size 0 at the origin, which a ray from there would enter.
         let hits = entry.simd_le(exit).to_bitmask() & self.lanes;
         (entry.to_array(), hits)
     }
 }
 
-/// The nearest of the parts in `hits`, of which there are some; the others are put on the stack above those that are
-/// `waiting`, the nearest on top. Returns how many are waiting then.
+/// Returns the nearest of the children in `hits` (not empty) and the new stack height. The other children
+/// are pushed above the `waiting` entries of the stack, the nearest on top.
 #[inline(always)]
 fn queue(
     entries: &[f32; LANES],
@@ -351,8 +353,7 @@ fn queue(
     let (mut nearest, mut top) = (next(entries, parts, &mut hits), waiting);
     while hits != 0 {
         let entry = next(entries, parts, &mut hits);
-        // One running minimum and an insertion sort of the others, which costs least where a ray enters
-        // few boxes.
+        // A running minimum, and insertion sort of the others: cheapest where a ray enters few boxes.
         let farther = nearest.max(entry);
         nearest = nearest.min(entry);
         let mut at = top;
@@ -368,7 +369,7 @@ fn queue(
 
 #[inline(always)]
 fn next(entries: &[f32; LANES], parts: &[u32; LANES], hits: &mut u64) -> Entry {
-    // The remainder changes nothing but proves the index to be in bounds, and no check is compiled.
+    // The remainder changes no value but proves the index in bounds, which removes the bounds check.
     let lane = hits.trailing_zeros() as usize % LANES;
     *hits &= *hits - 1;
     Entry::new(entries[lane], parts[lane])
@@ -386,7 +387,8 @@ impl RayLanes {
         }
     }
 
-    /// Whether a lane's ray begins somewhere. Those of paths that have ended may not, and would enter every box.
+    /// Whether the origin of a lane's ray is finite. Lanes of terminated paths may hold NaN, which would
+    /// enter every box.
     #[inline(always)]
     fn is_finite(&self, lane: usize) -> bool {
         self.origin.iter().all(|column| column[lane].is_finite())
@@ -398,7 +400,7 @@ impl RayLanes {
         !filter.is_some() || filter.is_met(vector(&self.origin), vector(&self.direction), id)
     }
 
-    /// The bits of `hits` whose primitives a lane's ray meets.
+    /// Subset of `hits` whose primitives the filter lets a lane's ray hit.
     #[inline(always)]
     fn met(&self, lane: usize, hits: u64, ids: &[u32; LANES], filter: &impl HitFilter) -> u64 {
         let bits = (0..LANES).filter(|at| hits >> at & 1 == 1);
@@ -406,7 +408,7 @@ impl RayLanes {
         met.fold(0, |bits, at| bits | 1 << at)
     }
 
-    /// One ray in all lanes.
+    /// Broadcasts the ray of one lane to all lanes.
     #[inline(always)]
     fn ray<S: Simd>(&self, simd: S, lane: usize) -> Rays<S> {
         let inverse = splat(simd, &self.inverse, lane);
@@ -420,8 +422,8 @@ impl RayLanes {
     }
 }
 
-/// By how much boxes are widened for rays from there: what rounds to their origins' coordinates. With the whole scene's
-/// a floor of 10 km would open all boxes of a small mesh on it.
+/// Slack of boxes for rounding at the coordinates of a ray's origin. A slack by the extent of the whole
+/// scene would enlarge the boxes of a small mesh on a floor of 10 km so much that they cull nothing.
 #[inline(always)]
 fn origin_slack<S: Simd>(ray: &Rays<S>) -> Float<S> {
     let origin = &ray.origin;
@@ -433,14 +435,14 @@ fn splat<S: Simd>(simd: S, [x, y, z]: &[[f32; LANES]; 3], lane: usize) -> Vec3x<
     Vec3x::splat(simd, [x[lane], y[lane], z[lane]])
 }
 
-/// The next part that is entered up to `limit`, and how many are waiting after it.
+/// Pops the next entry up to `limit`, and returns it with the remaining stack height.
 #[inline(always)]
 fn pop(stack: &Stack, mut waiting: usize, limit: f32) -> (Option<Entry>, usize) {
     while waiting > 0 {
         waiting -= 1;
         let entry = stack[waiting];
-        // Only parts of one node are in order among themselves: one that lies too far away says nothing
-        // of those below it, so each is looked at.
+        // Only siblings are sorted among themselves: entries below one that is too far may still be near
+        // enough, so the search goes on.
         if entry.distance() <= limit {
             return (Some(entry), waiting);
         }
@@ -448,22 +450,22 @@ fn pop(stack: &Stack, mut waiting: usize, limit: f32) -> (Option<Entry>, usize) 
     (None, 0)
 }
 
-/// Inputs of the construction.
+/// Inputs of the BVH construction.
 struct Bvh16Builder<'a, F, const N: usize> {
     bvh: &'a Bvh,
     each: &'a [Option<PackedPrimitive<F, N>>],
-    /// By how much boxes are widened; each ray widens them by what its own origin asks for ([`origin_slack`]).
+    /// Amount by which all boxes are enlarged; rays add the slack of their origin ([`origin_slack`]).
     slack: f32,
 }
 
 impl<F, const N: usize> Bvh16Builder<'_, F, N> {
-    /// The number of the node or leaf that becomes of `subtree`.
+    /// Converts `subtree` and returns its index, with [`LEAF_TAG`] if it is a leaf.
     fn build(&self, bvh16: &mut Bvh16<F, N>, subtree: &BvhNode) -> u32 {
         if subtree.count as usize <= LANES {
             bvh16.leaves.push(self.leaf(subtree));
             return LEAF_TAG | (bvh16.leaves.len() - 1) as u32;
         }
-        // Depth first: a node and its first child are neighbours in memory.
+        // Depth first, so that a node and its first child are adjacent in memory.
         let number = bvh16.nodes.len();
         bvh16.nodes.push(Bvh16Node {
             center: [[0.0; LANES]; 3],
@@ -473,8 +475,8 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
         });
         for (lane, part) in self.parts(subtree).iter().enumerate() {
             let center = 0.5 * (part.min + part.max);
-            // Both differences: the centre is rounded, and the half extent has to reach the farther
-            // corner from there.
+            // Maximum of both differences: the centre is rounded, and the half extent has to reach the
+            // farther corner.
             let half = (part.max - center).max(center - part.min) + self.slack;
             let child = self.build(bvh16, part);
             let node = &mut bvh16.nodes[number];
@@ -488,13 +490,14 @@ impl<F, const N: usize> Bvh16Builder<'_, F, N> {
         number as u32
     }
 
-    /// Divides `subtree` into a part per lane, always the one that most rays enter.
+    /// Collapses `subtree` to up to one child per lane, opening the child of the largest surface area,
+    /// which most rays enter, first.
     fn parts(&self, subtree: &BvhNode) -> Vec<BvhNode> {
         let mut parts = vec![*subtree];
         while parts.len() < LANES {
             let divisible = parts.iter().enumerate();
-            // What fits a leaf stays whole. Opened, it would spread over several leaves that are tested
-            // in as many steps.
+            // What fits a leaf stays whole: opened, it would be spread over several leaves, each of which
+            // costs a full step.
             let divisible = divisible.filter(|(_, part)| part.count as usize > LANES);
             let largest =
                 divisible.max_by(|(_, a), (_, b)| a.half_area().total_cmp(&b.half_area()));
@@ -546,8 +549,8 @@ mod tests {
     type Packet = ([[f32; LANES]; 6], [u32; LANES]);
     type Answer = ([u32; LANES], [u32; LANES], [u64; 2]);
 
-    /// Bits of the distance to the nearest primitive, its id, and what is occluded from half that way
-    /// and from twice it.
+    /// Bits of the distance to the nearest primitive, its id, and occlusion before half and before twice
+    /// that distance.
     #[inline(always)]
     fn nearest_hits<S: Simd>(simd: S, geometry: &Geometry, (six, start): &Packet) -> Answer {
         let [ox, oy, oz, dx, dy, dz] = six.map(|column| Float::load_array(simd, column));
@@ -591,7 +594,7 @@ mod tests {
         (0..count).map(packet).collect()
     }
 
-    /// Compares the BVH with each primitive by itself; returns how many rays hit.
+    /// Compares the BVH with a linear search; returns the number of hits.
     fn compare(level: Level, mut scene: CompiledScene, packets: &[Packet]) -> u32 {
         scene.bvh_use = BvhUse::Never;
         let each = Geometry::new(&scene);
@@ -627,7 +630,7 @@ mod tests {
         }
     }
 
-    /// A box, another of glass and a square: triangles that share corners and edges.
+    /// A box, a second one of glass and a square, as triangles that share corners and edges.
     fn small_meshes() -> CompiledScene {
         use crate::{Camera, Material, Mesh, Scene};
         let block = |center: Vec3, half: f32| {
@@ -664,7 +667,7 @@ mod tests {
         CompiledScene::new(&scene).unwrap()
     }
 
-    /// Rays to corners of triangles and to points of their edges, from somewhere and from along an axis.
+    /// Rays to corners of triangles and to points on their edges, from random origins and along an axis.
     fn packets_at_edges(scene: &CompiledScene, count: u32) -> Vec<Packet> {
         let mut packets = packets(scene, 2, count);
         for (i, lane) in (0..count * LANES as u32).zip((0..LANES).cycle()) {
@@ -687,7 +690,7 @@ mod tests {
         packets
     }
 
-    /// Bits of distances, ids and what is occluded: of the triangles by shared edges, then of each by itself.
+    /// Bits of distances, ids and occlusion: of the triangles by shared edges, then of each by itself.
     #[inline(always)]
     fn by_edges_and_each<S: Simd>(
         simd: S,
@@ -742,7 +745,7 @@ mod tests {
         }
     }
 
-    /// As [`compare`]; where the rays begin nowhere, checks that nothing is met by the BVH.
+    /// Like [`compare`]; for rays with origins that are not finite, checks that the BVH reports no hits.
     fn compare_or_miss(scene: &CompiledScene, packet: Packet) {
         let level = Level::new();
         if packet.0[..3].iter().flatten().all(|c| c.is_finite()) {

@@ -1,4 +1,4 @@
-//! Boxes with solids subtracted, a lane each: the walk of [`crate::scalar::csg`].
+//! Boxes with subtracted solids (CSG), one ray per lane: the traversal of [`crate::scalar::csg`].
 
 use fearless_simd::prelude::*;
 
@@ -10,7 +10,7 @@ use crate::compiled::{
 };
 use crate::scene::validate::CSG_MARGIN_M;
 
-/// A CSG box. Its faces have the ids from `first` on: the box's own, then those of the subtractions.
+/// A CSG box. Its faces have consecutive ids from `first` on: the box itself, then each subtraction.
 pub(super) struct CsgBox {
     min: [f32; 3],
     max: [f32; 3],
@@ -30,7 +30,7 @@ impl CsgBox {
         }
     }
 
-    /// Where rays meet the body before `limit`, and which face of it.
+    /// Hits of rays on the body before `limit`: lanes, distances and ids of the faces.
     #[inline(always)]
     pub(super) fn intersect<S: Simd>(
         &self,
@@ -44,8 +44,8 @@ impl CsgBox {
         let last = self.first + self.subtractions.len() as u32;
         let left = rays.start.simd_ge(self.first) & rays.start.simd_le(last);
         let zero = Float::splat(simd, 0.0);
-        // Rays that leave the body begin within the margin of the face they leave, which would contain
-        // them again.
+        // A ray that leaves the body starts within the margin of the face that it leaves, and would count
+        // as inside that subtraction again.
         let start = left.select(Float::splat(simd, CSG_MARGIN_M), zero);
         let mut t = enter.max(start);
         let mut open = t.simd_lt(end);
@@ -53,8 +53,7 @@ impl CsgBox {
             return None;
         }
         let first = Word::splat(simd, self.first);
-        // The box's own face, until a subtraction takes its place: where none is left behind, the ray met
-        // the box itself.
+        // The box's own face, until the ray leaves a subtraction: if it leaves none, the hit is on the box.
         let mut face = first;
         loop {
             let mut moved = Mask::splat(simd, false);
@@ -65,7 +64,7 @@ impl CsgBox {
                     continue;
                 }
                 let exit = exit(simd, subtraction, rays, t);
-                // Only exits that lie ahead count. So `t` grows in every turn, and the loop ends.
+                // Only exits ahead count: `t` grows in every iteration, so that the loop terminates.
                 let further = within & exit.simd_gt(t);
                 t = further.select(exit, t);
                 face = further.select(Word::splat(simd, id), face);
@@ -79,14 +78,14 @@ impl CsgBox {
                 break;
             }
         }
-        // Then the walk has begun inside the body and has never been in a subtraction.
+        // Such a lane started inside the body and has never been inside a subtraction.
         let within = face.simd_eq(first) & (left | enter.simd_le(0.0));
         let hit = open & !within & t.simd_gt(0.0);
         hit.any_true().then_some((hit, t, face))
     }
 }
 
-/// Where points are taken away by a subtraction.
+/// Lanes whose point lies in a subtraction or closer to it than the margin.
 #[inline(always)]
 fn contains<S: Simd>(simd: S, subtraction: &CsgFaceData, p: Vec3x<S>) -> Mask<S> {
     let margin = CSG_MARGIN_M;
@@ -125,7 +124,7 @@ fn contains<S: Simd>(simd: S, subtraction: &CsgFaceData, p: Vec3x<S>) -> Mask<S>
     }
 }
 
-/// Where rays that are in a subtraction at `t` leave it.
+/// Distance at which rays that are in a subtraction at `t` leave it; ∞ if they do not.
 #[inline(always)]
 fn exit<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>) -> Float<S> {
     let infinite = Float::splat(simd, f32::INFINITY);
@@ -143,6 +142,7 @@ fn exit<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>
             );
             let (dx, dy) = (rays.direction.x, rays.direction.y);
             let d2 = dx.mul_add(dx, dy * dy);
+            // |q × d|² instead of |q|²|d|² − (q·d)², which cancels for distant origins.
             let miss = x.mul_add(dy, -(y * dx));
             let half = d2 * (subtraction.b[0] * subtraction.b[0]) - miss * miss;
             let t = (half.max(0.0).sqrt() - x.mul_add(dx, y * dy)) / d2;
@@ -179,7 +179,7 @@ fn exit<S: Simd>(simd: S, subtraction: &CsgFaceData, rays: &Rays<S>, t: Float<S>
     }
 }
 
-/// Vectors' coordinates as a cone's exterior of a kind has them: its axis is the third.
+/// Coordinates of vectors permuted so that the axis of a cone's exterior becomes the third.
 #[inline(always)]
 fn axis_last<S: Simd>(kind: u32, v: Vec3x<S>) -> Vec3x<S> {
     match kind {
@@ -189,7 +189,7 @@ fn axis_last<S: Simd>(kind: u32, v: Vec3x<S>) -> Vec3x<S> {
     }
 }
 
-/// Where the cone is met or the plane that the subtraction begins beyond.
+/// Distance at which rays in a cone's exterior meet the cone, or the plane that bounds the subtraction.
 #[inline(always)]
 fn exit_cone_exterior<S: Simd>(
     simd: S,
@@ -199,7 +199,7 @@ fn exit_cone_exterior<S: Simd>(
 ) -> Float<S> {
     let [taper, beyond_x, beyond_y] = subtraction.b;
     let direction = axis_last(subtraction.kind, rays.direction);
-    // From the point at `t`, which is near: the squares of a far ray's origin are too large for a thin cone.
+    // Relative to the point at `t`: for a thin cone the squares of a distant origin would cancel in f32.
     let from = direction.mul_add(t, axis_last(subtraction.kind, rays.origin));
     let (x, y) = (from.x - subtraction.a[0], from.y - subtraction.a[1]);
     let (dx, dy) = (direction.x, direction.y);
@@ -225,7 +225,7 @@ fn exit_cone_exterior<S: Simd>(
     t + body.select(met, infinite).min(back)
 }
 
-/// A cone by its axis and the slope of its side.
+/// A cone by its axis and the slope of its side (radius per length).
 struct ApexCone<S: Simd> {
     axis: Vec3x<S>,
     slope: f32,
@@ -240,7 +240,7 @@ impl<S: Simd> ApexCone<S> {
         Self { axis, slope }
     }
 
-    /// A vector's parts along the axis and at right angles to it.
+    /// Components of a vector along the axis and orthogonal to it.
     #[inline(always)]
     fn split(&self, v: Vec3x<S>) -> (Float<S>, Vec3x<S>) {
         let along = v.dot(self.axis);
@@ -248,23 +248,28 @@ impl<S: Simd> ApexCone<S> {
     }
 }
 
-/// How a ray nears a cone, whose radius grows along it: at right angles to the axis it goes from q along d.
+/// A ray relative to a cone: orthogonal to the axis it moves from q along d, while the cone's radius
+/// there changes from `radius` by `growth` per unit of `t`.
 struct Approach<S: Simd> {
+    /// |d|²
     d2: Float<S>,
     /// q · d
     along: Float<S>,
     /// |q × d|²
     miss2: Float<S>,
+    /// |q|²
     q2: Float<S>,
     radius: Float<S>,
     growth: Float<S>,
 }
 
 impl<S: Simd> Approach<S> {
-    /// Whether and where a ray that is outside of the cone at `t` meets it: see [`crate::scalar::csg`].
+    /// Whether and where a ray that is outside the cone at `t` meets it; derivation in
+    /// [`crate::scalar::csg`].
     #[inline(always)]
     fn meet(&self, t: Float<S>) -> (Mask<S>, Float<S>) {
         let (radius, growth) = (self.radius, self.growth);
+        // |q + t d|² = (radius + t growth)² as a quadratic in t.
         let square = self.d2 - growth * growth;
         let half_linear = self.along - growth * radius;
         let quarter = self.d2 * (radius * radius) - self.miss2

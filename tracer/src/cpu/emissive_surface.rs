@@ -1,4 +1,4 @@
-//! Surfaces that emit, a lane each: [`crate::scalar::emissive_surface`] says how points on them are drawn.
+//! Light sampling of emissive surfaces, one point per lane: see [`crate::scalar::emissive_surface`].
 
 use fearless_simd::prelude::*;
 
@@ -12,21 +12,22 @@ use crate::compiled::{
     EMISSIVE_SURFACE_REACH, EmissiveSurfaceData, EmissiveSurfaces, MaterialData, ShapeKind,
 };
 
-/// The surfaces of a scene that emit, and all that tells what of them is seen.
+/// Sampler of the scene's emissive surfaces.
 pub(super) struct EmissiveSurfaceSampler {
     lights: EmissiveSurfaces,
-    /// All if they are few, else those that are no triangles, which come first.
+    /// Rows of all surfaces if they are at most [`FEW_MAX`], else of those other than triangles, which
+    /// come first.
     rows: Vec<SurfaceRow>,
-    /// By primitive; none if no sphere emits.
+    /// Spheres of the scene, by primitive; empty if no sphere emits.
     spheres: Vec<SphereRow>,
     has_triangles_only: bool,
     triangles: TriangleTables,
-    /// Emission depends on the place on some of them.
+    /// Whether emission varies over the surface of some of them.
     emission_varies: bool,
 }
 
 impl EmissiveSurfaceSampler {
-    /// None without any.
+    /// `None` if no surface emits.
     pub(super) fn new(scene: &CompiledScene) -> Option<Self> {
         let lights = &scene.emissive_surfaces;
         (lights.sixteenths > 0).then(|| {
@@ -58,13 +59,13 @@ impl EmissiveSurfaceSampler {
         })
     }
 
-    /// With which light sampling aims at them.
+    /// Probability with which light sampling chooses an emissive surface.
     pub(super) fn probability(&self) -> f32 {
         self.lights.probability()
     }
 
-    /// How much area of the surfaces that `distance` rays from `origin` meet a solid angle is seen of, m²·sr⁻¹; 0 of spheres
-    /// from within.
+    /// Area per solid angle at the hits of rays from `origin`, m²·sr⁻¹, which converts densities by area
+    /// to densities by solid angle; 0 for spheres seen from within.
     #[inline(always)]
     pub(super) fn area_per_angle<S: Simd>(
         &self,
@@ -81,7 +82,7 @@ impl EmissiveSurfaceSampler {
         }
     }
 
-    /// `flat` in lanes that met no sphere.
+    /// [`Self::area_per_angle`] where some lanes met spheres; `flat` in the others.
     #[inline(never)]
     fn area_per_angle_of_spheres<S: Simd>(
         &self,
@@ -103,7 +104,8 @@ impl EmissiveSurfaceSampler {
         )
     }
 
-    /// Draws a point for each of `lanes`; no light comes in the others. Out of line: scenes without are not to pay for it.
+    /// Draws a point for each of `lanes`; distance and radiance are 0 in the others. Not inlined, to keep
+    /// it out of the instruction stream of scenes without emissive surfaces.
     #[inline(never)]
     pub(super) fn sample<S: Simd>(
         &self,
@@ -123,7 +125,9 @@ impl EmissiveSurfaceSampler {
                     _ => self.draw(simd, lanes, u[0]),
                 };
                 let (before, probability) = (drawn.before, drawn.probability);
+                // Within the interval of the chosen surface `u[0]` is rescaled to be uniform again.
                 let within = ((u[0] - before) / probability).max(zero).min(one);
+                // Uniform in a triangle: a fraction √u of the way from the first corner bounds the area u.
                 let root = within.sqrt();
                 let mut weights = [one - root, root * (one - u[1]), root * u[1]];
                 if !self.has_triangles_only {
@@ -137,7 +141,7 @@ impl EmissiveSurfaceSampler {
                 let mut distance = distance2.sqrt();
                 let mut wi = to_light * (one / distance);
                 let cosine = (wi.dot(across) / parallelogram).abs();
-                // Triangles without area and points on their own plane bring nothing: 0 / 0.
+                // Rejects degenerate triangles (0 / 0) and points in the triangle's own plane.
                 let mut is_seen = lanes & cosine.simd_gt(0.0) & distance.simd_gt(0.0);
                 let mut angle_per_area = cosine / distance2;
                 let mut area = drawn.area_factor * parallelogram;
@@ -151,6 +155,7 @@ impl EmissiveSurfaceSampler {
                     let is_outside = lanes & sphere.angle_per_area.simd_gt(0.0);
                     is_seen = (is_sphere & is_outside) | (is_seen & !is_sphere);
                 }
+                // Reciprocal densities per solid angle need area · angle_per_area / (P(kind) · P(surface)).
                 let per_angle = angle_per_area * (1.0 / self.probability());
                 let emission = match self.emission_varies {
                     true => self.emission(simd, lanes, &drawn, weights),
@@ -169,7 +174,7 @@ impl EmissiveSurfaceSampler {
         )
     }
 
-    /// A surface for each of `lanes`, by a number in [0, 1).
+    /// Draws a surface for each of `lanes` by `u` in [0, 1).
     #[inline(always)]
     fn draw<S: Simd>(&self, simd: S, lanes: Mask<S>, u: Float<S>) -> DrawnSurfaces<S> {
         let (lanes, u) = (lanes.to_bitmask(), u.to_array());
@@ -204,7 +209,7 @@ impl EmissiveSurfaceSampler {
         )
     }
 
-    /// What each lane's surface emits where corners have these weights.
+    /// Emission of each lane's surface at the point with these corner weights.
     #[inline(never)]
     fn emission<S: Simd>(
         &self,
@@ -233,17 +238,19 @@ impl EmissiveSurfaceSampler {
     }
 }
 
-/// What [`crate::scalar::emissive_surface`] says of spheres whose centre is at this distance, squared; 0 from within.
+/// Area per solid angle of spheres, m²·sr⁻¹, from a point at the square root of `squared` from the
+/// centre; 0 from within.
 #[inline(always)]
 fn area_per_angle_of_sphere<S: Simd>(simd: S, squared: Float<S>, radius: Float<S>) -> Float<S> {
     let beyond = squared - radius * radius;
-    // The sphere's area over the solid angle of its cone, 4πr² / 2π(1 − cos θ), in which 1 − cos θ =
-    // (r/d)² / (1 + cos θ) does not cancel: 2 (d² + d √(d² − r²)).
+    // Area over solid angle, 4πr² / 2π(1 − cos θ). With 1 − cos θ = (r/d)² / (1 + cos θ), which does not
+    // cancel, this is 2 (d² + d √(d² − r²)).
     let outside = (squared + (squared * beyond.max(0.0)).sqrt()) * 2.0;
     beyond.simd_gt(0.0).select(outside, Float::splat(simd, 0.0))
 }
 
-/// A surface for each lane, by a number in [0, 1). Of few, each is looked at: faster than to fetch a row for each lane.
+/// Draws a surface for each lane by `u` in [0, 1). For few surfaces a linear scan is faster than
+/// gathering a row per lane.
 #[inline(always)]
 fn draw_of_few<S: Simd>(
     simd: S,
@@ -258,7 +265,7 @@ fn draw_of_few<S: Simd>(
         *lanes = Float::splat(simd, number);
     }
     for surface in others {
-        // Intervals are in rising order, so that the last one that begins at or below the number stays.
+        // Intervals ascend, so that the last one that begins at or below `u` is kept.
         let is_after = u.simd_ge(surface.numbers[BEFORE]);
         index = is_after.select(Word::splat(simd, surface.index), index);
         shape = is_after.select(Word::splat(simd, surface.shape), shape);
@@ -269,16 +276,16 @@ fn draw_of_few<S: Simd>(
     DrawnSurfaces::new(index, shape, numbers)
 }
 
-/// The most surfaces that count as few.
+/// Largest number of surfaces for which [`draw_of_few`] is used.
 const FEW_MAX: usize = 8;
 
-/// Centre and radius.
+/// Centre and radius, metres.
 type SphereRow = [f32; 4];
 
 const CENTER: usize = 0;
 const RADIUS: usize = 3;
 
-/// A surface that emits: corners, emission, and what follows.
+/// Emissive surface: three corners, emission, then the numbers at the indices below.
 struct SurfaceRow {
     numbers: [f32; NUMBERS],
     index: u32,
@@ -342,7 +349,7 @@ impl SurfaceRow {
                 r,
                 g,
                 b,
-                // Of surfaces that emit this is the density of points.
+                // For emissive materials `sampling_density` is the density of points by area.
                 material.sampling_density,
                 before,
                 probability,
@@ -354,29 +361,29 @@ impl SurfaceRow {
     }
 }
 
-/// Surfaces that emit, drawn for each lane.
+/// The emissive surface drawn for each lane.
 struct DrawnSurfaces<S: Simd> {
     index: Word<S>,
     shape: Word<S>,
     /// See [`CompiledScene::emissive_corners`].
     corners: [Vec3x<S>; 3],
-    /// Where emission varies, its factor.
+    /// Emission; where emission varies, its constant factor.
     emission: Vec3x<S>,
-    /// With which light sampling draws a point of the surface, m⁻².
+    /// Density by area with which light sampling draws points of the surface, m⁻².
     point_density: Float<S>,
-    /// Probability of the surfaces before it in the table.
+    /// Sum of the probabilities of the surfaces before it in the table.
     before: Float<S>,
-    /// Its own probability.
+    /// Probability of the surface.
     probability: Float<S>,
     /// See [`ShapeKind::area_factor`].
     area_factor: Float<S>,
 }
 
-/// Directions to spheres.
+/// Directions drawn uniformly in the solid angles of spheres.
 struct SphereDirections<S: Simd> {
     wi: Vec3x<S>,
     distance: Float<S>,
-    /// 0 from within.
+    /// Solid angle per area, sr·m⁻²; 0 from within.
     angle_per_area: Float<S>,
     area: Float<S>,
 }
@@ -401,7 +408,7 @@ impl<S: Simd> DrawnSurfaces<S> {
         }
     }
 
-    /// Weights of the corners: what is given in lanes of triangles.
+    /// Weights of the corners at a point uniform in area; `of_triangles` in lanes of triangles.
     #[inline(always)]
     fn corner_weights(
         &self,
@@ -424,6 +431,7 @@ impl<S: Simd> DrawnSurfaces<S> {
     #[inline(always)]
     fn of_sphere(&self, simd: S, point: Vec3x<S>, [u, v]: [Float<S>; 2]) -> SphereDirections<S> {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+        // The second corner of a sphere's row is (radius, …): see `CompiledScene::emissive_corners`.
         let radius = self.corners[1].x;
         let radius2 = radius * radius;
         let to_center = self.corners[0] - point;
@@ -431,7 +439,8 @@ impl<S: Simd> DrawnSurfaces<S> {
         let area_per_angle = area_per_angle_of_sphere(simd, squared, radius);
         let is_outside = area_per_angle.simd_gt(0.0);
         let angle_per_area = is_outside.select(one / area_per_angle, zero);
-        // 1 − cos θ, of which differences would lose the digits of small angles.
+        // 1 − cos θ of the direction, uniform in solid angle. Kept in this form, as 1 − cos θ of a small
+        // angle would cancel.
         let within = u * 2.0 * radius2 * angle_per_area;
         let sine2 = within * (2.0 - within);
         let distance = squared.sqrt();
@@ -439,6 +448,7 @@ impl<S: Simd> DrawnSurfaces<S> {
         let (t, b) = basis(simd, axis);
         let (sin, cos) = sin_cos_turns(v);
         let sine = sine2.sqrt();
+        // The nearer intersection is at d·cos θ − √(r² − d² sin² θ).
         let half_chord = (radius2 - squared * sine2).max(0.0).sqrt();
         SphereDirections {
             wi: t * (sine * cos) + b * (sine * sin) + axis * (one - within),
@@ -449,13 +459,13 @@ impl<S: Simd> DrawnSurfaces<S> {
     }
 }
 
-/// Points on surfaces that emit, as directions to them.
+/// Points on emissive surfaces, as directions to them.
 pub(super) struct EmissiveSurfaceSample<S: Simd> {
     pub(super) wi: Vec3x<S>,
-    /// As far as anything may be in the way; 0 where no light comes.
+    /// Length of the shadow ray, metres; 0 where no light arrives.
     pub(super) distance: Float<S>,
-    /// Of the density that the power heuristic takes, per solid angle among all directions to light.
+    /// Reciprocal of the density per solid angle that the power heuristic takes.
     pub(super) inverse_density: Float<S>,
-    /// What emits, over the density with which it was drawn.
+    /// Emitted radiance over the density with which the point was drawn.
     pub(super) radiance: Vec3x<S>,
 }

@@ -1,4 +1,4 @@
-//! Light from the environment, a lane each: the arithmetic of [`crate::scalar::environment`].
+//! Environment lighting, one direction per lane: the arithmetic of [`crate::scalar::environment`].
 
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -10,22 +10,22 @@ use super::sampling::sin_cos_turns;
 use crate::CompiledScene;
 use crate::compiled::CompiledEnvironment;
 
-/// The environment of a scene.
+/// Environment of a scene: an environment map or a constant radiance.
 pub(super) struct Environment {
-    /// Everywhere, if there is no map.
+    /// Radiance from every direction if there is no map, W·sr⁻¹·m⁻².
     constant: [f32; 3],
     map: Option<CompiledEnvironment>,
 }
 
-/// Directions to the environment that were drawn.
+/// Directions sampled from the environment map.
 pub(super) struct EnvironmentSample<S: Simd> {
     pub(super) wi: Vec3x<S>,
-    /// Inverse density of `wi` per solid angle among all directions to light.
+    /// Reciprocal of the density of `wi` per solid angle, including the probability of choosing the map.
     pub(super) inverse_density: Float<S>,
     pub(super) radiance: Vec3x<S>,
 }
 
-/// The solid angle of the unit square's points, over the sine of their colatitude.
+/// Solid angle per unit of the map's parameter square, divided by the sine of the colatitude.
 const SQUARE_TO_SPHERE: f32 = 2.0 * PI * PI;
 
 impl Environment {
@@ -37,17 +37,17 @@ impl Environment {
         }
     }
 
-    /// The probability with which light sampling aims at the environment.
+    /// Probability with which light sampling chooses the environment; 0 without a map.
     pub(super) fn probability(&self) -> f32 {
         self.map.as_ref().map_or(0.0, |map| map.probability)
     }
 
-    /// Whether no light comes from it.
+    /// Whether it emits no light.
     pub(super) fn is_black(&self) -> bool {
         self.map.is_none() && self.constant == [0.0; 3]
     }
 
-    /// Light from the directions in `lanes`.
+    /// Radiance from `direction`; unspecified in lanes outside `lanes` if there is a map.
     #[inline(always)]
     pub(super) fn radiance<S: Simd>(
         &self,
@@ -61,8 +61,9 @@ impl Environment {
         }
     }
 
-    /// The same, weighed beside light sampling: `pdf` is the density of the direction, 0 or infinite where light
-    /// sampling could not have found it.
+    /// [`Environment::radiance`] times the MIS weight beside light sampling. `pdf` is the density of the
+    /// direction per solid angle; 0 or ∞ where light sampling could not have drawn it, which gives weight
+    /// 1.
     #[inline(always)]
     pub(super) fn radiance_with_mis<S: Simd>(
         &self,
@@ -78,12 +79,13 @@ impl Environment {
         let pdf = pdf();
         let is_found = pdf.simd_gt(0.0) & pdf.simd_lt(f32::INFINITY);
         let one = Float::splat(simd, 1.0);
+        // Power heuristic.
         let ratio = density / is_found.select(pdf, one);
         let weight = one / ratio.mul_add(ratio, one);
         radiance * is_found.select(weight, one)
     }
 
-    /// Draws a direction in each lane; none without a map.
+    /// Draws a direction in each lane; `None` without a map.
     #[inline(always)]
     pub(super) fn sample<S: Simd>(
         &self,
@@ -94,8 +96,8 @@ impl Environment {
     }
 }
 
-/// What directions show, and the density with which they are drawn per solid angle among all directions to light.
-/// Out of line: scenes without a map are not to pay for it.
+/// Radiance from `direction`, and its density per solid angle under light sampling, including the
+/// probability of choosing the map. Not inlined, so that scenes without a map do not pay for its code.
 #[inline(never)]
 fn seen<S: Simd>(
     simd: S,
@@ -108,6 +110,7 @@ fn seen<S: Simd>(
         || {
             let Vec3x { x, y, z } = direction;
             let sine = x.mul_add(x, y * y).sqrt();
+            // Equirectangular projection; the azimuth is measured from +y towards +x.
             let across = argument(simd, y, x) * (0.5 * FRAC_1_PI) + (0.5 + map.turn);
             let across = (across - across.floor()).to_array();
             let down = (argument(simd, z, sine) * FRAC_1_PI).to_array();
@@ -123,8 +126,7 @@ fn seen<S: Simd>(
                 }
             }
             let [r, g, b, density] = columns.map(|column| Float::load_array(simd, column));
-            // ∞ at the poles, where a whole row of the picture is one direction: light found there by
-            // chance has no weight.
+            // ∞ at the poles, where a whole row of the map is one direction: the MIS weight becomes 0.
             let density = density * map.probability / (sine * SQUARE_TO_SPHERE);
             (Vec3x::new(r, g, b), density)
         },

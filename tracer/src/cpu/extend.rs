@@ -1,4 +1,4 @@
-//! The integrator's stage that finds what paths meet next.
+//! Extension stage of the integrator: the nearest hit of each path's ray.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -14,11 +14,11 @@ use super::sampling::pair;
 use super::stream::{Stream, load, load_words, packets, store, store_words};
 use crate::sampling::block_choice;
 
-/// Finds what each path meets next, ends those that meet light or nothing, or all if this is
-/// their last edge, and closes the ranks of the others. Returns the number of rays.
+/// Finds the nearest hit of each path, terminates paths that hit a light or escape (all paths if this is
+/// their last edge), and compacts the stream. Returns the number of rays.
 ///
-/// A function, as [`shade`](super::shade::shade) is: rustc compiles methods in the unit of their type's module, all of
-/// [`Prepared`]'s in one, and functions in that of their own.
+/// A function, like [`shade`](super::shade::shade): rustc compiles all methods of [`Prepared`] in one
+/// codegen unit, and functions in that of their own module.
 pub(super) fn extend<S: Simd>(
     scene: &Prepared,
     simd: S,
@@ -45,7 +45,7 @@ impl Prepared {
     ) -> u64 {
         let (mut kept, mut rays) = (0, 0);
         for packet in packets(stream.len) {
-            // A packet may take a millisecond, a batch of them seconds.
+            // Once per packet: a packet may take a millisecond, a batch of packets seconds.
             if cancelled.load(Ordering::Relaxed) {
                 break;
             }
@@ -56,10 +56,10 @@ impl Prepared {
             let edges = Rays::new(simd, origin, direction, start);
             let mut alive = packet.mask(simd);
             if depth > 0 {
-                // Those that ended and kept their place have not left any primitive.
+                // Terminated paths that were not compacted have no start primitive.
                 alive &= start.simd_ne(NONE);
             }
-            // Deeper rays lead everywhere: a beam of theirs leaves out little.
+            // Beams only for camera rays: deeper rays are incoherent, and their beam culls little.
             let endless = Float::splat(simd, f32::INFINITY);
             let beam = if depth == 0 {
                 Beam::new(simd, &edges, alive, endless)
@@ -78,8 +78,8 @@ impl Prepared {
                 let light_id = unscattered.select(nearest.id, Word::splat(simd, NONE));
                 let distance = nearest.distance;
                 let mut light = self.emission_with_mis(simd, stream, at, light_id, distance);
-                // Light seen directly or in the first mirror is in what first hits trace apart. It is
-                // added after the filter has run, so that lamps and their mirror images stay sharp.
+                // Light seen directly or in the first mirror is in the first-hit AOVs. It is added after
+                // denoising, so that lamps and their mirror images stay sharp.
                 if self.settings.denoise && depth <= 1 {
                     light = self.without_emission(simd, stream, at, light);
                 }
@@ -95,7 +95,7 @@ impl Prepared {
                 }
                 stream.finish(packet, scattering, radiance);
             } else if self.records_aovs_at(depth) {
-                // In the order of slots, in which first hits are noted.
+                // Paths keep their places, in the order of slots, in which the AOVs are stored.
                 let emission = self.emission(simd, origin, direction, &nearest, unscattered);
                 let length = load(simd, &stream.distance, at);
                 let inverse_depth = self.inverse_depth(length, nearest.distance);
@@ -118,8 +118,8 @@ impl Prepared {
         rays
     }
 
-    /// Flies through what fills dielectrics: light is absorbed, and may be scattered before the
-    /// boundary.
+    /// Samples free flights through the interior of dielectrics: light is absorbed, and may be scattered
+    /// before the boundary.
     #[inline(always)]
     fn sample_distance<S: Simd>(
         &self,
@@ -129,7 +129,7 @@ impl Prepared {
         depth: u32,
         nearest: &mut Nearest<S>,
     ) {
-        // NONE has all bits set, that of INSIDE among them, and is no body.
+        // NONE has all bits set, including INSIDE, but is no body.
         let start = load_words(simd, &stream.primitive, at);
         let none = Word::splat(simd, NONE);
         let within = (start & INSIDE).simd_ne(0) & start.simd_ne(none);
@@ -138,8 +138,8 @@ impl Prepared {
         }
         let pixel = load_words(simd, &stream.pixel, at);
         let sample = load_words(simd, &stream.sample, at);
-        // The block's first number is kept for the boundary, where it chooses between reflection and
-        // refraction.
+        // The first number of the block is reserved for the boundary, where it chooses between reflection
+        // and refraction.
         let [_, u] = pair(pixel, sample, block_choice(depth), self.settings.seed);
         let flight = self
             .surfaces
@@ -147,11 +147,12 @@ impl Prepared {
         let beta = stream.beta.load(simd, at);
         stream.beta.store(at, beta.scale(flight.weight));
         nearest.distance = flight.distance;
-        // The path stays in its body: `start` has its id and INSIDE, from which the next edge begins.
+        // The path stays in its body: `start` has the body's id and INSIDE, with which the next edge
+        // begins.
         nearest.id = flight.scattered.select(start | SCATTERED, nearest.id);
     }
 
-    /// Light that comes in along rays that meet an area light or nothing.
+    /// Emitted light, weighted by MIS and throughput, of rays that hit an area light or escape.
     #[inline(always)]
     fn emission_with_mis<S: Simd>(
         &self,
@@ -178,9 +179,9 @@ impl Prepared {
         let emission = self.area_lights.emission(simd, light, point);
         let cos_light = -direction.dot(emission.normal);
         let pdf = load(simd, &stream.pdf, at);
-        // An area light that does not shine has no brightness: 0 / 0.
-        // ∞ of a mirror gives a weight of 1, 0 of a coat's mirror one of 0: its light has been
-        // added already.
+        // Brightness is at least MIN_POSITIVE, because an unlit area light would give 0 / 0. A pdf of ∞
+        // (mirror) gives weight 1; a pdf of 0 (coat's mirror) gives 0, as its light has been added by
+        // next-event estimation.
         let weight = power_heuristic(emission.brightness.max(f32::MIN_POSITIVE) / pdf);
         let emitted = beta.scale(emission.radiance) * weight;
         let black = Vec3x::splat(simd, [0.0; 3]);
@@ -188,7 +189,8 @@ impl Prepared {
         Vec3x::select(escaped, environment, emitted)
     }
 
-    /// Leaves out light that is in the emission of first hits, which is traced apart.
+    /// Removes light that the emission AOV of first hits contains: seen directly or by a mirror, outside
+    /// bodies.
     #[inline(always)]
     fn without_emission<S: Simd>(
         &self,
@@ -197,7 +199,7 @@ impl Prepared {
         at: usize,
         light: Vec3x<S>,
     ) -> Vec3x<S> {
-        // A mirror's density is infinite, a coat's 0.
+        // Mirrors have density ∞, a coat's mirror 0.
         let pdf = load(simd, &stream.pdf, at);
         let scattered = pdf.simd_lt(f32::INFINITY) & pdf.simd_gt(0.0);
         let left = load_words(simd, &stream.primitive, at);

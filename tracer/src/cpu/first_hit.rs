@@ -1,8 +1,8 @@
-//! First hits through the centres of pixels, no light.
+//! First hits through pixel centres, without shading.
 //!
-//! Rays are traced through the pixels of every other column and row. The pixels between them see what those around them
-//! see, where these see the same primitive about as far away; the others are traced too. So something narrower than two
-//! pixels can be missed.
+//! Rays are traced through every second pixel of every second row. A pixel between them is interpolated
+//! where its traced neighbours hit the same primitive at a similar depth, and traced otherwise. Features
+//! narrower than two pixels can be missed.
 
 use fearless_simd::prelude::*;
 use glam::Vec3;
@@ -21,13 +21,14 @@ use crate::{CompiledScene, ImageSize};
 pub struct FirstHits {
     /// Pixels across and down.
     pub size: ImageSize,
-    /// One over the depth: 1/s where the surface is at `eye + s·direction`, with the direction of the pixel's centre as
-    /// [`CameraFrame`] has it, whose length is none in particular; 0 where the ray leaves the scene.
+    /// Reciprocal depth: 1/s where the surface is at `eye + s·direction`, with the direction of the pixel's
+    /// centre as in [`CameraFrame`], which is not normalised; 0 where the ray leaves the scene.
     pub inverse_depth: Vec<f32>,
-    /// A number for each primitive: a ball's is its place in [`CompiledScene::spheres`], the others
-    /// follow, and a mesh has that of its first triangle; [`FirstHits::ESCAPED`] where the ray leaves the scene.
+    /// Id of the primitive: a ball's is its index in [`CompiledScene::spheres`], the other shapes follow,
+    /// and all triangles of a mesh have the id of its first; [`FirstHits::ESCAPED`] where the ray leaves
+    /// the scene.
     pub primitive: Vec<u32>,
-    /// The same of every other column and row, up to the first beyond the film.
+    /// Hits at even columns and rows, up to the first beyond the film.
     grid: Grid,
 }
 
@@ -38,11 +39,11 @@ struct Grid {
 }
 
 impl FirstHits {
-    /// The number of no primitive.
+    /// Id of a ray that leaves the scene.
     pub const ESCAPED: u32 = NONE;
 
-    /// Looks at `scene` through its camera, on all threads of the current pool: 7 to 11 ns of
-    /// processor time a pixel of the pool room, by the example `reprojection_speed`.
+    /// Traces first hits of `scene` through its camera on the current thread pool: 7 to 11 ns of
+    /// processor time per pixel of the pool room, by the example `reprojection_speed`.
     pub fn new(scene: &CompiledScene, size: ImageSize) -> Self {
         let mut hits = Self {
             size,
@@ -54,8 +55,8 @@ impl FirstHits {
         hits
     }
 
-    /// Looks at `scene` again, perhaps in another size. Keeps the memory: the first touch of new pages takes one
-    /// thread longer than all threads take to find what pixels see.
+    /// Traces first hits of `scene` again, possibly at another size. Reuses the buffers: page faults of new
+    /// memory take one thread longer than all threads take for tracing.
     pub fn update(&mut self, scene: &CompiledScene, size: ImageSize) {
         let rays = FirstRays::new(scene, size);
         let level = Level::new();
@@ -76,12 +77,12 @@ impl FirstHits {
     }
 }
 
-/// Columns of the grid around a row of the film.
+/// Columns of the grid that surround a row of the film of `width` pixels.
 fn grid_columns(width: usize) -> usize {
     width.div_ceil(2) + 1
 }
 
-/// Rays from a camera, and what they can meet.
+/// A scene prepared for camera rays.
 struct FirstRays<'a> {
     scene: &'a CompiledScene,
     geometry: Geometry,
@@ -89,7 +90,7 @@ struct FirstRays<'a> {
     first_triangle: u32,
 }
 
-/// Inverse depths and primitives of a row.
+/// Reciprocal depths and primitive ids of a row.
 type Row<'a> = (&'a mut [f32], &'a mut [u32]);
 
 impl<'a> FirstRays<'a> {
@@ -118,12 +119,12 @@ impl<'a> FirstRays<'a> {
         }
     }
 
-    /// Fills a row of the film from those of the grid around it, and traces what they leave open.
+    /// Interpolates a row of the film from the grid rows around it, and traces the pixels that remain open.
     #[inline(always)]
     fn row<S: Simd>(&self, simd: S, grid: &Grid, y: usize, (inverse_depth, primitive): Row) {
         let columns = grid_columns(inverse_depth.len());
         let above = y / 2 * columns;
-        // Rows of the grid lie on even rows of the film: there both neighbours are the same row.
+        // Even rows of the film coincide with rows of the grid: there both neighbours are the same row.
         let below = above + y % 2 * columns;
         let depths = (
             &grid.inverse_depth[above..above + columns],
@@ -151,8 +152,8 @@ impl<'a> FirstRays<'a> {
             }
         }
         if count > 0 {
-            // Repeated, not any other pixel: columns stay in order, as the beam between the first and the
-            // last one asks, and writing a pixel again does no harm.
+            // Padding repeats the last pixel: columns stay ascending, as the beam between the first and the
+            // last requires, and writing a pixel twice does no harm.
             let last = open[count - 1];
             open[count..].fill(last);
             self.trace_into(simd, &open, y, inverse_depth, primitive);
@@ -175,7 +176,7 @@ impl<'a> FirstRays<'a> {
         }
     }
 
-    /// Traces the rays through pixels of row `y`, in the order of their columns.
+    /// Traces the rays through the pixels of row `y` at `columns`, which ascend.
     #[inline(never)]
     fn trace<S: Simd>(
         &self,
@@ -200,25 +201,26 @@ impl<'a> FirstRays<'a> {
                 let length = direction.length_squared().sqrt();
                 let direction = direction * (1.0 / length);
                 let eye = Vec3x::splat(simd, camera.eye);
-                // Exactly the eye without a near plane.
+                // Bit-identical to the eye without a near plane.
                 let start = direction.mul_add(length * camera.near_m, eye);
                 let rays = Rays::new(simd, start, direction, Word::splat(simd, NONE));
-                // All directions of a row lie between its two ends, whatever their lengths: a beam has no
-                // use for unit vectors.
+                // All directions of a row lie between its ends, whatever their lengths: beams need no unit
+                // vectors.
                 let beam = Beam::between(camera.eye, left + first * dx, left + last * dx);
                 let nearest = self.geometry.nearest(simd, &rays, Some(&beam));
                 let mut primitives = nearest.id.to_array();
                 let triangles = self.scene.meshes.triangles.len() as u32;
                 if triangles > 0 {
                     for id in &mut primitives {
-                        // Ids below the first triangle wrap round and are larger than any count: one
-                        // comparison instead of two.
+                        // Ids below the first triangle wrap to large numbers: one comparison instead of
+                        // two.
                         let triangle = id.wrapping_sub(self.first_triangle);
                         if triangle < triangles {
                             *id = self.first_triangle + self.scene.meshes.first_of_mesh(triangle);
                         }
                     }
                 }
+                // Distances count from the near plane; 1/s = length / (distance from the eye).
                 let depth = nearest.distance + length * camera.near_m;
                 ((length / depth).to_array(), primitives)
             },
@@ -226,7 +228,7 @@ impl<'a> FirstRays<'a> {
     }
 }
 
-/// Fills a row of the film from the rows of the grid above and below it, which are one where they are its own.
+/// Interpolates a row of the film from the grid rows above and below it, which are the same on even rows.
 #[inline(always)]
 fn between(
     (depths_above, depths_below): (&[f32], &[f32]),
@@ -238,16 +240,16 @@ fn between(
     let depths = depths_above.windows(2).zip(depths_below.windows(2));
     let pixels = inverse_depth.chunks_mut(2).zip(primitive.chunks_mut(2));
     for (((above, below), (upper, lower)), (depth, id)) in cells.zip(depths).zip(pixels) {
-        // 1/s is an affine function of the pixel on any plane, because directions are one of the pixel
-        // and not normalised. So the means of neighbours below are exact there, and good on surfaces that
-        // bend little.
+        // 1/s is affine in the pixel coordinates on a plane, because directions are those of the film and
+        // not normalised. So means of neighbours are exact on planes, and accurate on surfaces of low
+        // curvature.
         let is_left = above[0] == below[0] && is_near(upper[0], lower[0]);
         id[0] = if is_left { above[0] } else { OPEN };
         depth[0] = 0.5 * (upper[0] + lower[0]);
         if let ([_, depth], [_, id]) = (depth, id) {
             let is_one = is_left & (above[1] == below[1]) & (above[0] == above[1]);
             let is_one = is_one & is_near(upper[0], upper[1]) & is_near(lower[0], lower[1]);
-            // No branches in this loop, and `&` instead of `&&`: it is compiled to vectors of pixels.
+            // Branch-free, with `&` instead of `&&`, so that the loop is vectorised over pixels.
             *id = if is_one { above[0] } else { OPEN };
             *depth = 0.25 * (upper[0] + upper[1] + lower[0] + lower[1]);
         }
@@ -259,9 +261,9 @@ fn is_near(a: f32, b: f32) -> bool {
     a.min(b) >= DEPTH_RATIO_MIN * a.max(b)
 }
 
-/// Of a pixel that is yet to be traced.
+/// Id of a pixel that remains to be traced.
 const OPEN: u32 = NONE - 1;
-/// Depths of the grid's neighbours that are further apart are not those of one surface.
+/// Least ratio of neighbouring depths that count as one surface.
 const DEPTH_RATIO_MIN: f32 = 0.9;
 
 #[cfg(test)]
@@ -283,11 +285,11 @@ mod tests {
         let cut = FirstHits::new(&scene, size);
         let depths = whole.inverse_depth.iter().zip(&cut.inverse_depth);
         let off = depths.filter(|(a, b)| (*a - *b).abs() > 1e-4 * a.abs());
-        // Rounding sends a ray past the other side of an edge now and then.
+        // By rounding, a few rays pass an edge on the other side.
         assert!(off.count() < 20);
     }
 
-    /// The ray through each pixel traced.
+    /// Traces the ray through each pixel.
     fn all_traced(scene: &CompiledScene, size: ImageSize) -> (Vec<f32>, Vec<u32>) {
         let rays = FirstRays::new(scene, size);
         let width = size.width as usize;
@@ -313,7 +315,7 @@ mod tests {
             let (depths, primitives) = all_traced(&scene, size);
             let others = primitives.iter().zip(&hits.primitive);
             let others = others.filter(|(traced, found)| traced != found).count();
-            // What is narrower than two pixels.
+            // Features narrower than two pixels.
             assert!(others * 2000 <= size.pixels(), "{others} of {size:?}");
             let same = (0..size.pixels()).filter(|at| primitives[*at] == hits.primitive[*at]);
             let error = |at: usize| (hits.inverse_depth[at] / depths[at] - 1.0).abs();

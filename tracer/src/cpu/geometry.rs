@@ -1,7 +1,7 @@
-//! Rays against every primitive: nearest hit and occlusion, a packet of lanes at a time.
+//! Ray intersection with all primitives: nearest hit and occlusion, one packet of rays at a time.
 //!
-//! A pool table needs no hierarchy: each primitive is broadcast to all lanes. Many of a shape are found
-//! by a BVH ([`super::bvh16`]).
+//! A pool table needs no hierarchy: each primitive is broadcast to all lanes. Shapes with many primitives
+//! use a BVH ([`super::bvh16`]).
 
 use fearless_simd::prelude::*;
 
@@ -16,8 +16,8 @@ use crate::bvh::{Bounds, Bvh};
 use crate::compiled::clusters::Clusters;
 use crate::compiled::{CompiledScene, KIND_DIELECTRIC, ShapeKind};
 
-/// Everything a ray can meet. Ids number spheres, boxes, discs, rectangles, faces of CSG boxes, triangles
-/// and area lights in this order, as [`super::surface::Surfaces`] lists them.
+/// Everything that a ray can hit. Ids number spheres, boxes, discs, rectangles, faces of CSG boxes,
+/// triangles and area lights in this order, as in [`super::surface::Surfaces`].
 pub(super) struct Geometry {
     spheres: PrimitiveSet<Sphere, 6>,
     boxes: PrimitiveSet<AlignedBox, 6>,
@@ -27,15 +27,15 @@ pub(super) struct Geometry {
     csg_bounds: BoundsGroups,
     triangles: Triangles,
     area_lights: PrimitiveSet<Rectangle, 12>,
-    /// The id of the first area light; a hit of this id or above ends its path.
+    /// Id of the first area light; a hit with this id or above terminates its path.
     pub(super) area_lights_first: u32,
-    /// Some spheres or boxes are dielectrics, so that rays go on inside.
+    /// Whether some sphere or box is a dielectric, so that rays continue inside.
     has_dielectric: bool,
 }
 
-/// The primitives of a shape.
+/// All primitives of one shape.
 struct PrimitiveSet<F, const N: usize> {
-    /// Empty if they are in the BVH.
+    /// Empty if the primitives are in the BVH.
     each: Vec<PackedPrimitive<F, N>>,
     bounds: BoundsGroups,
     bvh: Option<Bvh16<F, N>>,
@@ -48,7 +48,7 @@ impl Geometry {
             |material: u32| scene.materials[material as usize].kind == KIND_DIELECTRIC;
         let first = |kind| scene.first_id(kind);
         let kind = ShapeKind::Sphere;
-        // Thresholds are the CPU's own, as measured for each shape; GPUs have others for the same BVH.
+        // Thresholds are measured for this back end and per shape; the GPU uses others for the same BVH.
         let bvh = scene.bvh(kind, Sphere::BVH_MIN);
         let spheres = PrimitiveSet::of(
             &scene.spheres,
@@ -113,9 +113,9 @@ impl Geometry {
         }
     }
 
-    /// Distance to and id of the nearest primitive, of equals the first; ∞ and [`NONE`] where
-    /// there is none. The id of a dielectric that is met from within has [`INSIDE`]. What the `beam` of the rays
-    /// does not meet is left out; it pays where rays are alike.
+    /// Distance and id of the nearest primitive, of the first at equal distance; ∞ and [`NONE`] where there
+    /// is none. A dielectric hit from within has [`INSIDE`] in its id. A `beam` of the rays culls
+    /// primitives, which pays for coherent rays.
     #[inline(always)]
     pub(super) fn nearest<S: Simd>(
         &self,
@@ -128,7 +128,7 @@ impl Geometry {
         self.boxes.nearest(simd, rays, beam, &mut nearest);
         self.discs.nearest(simd, rays, beam, &mut nearest);
         self.rectangles.nearest(simd, rays, beam, &mut nearest);
-        // A CSG box tells of its faces itself: which one is met is known only at the end of its walk.
+        // A CSG box returns the id of its face, which is known only at the end of its traversal.
         for group in 0..self.csg_bounds.len() {
             for index in self
                 .csg_bounds
@@ -144,19 +144,18 @@ impl Geometry {
         if !self.triangles.is_empty() {
             self.triangles.nearest(simd, rays, beam, &mut nearest);
         }
-        // Last, as their ids are: the integrator takes every id from the first area light on as the end
+        // Last, in the order of ids: the integrator treats every id from the first area light on as the end
         // of a path.
         self.area_lights.nearest(simd, rays, beam, &mut nearest);
         if self.has_dielectric {
-            // The body's own id in `start` is what lets its far side be met; what is met from within is
-            // passed on so tagged.
+            // A hit of the body that the ray is inside of is on its far side: the id keeps its INSIDE flag.
             let within = rays.start.simd_eq(nearest.id | INSIDE);
             nearest.id = within.select(rays.start, nearest.id);
         }
         nearest
     }
 
-    /// [`Geometry::nearest`] of the area lights alone.
+    /// [`Geometry::nearest`] among area lights alone.
     #[inline(always)]
     pub(super) fn nearest_area_light<S: Simd>(&self, simd: S, rays: &Rays<S>) -> Nearest<S> {
         let mut nearest = Nearest::none(simd);
@@ -164,8 +163,8 @@ impl Geometry {
         nearest
     }
 
-    /// Where something lies before `distance`, the area light of id `target` aside; by the `beam` of the rays as far as
-    /// that.
+    /// Lanes whose ray hits something before `distance` other than the area light with id `target`. `beam`,
+    /// if any, bounds the rays up to `distance`.
     #[inline(always)]
     pub(super) fn occluded<S: Simd>(
         &self,
@@ -196,8 +195,7 @@ impl Geometry {
         for light in &self.area_lights.each {
             let met = Rectangle::intersect(rays, &(), &light.splat(simd), distance);
             if let Some((hit, _)) = met {
-                // The light that the ray is for ends it and does not hide itself: its distance is known
-                // only to rounding.
+                // The target light is excluded by id, because its distance is known only up to rounding.
                 dark |= hit & target.simd_ne(light.id);
             }
         }
@@ -206,8 +204,8 @@ impl Geometry {
 }
 
 impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
-    /// Ids count from `first`. `numbers` gives a primitive's numbers and whether it is a dielectric; of what is hidden,
-    /// none.
+    /// Ids count from `first`. `numbers` returns a primitive's numbers and whether it is a dielectric, or
+    /// `None` if it is hidden.
     fn of<D>(
         all: &[D],
         first: u32,
@@ -225,7 +223,7 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
             Some((one, Bounds::from(data)))
         });
         if let Some(bvh) = bvh {
-            // Hidden ones keep their place in the list, since the BVH names primitives by index.
+            // Hidden primitives keep their place in the list, as the BVH refers to primitives by index.
             let each: Vec<_> = each.map(|one| Some(one?.0)).collect();
             return Self {
                 each: Vec::new(),
@@ -262,7 +260,7 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
         }
     }
 
-    /// Adds where one of them lies before `distance` to `dark`.
+    /// Sets the lanes in `dark` whose ray hits one of them before `distance`.
     #[inline(always)]
     fn occlude<S: Simd>(
         &self,
@@ -287,12 +285,12 @@ impl<F: Shape<N>, const N: usize> PrimitiveSet<F, N> {
     }
 }
 
-/// Of ids from `first` on.
+/// Area lights, with ids from `first` on.
 fn area_lights(scene: &CompiledScene, first: u32, reach: f32) -> PrimitiveSet<Rectangle, 12> {
     let far = |bounds: Bounds| bounds.min.abs().max(bounds.max.abs()).element_sum();
     let far = scene.area_lights.iter().map(|light| far(light.into()));
-    // Not by `reach`, which has no area lights in it; a light far outside of the scene rounds by its
-    // own coordinates.
+    // `reach` does not cover area lights; the slack for a light far outside the scene follows from its own
+    // coordinates.
     let reach = far.fold(reach, |reach, far| reach.max(2.0 * far));
     let all = &scene.area_lights;
     PrimitiveSet::of(all, first, None, Clusters::NONE, reach, |light| {
@@ -306,14 +304,14 @@ fn has_dielectric(scene: &CompiledScene) -> bool {
     materials.any(|material| scene.materials[material as usize].kind == KIND_DIELECTRIC)
 }
 
-/// An upper bound of the distance from any ray's origin to any sphere's centre.
+/// Upper bound of the distance between any ray origin and any sphere centre, metres.
 fn reach(scene: &CompiledScene) -> f32 {
     let eye = scene.camera.eye.to_array();
     let far = |p: [f32; 3], extent: f32| p.iter().fold(extent, |sum, c| sum + c.abs());
     let extents = scene.extents(|v| far(v, 0.0));
     let from_world_origin = extents.map(|(center, extent)| far(center, extent));
-    // Origins are the eye or on primitives, all within this sum of |coordinates| from 0; a difference of
-    // two points is at most twice as long.
+    // Origins are the eye or on primitives, all within this sum of |coordinates|; the distance of two such
+    // points is at most twice as large.
     2.0 * from_world_origin.fold(far(eye, 0.0).max(scene.meshes.reach), f32::max)
 }
 
@@ -501,7 +499,7 @@ mod tests {
         }
     }
 
-    /// Boxes and CSG boxes in heaps round the origin.
+    /// Boxes and CSG boxes clustered around the origin.
     fn heaps() -> Vec<Shape> {
         let solid = |i: u32, is_csg: bool| {
             let heap = Vec3::from(
@@ -599,7 +597,8 @@ mod tests {
         }
     }
 
-    /// Impacts a few ulps inside and outside of a ball's edge: beyond 4 of them none is mistaken.
+    /// Impacts a few ulps inside and outside a ball's silhouette: beyond 4 ulps all are classified
+    /// correctly.
     #[test]
     fn grazing_rays_are_exact_to_4_ulps() {
         const RADIUS: f32 = 0.028_575;

@@ -1,4 +1,5 @@
-//! Image textures and normal maps where rays meet meshes: few packets meet one texture, so that each lane looks up its own.
+//! Image textures and normal maps of meshes. Lanes are looked up one by one, as they rarely share a
+//! texture.
 
 use std::sync::Arc;
 
@@ -16,7 +17,7 @@ pub(super) struct TriangleTextures {
     textures: CompiledTextures,
 }
 
-/// What textures multiply the numbers of each lane's material by.
+/// Texture values per lane, by which the parameters of the material are multiplied.
 pub(super) struct TextureLanes<S: Simd> {
     pub(super) base_color: Vec3x<S>,
     pub(super) roughness: Float<S>,
@@ -24,13 +25,13 @@ pub(super) struct TextureLanes<S: Simd> {
     pub(super) emission: Vec3x<S>,
     pub(super) clearcoat: Float<S>,
     pub(super) clearcoat_roughness: Float<S>,
-    /// Of scenes where some have textures there.
+    /// `None` if no material of the scene has such textures.
     pub(super) layers: Option<LayerTextureLanes<S>>,
-    /// Of scenes where some thin wall has a texture of it.
+    /// `None` if no thin wall of the scene has a transmission texture.
     pub(super) transmission: Option<Float<S>>,
 }
 
-/// The same of layers and of the specular reflection.
+/// Texture values of sheen and specular reflection.
 #[derive(Clone, Copy)]
 pub(super) struct LayerTextureLanes<S: Simd> {
     pub(super) sheen: Vec3x<S>,
@@ -39,33 +40,34 @@ pub(super) struct LayerTextureLanes<S: Simd> {
     pub(super) specular_color: Vec3x<S>,
 }
 
-/// A lane's hit.
+/// Hit of one lane.
 pub(super) struct LaneHit<'a> {
     pub(super) triangle: &'a TriangleData,
+    /// Barycentric coordinates.
     pub(super) weights: [f32; 3],
-    /// How wide the surface is that the ray sees, in metres; 0 for the finest level.
+    /// Width of the surface that the ray covers, metres; 0 for the finest mip level.
     pub(super) footprint_m: f32,
-    /// Unit normal to shade with, out of the surface.
+    /// Unit shading normal, on the outer side of the triangle.
     pub(super) n_out: Vec3,
-    /// Unit normal of the triangle on the side that the ray comes from.
+    /// Unit geometric normal on the side from which the ray comes.
     pub(super) n: Vec3,
 }
 
-/// By channel what [`TextureLanes`] has by lane, and the normals.
+/// Channels of [`TextureLanes`] as arrays by lane, and mapped normals.
 pub(super) struct TextureColumns {
     factors: [[f32; LANES]; 10],
     pub(super) normals: [[f32; LANES]; 3],
-    /// A bit for each lane that has a normal map.
+    /// Bit mask of the lanes with a normal map.
     pub(super) mapped: u64,
     pub(super) layers: Option<LayerColumns>,
     transmission: Option<[f32; LANES]>,
 }
 
-/// By channel what [`LayerTextureLanes`] has by lane, and the normals of clear coats.
+/// Channels of [`LayerTextureLanes`] as arrays by lane, and normals of clear coats.
 pub(super) struct LayerColumns {
     factors: [[f32; LANES]; 8],
     pub(super) normals: [[f32; LANES]; 3],
-    /// A bit for each lane whose coat has another normal than what is below.
+    /// Bit mask of the lanes whose coat has a normal of its own.
     pub(super) coated: u64,
 }
 
@@ -81,7 +83,7 @@ impl TriangleTextures {
         self.textures.is_empty()
     }
 
-    /// Looks up what a lane sees.
+    /// Looks up all textures at the hit of one lane and stores them in `columns`.
     pub(super) fn look_up(&self, columns: &mut TextureColumns, lane: usize, hit: &LaneHit<'_>) {
         let material = hit.triangle.material as usize;
         let Some(textures) = self.textures.materials.get(material) else {
@@ -97,8 +99,8 @@ impl TriangleTextures {
             }
             let data = &self.textures.images[image as usize];
             let across = (data.width as f32 * data.height as f32).sqrt();
-            // Texels across the footprint: a texel of the level then is as large as what is seen. A
-            // footprint of 0 gives −∞, which means the finest level.
+            // log2 of the footprint in texels: at that mip level a texel is as large as the footprint. A
+            // footprint of 0 gives −∞, the finest level.
             let level = (hit.footprint_m * uvs.density * across).log2();
             let rgba = self.textures.sample(image, uv, level);
             for (column, channel) in columns.iter_mut().zip(channels) {
@@ -140,7 +142,7 @@ impl TriangleTextures {
         }
     }
 
-    /// Nothing looked up yet.
+    /// Columns before any look-up: factors of 1.
     pub(super) fn columns(&self) -> TextureColumns {
         TextureColumns {
             factors: [[1.0; LANES]; 10],
@@ -155,7 +157,7 @@ impl TriangleTextures {
         }
     }
 
-    /// See [`crate::scalar::triangle`].
+    /// Normal from a normal map, as in [`crate::scalar::triangle`].
     fn mapped_normal(
         &self,
         (image, scale): (u32, f32),
@@ -167,7 +169,7 @@ impl TriangleTextures {
             return None;
         }
         let [tangent, bitangent] = tangents(hit.triangle, uvs, hit.n_out)?;
-        // Always the finest level: means of normals are shorter and flatten the surface.
+        // Always the finest level: averaged normals are shorter and would flatten the surface.
         let [x, y, z, _] = (self.textures.sample(image, uv, 0.0)).map(|c| 2.0 * c - 1.0);
         let (x, y) = (scale * x, scale * y);
         let mapped = (x * tangent + y * bitangent + z * hit.n_out).try_normalize()?;
@@ -176,6 +178,7 @@ impl TriangleTextures {
         } else {
             mapped
         };
+        // Lifted above the geometric surface, as by the scalar tracer's `facing`.
         let lift = REFLECTION_SINE_MIN as f32 - mapped.dot(hit.n);
         Some(match lift > 0.0 {
             true => (mapped + lift * hit.n).normalize(),
@@ -227,13 +230,13 @@ fn interpolate(uvs: &TriangleUvs, [wa, wb, wc]: [f32; 3]) -> [f32; 2] {
     (wa * a + wb * b + wc * c).to_array()
 }
 
-/// As the scalar tracer's `normal_map` has it.
+/// Tangent and bitangent of a triangle's texture coordinates, as in the scalar tracer's `normal_map`.
 fn tangents(triangle: &TriangleData, uvs: &TriangleUvs, n: Vec3) -> Option<[Vec3; 2]> {
     let [a, b, c] = triangle.corners();
     let [ta, tb, tc] = [uvs.a, uvs.b, uvs.c].map(Vec2::from);
     let (edge_b, edge_c, uv_b, uv_c) = (b - a, c - a, tb - ta, tc - ta);
-    // The sign in place of a division by the determinant: only directions are wanted, and mirrored
-    // textures turn both of them round.
+    // The sign of the determinant instead of a division by it: only directions are needed. It is negative
+    // for mirrored textures, which reverses both.
     let turn = uv_b.perp_dot(uv_c).signum();
     let along_u = turn * (uv_c.y * edge_b - uv_b.y * edge_c);
     let along_v = turn * (uv_b.x * edge_c - uv_c.x * edge_b);

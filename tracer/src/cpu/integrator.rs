@@ -1,8 +1,8 @@
-//! The path tracer as stages over a stream: extend, shade, connect, until all paths have ended.
+//! Integrator: stages over a stream of paths (extend, shade, connect) until all paths have terminated.
 //!
-//! Next-event estimation towards the area lights and directions from the BSDF are weighed by the power
-//! heuristic (Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, §9.2); so are those
-//! towards an environment map. A constant environment is found by the BSDF's directions alone.
+//! Next-event estimation and BSDF sampling of area lights, emissive surfaces and environment maps are
+//! combined by the power heuristic (Veach, "Robust Monte Carlo Methods for Light Transport Simulation",
+//! 1997, §9.2). A constant environment is sampled by the BSDF alone.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -22,9 +22,9 @@ use crate::sampling::{
 };
 
 impl Prepared {
-    /// Traces the paths of `stream`, whose pixels, samples and slots are set, to their end.
-    /// Returns the number of rays. Once `cancelled` is true it ends within a packet, and what the stream
-    /// holds is of no use.
+    /// Traces the paths of `stream`, whose pixels, samples and slots are set, to their end. Returns the
+    /// number of rays. Once `cancelled` is true it returns within a packet, with unspecified contents of
+    /// the stream.
     #[inline(always)]
     pub(super) fn trace<S: Simd>(
         &self,
@@ -38,7 +38,7 @@ impl Prepared {
             #[inline(always)]
             || self.generate(simd, stream),
         );
-        // One edge more than scatterings: the last one only finds light that the last direction leads to.
+        // One more edge than scattering events: the last edge only collects light in the last direction.
         for depth in 0..=max_depth {
             let last = depth == max_depth;
             rays += extend(self, simd, stream, depth, last, cancelled);
@@ -47,7 +47,7 @@ impl Prepared {
             }
             rays += shade(self, simd, stream, depth);
             if self.samples_light() {
-                // One call for both lobes: two would be two copies of the traversal.
+                // A loop over lobes, so that the traversal is inlined once.
                 let lobes = 1 + usize::from(self.samples_coat_reflection(depth));
                 for lobe in [OTHER, MIRROR].into_iter().take(lobes) {
                     rays += simd.vectorize(
@@ -66,19 +66,19 @@ impl Prepared {
         rays
     }
 
-    /// Whether what paths meet is noted for the filter. They keep their places then, also those that
-    /// end.
+    /// Whether AOVs of the hits at `depth` are recorded. Paths are not compacted then, so that all keep
+    /// their places.
     pub(super) fn records_aovs_at(&self, depth: u32) -> bool {
         depth == 0 && self.records_aovs()
     }
 
-    /// Whether paths note their first hits: those of pictures that are denoised, unless they are not
-    /// scattered at all.
+    /// Whether paths record the AOVs of their first hits: in denoised images, unless the maximum depth is
+    /// 0.
     pub(super) fn records_aovs(&self) -> bool {
         self.settings.denoise && self.settings.max_depth > 0
     }
 
-    /// Camera rays through a random point of each path's pixel.
+    /// Generates the camera rays through a random point of each path's pixel.
     #[inline(always)]
     fn generate<S: Simd>(&self, simd: S, stream: &mut Stream) {
         let one = Float::splat(simd, 1.0);
@@ -92,12 +92,12 @@ impl Prepared {
             let length = direction.length_squared().sqrt();
             stream.origin.store(at, origin);
             stream.direction.store(at, direction * (one / length));
-            // Kept until the hit is found: depth is measured along the camera's axis, where the direction
-            // has length 1.
+            // Kept until the hit is found: depth is measured along the camera axis, of which the
+            // unnormalised direction has component 1.
             store(&mut stream.distance, at, length);
             stream.beta.store(at, Vec3x::new(one, one, one));
             stream.radiance.store(at, Vec3x::splat(simd, [0.0; 3]));
-            // A camera ray is as a mirror's: light sampling could not have found its direction.
+            // As after a mirror: light sampling could not have drawn the direction.
             store(&mut stream.pdf, at, Float::splat(simd, f32::INFINITY));
             if stream.has_sampled_pdf {
                 let infinite = Float::splat(simd, f32::INFINITY);
@@ -107,15 +107,16 @@ impl Prepared {
         }
     }
 
-    /// One over the depth along the camera's axis of what a camera ray meets `distance` beyond the near plane. The ray's direction,
-    /// scaled to 1 along that axis, has the length `length`.
+    /// Reciprocal depth along the camera axis of a hit at `distance` from the near plane. `length` is that
+    /// of the ray's direction scaled to have component 1 along the axis.
     #[inline(always)]
     pub(super) fn inverse_depth<S: Simd>(&self, length: Float<S>, distance: Float<S>) -> Float<S> {
         length / (distance + length * self.camera.near_m)
     }
 
-    /// Origin and direction of a sample's ray through the pixel at `film`, x below y, from the near plane on: the direction is of
-    /// length 1 along the camera's axis.
+    /// Origin on the near plane and unnormalised direction of a sample's ray through the pixel at `film`
+    /// (column in the lower, row in the upper 16 bits). The direction has component 1 along the camera
+    /// axis.
     #[inline(always)]
     pub(super) fn camera_ray<S: Simd>(
         &self,
@@ -134,8 +135,8 @@ impl Prepared {
             let (radius, (sin, cos)) = (radius2.sqrt(), sin_cos_turns(turns));
             let lens = [radius * cos, radius * sin];
             let steps = lens.map(|l| l * camera.lens_steps);
-            // The lens is spanned by the film's axes, in steps of a pixel. `lens_film` is `lens_steps`
-            // over the distance of focus, so that e + f·d is the same point for all of the lens.
+            // The lens is spanned by the film axes, in units of a pixel. `lens_film` is `lens_steps` over
+            // the focus distance f, so that eye + f·direction is the same point for the whole lens.
             eye = dx.mul_add(steps[0], dy.mul_add(steps[1], eye));
             u = [
                 u[0] - lens[0] * camera.lens_film,
@@ -143,7 +144,7 @@ impl Prepared {
             ];
         }
         let (x, y) = (small_to_float(film & 0xffff), small_to_float(film >> 16));
-        // Whole pixels first: x + u would cost wide images the digits of u.
+        // Whole pixels first: x + u would round u away in wide images.
         let at_pixel = dx.mul_add(x, dy.mul_add(y, corner));
         let direction = dx.mul_add(u[0], dy.mul_add(u[1], at_pixel));
         if camera.near_m > 0.0 {
@@ -152,7 +153,7 @@ impl Prepared {
         (eye, direction)
     }
 
-    /// Ends paths that would bring little light by Russian roulette, and closes the ranks of the others.
+    /// Terminates paths of low throughput by Russian roulette, and compacts the stream.
     #[inline(always)]
     fn end_by_roulette<S: Simd>(&self, simd: S, stream: &mut Stream, depth: u32) {
         let mut kept = 0;
@@ -161,16 +162,16 @@ impl Prepared {
             let beta = stream.beta.load(simd, at);
             let left = load_words(simd, &stream.primitive, at);
             let alive = packet.mask(simd) & left.simd_ne(NONE);
-            // By the largest channel: of survivors it becomes exactly 1 / SURVIVAL_PER_THROUGHPUT, so
-            // that no weight grows.
+            // By the largest channel: it becomes exactly 1 / SURVIVAL_PER_THROUGHPUT in survivors, so that
+            // no weight grows without bound.
             let survival = beta.x.max(beta.y).max(beta.z) * SURVIVAL_PER_THROUGHPUT;
-            // Paths inside a body do not play: their next flight draws its length by the same number.
+            // Paths inside bodies are exempt: their next free flight is drawn by the same random number.
             let played = alive & survival.simd_lt(1.0) & (left & INSIDE).simd_eq(0);
             let mut survivors = alive;
             if played.any_true() {
                 let pixel = load_words(simd, &stream.pixel, at);
                 let sample = load_words(simd, &stream.sample, at);
-                // The number that a body's flight would take.
+                // The number that a free flight at the next depth would use.
                 let [_, u] = pair(pixel, sample, block_choice(depth + 1), self.settings.seed);
                 let ended = played & u.simd_ge(survival);
                 let one = Float::splat(simd, 1.0);
@@ -188,8 +189,8 @@ impl Prepared {
         stream.len = kept;
     }
 
-    /// Adds the light of the shadow rays of a `lobe` that reach their area light. Returns how many were
-    /// traced.
+    /// Traces the shadow rays of a `lobe` and adds the light of those that are not occluded. Returns the
+    /// number of rays.
     #[inline(always)]
     fn connect<S: Simd>(
         &self,
@@ -209,8 +210,8 @@ impl Prepared {
                 continue;
             }
             rays += u64::from(traced);
-            // Only rays refracted by a ball begin elsewhere than the path; the column is neither written
-            // nor read without.
+            // Only refracted shadow rays begin elsewhere than the path; the column is neither written nor
+            // read in scenes without them.
             let begins = if lobe == OTHER && self.has_refracted_nee() {
                 &shadow.origin
             } else {
@@ -218,11 +219,11 @@ impl Prepared {
             };
             let origin = begins.load(simd, at);
             let direction = shadow.direction.load(simd, at);
-            // Shadow rays leave outwards, whatever the path does.
+            // Shadow rays start outside the body, even if the path continues inside.
             let start = load_words(simd, &stream.primitive, at) & !INSIDE;
             let light = load_words(simd, &shadow.light, at);
             let shadow_rays = Rays::new(simd, origin, direction, start);
-            // The light itself is no obstacle, whatever rounding does to its distance.
+            // The target light is no occluder, whatever the rounding of its distance.
             let beam = if depth == 0 {
                 Beam::new(simd, &shadow_rays, lit, distance)
             } else {
@@ -239,7 +240,7 @@ impl Prepared {
     }
 }
 
-/// Words below 2²³ as numbers: signed conversion is exact there and cheaper.
+/// Converts words below 2²³: signed conversion is exact there, and cheaper than unsigned.
 #[inline(always)]
 fn small_to_float<S: Simd>(word: Word<S>) -> Float<S> {
     let bits: i32x16<S> = word.bitcast();

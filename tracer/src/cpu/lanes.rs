@@ -1,11 +1,11 @@
-//! Vectors of lanes: the width that every kernel of this back end works at, and triples of them.
+//! SIMD types of the width at which all kernels of this back end work, and vectors of three of them.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
 use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 
-/// Rays that one kernel step handles. Twice the registers of AVX2: two independent chains of
-/// instructions hide each other's latency (95 against 73 Mray/s with 8 lanes).
+/// Lanes per kernel step: twice the registers of AVX2, so that two independent dependency chains
+/// hide each other's latency (95 against 73 Mray/s with 8 lanes).
 pub(super) const LANES: usize = 16;
 
 pub(super) type Float<S> = f32x16<S>;
@@ -35,7 +35,7 @@ impl<S: Simd> Vec3x<S> {
         }
     }
 
-    /// Of three columns with a number per lane.
+    /// Loads three columns with one number per lane.
     #[inline(always)]
     pub(super) fn load_arrays(simd: S, [x, y, z]: &[[f32; LANES]; 3]) -> Self {
         Self {
@@ -74,7 +74,7 @@ impl<S: Simd> Vec3x<S> {
         }
     }
 
-    /// The product by channel.
+    /// Componentwise product.
     #[inline(always)]
     pub(super) fn scale(self, rhs: Self) -> Self {
         Self {
@@ -84,7 +84,7 @@ impl<S: Simd> Vec3x<S> {
         }
     }
 
-    /// `self · k + add` by channel.
+    /// Componentwise `self · k + add`.
     #[inline(always)]
     pub(super) fn scale_add(self, k: Self, add: Self) -> Self {
         Self {
@@ -141,7 +141,7 @@ impl<S: Simd> Neg for Vec3x<S> {
     }
 }
 
-/// Whether 0 is within the bounds of three numbers.
+/// Whether 0 lies between the minimum and the maximum of three numbers.
 #[inline(always)]
 pub(super) fn has_zero<S: Simd>([a, b, c]: [Float<S>; 3]) -> Mask<S> {
     a.min(b).min(c).simd_le(0.0) & a.max(b).max(c).simd_ge(0.0)

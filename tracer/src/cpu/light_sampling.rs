@@ -1,5 +1,6 @@
-//! Next-event estimation of a packet of paths: shadow rays towards area lights, environment maps and punctual lights,
-//! out of balls that scatter inside, and towards the area lights that coats reflect.
+//! Next-event estimation for a packet of paths: shadow rays towards area lights, emissive surfaces,
+//! environment maps and punctual lights, refracted shadow rays out of scattering balls, and shadow rays
+//! towards lights reflected by coats.
 
 use fearless_simd::prelude::*;
 
@@ -16,7 +17,7 @@ use super::stream::{Stream, load, load_words, store, store_words};
 use super::surface::Hit;
 use crate::sampling::BELOW_1;
 
-/// Paths of a packet where they hit.
+/// Paths of a packet at their hits.
 #[derive(Clone, Copy)]
 pub(super) struct HitPacket<'a, S: Simd> {
     pub(super) simd: S,
@@ -24,40 +25,40 @@ pub(super) struct HitPacket<'a, S: Simd> {
     pub(super) at: usize,
     pub(super) depth: u32,
     pub(super) alive: Mask<S>,
-    /// What they hit.
+    /// Primitive that was hit, with its flags.
     pub(super) tag: Word<S>,
     pub(super) hit: &'a Hit<S>,
     pub(super) bsdf: &'a Bsdf<S>,
     /// Throughput.
     pub(super) beta: Vec3x<S>,
-    /// Where mirrors are mollified.
+    /// Lanes in which specular lobes are regularised.
     pub(super) regularised: Mask<S>,
 }
 
-/// Which shadow rays, in [`Stream::shadows`].
+/// Index of shadow rays by lobe in [`Stream::shadows`].
 pub(super) const OTHER: usize = 0;
 pub(super) const MIRROR: usize = 1;
 
 impl Prepared {
-    /// Whether light is looked for elsewhere than at area lights.
+    /// Whether light sampling chooses between area lights and other kinds of light.
     pub(super) fn shares_light_sampling(&self) -> bool {
         self.environment.probability() > 0.0
             || self.punctual_probability > 0.0
             || self.emissive_surfaces.is_some()
     }
 
-    /// With which light sampling aims at surfaces that emit.
+    /// Probability with which light sampling chooses emissive surfaces.
     pub(super) fn emissive_surface_probability(&self) -> f32 {
         (self.emissive_surfaces.as_ref()).map_or(0.0, EmissiveSurfaceSampler::probability)
     }
 
-    /// Whether there are directions in which light is looked for.
+    /// Whether there is any light to sample.
     pub(super) fn samples_light(&self) -> bool {
         !self.area_lights.is_empty() || self.shares_light_sampling()
     }
 
-    /// Whether area lights that a coat reflects are looked up: of denoised pictures the first hits' mirrors
-    /// are traced apart, but for those of rough coats.
+    /// Whether shadow rays are traced towards area lights reflected by coats. In denoised images the AOVs
+    /// of first hits contain smooth mirrors, and only rough coats need them.
     pub(super) fn samples_coat_reflection(&self, depth: u32) -> bool {
         self.has_coat
             && !self.area_lights.is_empty()
@@ -68,8 +69,8 @@ impl Prepared {
         depth == 0 && self.settings.denoise
     }
 
-    /// Next-event estimation at a packet's hits, towards all kinds of lights. Returns the number of rays inside balls and
-    /// the area lights' `light_weight_sum`.
+    /// Next-event estimation at a packet's hits, towards all kinds of lights. Returns the number of rays
+    /// inside balls and the `light_weight_sum` of area lights.
     #[inline(always)]
     pub(super) fn sample_light<S: Simd, const GENERAL: bool>(
         &self,
@@ -85,6 +86,7 @@ impl Prepared {
             None
         };
         if GENERAL && self.area_lights.is_empty() {
+            // Other kinds of light replace these below in the lanes that chose them.
             queue_no_shadow_rays(packet, stream);
         } else {
             let mut light = self.area_lights.sample(simd, hit.position, u);
@@ -100,7 +102,7 @@ impl Prepared {
         (rays, light_weight_sum)
     }
 
-    /// Next-event estimation at a packet's hits, by all lobes. Returns the number of rays inside balls.
+    /// Queues shadow rays towards an area light for all lobes. Returns the number of rays inside balls.
     #[inline(always)]
     fn queue_shadow_rays<S: Simd>(
         &self,
@@ -120,8 +122,8 @@ impl Prepared {
         rays
     }
 
-    /// The lanes that aim elsewhere than at an area light, and what is left of `u` for each; none where there is
-    /// nothing else. Lanes that were scattered inside bodies aim at area lights alone.
+    /// Chooses the kind of light in each lane and rescales `u[0]` accordingly; `None` if there are area
+    /// lights only. Lanes scattered inside bodies always choose area lights.
     #[inline(always)]
     fn divide_light_sampling<S: Simd>(
         &self,
@@ -138,9 +140,8 @@ impl Prepared {
             self.area_light_probability,
         ];
         let [punctual_share, environment_share, _] = shares;
-        // One number chooses the kind of light, and what is left of it within its interval is even again:
-        // stratified points stay stratified within each kind. The scalar tracer subtracts in the same
-        // order.
+        // One number chooses the kind of light and is rescaled to [0, 1) within its interval: stratified
+        // points stay stratified within each kind. The order of subtractions matches the scalar tracer.
         let beside_emissive = u[0] - emissive_share;
         let mut emissive = beside_emissive.simd_lt(0.0);
         let after = beside_emissive - punctual_share;
@@ -151,8 +152,7 @@ impl Prepared {
         let rest = environment.select(part(after, environment_share), rest);
         let mut rest = punctual
             .select(part(beside_emissive, punctual_share), rest)
-            // Rounding may stretch the end of an interval to 1, which would be the index after the last
-            // light.
+            // Rounding may rescale the end of an interval to 1, which would index past the last light.
             .min(BELOW_1 as f32);
         if self.emissive_surfaces.is_some() {
             let of_emissive = part(u[0], emissive_share).min(BELOW_1 as f32);
@@ -160,8 +160,8 @@ impl Prepared {
         }
         if let Some(microfacet) = &hit.microfacet {
             let scattered = microfacet.is_scattered();
-            // Inside bodies other kinds have no share, so that area lights have all of the number and, in
-            // `weigh_beside_others`, a factor of 1.
+            // Inside bodies area lights have the whole interval, and a factor of 1 in
+            // `weigh_beside_others`.
             rest = scattered.select(u[0], rest);
             punctual &= !scattered;
             environment &= !scattered;
@@ -175,7 +175,7 @@ impl Prepared {
         })
     }
 
-    /// Area lights are aimed at less often where others are too.
+    /// Divides the densities of area lights by the probability of choosing them among the kinds of light.
     #[inline(always)]
     fn weigh_beside_others<S: Simd>(&self, hit: &Hit<S>, light: &mut LightSample<S>) {
         let simd = light.inverse_pdf.token();
@@ -189,8 +189,8 @@ impl Prepared {
         light.light_weight_sum *= factor;
     }
 
-    /// Next-event estimation towards other than area lights, in place of the rays that are queued in the lanes that aim
-    /// there.
+    /// Queues shadow rays towards other kinds of light, replacing the queued ones in the lanes that chose
+    /// these kinds.
     #[inline(always)]
     fn queue_other_shadow_rays<S: Simd>(
         &self,
@@ -244,7 +244,7 @@ impl Prepared {
             let lights = &self.punctual_lights;
             let chosen = sample_punctual_light(simd, lights, hit.position, u[0]);
             let cos_i = hit.normal.dot(chosen.wi);
-            // No MIS: a direction of the BSDF never meets a point, so that light sampling alone counts.
+            // No MIS: BSDF sampling never hits a point light, so that light sampling has weight 1.
             let (f_cos, _) = bsdf.evaluate(simd, chosen.wi, cos_i);
             let weight = Float::splat(simd, 1.0 / self.punctual_probability);
             let light = f_cos.scale(chosen.irradiance) * weight;
@@ -258,8 +258,8 @@ impl Prepared {
         !self.surfaces.nee_boundaries.is_empty()
     }
 
-    /// Where a ray that was scattered inside a ball and went `distance` from there leaves it by a path on
-    /// which area lights have been aimed at. `pdf` is that of the ray.
+    /// Lanes whose ray, of stored density `pdf`, was scattered inside a ball, travelled `distance` to the
+    /// boundary, and leaves by a path that refracted next-event estimation covers.
     #[inline(always)]
     pub(super) fn exits_by_nee_hemisphere<S: Simd>(
         &self,
@@ -281,7 +281,7 @@ impl Prepared {
         })
     }
 
-    /// Next-event estimation of paths that were scattered inside a ball, through its boundary. Returns
+    /// Next-event estimation through the boundary of a ball for paths scattered inside it. Returns
     /// the number of rays inside.
     #[inline(always)]
     fn queue_refracted_shadow_ray<S: Simd>(
@@ -295,8 +295,7 @@ impl Prepared {
         let Some(microfacet) = &hit.microfacet else {
             return 0;
         };
-        // Scattering here and refraction at the boundary are two; paths found by chance would be cut as
-        // well.
+        // Counts as two scattering events, inside and at the boundary, as for paths found by sampling.
         if packet.depth + 2 > self.settings.max_depth {
             return 0;
         }
@@ -311,7 +310,7 @@ impl Prepared {
         if !refracted.lanes.any_true() {
             return 0;
         }
-        // The ball itself is skipped. No area light is inside.
+        // The ball itself is excluded by its id. No area light is inside.
         let inner = Rays::new(simd, hit.position, refracted.inner, untagged(tag));
         let none = Word::splat(simd, NONE);
         let open = refracted.lanes
@@ -340,7 +339,7 @@ impl Prepared {
         u64::from(refracted.lanes.to_bitmask().count_ones())
     }
 
-    /// Next-event estimation: a shadow ray towards a random point of a random area light.
+    /// Queues a shadow ray towards a sampled point of an area light.
     #[inline(always)]
     fn queue_shadow_ray<S: Simd>(
         &self,
@@ -349,8 +348,8 @@ impl Prepared {
         light: &LightSample<S>,
     ) {
         let HitPacket { simd, at, bsdf, .. } = *packet;
-        // Evaluated for all lanes, also those that do not face the light; what these get is not read, as
-        // `lit` is unset.
+        // Evaluated for all lanes; the values of lanes that do not face the light are not read, as `lit` is
+        // unset there.
         let cos_i = packet.hit.normal.dot(light.wi);
         let (f_cos, bsdf_pdf) = bsdf.evaluate(simd, light.wi, cos_i);
         let weight = power_heuristic(bsdf_pdf * light.inverse_density);
@@ -378,7 +377,7 @@ impl Prepared {
         );
     }
 
-    /// A shadow ray towards the area light that a coat reflects, if it does.
+    /// Queues a shadow ray towards the area light that a coat's mirror reflects, if any.
     #[inline(always)]
     fn queue_coat_shadow_ray<S: Simd>(&self, packet: &HitPacket<'_, S>, stream: &mut Stream) {
         let HitPacket { simd, at, bsdf, .. } = *packet;
@@ -420,7 +419,7 @@ impl Prepared {
     }
 }
 
-/// Queues no shadow rays, to be replaced by others.
+/// Clears the shadow rays of a packet, for other kinds of light to replace.
 #[inline(always)]
 fn queue_no_shadow_rays<S: Simd>(packet: &HitPacket<'_, S>, stream: &mut Stream) {
     let zero = Float::splat(packet.simd, 0.0);
@@ -430,14 +429,15 @@ fn queue_no_shadow_rays<S: Simd>(packet: &HitPacket<'_, S>, stream: &mut Stream)
     }
 }
 
-/// The lanes that aim elsewhere than at an area light.
+/// Lanes by the kind of light that they sample; the others sample area lights.
 struct LightAims<S: Simd> {
     emissive: Mask<S>,
     punctual: Mask<S>,
     environment: Mask<S>,
 }
 
-/// Queues a ray that no area light ends in place of those in lanes that are `aimed`, to be traced where it is `lit`.
+/// Replaces the queued shadow rays of the lanes in `aimed` by rays without a target light, active where
+/// `lit`.
 #[inline(always)]
 fn replace_shadow_ray<S: Simd>(
     packet: &HitPacket<'_, S>,
@@ -465,8 +465,8 @@ fn replace_shadow_ray<S: Simd>(
     store_words(&mut shadow.light, at, aimed.select(none, before));
 }
 
-/// The power heuristic (β = 2) for a strategy beside another of `density_ratio` times its density.
-/// By their quotient: the squares of densities towards tiny area lights would overflow.
+/// Weight of the power heuristic (β = 2) for a strategy whose competitor has `density_ratio` times its
+/// density. Computed from the ratio, as squares of densities towards tiny area lights would overflow.
 #[inline(always)]
 pub(super) fn power_heuristic<S: Simd>(density_ratio: Float<S>) -> Float<S> {
     1.0 / density_ratio.mul_add(density_ratio, Float::splat(density_ratio.token(), 1.0))

@@ -1,4 +1,4 @@
-//! Logarithm and exponential function, a lane each.
+//! Natural logarithm and exponential function, one argument per lane.
 
 use fearless_simd::{i32x16, prelude::*};
 
@@ -8,11 +8,12 @@ use super::lanes::{Float, Word};
 #[inline(always)]
 pub(super) fn ln<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
     let bits: Word<S> = x.bitcast();
+    // x = mantissa · 2^exponent with the mantissa in [½, 1): the bias is one less than IEEE's 127.
     let exponent: i32x16<S> = (bits >> 23).bitcast();
     let exponent = exponent.to_float::<Float<S>>() - 126.0;
     let mantissa: Float<S> = ((bits & 0x007f_ffff) | 0x3f00_0000).bitcast();
-    // The mantissa is brought to [√½, √2), so that 1 is in the middle and the logarithm of numbers near
-    // it keeps its relative accuracy.
+    // The mantissa is brought to [√½, √2), centred on 1, so that logarithms of numbers near 1 keep their
+    // relative accuracy.
     let low = mantissa.simd_lt(std::f32::consts::FRAC_1_SQRT_2);
     let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
     let exponent = exponent - low.select(one, zero);
@@ -28,8 +29,8 @@ pub(super) fn ln<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
         .mul_add(m, -0.249_999_94)
         .mul_add(m, 0.333_333_3);
     let y = y * m * z + exponent * -2.121_944_4e-4 - z * 0.5;
-    // ln 2 in two parts, of which the larger has so few bits that its product with the exponent is exact.
-    // The smaller parts are added first.
+    // ln 2 = 0.693359375 − 2.12e-4: the larger part has few enough bits that its product with the
+    // exponent is exact. Smaller terms are added first.
     m + y + exponent * 0.693_359_4
 }
 
@@ -40,7 +41,7 @@ pub(super) fn exp<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
     let tiny = x.simd_lt(-87.0);
     let x = x.max(-87.0).min(zero);
     let n = (x * std::f32::consts::LOG2_E + 0.5).floor();
-    // Cody and Waite's reduction: 0.693359375 has 9 bits, so that its product with n is exact.
+    // Cody and Waite's range reduction: 0.693359375 has 9 bits, so that its product with n is exact.
     let r = x - n * 0.693_359_4 - n * -2.121_944_4e-4;
     let y = r
         .mul_add(1.987_569_1e-4, 1.398_2e-3)
@@ -51,7 +52,7 @@ pub(super) fn exp<S: Simd>(simd: S, x: Float<S>) -> Float<S> {
     let y = (y * r).mul_add(r, r + 1.0);
     let n: i32x16<S> = n.to_int();
     let n: Word<S> = n.bitcast();
-    // 2ⁿ by its exponent bits: n is at least −126, because x is at least −87.
+    // 2ⁿ by its exponent bits: n ≥ −126, because x ≥ −87.
     let power: Float<S> = ((n + 127) << 23).bitcast();
     tiny.select(zero, y * power)
 }

@@ -1,4 +1,5 @@
-//! Free flight through what fills dielectrics, a lane each: the arithmetic of [`crate::scalar::medium`].
+//! Free flight through the interior of dielectrics, one path per lane: the arithmetic of
+//! [`crate::scalar::medium`].
 
 use fearless_simd::prelude::*;
 
@@ -7,16 +8,18 @@ use super::math::{exp, ln};
 use super::microfacet::{ETA_OR_EXTINCTION, K_OR_SCATTERING, MicrofacetRow, SAMPLING_DENSITY};
 use super::rows::Rows;
 
-/// A free flight through what fills a dielectric: how far, and the weight of what is left.
+/// Result of a free flight: distance and weight.
 pub(super) struct FreeFlight<S: Simd> {
-    /// Scattered before the boundary.
+    /// Lanes that are scattered before the boundary.
     pub(super) scattered: Mask<S>,
+    /// Distance to the scattering event or the boundary, metres.
     pub(super) distance: Float<S>,
+    /// Factor of the throughput: transmittance, and scattering coefficient if scattered, over the density.
     pub(super) weight: Vec3x<S>,
 }
 
 impl<S: Simd> FreeFlight<S> {
-    /// Towards a boundary at `distance`, for the lanes of `within`; the others keep their light.
+    /// Samples flights towards a boundary at `distance` in the lanes of `within`; the others have weight 1.
     #[inline(always)]
     pub(super) fn new(
         simd: S,
@@ -29,13 +32,13 @@ impl<S: Simd> FreeFlight<S> {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
         let rows = Rows::new(table, id);
         let rate = rows.number(simd, SAMPLING_DENSITY);
-        // 1 − u is at least 2⁻²⁴, as `ln` asks. Without a medium the rate is 0 and the quotient ∞ or NaN;
-        // neither counts as scattered below.
+        // 1 − u is at least 2⁻²⁴, as `ln` requires. Without scattering the rate is 0 and the quotient ∞ or
+        // NaN; `rate > 0` excludes both below.
         let sampled = -ln(simd, one - u) / rate;
         let scattered = within & rate.simd_gt(0.0) & sampled.simd_lt(distance);
         let distance = scattered.select(sampled, distance);
-        // Distances are drawn by the least extinction of the three channels, so that what is left of each
-        // over the density, exp(−(σt − rate) d), never exceeds 1 and all channels share a path.
+        // Distances are drawn by the smallest extinction of the channels, so that exp(−(σt − rate) d), the
+        // ratio of transmittance to density, is at most 1 and all channels share a path.
         let beyond = rows.triple(simd, ETA_OR_EXTINCTION) - Vec3x::new(rate, rate, rate);
         let left = beyond * -distance;
         let left = Vec3x::new(exp(simd, left.x), exp(simd, left.y), exp(simd, left.z));

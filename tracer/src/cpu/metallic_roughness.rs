@@ -1,6 +1,8 @@
-//! The material of glTF 2.0, a lane each: the arithmetic of [`crate::scalar::metallic_roughness`].
+//! The material of glTF 2.0, one surface point per lane: the arithmetic of
+//! [`crate::scalar::metallic_roughness`].
 //!
-//! Only packets that met such a surface come here, out of line: other scenes are not to pay for it.
+//! Evaluated only for packets that hit such a surface, and not inlined, so that other scenes do not pay for
+//! the code.
 
 mod thin_wall;
 
@@ -22,38 +24,39 @@ use crate::regularisation::ALPHA_MIN;
 use crate::scalar::metallic_roughness::{ALPHA_LEAST, CLEARCOAT_F0};
 use crate::scene::validate::SHEEN_ROUGHNESS as SHEEN_WIDTHS;
 
-/// Such materials of a scene.
+/// Parameters of all metallic-roughness materials of a scene.
 pub(super) struct MetallicRoughnessTable {
-    /// One row of numbers per primitive that scatters, in the order of ids; empty without such a material.
+    /// One row per primitive that scatters, in the order of ids; empty without such a material.
     rows: Vec<MetallicRoughnessRow>,
-    /// Some have a clear coat or a sheen.
+    /// Whether some material has a clear coat or a sheen.
     has_layers: bool,
-    /// Some are thin walls.
+    /// Whether some material is a thin wall.
     has_walls: bool,
 }
 
 type MetallicRoughnessRow = [f32; 27];
 
+// Columns of a row.
 const IS_SUCH: usize = 0;
 const DIELECTRIC_F0: usize = 1;
 const METALLIC: usize = 4;
 const ALPHA: usize = 5;
 const BASE_COLOR: usize = 6;
 const EMISSION: usize = 9;
-/// Reflectance at grazing angles of what is no metal.
+// Reflectance of the dielectric part at grazing incidence (F90).
 const SPECULAR: usize = 12;
 const CLEARCOAT: usize = 13;
 const CLEARCOAT_ALPHA: usize = 14;
 const SHEEN: usize = 15;
 const SHEEN_ROUGHNESS: usize = 18;
-/// What the sheen would reflect at six cosines.
+// Directional albedo of the sheen at six cosines.
 const SHEEN_REFLECTED: usize = 19;
-/// With which light sampling draws points on the surface, m⁻²; 0 of shapes that it does not.
+// Density with which light sampling draws points on the surface, m⁻²; 0 for shapes that it does not sample.
 const POINT_DENSITY: usize = 25;
 const TRANSMISSION: usize = 26;
 
 impl MetallicRoughnessTable {
-    /// `materials` are those of all rows, and of which shape these are.
+    /// `materials` returns shape and material of each row.
     pub(super) fn new<'a, I: Iterator<Item = (ShapeKind, &'a MaterialData)>>(
         scene: &CompiledScene,
         materials: impl FnOnce() -> I,
@@ -80,6 +83,7 @@ fn metallic_roughness_row((shape, material): (ShapeKind, &MaterialData)) -> Meta
         return row;
     }
     row[IS_SUCH] = 1.0;
+    // glTF's material reuses fields of other kinds: see `MaterialData`.
     row[DIELECTRIC_F0..][..3].copy_from_slice(&material.eta);
     row[SPECULAR] = material.diffuse_scale;
     row[METALLIC] = material.metallic;
@@ -98,12 +102,12 @@ fn metallic_roughness_row((shape, material): (ShapeKind, &MaterialData)) -> Meta
     row
 }
 
-/// Such surfaces of a packet's hits. Normals are on the side of `wo`.
+/// BSDF of the metallic-roughness surfaces hit by a packet. Normals are on the side of `wo`.
 #[derive(Clone, Copy)]
 pub(super) struct MetallicRoughness<S: Simd> {
     pub(super) lanes: Mask<S>,
     pub(super) emission: Vec3x<S>,
-    /// With which light sampling draws the point among all of surfaces that emit, m⁻²; 0 where it does not.
+    /// Density with which light sampling draws the point among emissive surfaces, m⁻²; 0 where it does not.
     pub(super) point_density: Float<S>,
     diffuse: Vec3x<S>,
     f0: Vec3x<S>,
@@ -111,9 +115,9 @@ pub(super) struct MetallicRoughness<S: Simd> {
     dielectric_f0: Float<S>,
     base_f90: Float<S>,
     alpha: Float<S>,
-    /// Of scenes where some have any.
+    /// `None` if no material of the scene has layers.
     layers: Option<LayerLanes<S>>,
-    /// Of scenes where some let light pass.
+    /// `None` if no material of the scene is a thin wall.
     wall: Option<WallLanes<S>>,
 }
 
@@ -122,9 +126,10 @@ pub(super) struct MetallicRoughness<S: Simd> {
 struct LayerLanes<S: Simd> {
     clearcoat: Float<S>,
     clearcoat_alpha: Float<S>,
-    /// Of coats that have another than what is below; 0 in other lanes.
+    /// Normal of coats with one of their own; 0 in other lanes; `None` if there are none.
     normal: Option<Vec3x<S>>,
     sheen: Sheen<S>,
+    /// Directional albedo of the sheen at six cosines.
     sheen_reflected: [Float<S>; 6],
 }
 
@@ -171,7 +176,8 @@ impl<S: Simd> LayerLanes<S> {
         }
     }
 
-    /// The share of light that the sheen would reflect at a cosine, about.
+    /// Approximate directional albedo of the sheen: linear interpolation between six nodes, equidistant in
+    /// √cos.
     #[inline(always)]
     fn sheen_reflected(&self, cos: Float<S>) -> Float<S> {
         let place = cos.max(0.0).min(1.0).sqrt() * 5.0;
@@ -183,7 +189,7 @@ impl<S: Simd> LayerLanes<S> {
         share
     }
 
-    /// The normal of the coat where that of what is below is given.
+    /// Normal of the coat, given that of the base layer.
     #[inline(always)]
     fn normal(&self, below: Vec3x<S>) -> Vec3x<S> {
         match self.normal {
@@ -195,7 +201,7 @@ impl<S: Simd> LayerLanes<S> {
         }
     }
 
-    /// What the coat reflects at a cosine.
+    /// Share of light that the coat reflects at a cosine: Schlick's Fresnel term times its strength.
     #[inline(always)]
     fn reflected(&self, cos: Float<S>) -> Float<S> {
         self.clearcoat * grazing(cos).mul_add(1.0 - CLEARCOAT_F0, CLEARCOAT_F0)
@@ -203,7 +209,7 @@ impl<S: Simd> LayerLanes<S> {
 }
 
 impl<S: Simd> MetallicRoughness<S> {
-    /// None if all lanes met other surfaces.
+    /// `None` if all lanes hit other materials.
     #[inline(never)]
     pub(super) fn new(
         simd: S,
@@ -267,6 +273,7 @@ impl<S: Simd> MetallicRoughness<S> {
                     point_density: rows.number(simd, POINT_DENSITY),
                     diffuse,
                     f0: (base - even).mul_add(metallic, even),
+                    // Metals reflect all light at grazing incidence.
                     f90: (1.0 - specular).mul_add(metallic, specular),
                     dielectric_f0,
                     base_f90: ((1.0 - alpha) * (1.0 - alpha) * specular).max(dielectric_f0),
@@ -278,7 +285,7 @@ impl<S: Simd> MetallicRoughness<S> {
         )
     }
 
-    /// Mollifies it in lanes that are `regularised` ([`crate::regularisation`]).
+    /// Widens the lobes in lanes that are `regularised` ([`crate::regularisation`]).
     #[inline(always)]
     pub(super) fn regularise(&mut self, regularised: Mask<S>) {
         self.alpha = regularised.select(self.alpha.max(ALPHA_MIN), self.alpha);
@@ -288,7 +295,7 @@ impl<S: Simd> MetallicRoughness<S> {
         }
     }
 
-    /// `f · |cos θ|` and the density of `wi`.
+    /// `f · |cos θ|`, and the density of `wi` per solid angle.
     #[inline(never)]
     pub(super) fn evaluate(
         &self,
@@ -318,7 +325,7 @@ impl<S: Simd> MetallicRoughness<S> {
         }
     }
 
-    /// Without what passes.
+    /// Lobes other than transmission through thin walls.
     #[inline(always)]
     fn evaluate_above(
         &self,
@@ -335,6 +342,9 @@ impl<S: Simd> MetallicRoughness<S> {
         let shadowing = visibility(self.alpha, cos_i) * cos_i;
         let off = grazing(wo.dot(h));
         let reflected = self.schlick(off) * (seen * shadowing);
+        // Diffuse light is attenuated by the Fresnel term on entry and on exit, over the mean of the
+        // latter. For Schlick's s = (1 − cos)⁵ the cosine-weighted hemispherical mean of s is 1/21, that of
+        // s² is 1/66.
         let passed = self.passed(cos_o) * self.passed(cos_i);
         let rise = self.base_f90 - self.dielectric_f0;
         let mut mean_passed = 1.0 - self.dielectric_f0 - rise * (1.0 / 21.0);
@@ -350,6 +360,8 @@ impl<S: Simd> MetallicRoughness<S> {
         let mut pdf = share.mul_add(seen, (1.0 - share) * cos_i * FRAC_1_PI);
         let mut f_cos = reflected + scattered;
         if let Some(layers) = &self.layers {
+            // Sheen over base as in glTF's KHR_materials_sheen: the base is scaled by 1 − max(E(wo),
+            // E(wi)).
             let napped = layers.sheen.evaluate(simd, normal, wo, wi) * cos_i;
             let shared = (layers.sheen_reflected(cos_o)).max(layers.sheen_reflected(cos_i));
             f_cos = f_cos * (1.0 - shared).max(0.0) + napped * (1.0 / shared.max(1.0));
@@ -375,14 +387,15 @@ impl<S: Simd> MetallicRoughness<S> {
         )
     }
 
-    /// Where a clear coat that has another normal than what is below faces `wi`; none if no lane has.
+    /// Lanes whose clear coat has a normal of its own that faces `wi`; `None` if the scene has no such
+    /// coat.
     #[inline(always)]
     pub(super) fn clearcoat_faces(&self, wi: Vec3x<S>) -> Option<Mask<S>> {
         let normal = self.layers.as_ref()?.normal?;
         Some(self.lanes & normal.dot(wi).simd_gt(0.0))
     }
 
-    /// Draws a direction as the scalar tracer does.
+    /// Draws a direction, by the same choices as the scalar tracer.
     #[inline(never)]
     pub(super) fn sample(
         &self,
@@ -395,6 +408,7 @@ impl<S: Simd> MetallicRoughness<S> {
             #[inline(always)]
             || {
                 let share = self.reflected_share(normal.dot(wo));
+                // Each choice rescales u0 for the next; it is unused in lanes that are already decided.
                 let (mut u0, mut alpha, mut coated) = (u[0], self.alpha, Mask::splat(simd, false));
                 let mut mirror_normal = normal;
                 let (mut passes, mut passed_share) = (coated, Float::splat(simd, 0.0));
@@ -428,7 +442,7 @@ impl<S: Simd> MetallicRoughness<S> {
                     is_some &= passes | mirror_normal.dot(wi).simd_gt(0.0);
                 }
                 if let Some(wall) = &self.wall {
-                    // What a lobe draws on the other side than its own has no weight.
+                    // A direction on the other side than that of its lobe has weight 0.
                     let behind = normal.dot(wi).simd_lt(0.0);
                     is_some &= !wall.lanes | !(behind ^ passes);
                 }
@@ -447,7 +461,7 @@ impl<S: Simd> MetallicRoughness<S> {
         )
     }
 
-    /// About what it reflects of even light and lets pass.
+    /// Approximate albedo, including transmittance.
     #[inline(always)]
     pub(super) fn albedo(&self) -> Vec3x<S> {
         let mut sum = self.diffuse + self.f0;
@@ -463,12 +477,13 @@ impl<S: Simd> MetallicRoughness<S> {
         (f90 - self.f0).mul_add(off, self.f0)
     }
 
-    /// Into the base or out of it.
+    /// Fresnel transmittance of the interface over the diffuse base at a cosine.
     #[inline(always)]
     fn passed(&self, cos: Float<S>) -> Float<S> {
         1.0 - self.dielectric_f0 - (self.base_f90 - self.dielectric_f0) * grazing(cos)
     }
 
+    /// Probability of the specular lobe beside the diffuse lobe.
     #[inline(always)]
     fn reflected_share(&self, cos_o: Float<S>) -> Float<S> {
         let sum = |v: Vec3x<S>| v.x + v.y + v.z;
@@ -477,11 +492,11 @@ impl<S: Simd> MetallicRoughness<S> {
         if let Some(layers) = &self.layers {
             all += layers.sheen_reflected(cos_o).min(1.0) * 3.0;
         }
-        // What is black and of index 1 sends nothing on along its normal.
+        // All terms are 0 for a black material with index 1 at normal incidence.
         reflected / all.max(f32::MIN_POSITIVE)
     }
 
-    /// The probability with which a direction is drawn from the coat; 0 without layers.
+    /// Probability of drawing a direction from the coat; 0 without layers.
     #[inline(always)]
     fn clearcoat_share(&self, simd: S, normal: Vec3x<S>, wo: Vec3x<S>) -> Float<S> {
         let Some(layers) = &self.layers else {
@@ -498,7 +513,7 @@ impl<S: Simd> MetallicRoughness<S> {
     }
 }
 
-/// The fifth power in Schlick's term.
+/// The fifth power (1 − cos)⁵ of Schlick's approximation.
 #[inline(always)]
 fn grazing<S: Simd>(cos: Float<S>) -> Float<S> {
     let off = (1.0 - cos).max(0.0).min(1.0);

@@ -1,7 +1,7 @@
-//! Metals, dielectrics and what fills them, a lane each: the arithmetic of
+//! Metals, dielectrics and their interior media, one surface point per lane: the arithmetic of
 //! [`crate::scalar::microfacet`] and [`crate::scalar::medium`].
 //!
-//! Only packets that met such a surface come here, and only scenes that have one pack its rows.
+//! Evaluated only for packets that hit such a surface; only scenes with such a surface store its rows.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -17,22 +17,22 @@ use crate::compiled::{
 };
 use crate::regularisation::ALPHA_MIN;
 
-/// One row of numbers per primitive that scatters, in the order of ids.
+/// One row per primitive that scatters, in the order of ids.
 pub(super) type MicrofacetRow = [f32; 16];
 
 const KIND: usize = 0;
 const ALPHA: usize = 1;
 const IOR: usize = 2;
 pub(super) const SAMPLING_DENSITY: usize = 3;
-/// Real part of a metal's index; extinction of a dielectric.
+/// Real part of a metal's refractive index; extinction coefficient of a dielectric's interior.
 pub(super) const ETA_OR_EXTINCTION: usize = 4;
-/// Imaginary part of a metal's index; scattering of a dielectric.
+/// Imaginary part of a metal's refractive index; scattering coefficient of a dielectric's interior.
 pub(super) const K_OR_SCATTERING: usize = 7;
 
-/// Set beside [`INSIDE`] in the id of a body within which a path was scattered.
+/// Flag beside [`INSIDE`] in the id of a body inside which a path was scattered.
 pub(super) const SCATTERED: u32 = 1 << 30;
 
-/// An id without its tags; [`super::rays::NONE`] stays above all others.
+/// An id without its flags; [`super::rays::NONE`] stays above all other ids.
 #[inline(always)]
 pub(super) fn untagged<S: Simd>(id: Word<S>) -> Word<S> {
     id & !(INSIDE | SCATTERED)
@@ -40,7 +40,7 @@ pub(super) fn untagged<S: Simd>(id: Word<S>) -> Word<S> {
 
 pub(super) fn microfacet_row(material: &MaterialData) -> MicrofacetRow {
     let mut row = [0.0; 16];
-    // glTF's material is met apart.
+    // glTF's material is handled by a table of its own.
     row[KIND] = match material.kind {
         KIND_METALLIC_ROUGHNESS => KIND_LAYERED,
         kind => kind,
@@ -58,25 +58,25 @@ pub(super) fn microfacet_row(material: &MaterialData) -> MicrofacetRow {
     row
 }
 
-/// The metals and dielectrics of a packet's hits. `normal` is on the side of `wo`.
+/// BSDF of metals and dielectrics hit by a packet. `normal` is on the side of `wo`.
 #[derive(Clone, Copy)]
 pub(super) struct MicrofacetBsdf<S: Simd> {
     metal: Mask<S>,
     dielectric: Mask<S>,
-    /// The path was scattered inside the body and met no surface.
+    /// The path was scattered inside the body and has hit no surface.
     scattered: Mask<S>,
     /// `wo` is inside the body.
     within: Mask<S>,
     rough: Mask<S>,
     alpha: Float<S>,
-    /// Relative index of a dielectric.
+    /// Relative index of refraction of a dielectric, of the far side over that of `wo`.
     eta: Float<S>,
     metal_eta: Vec3x<S>,
     metal_k: Vec3x<S>,
 }
 
 impl<S: Simd> MicrofacetBsdf<S> {
-    /// None if all lanes met other surfaces.
+    /// `None` if all lanes hit other materials.
     #[inline(always)]
     pub(super) fn new(simd: S, table: &[MicrofacetRow], tag: Word<S>) -> Option<Self> {
         let rows = Rows::new(table, untagged(tag));
@@ -102,7 +102,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
         })
     }
 
-    /// Mollifies metals in lanes that are `regularised` ([`crate::regularisation`]).
+    /// Widens the lobes of metals in lanes that are `regularised` ([`crate::regularisation`]).
     #[inline(always)]
     pub(super) fn regularise(&mut self, regularised: Mask<S>) {
         let rougher = regularised & self.metal;
@@ -110,7 +110,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
         self.rough |= rougher;
     }
 
-    /// The lanes of this material.
+    /// Lanes of these materials, including those scattered inside bodies.
     #[inline(always)]
     pub(super) fn lanes(&self) -> Mask<S> {
         self.metal | self.dielectric | self.scattered
@@ -121,27 +121,28 @@ impl<S: Simd> MicrofacetBsdf<S> {
         self.scattered
     }
 
-    /// Where light can pass.
+    /// Lanes whose surface transmits light.
     #[inline(always)]
     pub(super) fn is_transmissive(&self) -> Mask<S> {
         self.dielectric
     }
 
-    /// Where the boundary of a dielectric is met from inside.
+    /// Lanes that hit the boundary of a dielectric from inside.
     #[inline(always)]
     pub(super) fn is_left(&self) -> Mask<S> {
         self.dielectric & self.within
     }
 
-    /// Where light from `wi`, at `cos_i`, that comes straight from an area light may be scattered to `wo`.
+    /// Lanes in which light arriving from outside, at `cos_i` to the normal, can be scattered to `wo`.
     #[inline(always)]
     pub(super) fn sees(&self, cos_i: Float<S>) -> Mask<S> {
+        // From inside a body only light on the far side of the boundary arrives unobstructed.
         let outside = self.dielectric & self.within;
         let faces = (outside & cos_i.simd_lt(0.0)) | (!outside & cos_i.simd_gt(0.0));
         self.rough & faces
     }
 
-    /// `f · |cos θ|` and the density of `wi`, where the surface is rough; else 0.
+    /// `f · |cos θ|` and the density of `wi` where the surface is rough; 0 elsewhere.
     #[inline(always)]
     pub(super) fn evaluate(
         &self,
@@ -156,25 +157,27 @@ impl<S: Simd> MicrofacetBsdf<S> {
         }
         let (cos_o, cos_i) = (normal.dot(wo), normal.dot(wi));
         let reflected = cos_i.simd_gt(0.0);
-        // Walter et al. 2007, equations 13 and 16: the half vector of reflection is that of refraction
-        // with η = 1.
+        // Walter et al. 2007, equations 13 and 16: the half vector of reflection is that of refraction with
+        // η = 1.
         let h = normalize(wo + Vec3x::select(reflected, wi, wi * self.eta));
         let h = Vec3x::select(h.dot(normal).simd_lt(0.0), -h, h);
         let (o, i) = (wo.dot(h), -wi.dot(h));
         let seen = ggx(self.alpha, normal, h) * self.visibility(cos_o);
         let shadowing = self.visibility(cos_i.abs()) * cos_i.abs();
 
+        // Jacobian 1 / (4 wo·h) of reflection, whose wo·h cancels against that of the visible normals.
         let quarter = seen * 0.25;
         let f = fresnel(simd, o, self.eta);
         let thinner = 1.0 / (self.eta * self.eta);
         let sum = o - self.eta * i;
-        // The Jacobian of equation 17 for rays that come from `wo`, with η² as a division by its inverse.
+        // Jacobian of equation 17 for rays from `wo`, with the factor η² written as division by its
+        // inverse.
         let refracted = (1.0 - f) * seen * o * i / (thinner * (sum * sum));
         let passes = o.simd_gt(0.0) & i.simd_gt(0.0);
         let refracted = passes.select(refracted, zero);
         let glass_pdf = reflected.select(f * quarter, refracted);
-        // Normals are drawn as seen from `wo`, so that value and density differ by the shadowing of `wi`
-        // alone, and for radiance that has been refracted by 1/η².
+        // Visible normals are drawn from `wo`, so that value and density differ by the shadowing of `wi`
+        // only, and for refracted radiance by 1/η².
         let glass = glass_pdf * shadowing * reflected.select(Float::splat(simd, 1.0), thinner);
 
         let on_metal = self.metal & reflected;
@@ -189,8 +192,8 @@ impl<S: Simd> MicrofacetBsdf<S> {
         (Vec3x::select(valid, f_cos, black), valid.select(pdf, zero))
     }
 
-    /// Draws a direction as the scalar tracer does; the lanes whose ray goes on inside are set in
-    /// `inside`.
+    /// Draws a direction, by the same choices as the scalar tracer; sets the lanes whose ray continues
+    /// inside in `inside`.
     #[inline(always)]
     pub(super) fn sample(
         &self,
@@ -210,15 +213,15 @@ impl<S: Simd> MicrofacetBsdf<S> {
         let f = fresnel(simd, cos_h, self.eta);
         let reflected = self.metal | u[0].simd_lt(f);
         let mirrored = h.mul_add(cos_h * 2.0, -wo);
-        // η² − sin² θ, factored: η² − 1 would cancel for indices near 1. It is η² cos² θt.
+        // η² − sin² θ = η² cos² θt, factored: η² − 1 would cancel for indices near 1.
         let cos_t = ((self.eta - 1.0) * (self.eta + 1.0) + cos_h * cos_h).max(zero);
         let inverse_eta = one / self.eta;
         let bent = h * ((cos_h - cos_t.sqrt()) * inverse_eta) - wo * inverse_eta;
         let wi = Vec3x::select(reflected, mirrored, normalize(bent));
 
         let cos_i = normal.dot(wi);
-        // A facet may send light to the wrong side of the surface as a whole; such a direction weighs
-        // nothing.
+        // A facet may send light to the wrong side of the macroscopic surface; such a direction has weight
+        // 0.
         let facing = reflected.select(cos_i, -cos_i).max(zero);
         let shadowing = self.rough.select(self.visibility(facing) * facing, one);
         let thinner = reflected.select(one, inverse_eta * inverse_eta);
@@ -231,8 +234,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
         let density = self.evaluate(simd, normal, wo, wi).1;
         let infinite = Float::splat(simd, f32::INFINITY);
         let passed = cos_i.simd_lt(0.0);
-        // Reflected within, or let in from outside; a path that is scattered inside stays there in any
-        // case.
+        // Internally reflected, or refracted inwards; a path scattered inside stays inside.
         *inside = (self.dielectric & ((self.within & !passed) | (!self.within & passed)))
             | self.scattered;
         let even = uniform_direction(simd, u[1], u[2]);
@@ -240,13 +242,14 @@ impl<S: Simd> MicrofacetBsdf<S> {
         BsdfSample {
             wi: Vec3x::select(self.scattered, even, wi),
             weight: Vec3x::select(self.scattered, unweighted, weight),
+            // ∞ for specular directions, −∞ for scattering inside a body.
             pdf: self
                 .rough
                 .select(density, self.scattered.select(-infinite, infinite)),
         }
     }
 
-    /// Reflectance of what is smooth, at a cosine of `wo`; 0 where it is rough.
+    /// Specular reflectance of smooth surfaces at the cosine of `wo`; 0 where the surface is rough.
     #[inline(always)]
     pub(super) fn mirror(&self, simd: S, cos: Float<S>) -> Vec3x<S> {
         let f = fresnel(simd, cos, self.eta);
@@ -262,7 +265,7 @@ impl<S: Simd> MicrofacetBsdf<S> {
         visibility(self.alpha, cos)
     }
 
-    /// [`crate::fresnel::fresnel_conductor`] by channel.
+    /// [`crate::fresnel::fresnel_conductor`] per channel.
     #[inline(always)]
     fn reflectance(&self, simd: S, cos: Float<S>) -> Vec3x<S> {
         let (eta, k) = (self.metal_eta, self.metal_k);
@@ -275,7 +278,8 @@ impl<S: Simd> MicrofacetBsdf<S> {
     }
 }
 
-/// A function, as a closure that is used thrice would stay a call, and each operation in it one too.
+/// A function rather than a closure: a closure with three uses would not be inlined, nor the SIMD
+/// operations in it.
 #[inline(always)]
 fn fresnel_conductor<S: Simd>(cos: Float<S>, eta: Float<S>, k: Float<S>) -> Float<S> {
     let (cos2, sin2) = (cos * cos, 1.0 - cos * cos);
@@ -289,7 +293,7 @@ fn fresnel_conductor<S: Simd>(cos: Float<S>, eta: Float<S>, k: Float<S>) -> Floa
     perpendicular * 0.5 * (1.0 + (even - odd) / (even + odd))
 }
 
-/// The sine is measured rather than the cosine, of which nothing is left near 1.
+/// GGX distribution of normals, sr⁻¹. Uses sin² θ rather than 1 − cos² θ, which cancels near the normal.
 #[inline(always)]
 pub(super) fn ggx<S: Simd>(alpha: Float<S>, normal: Vec3x<S>, h: Vec3x<S>) -> Float<S> {
     let cos = h.dot(normal);
@@ -299,12 +303,14 @@ pub(super) fn ggx<S: Simd>(alpha: Float<S>, normal: Vec3x<S>, h: Vec3x<S>) -> Fl
     alpha2 * FRAC_1_PI / (root * root)
 }
 
+/// `G1(cos) / cos`: [`crate::scalar::ggx::visibility`].
 #[inline(always)]
 pub(super) fn visibility<S: Simd>(alpha: Float<S>, cos: Float<S>) -> Float<S> {
     let alpha2 = alpha * alpha;
     2.0 / (cos + ((1.0 - alpha2) * cos).mul_add(cos, alpha2).sqrt())
 }
 
+/// Draws a visible microfacet normal: [`crate::scalar::ggx::sample_visible`].
 #[inline(always)]
 pub(super) fn sample_visible<S: Simd>(
     simd: S,

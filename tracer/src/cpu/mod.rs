@@ -1,20 +1,20 @@
-//! The path tracer on the CPU: streams of rays, 16 lanes wide, over a pool of threads.
+//! CPU path tracer: wavefront streams of rays, 16 SIMD lanes wide, over a thread pool.
 //!
 //! ```text
 //! tile → strips → batches of paths:  generate → (extend → shade → connect)* → accumulate
-//!                                                  │        │        └ shadow rays to the area lights
+//!                                                  │        │        └ shadow rays to the lights
 //!                                                  │        └ BSDF, next direction
-//!                                                  └ nearest hit; ended paths leave the stream
+//!                                                  └ nearest hit; terminated paths leave the stream
 //! ```
 //!
-//! One generic source becomes SSE2, AVX2, AVX-512 or NEON code, chosen at run time. Every
-//! sample's numbers come from its pixel and index and every pixel sums its samples in order, so
-//! that a picture is the same bit for bit whatever the tiles and the number of threads. Levels
-//! differ in rounding: those with fused multiply-add round once where others round twice.
+//! One generic source is compiled to SSE2, AVX2, AVX-512 or NEON code, chosen at run time. The random
+//! numbers of a sample are a function of its pixel and index, and each pixel sums its samples in order,
+//! so that an image is bit-identical for any tiling and number of threads. Instruction sets differ in
+//! rounding: those with fused multiply-add round once where others round twice.
 //!
 //! SIMD code stays in functions marked `#[inline(always)]`, never in closures: the compiler may
-//! leave those out of line, where they have baseline instructions only, at a third of the speed.
-//! The pool scene, max depth 5: 10 Msample and 29 Mray per core-second with AVX2 on a
+//! leave closures out of line, compiled for the baseline instruction set, at a third of the speed.
+//! Throughput of the pool scene, max depth 5: 10 Msample and 29 Mray per core-second with AVX2 on a
 //! 2.4 GHz EPYC of 2021 (`examples/trace_speed.rs`); three quarters of it is intersection.
 
 mod aov;
@@ -74,18 +74,18 @@ use crate::{
 use batch::{Scratch, Traced};
 use prepared::Prepared;
 
-/// Traces on the processor, with threads and instructions of its own choice.
+/// Path tracer on the CPU, with its own thread pool and instruction set.
 pub struct CpuTracer {
     level: Level,
     pool: ThreadPool,
     processor: String,
-    /// Memory of threads that are not tracing now.
+    /// Buffers that no thread is using at present.
     scratch: Mutex<Vec<Scratch>>,
     filter_memory: FilterMemory,
 }
 
 impl CpuTracer {
-    /// All of the processor: a thread per core, the best instructions.
+    /// A tracer with one thread per core and the best instruction set available.
     ///
     /// # Errors
     /// [`Error::Device`] if the system refuses threads.
@@ -93,7 +93,7 @@ impl CpuTracer {
         Self::with_threads(0)
     }
 
-    /// With `threads` threads; 0 is one per core.
+    /// A tracer with `threads` threads; 0 means one per core.
     ///
     /// # Errors
     /// [`Error::Device`] if the system refuses threads.
@@ -101,7 +101,8 @@ impl CpuTracer {
         Self::with_level(threads, Level::new())
     }
 
-    /// With the instructions of `level`, one of [`CpuTracer::levels_available`].
+    /// A tracer with `threads` threads and the instruction set `level`, one of
+    /// [`CpuTracer::levels_available`].
     ///
     /// # Errors
     /// [`Error::Device`] if the system refuses threads.
@@ -126,7 +127,7 @@ impl CpuTracer {
         }
     }
 
-    /// Every instruction set that this processor has code for, the best first.
+    /// All instruction sets for which this processor has code, the best first.
     pub fn levels_available() -> Vec<Level> {
         let best = Level::new();
         let mut levels = vec![best];
@@ -144,7 +145,7 @@ impl CpuTracer {
         levels
     }
 
-    /// The instructions in use.
+    /// The instruction set in use.
     pub fn level(&self) -> Level {
         self.level
     }
@@ -158,8 +159,8 @@ impl CpuTracer {
         let strips = strips_per_tile(job.tiles.len(), self.pool.current_num_threads());
         let (samples, rays) = (AtomicU64::new(0), AtomicU64::new(0));
         self.pool.install(|| {
-            // rayon would otherwise keep runs of tiles together in a task, and they would finish one
-            // behind another.
+            // Without a maximum rayon would give a task a run of adjacent tiles, which would finish one
+            // after another instead of in parallel.
             let tiles = job.tiles.par_iter().with_max_len(1).enumerate();
             tiles.for_each(|(index, &tile)| {
                 let Some(traced) = self.trace_tile(scene, job, tile, strips) else {
@@ -210,6 +211,7 @@ impl CpuTracer {
     }
 
     fn trace_area(&self, scene: &Prepared, job: &TraceJob<'_>, area: Tile) -> Option<Traced> {
+        // As many buffers exist as threads have ever traced at the same time; the lock is not held meanwhile.
         let mut scratch = self.lock_scratch().pop().unwrap_or_else(Scratch::new);
         let (settings, cancelled) = (job.settings, job.cancelled);
         let traced = dispatch!(self.level, simd => {
@@ -220,7 +222,7 @@ impl CpuTracer {
     }
 
     fn lock_scratch(&self) -> std::sync::MutexGuard<'_, Vec<Scratch>> {
-        // A panic elsewhere cannot leave the list half changed.
+        // A panic while the lock is held cannot leave the vector inconsistent.
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -314,7 +316,7 @@ impl DenoiseSource for CpuTracer {
     }
 }
 
-/// Pixels whose first hits one of rayon's tasks looks for: 40 kB of sums.
+/// Number of pixels whose AOVs one rayon task computes: 40 kB of sums.
 const HITS_TOGETHER: usize = 1024;
 
 impl Traced {
@@ -330,14 +332,14 @@ impl Traced {
     }
 }
 
-/// How many strips to cut each tile into so that every thread has work to the end.
+/// Number of strips per tile with which every thread stays busy until the end.
 fn strips_per_tile(tiles: usize, threads: usize) -> u32 {
-    /// Pieces of work per thread: the last ones to finish leave others idle for a part of this.
+    /// Minimum pieces of work per thread: idle time at the end is about 1/PIECES of a thread's work.
     const PIECES: usize = 4;
     if threads == 1 || tiles >= threads * PIECES {
         return 1;
     }
-    // Strips follow the tile's rows, so that the parts are joined by appending them.
+    // Strips are runs of rows of the tile, so that results are joined by appending.
     (threads * PIECES).div_ceil(tiles.max(1)) as u32
 }
 
@@ -355,7 +357,7 @@ fn level_name(level: Level) -> &'static str {
     }
 }
 
-/// What the system calls the processor; "CPU" where it does not say.
+/// Processor name as the system reports it; "CPU" where it reports none.
 fn processor_name() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info

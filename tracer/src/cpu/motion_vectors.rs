@@ -1,4 +1,4 @@
-//! Backward motion vectors: between which pixels of an earlier film the points were that pixels see now.
+//! Backward motion vectors: where on an earlier film the point seen by each pixel was.
 
 use std::ops::Range;
 
@@ -11,44 +11,45 @@ use crate::ImageSize;
 use crate::compiled::CameraFrame;
 use crate::simd::{Level, dispatch};
 
-/// Where a primitive was, whose points are now at `p`: at `turn · p + shift`.
+/// Rigid motion of a primitive: a point now at `p` was at `turn · p + shift`.
 #[derive(Clone, Debug)]
 pub(crate) struct Motion {
-    /// Numbers of primitives as in [`FirstHits`].
+    /// Ids of primitives as in [`FirstHits`].
     pub(crate) ids: Range<u32>,
     pub(crate) turn: Mat3,
-    /// Metres.
+    /// Translation, metres.
     pub(crate) shift: Vec3,
-    /// Of a sphere, metres: points on the side that was turned away from the earlier eye were not seen.
+    /// Present centre of a sphere, metres: points that faced away from the earlier eye were not visible.
     pub(crate) center: Option<Vec3>,
 }
 
-/// The four pixels of a film around a place of it, for bilinear interpolation.
+/// The four pixels around a position on a film, for bilinear interpolation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Footprint {
-    /// Index of the upper left one, row-major; [`Footprint::OUTSIDE`] of places beyond the film.
+    /// Row-major index of the upper left pixel; [`Footprint::OUTSIDE`] for positions outside the film.
     pub(crate) first: u32,
-    /// What those on the right and those below count, 0 to 1.
+    /// Weights of the right and of the lower pixels, 0 to 1.
     pub(crate) shares: [f32; 2],
 }
 
 impl Footprint {
-    /// The index of no pixel.
+    /// Index that stands for a position outside the film.
     pub(crate) const OUTSIDE: u32 = u32::MAX;
 }
 
-/// The way back from what a camera sees to the film of an earlier one.
+/// Mapping from the points that a camera sees to the film of an earlier camera.
 #[derive(Debug)]
 pub(crate) struct MotionVectors {
     camera: CameraFrame,
     size_before: ImageSize,
     before: FilmProjection,
-    /// By their numbers; all other primitives stay.
+    /// Sorted by id; all other primitives are static.
     motions: Vec<Motion>,
 }
 
 impl MotionVectors {
-    /// From what `camera` sees to where `before` saw it, on a film of `size_before`. `motions` are by their numbers.
+    /// Mapping from what `camera` sees to the film of `before`, of size `size_before`. `motions` are sorted
+    /// by id.
     pub(crate) fn new(
         camera: CameraFrame,
         (before, size_before): (&CameraFrame, ImageSize),
@@ -62,8 +63,8 @@ impl MotionVectors {
         }
     }
 
-    /// For each pixel of row `y` of `hits` where its point was on the earlier film; outside of it if that was behind the
-    /// eye, or on the far side of its ball.
+    /// Footprint on the earlier film of each pixel of row `y` of `hits`; outside if the point was behind
+    /// the eye or on the far side of its sphere.
     pub(crate) fn row(&self, level: Level, hits: &FirstHits, y: usize, row: &mut [Footprint]) {
         let first = y * row.len();
         let inverse_depth = &hits.inverse_depth[first..first + row.len()];
@@ -114,7 +115,7 @@ impl MotionVectors {
         }
     }
 
-    /// The pixels around places of the earlier film, and what those on the right and below count.
+    /// Upper left pixels of positions on the earlier film, and the weights of the right and lower pixels.
     #[inline(always)]
     fn footprints<S: Simd>(&self, simd: S, [x, y]: [Float<S>; 2]) -> (Word<S>, [Float<S>; 2]) {
         let ImageSize { width, height } = self.size_before;
@@ -127,7 +128,8 @@ impl MotionVectors {
         (is_inside.select(first, outside), [right, below])
     }
 
-    /// Places on the earlier film of points along directions, at depths as of [`FirstHits::inverse_depth`].
+    /// Positions on the earlier film of points along directions, at depths as in
+    /// [`FirstHits::inverse_depth`].
     #[inline(always)]
     fn places<S: Simd>(
         &self,
@@ -150,8 +152,8 @@ impl MotionVectors {
             last = Some(id);
             let own = lanes.simd_eq(*id);
             if *id == FirstHits::ESCAPED {
-                // A point at infinity, which moves with the eye: its depth was 0, and the product above
-                // ∞.
+                // A point at infinity moves with the eye. Its reciprocal depth is 0, which made the product
+                // above ∞.
                 seen = Vec3x::select(own, direction, seen);
                 continue;
             }
@@ -166,14 +168,15 @@ impl MotionVectors {
             seen = Vec3x::select(own, was_seen, seen);
             if let Some(center) = motion.center {
                 let from_center = point - Vec3x::splat(simd, center.to_array());
-                // On a sphere that only moves, the offset from the centre is the earlier normal too; it
-                // faced away from the earlier eye.
+                // For a sphere that only translates, the offset from the centre is also the earlier normal:
+                // the point is hidden if that faced away from the earlier eye.
                 hidden |= own & from_center.dot(was_seen).simd_ge(0.0);
             }
         }
         self.before.project(simd, seen, hidden)
     }
 
+    /// Motion of a primitive; `None` if it is static.
     fn motion(&self, id: u32) -> Option<&Motion> {
         let after = self
             .motions
@@ -183,19 +186,20 @@ impl MotionVectors {
     }
 }
 
-/// The first of the two pixels of a row or column whose centres are around `at`, and what the second counts.
+/// Index of the first of the two pixels whose centres enclose `at` in a row or column, and the weight of
+/// the second.
 #[inline(always)]
 fn neighbours<S: Simd>(simd: S, at: Float<S>, count: u32) -> (Word<S>, Float<S>) {
     let last = count.saturating_sub(1) as f32;
     let zero = Float::splat(simd, 0.0);
     let at = zero.max((at - 0.5).min(last));
-    // One less than the last: the second pixel exists too, and counts in full at the film's far edge.
+    // At most the last but one, so that the second pixel exists; at the far edge its weight is 1.
     let first: i32x16<S> = at.min((last - 1.0).max(0.0)).to_int();
     let whole: Float<S> = first.to_float();
     (first.bitcast(), at - whole)
 }
 
-/// A camera turned round: from directions to places on its film, in pixels from the top left.
+/// Inverse camera: maps directions to positions on the film, in pixels from the top left.
 #[derive(Debug)]
 struct FilmProjection {
     eye: Vec3,
@@ -207,7 +211,7 @@ struct FilmProjection {
 impl FilmProjection {
     fn new(camera: &CameraFrame) -> Self {
         let [corner, dx, dy] = [camera.corner, camera.dx, camera.dy].map(Vec3::from);
-        // Rows of the inverse of the matrix with the columns dx, dy and corner.
+        // Rows of the inverse of the matrix with the columns dx, dy and corner; dx and dy are orthogonal.
         let depth = dx.cross(dy);
         let depth = depth / depth.dot(corner);
         let row = |axis: Vec3| axis / axis.length_squared();
@@ -219,12 +223,12 @@ impl FilmProjection {
         }
     }
 
-    /// Not a number where `hidden`, or behind the eye.
+    /// Position on the film; NaN where `hidden` or behind the eye.
     #[inline(always)]
     fn project<S: Simd>(&self, simd: S, seen: Vec3x<S>, hidden: Mask<S>) -> [Float<S>; 2] {
         let depth = Vec3x::splat(simd, self.depth.to_array()).dot(seen);
         let shown = depth.simd_gt(0.0) & !hidden;
-        // NaN fails all comparisons of `footprints`, so that such places count as outside without a mask
+        // NaN fails all comparisons in `footprints`, so that such positions count as outside without a mask
         // of their own.
         let share = shown.select(1.0 / depth, Float::splat(simd, f32::NAN));
         [self.x, self.y].map(|axis| Vec3x::splat(simd, axis.to_array()).dot(seen) * share)

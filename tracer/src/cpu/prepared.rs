@@ -1,4 +1,4 @@
-//! A scene with its settings, laid out for the lanes.
+//! Scene and settings in the data layout of the SIMD kernels.
 
 use super::area_light::AreaLights;
 use super::emissive_surface::EmissiveSurfaceSampler;
@@ -8,25 +8,27 @@ use super::surface::Surfaces;
 use crate::compiled::{CameraFrame, CompiledScene, PunctualLightData};
 use crate::{ImageSize, RenderSettings};
 
-/// A scene for one picture, laid out for the lanes.
+/// A scene for one image, in the data layout of the SIMD kernels.
 pub(super) struct Prepared {
     pub(super) camera: CameraFrame,
     pub(super) environment: Environment,
     pub(super) geometry: Geometry,
     pub(super) surfaces: Surfaces,
     pub(super) area_lights: AreaLights,
-    /// Triangles that emit, if there are any.
+    /// Sampler of emissive surfaces, if there are any.
     pub(super) emissive_surfaces: Option<EmissiveSurfaceSampler>,
-    /// Some surface emits.
+    /// Whether any surface emits.
     pub(super) has_emission: bool,
     pub(super) punctual_lights: Vec<PunctualLightData>,
-    /// With which light sampling aims at those, and at area lights.
+    /// Probability with which light sampling chooses punctual lights.
     pub(super) punctual_probability: f32,
+    /// Probability with which light sampling chooses area lights.
     pub(super) area_light_probability: f32,
-    /// The scene has what the game's have not: triangles, glTF's material, an environment map, punctual lights.
+    /// Whether the scene has features that the game's scenes lack: triangles, glTF's material, environment
+    /// map, punctual lights. Selects the general variant of the shading kernel.
     pub(super) is_general: bool,
     pub(super) has_coat: bool,
-    /// How wide the surface is that a pixel sees at a distance of 1 m, in metres.
+    /// Width of the surface that a pixel covers at a distance of 1 m, metres.
     pub(super) footprint: f32,
     pub(super) settings: RenderSettings,
 }

@@ -1,4 +1,4 @@
-//! Lights without extent, a lane each: the arithmetic of [`crate::scalar::punctual_light`].
+//! Punctual lights, one shading point per lane: the arithmetic of [`crate::scalar::punctual_light`].
 
 use fearless_simd::prelude::*;
 
@@ -6,15 +6,16 @@ use super::lanes::{Float, Vec3x};
 use crate::compiled::PunctualLightData;
 use crate::sampling::BELOW_1;
 
-/// Light that comes to points from lights without extent that were drawn, over their probability.
+/// Irradiance at shading points from sampled punctual lights, over the sampling probability.
 pub(super) struct PunctualIncidence<S: Simd> {
     pub(super) wi: Vec3x<S>,
-    /// 0 where no light comes.
+    /// Distance, metres; 0 where no light arrives.
     pub(super) distance: Float<S>,
     pub(super) irradiance: Vec3x<S>,
 }
 
-/// Draws a light for each point by the irradiance that it brings. Out of line: scenes without are not to pay for it.
+/// Draws a light for each point in proportion to its irradiance there. Not inlined, so that scenes without
+/// punctual lights do not pay for the code.
 #[inline(never)]
 pub(super) fn sample_punctual_light<S: Simd>(
     simd: S,
@@ -40,8 +41,9 @@ pub(super) fn sample_punctual_light<S: Simd>(
                 let seen = weight.simd_gt(0.0);
                 let before = sum;
                 sum += seen.select(weight, zero);
-                // A weighted reservoir of one (Chao 1982) by a single number: light n takes the place
-                // with probability w/Σw, and what is left of u within its share is even again.
+                // Weighted reservoir of one (Chao 1982) with a single random number: light n replaces the
+                // chosen one with probability w/Σw, and u is rescaled to be uniform within the branch
+                // taken.
                 let at = u * sum;
                 let taken = seen & at.simd_ge(before);
                 let part = taken.select(at - before, at)

@@ -1,30 +1,31 @@
-//! Rays of a packet, and the nearest hits on them.
+//! Packets of rays and their nearest hits.
 
 use fearless_simd::prelude::*;
 
 use super::lanes::{Float, Mask, Vec3x, Word};
 
-/// Where the lanes that meet a primitive do.
+/// Lanes that hit a primitive, and their distances; `None` if no lane does.
 pub(super) type HitMask<S> = Option<(Mask<S>, Float<S>)>;
 
-/// The id of no primitive.
+/// Id of no primitive.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Set in the id of a dielectric that a ray is inside of: it meets that body's far side.
+/// Flag in the id of a dielectric that the ray is inside of: it hits the far side of that body.
 pub(super) const INSIDE: u32 = 1 << 31;
 
-/// Directions closer to a slab's plane count as this close, so that no product is 0 · ∞.
+/// Lower bound of a direction component's absolute value in slab tests, so that no product is 0 · ∞.
 pub(super) const DIRECTION_MIN: f32 = 1e-30;
 
-/// Rays with what their tests share.
+/// Rays with the values shared by their intersection tests.
 #[derive(Clone, Copy)]
 pub(super) struct Rays<S: Simd> {
     pub(super) origin: Vec3x<S>,
-    /// Of unit length.
+    /// Unit vectors.
     pub(super) direction: Vec3x<S>,
-    /// The primitive that each ray starts on, which it cannot meet: all are convex. With [`INSIDE`]
-    /// the dielectric that it is inside of.
+    /// Primitive on which each ray starts and which it cannot hit again, as all are convex. With
+    /// [`INSIDE`]: the dielectric that the ray is inside of.
     pub(super) start: Word<S>,
+    /// Componentwise reciprocal of `direction`, finite.
     pub(super) inverse: Vec3x<S>,
     pub(super) inverse_abs: Vec3x<S>,
 }
@@ -42,7 +43,7 @@ impl<S: Simd> Rays<S> {
         }
     }
 
-    /// Distances to the nearer and the farther plane of each pair of a box's.
+    /// Distances to the nearer and to the farther plane of each slab of a box.
     #[inline(always)]
     pub(super) fn slabs(&self, simd: S, min: [f32; 3], max: [f32; 3]) -> (Vec3x<S>, Vec3x<S>) {
         let a = (Vec3x::splat(simd, min) - self.origin).scale(self.inverse);
@@ -54,7 +55,7 @@ impl<S: Simd> Rays<S> {
     }
 }
 
-/// `1 / d` with |d| kept away from 0.
+/// Componentwise `1 / d`, with |d| at least [`DIRECTION_MIN`].
 #[inline(always)]
 pub(super) fn inverse<S: Simd>(simd: S, direction: Vec3x<S>) -> Vec3x<S> {
     Vec3x::new(
@@ -66,11 +67,11 @@ pub(super) fn inverse<S: Simd>(simd: S, direction: Vec3x<S>) -> Vec3x<S> {
 
 #[inline(always)]
 fn inverse_component<S: Simd>(simd: S, d: Float<S>) -> Float<S> {
-    // The sign survives for ±0, so that a ray in the plane of a face still knows which side is ahead.
+    // The sign survives for ±0, so that a ray in the plane of a face still knows which side lies ahead.
     1.0 / d.abs().max(Float::splat(simd, DIRECTION_MIN)).copysign(d)
 }
 
-/// The nearest primitive so far, per lane.
+/// Distance and id of the nearest hit so far, per lane.
 pub(super) struct Nearest<S: Simd> {
     pub(super) distance: Float<S>,
     pub(super) id: Word<S>,

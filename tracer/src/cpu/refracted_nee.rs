@@ -1,4 +1,5 @@
-//! Area lights seen from inside a dielectric ball, a lane each: the arithmetic of [`crate::scalar::refracted_nee`].
+//! Next-event estimation from inside a dielectric ball, one path per lane: the arithmetic of
+//! [`crate::scalar::refracted_nee`].
 
 use std::f32::consts::PI;
 
@@ -12,11 +13,11 @@ use super::microfacet::untagged;
 use super::rows::Rows;
 use crate::compiled::{MaterialData, SphereData};
 
-/// One row of numbers per ball.
+/// One row per ball.
 pub(super) type NeeBoundaryRow = [f32; 8];
 
 const CENTER: usize = 0;
-/// 0 of a ball that does not allow it.
+/// Radius, metres; 0 for a ball that does not allow refracted next-event estimation.
 const RADIUS: usize = 3;
 const IOR: usize = 4;
 const EXTINCTION: usize = 5;
@@ -34,9 +35,9 @@ pub(super) fn nee_boundary_row(sphere: &SphereData, material: &MaterialData) -> 
     row
 }
 
-/// The boundaries of a packet.
+/// The ball around each path of a packet.
 pub(super) struct NeeBoundaries<S: Simd> {
-    /// The lanes that are at one.
+    /// Lanes inside a ball that allows it, or at its boundary.
     pub(super) lanes: Mask<S>,
     center: Vec3x<S>,
     radius: Float<S>,
@@ -44,22 +45,26 @@ pub(super) struct NeeBoundaries<S: Simd> {
     extinction: Vec3x<S>,
 }
 
-/// Paths from inside to area lights, refracted at the boundary.
+/// Paths from inside to points on area lights, refracted at the boundary.
 pub(super) struct RefractedPaths<S: Simd> {
-    /// The lanes that have one.
+    /// Lanes with such a path.
     pub(super) lanes: Mask<S>,
+    /// Point of refraction on the boundary.
     pub(super) place: Vec3x<S>,
+    /// Unit direction inside the ball.
     pub(super) inner: Vec3x<S>,
+    /// Unit direction outside the ball.
     pub(super) outer: Vec3x<S>,
-    /// Lengths inside and outside, metres.
+    /// Lengths inside and outside the ball, metres.
     pub(super) inside: Float<S>,
     pub(super) outside: Float<S>,
-    /// What of an area light's radiance is scattered towards the path, over the probability of all choices, if
-    /// nothing is in between.
+    /// Factor of the area light's radiance: phase function, transmittances and densities, if nothing
+    /// occludes the path.
     pub(super) weight: Vec3x<S>,
 }
 
-/// Rays from inner points, each in the plane of its axis (x) and the outer point, in radii.
+/// Rays from inner points, each in the plane of the inner point's axis (x) and the outer point; lengths in
+/// radii.
 struct PlaneRays<S: Simd> {
     place: [Float<S>; 2],
     inner: [Float<S>; 2],
@@ -75,16 +80,15 @@ impl<S: Simd> PlaneRays<S> {
         let cos = cosine(sine);
         let cos_i = cosine(r * sine);
         let cos_o = cosine(ior * r * sine);
-        // cos θi − r cos θ, times its conjugate over the same: near the boundary the difference would
-        // cancel.
+        // cos θi − r cos θ, expanded by its conjugate: near the boundary the difference would cancel.
         let length = (1.0 - r * r).max(0.0) / r.mul_add(cos, cos_i).max(TINY);
         let place = [length.mul_add(cos, r), length * sine];
         let power = cos_o - ior * cos_i;
         Self {
             place,
             inner: [cos, sine],
-            // Snell's law as vectors: n·inner + (cos θo − n cos θi) · normal, and `place` is the normal
-            // of the unit ball.
+            // Snell's law in vector form: n·inner + (cos θo − n cos θi)·normal; `place` is the normal of
+            // the unit ball.
             outer: [
                 ior.mul_add(cos, power * place[0]),
                 ior.mul_add(sine, power * place[1]),
@@ -95,16 +99,18 @@ impl<S: Simd> PlaneRays<S> {
         }
     }
 
-    /// How far points lie on the side of larger angles.
+    /// Signed distance of a point from the outer ray, positive on the side of larger angles.
     #[inline(always)]
     fn beside(&self, point: [Float<S>; 2]) -> Float<S> {
-        // The cross product of the plane, above 0 where the point is to the left of the ray.
+        // 2D cross product, positive where the point lies to the left of the ray.
         self.outer[0] * (point[1] - self.place[1]) - self.outer[1] * (point[0] - self.place[0])
     }
 
-    /// Area across the ray at its end, over the solid angle at the inner point.
+    /// Area across the ray at its end per solid angle at the inner point: derivation in
+    /// [`crate::scalar::refracted_nee`].
     #[inline(always)]
     fn spread(&self, ior: Float<S>, outside: Float<S>) -> Float<S> {
+        // Coddington's equations: see the scalar tracer's `spread`.
         let moved = self.length / self.cos_i.max(TINY);
         let bent = ior * self.cos_i / self.cos_o.max(TINY);
         let turned = bent.mul_add(1.0 - moved, moved);
@@ -115,7 +121,7 @@ impl<S: Simd> PlaneRays<S> {
 }
 
 impl<S: Simd> NeeBoundaries<S> {
-    /// Those of the balls in `tag` for the lanes of `mask`; none if no lane is at one.
+    /// Balls in `tag` for the lanes of `mask`; `None` if no lane is inside one.
     #[inline(always)]
     pub(super) fn new(
         simd: S,
@@ -144,14 +150,14 @@ impl<S: Simd> NeeBoundaries<S> {
         })
     }
 
-    /// Where a ray that was scattered inside leaves, after `length` and at `cos_i`, by a path on which
-    /// area lights have been aimed at.
+    /// Lanes whose ray, scattered inside, leaves after `length` at `cos_i` by a path that refracted
+    /// next-event estimation covers.
     #[inline(always)]
     pub(super) fn are_left(&self, length: Float<S>, cos_i: Float<S>) -> Mask<S> {
         self.lanes & length.simd_le(self.radius * cos_i)
     }
 
-    /// From points inside to the area lights that were drawn, whose normals are given.
+    /// Refracted paths from points inside to sampled points on area lights with the given normals.
     #[inline(always)]
     pub(super) fn refracted_paths(
         &self,
@@ -166,7 +172,7 @@ impl<S: Simd> NeeBoundaries<S> {
         let y = light.wi.mul_add(distance, x);
         let r = x.length_squared().sqrt();
         let axis = x * (1.0 / r.max(TINY));
-        // From the centre every direction is an axis; the one to the light needs no search.
+        // At the centre every direction is an axis; the direction to the light needs no search.
         let axis = Vec3x::select(r.simd_gt(0.0), axis, light.wi);
         let along = y.dot(axis);
         let across = y - axis * along;
@@ -182,13 +188,12 @@ impl<S: Simd> NeeBoundaries<S> {
         let place = axis.mul_add(ray.place[0], side * ray.place[1]);
 
         let reflected = fresnel(simd, ray.cos_i, 1.0 / self.ior);
-        // Radiance is denser by the square of the index inside.
+        // Radiance inside is higher by the square of the refractive index.
         let passed = (1.0 - reflected) * self.ior * self.ior;
         let cosines = outer.dot(normal) / light.wi.dot(normal);
         let spread = ray.spread(self.ior, outside);
-        // The density of `light` is one of straight rays, per solid angle: d² / cos turns it into area on
-        // the lamp, and the new cosine over the spread into solid angle inside. Lengths are in radii on
-        // both sides and cancel.
+        // The density of `light` is per solid angle of straight rays: d² / cos converts it to area on the
+        // light, and the new cosine over the spread to solid angle inside. The units of length cancel.
         let inverse_pdf = light.inverse_pdf * (distance * distance) * cosines / spread;
         let left = self.extinction * -inside;
         let left = Vec3x::new(exp(simd, left.x), exp(simd, left.y), exp(simd, left.z));
@@ -199,13 +204,14 @@ impl<S: Simd> NeeBoundaries<S> {
             outer,
             inside,
             outside: outside * self.radius,
-            // 1 / 4π is the phase function: bodies scatter evenly.
+            // 1 / 4π is the isotropic phase function.
             weight: left * (passed * inverse_pdf.max(0.0) * (0.25 / PI)),
         }
     }
 }
 
-/// The sine at the inner point of the ray to each point outside, and where there is one.
+/// Sine at the inner point of the ray to each outer point, and the lanes where there is one. Root search by
+/// the Illinois variant of regula falsi.
 #[inline(always)]
 fn search<S: Simd>(
     simd: S,
@@ -214,7 +220,7 @@ fn search<S: Simd>(
     point: [Float<S>; 2],
 ) -> (Float<S>, Mask<S>) {
     let (half, one) = (Float::splat(simd, 0.5), Float::splat(simd, 1.0));
-    // Steeper rays are reflected, or leave by the other half.
+    // Steeper rays are totally reflected, or leave through the other half of the ball.
     let sine_max = (1.0 / (ior * r).max(TINY)).min(one);
     let highest = highest(simd, r, point);
     let mut low = lowest(simd, r, point);
@@ -226,14 +232,14 @@ fn search<S: Simd>(
     at_high = at_high.min(0.0);
     let mut sine = low;
     let (mut moved_low, mut moved_high) = (Mask::splat(simd, false), Mask::splat(simd, false));
-    // A fixed number of steps, so that lanes stay together and the GPU finds the same point.
+    // Fixed number of steps, so that lanes do not diverge and the GPU finds the same root.
     for _ in 0..SphereData::REFRACTED_NEE_STEPS {
         let part = at_low / (at_low - at_high).max(TINY);
         sine = part.mul_add(high - low, low);
         let at = PlaneRays::new(r, ior, sine).beside(point);
         let moves_low = at.simd_gt(0.0);
         let (halved_low, halved_high) = (at_low * half, at_high * half);
-        // An end that stays twice has its value halved: see the scalar search.
+        // Illinois step: the value of an end that is kept twice is halved.
         let at_low_kept = (moved_high & !moves_low).select(halved_low, at_low);
         let at_high_kept = (moved_low & moves_low).select(halved_high, at_high);
         low = moves_low.select(sine, low);
@@ -245,7 +251,7 @@ fn search<S: Simd>(
     (sine, found)
 }
 
-/// The sine of the first ray whose place the point sees; 2 if that is on the other half.
+/// Sine of the first ray whose exit point the outer point can see; 2 if that is on the other half.
 #[inline(always)]
 fn lowest<S: Simd>(simd: S, r: Float<S>, [x, y]: [Float<S>; 2]) -> Float<S> {
     let cos = 1.0 / x.mul_add(x, y * y).sqrt();
@@ -257,7 +263,7 @@ fn lowest<S: Simd>(simd: S, r: Float<S>, [x, y]: [Float<S>; 2]) -> Float<S> {
     x.simd_ge(1.0).select(Float::splat(simd, 0.0), beyond)
 }
 
-/// The sine of the ray to the place nearest to the point; 2 if that is on the other half.
+/// Sine of the ray to the boundary point nearest to the outer point; 2 if that is on the other half.
 #[inline(always)]
 fn highest<S: Simd>(simd: S, r: Float<S>, [x, y]: [Float<S>; 2]) -> Float<S> {
     let per_length = 1.0 / x.mul_add(x, y * y).sqrt();
@@ -271,5 +277,5 @@ fn cosine<S: Simd>(sine: Float<S>) -> Float<S> {
     (1.0 - sine * sine).max(0.0).sqrt()
 }
 
-/// Keeps divisors off 0.
+/// Lower bound of divisors.
 const TINY: f32 = 1e-30;

@@ -1,22 +1,24 @@
-//! Tables of numbers, a row per primitive, fetched a lane each.
+//! Tables with a row of numbers per primitive, gathered by lane.
 
 use fearless_simd::prelude::*;
 
 use super::lanes::{Float, LANES, Vec3x, Word};
 
-/// A table's rows for each lane.
+/// The row of each lane in a table.
 pub(super) struct Rows<'a, const N: usize> {
     lanes: [&'a [f32; N]; LANES],
-    /// All lanes hit the same primitive, as camera rays mostly do.
+    /// Whether all lanes use the same row, as is common for camera rays.
     uniform: bool,
 }
 
 impl<'a, const N: usize> Rows<'a, N> {
+    /// Looks up row `id` of `table` in each lane.
+    ///
     /// # Panics
     /// If an id is not below the table's length.
     #[inline(always)]
     pub(super) fn new<S: Simd>(table: &'a [[f32; N]], id: Word<S>) -> Self {
-        // A broadcast instead of a gather for each number that follows; one comparison tells.
+        // If so, each number that follows is a broadcast instead of a gather.
         let uniform = id.simd_eq(id[0]).all_true();
         let mut lanes = [&table[id[0] as usize]; LANES];
         if !uniform {
@@ -32,7 +34,8 @@ impl<'a, const N: usize> Rows<'a, N> {
         if self.uniform {
             return Float::splat(simd, self.lanes[0][column]);
         }
-        // `array::map`, where it is not inlined, is compiled without the lanes' instruction set: 6 % of a Cornell box.
+        // A loop, because `array::map`, if not inlined, is compiled for the baseline instruction set: 6 %
+        // of a Cornell box.
         let mut numbers = [0.0; LANES];
         for (number, row) in numbers.iter_mut().zip(&self.lanes) {
             *number = row[column];

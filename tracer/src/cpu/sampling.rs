@@ -1,4 +1,4 @@
-//! Random numbers and warps, a lane each: the arithmetic of [`crate::sampling`].
+//! Random numbers and sampling warps, one path per lane: the arithmetic of [`crate::sampling`].
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -64,19 +64,18 @@ fn reverse_bits<S: Simd>(mut word: Word<S>) -> Word<S> {
     (word >> 16) | (word << 16)
 }
 
-/// The upper 24 bits as a number in [0, 1): signed conversion is exact there and cheaper.
+/// The upper 24 bits as a number in [0, 1): signed conversion is exact there, and cheaper than unsigned.
 #[inline(always)]
 fn unit_float<S: Simd>(word: Word<S>) -> Float<S> {
     let bits: i32x16<S> = (word >> 8).bitcast();
     bits.to_float::<Float<S>>() * (1.0 / 16_777_216.0)
 }
 
-/// Sine and cosine of `turns` · 2π for `turns` in [0, 1], within 1.3e-7: the nearest quarter turn
-/// is split off exactly, Taylor series cover the ±π/4 that are left.
+/// Sine and cosine of 2π · `turns` for `turns` in [0, 1], within 1.3e-7: the nearest multiple of a quarter
+/// turn is subtracted exactly, and Taylor series cover the remaining ±π/4.
 #[inline(always)]
 pub(super) fn sin_cos_turns<S: Simd>(turns: Float<S>) -> (Float<S>, Float<S>) {
-    // Times 4 and the difference below are exact: the reduction costs no digits, unlike one by multiples
-    // of 2π.
+    // `turns · 4` and the difference below are exact in f32, unlike a reduction by multiples of 2π.
     let quarters = (turns * 4.0 + 0.5).floor();
     let angle = (turns * 4.0 - quarters) * FRAC_PI_2;
     let a2 = angle * angle;
@@ -90,7 +89,7 @@ pub(super) fn sin_cos_turns<S: Simd>(turns: Float<S>) -> (Float<S>, Float<S>) {
         .mul_add(a2, 1.0 / 24.0)
         .mul_add(a2, -0.5)
         .mul_add(a2, 1.0);
-    // Quarters 1 and 3 swap the two; 2 and 3 turn the sine's sign, 1 and 2 the cosine's.
+    // Quarters 1 and 3 swap sine and cosine; 2 and 3 negate the sine, 1 and 2 the cosine.
     let half = (quarters * 0.5).floor();
     let odd = (quarters - half * 2.0).simd_gt(0.5);
     let (sin, cos) = (odd.select(cos, sin), odd.select(sin, cos));
@@ -99,7 +98,7 @@ pub(super) fn sin_cos_turns<S: Simd>(turns: Float<S>) -> (Float<S>, Float<S>) {
     (sin_turned.select(-sin, sin), cos_turned.select(-cos, cos))
 }
 
-/// A direction about the unit vector `n` with density cos θ / π.
+/// Direction about the unit vector `n` with density cos θ / π.
 #[inline(always)]
 pub(super) fn cosine_hemisphere<S: Simd>(
     simd: S,
@@ -111,19 +110,18 @@ pub(super) fn cosine_hemisphere<S: Simd>(
     let (sin, cos) = sin_cos_turns(u2);
     let r = u1.sqrt();
     let (x, y) = (r * cos, r * sin);
-    // Malley's method: points that are even on the disc, lifted to the hemisphere, have density cos θ /
-    // π.
+    // Malley's method: uniform points on the disc, projected up to the hemisphere, have density cos θ / π.
     let z = (one - u1).max(0.0).sqrt();
     let (tangent, bitangent) = basis(simd, n);
     tangent.mul_add(x, bitangent.mul_add(y, n * z))
 }
 
-/// Two unit vectors at right angles to the unit vector `n` and to each other: Duff et al.,
+/// Two unit vectors that complete the unit vector `n` to an orthonormal basis: Duff et al.,
 /// "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
 #[inline(always)]
 pub(super) fn basis<S: Simd>(simd: S, n: Vec3x<S>) -> (Vec3x<S>, Vec3x<S>) {
     let one = Float::splat(simd, 1.0);
-    // Not the sign bit: it would make −0 another basis than 0.
+    // Comparison instead of the sign bit, so that −0 and 0 give the same basis.
     let sign = n.z.simd_ge(0.0).select(one, -one);
     let a = -one / (sign + n.z);
     let b = n.x * n.y * a;
@@ -132,19 +130,20 @@ pub(super) fn basis<S: Simd>(simd: S, n: Vec3x<S>) -> (Vec3x<S>, Vec3x<S>) {
     (tangent, bitangent)
 }
 
-/// A direction that light may come from.
+/// Directions drawn from a BSDF.
 pub(super) struct BsdfSample<S: Simd> {
     pub(super) wi: Vec3x<S>,
-    /// `f · cos θ / pdf`, probability of the lobe included.
+    /// `f · cos θ / pdf`, including the probability of the lobe.
     pub(super) weight: Vec3x<S>,
-    /// Per solid angle; ∞ for what has no density, −∞ inside a body, 0 for a coat's mirror, whose area lights
-    /// have been looked up.
+    /// Density per solid angle; ∞ for specular directions, −∞ inside a body, 0 for a coat's mirror, whose
+    /// area lights next-event estimation has added.
     pub(super) pdf: Float<S>,
 }
 
+/// Direction uniform on the sphere.
 #[inline(always)]
 pub(super) fn uniform_direction<S: Simd>(simd: S, u1: Float<S>, u2: Float<S>) -> Vec3x<S> {
-    // Archimedes: the heights of even directions are even.
+    // Archimedes' theorem: heights of uniform directions are uniform.
     let z = Float::splat(simd, 1.0) - u1 * 2.0;
     let sine = (1.0 - z * z).max(0.0).sqrt();
     let (sin, cos) = sin_cos_turns(u2);
@@ -159,7 +158,7 @@ mod tests {
     use crate::sampling::sample_key;
     use crate::simd::{Level, dispatch};
 
-    /// The first lane's sample; later ones wrap round.
+    /// Sample index of the first lane; those of later lanes wrap around.
     const SAMPLE: u32 = u32::MAX - 7;
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! The integrator's stage that scatters paths at the surfaces that they have met.
+//! Shading stage of the integrator: next-event estimation and scattering at the hits.
 
 use fearless_simd::prelude::*;
 
@@ -14,11 +14,11 @@ use super::stream::{Stream, load, load_words, packets, store, store_words};
 use super::surface::Hit;
 use crate::sampling::{block_choice, block_coat, block_light, block_scatter};
 
-/// Scatters each path where it hit: a shadow ray towards an area light and the path's next direction.
-/// Returns the number of rays that this took.
+/// Scatters each path at its hit: queues shadow rays and draws the next direction. Returns the number of
+/// rays traced meanwhile.
 pub(super) fn shade<S: Simd>(scene: &Prepared, simd: S, stream: &mut Stream, depth: u32) -> u64 {
-    // Two copies of the code: in that of simple scenes nothing else takes registers. Where a packet's number
-    // takes four of them, nothing stays in registers anyway.
+    // Two instances of the kernel: that of simple scenes keeps more values in registers. With vectors
+    // below half a packet's width all values spill in any case, and one instance suffices.
     if S::f32s::LEN < LANES / 2 || scene.is_general {
         simd.vectorize(
             #[inline(always)]
@@ -53,12 +53,12 @@ impl Prepared {
                 stream.store_miss(simd, at);
                 continue;
             }
-            // Dead lanes look up row 0: tables panic at ids they do not have.
+            // Dead lanes use row 0, as tables panic on ids out of range.
             let tag = alive.select(tag, Word::splat(simd, 0));
             let direction = stream.direction.load(simd, at);
             let distance = load(simd, &stream.distance, at);
-            // No ray differentials are carried along paths: after a scattering the finest level is looked
-            // up, which the samples of a pixel filter.
+            // Ray differentials are not carried along paths: after a scattering event textures are sampled
+            // at the finest level and filtered by the samples of a pixel.
             let footprint = if depth == 0 { self.footprint } else { 0.0 };
             let (hit, regularised) = self.regularised_hit::<S, GENERAL>(
                 simd, stream, at, direction, distance, tag, footprint,
@@ -102,7 +102,7 @@ impl Prepared {
                 light_weight_sum = sum;
             }
             let [u1, u2] = pair(pixel, sample, block_scatter(depth), seed);
-            // Without such a lobe nothing reads it, and sixteen multiplications of all lanes are saved.
+            // Only these lobes read u0; a Sobol pair costs sixteen multiplications per lane.
             let mut u0 = u1;
             if hit.microfacet.is_some() || hit.metallic_roughness.is_some() {
                 [u0, _] = pair(pixel, sample, block_choice(depth), seed);
@@ -115,13 +115,14 @@ impl Prepared {
             if GENERAL && stream.has_sampled_pdf {
                 store(&mut stream.sampled_pdf, at, scattered.pdf);
             }
-            // Kept as the product, because MIS at the next hit needs only the ratio of brightness to it;
+            // Stored as a product, because MIS at the next hit needs only the ratio brightness / product;
             // the sum belongs to this point and is not known there.
             let pdf = weighed(scattered.pdf, light_weight_sum);
             let diffuse = bsdf.layered(simd) & pdf.simd_gt(0.0);
             let mut pdf = with_spread(pdf, regularised | diffuse);
             if let Some(rough) = bsdf.rough_coats() {
-                // Not 0, that of mirrors whose light first hits find, but as good as 0 beside area lights.
+                // A rough coat's mirror gets a negligible density instead of 0, which marks mirrors whose
+                // light the first-hit AOVs contain.
                 let least = Float::splat(simd, f32::MIN_POSITIVE);
                 pdf = (rough & pdf.simd_eq(0.0)).select(least, pdf);
             }
@@ -129,8 +130,8 @@ impl Prepared {
                 let before = load(simd, &stream.pdf, at);
                 let known =
                     self.exits_by_nee_hemisphere(simd, before, &hit, -direction, distance, tag);
-                // Area lights along this ray have been sampled through the boundary: 0 gives their
-                // emission a weight of 0.
+                // Refracted next-event estimation has covered area lights along this ray: density 0 gives
+                // their emission weight 0.
                 pdf = (known & !inside).select(Float::splat(simd, 0.0), pdf);
             }
             store(&mut stream.pdf, at, pdf);
@@ -144,8 +145,8 @@ impl Prepared {
         rays
     }
 
-    /// What surfaces emit to the `lanes` of a packet's rays that meet them, times their throughput; none if none is of a
-    /// material that emits.
+    /// Light emitted by the surfaces hit in `lanes`, weighted by MIS and throughput; `None` if the packet
+    /// hit no material that can emit.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
@@ -166,6 +167,7 @@ impl Prepared {
         let mut emission = surface.emission;
         if let Some(lights) = &self.emissive_surfaces {
             let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
+            // Densities by area are converted by the geometric normal; it is 0 where it equals `normal`.
             let mut normal = hit.normal;
             if let Some(geometric) = hit.geometric {
                 let is_other = geometric.length_squared().simd_gt(0.0);
@@ -177,7 +179,7 @@ impl Prepared {
             let area_per_angle =
                 lights.area_per_angle(simd, origin, untagged(tag), distance, cosine);
             let density = surface.point_density * lights.probability() * area_per_angle;
-            // Of mirrors and of camera rays all emission counts, as no light sampling competes with them.
+            // Light sampling cannot draw directions of mirrors and camera rays: weight 1.
             let is_found = pdf.simd_gt(0.0) & pdf.simd_lt(f32::INFINITY) & density.simd_gt(0.0);
             let ratio = density / is_found.select(pdf, one);
             let weight = power_heuristic(is_found.select(ratio, zero));
@@ -189,7 +191,8 @@ impl Prepared {
         Some(Vec3x::select(lanes, beta.scale(emission), black))
     }
 
-    /// The same of surfaces where paths end. Out of line: scenes where nothing emits are not to pay for it.
+    /// [`Self::surface_emission`] where paths end. Not inlined, so that scenes without emission do not pay
+    /// for the code.
     #[inline(never)]
     pub(super) fn last_emission<S: Simd>(
         &self,
@@ -218,7 +221,8 @@ impl Prepared {
         )
     }
 
-    /// The surfaces that a packet's rays have met, their mirrors mollified in the lanes returned.
+    /// Surface properties at a packet's hits, specular lobes widened in the regularised lanes, which are
+    /// returned too.
     #[inline(always)]
     #[expect(
         clippy::too_many_arguments,
@@ -252,10 +256,10 @@ impl Prepared {
     }
 }
 
-/// A density times the area lights' sum, 0 and ∞ as they are and nothing else 0 where there is no light.
+/// Product of density and sum, at least MIN_POSITIVE for positive densities; 0, ±∞ and NaN are kept.
 #[inline(always)]
 fn weighed<S: Simd>(pdf: Float<S>, light_weight_sum: Float<S>) -> Float<S> {
     let product = pdf * light_weight_sum.max(f32::MIN_POSITIVE);
-    // 0 would mean a coat's mirror at the next hit. −∞ and NaN pass unchanged by the comparison.
+    // A product of 0 would mark a coat's mirror at the next hit. 0, −∞ and NaN fail the comparison.
     pdf.simd_gt(0.0).select(product.max(f32::MIN_POSITIVE), pdf)
 }

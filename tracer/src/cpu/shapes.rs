@@ -1,6 +1,6 @@
-//! Tests of rays against primitives, lane by lane: each its own, or all the same one.
+//! Ray-primitive intersection, with a different primitive per lane or the same one in all lanes.
 //!
-//! Each begins with its cheapest sufficient condition; the exact test runs only when some lane passes.
+//! Each test begins with a cheap rejection; the exact test runs only if some lane passes.
 
 use std::marker::PhantomData;
 
@@ -10,18 +10,18 @@ use super::lanes::{Float, Mask, Vec3x, Word};
 use super::rays::{HitMask, INSIDE, Rays};
 use crate::compiled::{AreaLightData, BoxData, DiscData, RectangleData, SphereData};
 
-/// A shape whose primitives are `N` numbers.
+/// A shape whose primitives are described by `N` numbers.
 pub(super) trait Shape<const N: usize> {
-    /// From so many on, rays find them faster by a BVH: `carom-bench bvh --backend cpu`.
+    /// Least number of primitives at which a BVH is faster, measured by `carom-bench bvh --backend cpu`.
     const BVH_MIN: usize;
 
-    /// What all tests of the same rays share.
+    /// Values shared by all intersection tests of the same rays.
     type Frame<S: Simd>: Copy;
 
-    /// That of `rays`.
+    /// Computes the frame of `rays`.
     fn frame<S: Simd>(simd: S, rays: &Rays<S>) -> Self::Frame<S>;
 
-    /// Where rays meet `primitives` before `limit`, and how far away; none if no lane may.
+    /// Hits of rays on `primitives` before `limit`, and their distances; `None` if there are none.
     fn intersect<S: Simd>(
         rays: &Rays<S>,
         frame: &Self::Frame<S>,
@@ -30,16 +30,16 @@ pub(super) trait Shape<const N: usize> {
     ) -> HitMask<S>;
 }
 
-/// A primitive per lane. One whose numbers are NaN is not met.
+/// One primitive per lane. Primitives whose numbers are NaN are never hit.
 pub(super) struct Primitives<S: Simd, const N: usize> {
     pub(super) numbers: [Float<S>; N],
     pub(super) id: Word<S>,
-    /// Some are dielectrics: rays that are inside of one meet its far side.
+    /// Whether some are dielectrics, of which rays inside hit the far side.
     pub(super) has_dielectric: bool,
 }
 
 impl<S: Simd, const N: usize> Primitives<S, N> {
-    /// Three of the numbers.
+    /// Three consecutive numbers as a vector.
     #[inline(always)]
     pub(super) fn vector(&self, first: usize) -> Vec3x<S> {
         Vec3x::new(
@@ -50,7 +50,7 @@ impl<S: Simd, const N: usize> Primitives<S, N> {
     }
 }
 
-/// A primitive, whose shape is `F`.
+/// One primitive of shape `F`.
 pub(super) struct PackedPrimitive<F, const N: usize> {
     pub(super) numbers: [f32; N],
     pub(super) id: u32,
@@ -68,7 +68,7 @@ impl<F, const N: usize> PackedPrimitive<F, N> {
         }
     }
 
-    /// The same in all lanes.
+    /// Broadcasts the primitive to all lanes.
     #[inline(always)]
     pub(super) fn splat<S: Simd>(&self, simd: S) -> Primitives<S, N> {
         let mut numbers = [Float::splat(simd, 0.0); N];
@@ -83,18 +83,18 @@ impl<F, const N: usize> PackedPrimitive<F, N> {
     }
 }
 
-/// No ray passes outside this radius and hits, whatever the rounding of the quick test.
+/// Radius outside which no line can hit, whatever the rounding errors of the quick test.
 fn reject_radius(radius: f32, reach: f32) -> f32 {
-    // The first term covers the rounding of squares near the radius, the second that of coordinates as
-    // large as `reach`. Too large a radius only costs the exact test; too small a one would lose hits.
+    // The first term covers rounding of squares near the radius, the second that of coordinates up to
+    // `reach`. Too large a radius only costs exact tests; too small a one would lose hits.
     radius * 1.000_01 + reach * (8.0 * f32::EPSILON)
 }
 
-/// A sphere: centre, radius, and the radius of the quick test with its square.
+/// Sphere: centre, radius, and the radius of the quick test with its square.
 pub(super) struct Sphere;
 
 impl Sphere {
-    /// None if it is hidden. `reach` is an upper bound of the distance from any ray's origin.
+    /// `None` if it is hidden. `reach` bounds the distance from any ray's origin, metres.
     pub(super) fn numbers(sphere: &SphereData, reach: f32) -> Option<[f32; 6]> {
         let [x, y, z] = sphere.center;
         let radius = sphere.radius;
@@ -104,7 +104,7 @@ impl Sphere {
 }
 
 impl Shape<6> for Sphere {
-    /// With AVX-512 faster by 1.4 for 512 and 2.2 for 1024; slower by 2 % for 256.
+    /// With AVX-512 the BVH is faster by 1.4 for 512 and 2.2 for 1024; slower by 2 % for 256.
     const BVH_MIN: usize = 320;
 
     type Frame<S: Simd> = ();
@@ -127,8 +127,8 @@ impl Shape<6> for Sphere {
             .direction
             .mul_add(closest, from_center)
             .length_squared();
-        // The second condition drops spheres behind the origin. It holds by more than the radius, since
-        // an origin inside has its closest point up to a radius back.
+        // The second condition rejects spheres behind the origin. The bound is −reject, as an origin inside
+        // may have its closest point up to a radius behind it.
         let candidate = miss_squared.simd_le(reject_squared) & closest.simd_gt(-reject);
         if !candidate.any_true() {
             return None;
@@ -137,31 +137,32 @@ impl Shape<6> for Sphere {
         let mut t = chord.first();
         let mut hit = chord.real & t.simd_gt(0.0);
         if primitives.has_dielectric {
-            // A ray inside has to come out. It hits even where rounding leaves no real chord, as of a ray
-            // that grazes: `half` is 0 there, and the path leaves where it is instead of being lost in
-            // the body.
+            // A ray inside has to leave. It hits even where rounding leaves no real chord, as for a grazing
+            // ray: `half` is 0 there, and the path leaves at that point instead of being lost in the body.
             let within = rays.start.simd_eq(primitives.id | INSIDE);
             // Rounding may put the far side behind an origin that lies on it.
             t = within.select(chord.far.max(0.0), t);
             hit |= within;
         }
-        // Strictly before the limit: of primitives at the same distance the first keeps the ray.
+        // Strictly before the limit: of primitives at equal distance the first is kept.
         let hit = hit & t.simd_lt(limit) & rays.start.simd_ne(primitives.id);
         Some((hit, t))
     }
 }
 
-/// The part of a line inside a sphere, right in f32 however far the origin is: the difference of
-/// origin and centre keeps its rounding error (Knuth's TwoDiff), and the foot of the perpendicular
-/// is projected twice. Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray
-/// Tracing Gems ch. 7, 2019, goes halfway.
+/// Chord of a line inside a sphere, accurate in f32 for distant origins: the difference of origin and
+/// centre keeps its rounding error (Knuth's TwoDiff), and the perpendicular is orthogonalised twice.
+/// Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems ch. 7, 2019, use
+/// part of this.
 pub(super) struct Chord<S: Simd> {
-    /// From the centre to the line, at right angles to it.
+    /// From the centre to the line, orthogonal to it.
     perpendicular: Vec3x<S>,
+    /// Half the length of the chord.
     half: Float<S>,
+    /// Distances along the ray to the entry and to the exit.
     near: Float<S>,
     pub(super) far: Float<S>,
-    /// Where line and sphere meet.
+    /// Lanes where the line meets the sphere.
     pub(super) real: Mask<S>,
 }
 
@@ -176,21 +177,21 @@ impl<S: Simd> Chord<S> {
         let (x, x_error) = two_diff(origin.x, center.x);
         let (y, y_error) = two_diff(origin.y, center.y);
         let (z, z_error) = two_diff(origin.z, center.z);
-        // What the differences lost to rounding: 0.6 m for an eye 10,000 km away, twenty radii of a
-        // pool ball.
+        // Rounding errors of the differences: 0.6 m for an eye 10,000 km away, twenty radii of a pool ball.
         let error = Vec3x::new(x_error, y_error, z_error);
         let closest = -Vec3x::new(x, y, z).dot(direction);
-        // The products cancel against x, y and z: without fused rounding nothing would be left.
+        // The products cancel against x, y and z: without a fused multiply-add no correct digits would be
+        // left.
         let rough = Vec3x::new(
             direction.x.mul_add_precise(closest, x),
             direction.y.mul_add_precise(closest, y),
             direction.z.mul_add_precise(closest, z),
         ) + error;
-        // Projected again: what `closest` lost to rounding still lies along the ray.
+        // Second projection: the rounding error of `closest` still lies along the ray.
         let correction = -rough.dot(direction);
         let perpendicular = direction.mul_add(correction, rough);
-        // r² − |p|² with p across the line: b² − 4ac of the usual quadratic cancels by as many digits as
-        // the origin is radii away.
+        // r² − |p|² with p orthogonal to the line: b² − 4ac of the usual quadratic cancels in proportion to
+        // the square of the distance in radii.
         let discriminant = radius * radius - perpendicular.length_squared();
         let half = discriminant.max(0.0).sqrt();
         Self {
@@ -202,14 +203,14 @@ impl<S: Simd> Chord<S> {
         }
     }
 
-    /// Distance along the ray to the first meeting point that is ahead.
+    /// Distance along the ray to the first intersection ahead.
     #[inline(always)]
     pub(super) fn first(&self) -> Float<S> {
         self.near.simd_gt(0.0).select(self.near, self.far)
     }
 
-    /// That point as seen from the centre, which keeps the digits that `origin + t · direction`
-    /// has lost; for rays `within` the sphere, the far one.
+    /// That intersection relative to the centre, without the rounding error of `origin + t · direction`;
+    /// for rays `within` the sphere, the far one.
     #[inline(always)]
     pub(super) fn first_from_center(&self, direction: Vec3x<S>, within: Mask<S>) -> Vec3x<S> {
         let is_near = self.near.simd_gt(0.0) & !within;
@@ -218,23 +219,23 @@ impl<S: Simd> Chord<S> {
     }
 }
 
-/// `a − b` and what rounding took from it.
+/// `a − b` and its rounding error.
 #[inline(always)]
 fn two_diff<S: Simd>(a: Float<S>, b: Float<S>) -> (Float<S>, Float<S>) {
     let difference = a - b;
-    // Knuth's TwoSum of a and −b. No fused or reordered operation may stand here, or the error comes out
-    // as 0.
+    // Knuth's TwoSum of a and −b. Operations must not be fused or reordered here, or the error comes out as
+    // 0.
     let b_part = difference - a;
     (difference, (a - (difference - b_part)) - (b + b_part))
 }
 
-/// An axis-aligned box as three slabs: centre and half extents.
+/// Axis-aligned box as three slabs: centre and half extents.
 pub(super) struct AlignedBox;
 
 impl AlignedBox {
     pub(super) fn numbers(data: &BoxData) -> [f32; 6] {
         let center: [f32; 3] = std::array::from_fn(|i| 0.5 * (data.min[i] + data.max[i]));
-        // Rounded up, so that rays within a face and through an edge hit.
+        // Rounded up, so that rays within a face or through an edge hit.
         let half: [f32; 3] = std::array::from_fn(|i| {
             let half = (data.max[i] - center[i]).max(center[i] - data.min[i]);
             half.next_up().next_up()
@@ -244,7 +245,7 @@ impl AlignedBox {
 }
 
 impl Shape<6> for AlignedBox {
-    /// Equal there; faster by 1.4 for 512 and 2.3 for 1024.
+    /// Equally fast there; the BVH is faster by 1.4 for 512 and 2.3 for 1024.
     const BVH_MIN: usize = 256;
 
     type Frame<S: Simd> = ();
@@ -260,16 +261,16 @@ impl Shape<6> for AlignedBox {
         limit: Float<S>,
     ) -> HitMask<S> {
         let to_center = primitives.vector(0) - rays.origin;
-        // By centre and half extent, |1/d| tells near from far; corners would need a minimum and a
-        // maximum per axis.
+        // By centre and half extent |1/d| orders near and far; corners need a minimum and a maximum more
+        // per axis.
         let middle = to_center.scale(rays.inverse);
         let half = primitives.vector(3);
         let near = (-half).scale_add(rays.inverse_abs, middle);
         let far = half.scale_add(rays.inverse_abs, middle);
         let entry = near.x.max(near.y).max(near.z);
         let exit = far.x.min(far.y).min(far.z);
-        // Rays that are parallel to a slab have |1/d| ≤ 1e30 instead of ∞, so that both distances are of
-        // one sign and huge outside of it, and of two inside; 0 · ∞ would be NaN.
+        // Rays parallel to a slab have |1/d| ≤ 1e30 instead of ∞: both distances are huge, of equal sign
+        // outside the slab and of opposite signs inside; 0 · ∞ would be NaN.
         let hit = entry.max(0.0).simd_le(exit.min(limit)) & rays.start.simd_ne(primitives.id);
         if primitives.has_dielectric {
             let within = rays.start.simd_eq(primitives.id | INSIDE);
@@ -286,7 +287,7 @@ impl Shape<6> for AlignedBox {
     }
 }
 
-/// A disc: centre, normal and the square of the radius.
+/// Disc: centre, normal and square of the radius.
 pub(super) struct Disc;
 
 impl Disc {
@@ -297,7 +298,7 @@ impl Disc {
 }
 
 impl Shape<7> for Disc {
-    /// Equal there; faster by 1.4 for 192 and 3.4 for 1024.
+    /// Equally fast there; the BVH is faster by 1.4 for 192 and 3.4 for 1024.
     const BVH_MIN: usize = 96;
 
     type Frame<S: Simd> = ();
@@ -313,15 +314,15 @@ impl Shape<7> for Disc {
         limit: Float<S>,
     ) -> HitMask<S> {
         let crossing = Crossing::new(rays, primitives.vector(0), primitives.vector(3));
-        // |p|² ≤ r² with both sides times the denominator squared.
+        // |p|² ≤ r², both sides times the square of the denominator.
         let bound = crossing.denominator * crossing.denominator * primitives.numbers[6];
         let inside = crossing.from_center.length_squared().simd_le(bound);
         crossing.finish(rays, inside, limit, primitives.id)
     }
 }
 
-/// A rectangle, of an object or an area light: centre, normal, and half edges over their squared length, so that
-/// dot products with them are in [−1, 1] inside.
+/// Rectangle, of an object or an area light: centre, normal, and half edges over their squared length, so
+/// that dot products with them are in [−1, 1] inside.
 pub(super) struct Rectangle;
 
 impl Rectangle {
@@ -339,7 +340,7 @@ impl Rectangle {
 }
 
 impl Shape<12> for Rectangle {
-    /// Faster by 1.1 there, 1.6 for 192 and 4.0 for 1024.
+    /// The BVH is faster by 1.1 there, 1.6 for 192 and 4.0 for 1024.
     const BVH_MIN: usize = 96;
 
     type Frame<S: Simd> = ();
@@ -369,12 +370,11 @@ pub(super) fn join<const VECTORS: usize, const N: usize>(vectors: [[f32; 3]; VEC
     numbers
 }
 
-/// Where rays cross a plane, as fractions: most crossings lie outside the shape and need no
-/// division.
+/// Intersection of rays with a plane as fractions: most lie outside the shape and need no division.
 struct Crossing<S: Simd> {
     numerator: Float<S>,
     denominator: Float<S>,
-    /// From the centre to the crossing, times the denominator.
+    /// From the centre to the intersection, times the denominator.
     from_center: Vec3x<S>,
 }
 
@@ -394,7 +394,7 @@ impl<S: Simd> Crossing<S> {
 
     #[inline(always)]
     fn finish(self, rays: &Rays<S>, inside: Mask<S>, limit: Float<S>, id: Word<S>) -> HitMask<S> {
-        // The sign of the distance without the division. Of a parallel ray the product is 0, which is not
+        // Sign of the distance without the division. For a parallel ray the product is 0, which is not
         // ahead.
         let ahead = (self.numerator * self.denominator).simd_gt(0.0);
         let candidate = inside & ahead & rays.start.simd_ne(id);

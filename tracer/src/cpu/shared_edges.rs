@@ -1,9 +1,10 @@
-//! Triangles of small meshes against packets of rays, by the corners and edges that they share.
+//! Packets of rays against triangles of small meshes, by their shared vertices and edges.
 //!
-//! A line goes through a triangle where it passes all three edges on the same side. Most edges are of two triangles, and
-//! most corners of six: here each is looked at once a packet, and nothing branches until it is known which lanes go
-//! through which triangles. The edge function of an edge the other way round is the same with its sign flipped, exactly,
-//! because each of its products is rounded by itself: hits are those of [`super::triangle::Triangle`] bit for bit.
+//! A line intersects a triangle if it passes all three edges on the same side. Most edges belong to two
+//! triangles, and most vertices to six: here each is evaluated once per packet, without branches until the
+//! lanes that intersect each triangle are known. The edge function of a reversed edge is exactly the
+//! negative, because each of its products is rounded separately: hits are bit-identical to those of
+//! [`super::triangle::Triangle`].
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -14,61 +15,61 @@ use super::lanes::{Float, LANES, Mask, Vec3x, Word, has_zero};
 use super::rays::{INSIDE, Nearest, Rays};
 use super::sampling::basis;
 
-/// Triangles, with each corner and each edge of theirs once.
+/// Indexed triangle mesh with unique vertices and edges.
 pub(super) struct SharedEdges {
     vertices: Vec<[f32; 3]>,
-    /// The vertices at which each edge begins and ends.
+    /// Indices of the start and end vertices of each edge.
     edges: Vec<[u8; 2]>,
     triangles: Vec<EdgeTriangle>,
     /// The id of the first triangle.
     first: u32,
 }
 
-/// A triangle by the edge opposite to each of its corners.
+/// A triangle; side i is the edge opposite to corner i.
 struct EdgeTriangle {
     corners: [u8; 3],
-    /// Indices into [`Crossed::sides`].
+    /// Indices into [`Crossed::sides`]: those of reversed edges are offset by [`EDGES_MAX`].
     sides: [u8; 3],
-    /// −1 of edges the other way round.
+    /// 1, or −1 for reversed edges.
     signs: [f32; 3],
     is_dielectric: bool,
 }
 
-/// The most triangles: a bit each.
+/// Largest number of triangles: they are bits of a u64.
 const TRIANGLES_MAX: usize = 64;
-/// The most vertices.
+/// Largest number of vertices: their indices are u8.
 const VERTICES_MAX: usize = 256;
-/// The most edges.
+/// Largest number of edges: with the reversed ones their indices are u8.
 const EDGES_MAX: usize = 128;
-/// Edges a triangle may have beside others: as many as a square of two has.
+/// Largest number of edges per triangle at which sharing pays: that of a square of two triangles.
 const EDGES_PER_TRIANGLE_MAX: f32 = 2.5;
 
-/// What the rays of a packet, taken as lines, go through. Kept by each thread: to clear it each time would take as long
-/// as the rest.
+/// Results per packet for the rays as infinite lines. Thread-local, because initialising it per packet
+/// would take as long as the rest.
 struct Crossed {
-    /// Where vertices are across the rays, and how far along.
+    /// Coordinates of vertices orthogonal to the rays, and along them.
     x: [Column; VERTICES_MAX],
     y: [Column; VERTICES_MAX],
     along: [Column; VERTICES_MAX],
-    /// Edge functions.
+    /// Edge functions: barycentric weight of the opposite corner times twice the projected area.
     weights: [Column; EDGES_MAX],
-    /// In the lower half the lanes that an edge passes on the left, in the upper on the right; then the same of edges the
-    /// other way round.
+    /// Lanes that pass an edge on its left in the lower half, on its right in the upper half; then the same
+    /// for the reversed edges.
     sides: [u32; 2 * EDGES_MAX],
-    /// By triangle, the lanes that go through it.
+    /// Per triangle, the lanes whose line intersects it.
     lanes: [u32; TRIANGLES_MAX],
 }
 
-/// A number per lane.
+/// One number per lane.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct Column([f32; LANES]);
 
-/// Which triangles are gone through.
+/// Set of the triangles that some line intersects.
 struct CrossedTriangles {
-    /// A bit for each.
+    /// Bit mask of the triangles.
     bits: u64,
-    /// Some line goes through that of an edge.
+    /// Whether some line passes exactly through the line of an edge.
     has_zero: bool,
 }
 
@@ -103,8 +104,8 @@ impl Column {
 }
 
 impl SharedEdges {
-    /// Of triangles with ids from `first` on, by their corners and whether they are dielectrics; none if they are too
-    /// many or share too little.
+    /// Builds the mesh from corners and whether triangles are dielectrics, with ids from `first` on; `None`
+    /// if there are too many triangles or they share too few edges.
     pub(super) fn new(
         triangles: impl ExactSizeIterator<Item = ([[f32; 3]; 3], bool)>,
         first: u32,
@@ -117,9 +118,9 @@ impl SharedEdges {
         let (mut vertices, mut edges) = (Vec::new(), Vec::<[u8; 2]>::new());
         let triangles = triangles.map(|(corners, is_dielectric)| {
             let corners = corners.map(|corner| {
-                // At most 192.
+                // At most 3 · 64 = 192 vertices, so that indices fit in u8.
                 *vertex_index
-                    // Shared are corners of the same bits. Nearby ones would change what is hit.
+                    // Only bit-identical corners are merged; merging nearby ones would move the surface.
                     .entry(corner.map(f32::to_bits))
                     .or_insert_with(|| {
                         vertices.push(corner);
@@ -128,14 +129,14 @@ impl SharedEdges {
             });
             let [a, b, c] = corners;
             let sides = [(b, c), (c, a), (a, b)].map(|(from, to)| {
-                // One direction for both neighbours of an edge: they see the same function, and no ray
-                // slips between them.
+                // The same direction for both neighbours of an edge: they evaluate the same function, and
+                // no ray passes between them.
                 let ends = [from.min(to), from.max(to)];
                 let edge = *edge_index.entry(ends).or_insert_with(|| {
                     edges.push(ends);
                     edges.len() - 1
                 });
-                // Wrong only of meshes with too many edges, which are refused below.
+                // Wraps only for meshes with too many edges, which are rejected below.
                 (edge % EDGES_MAX + if from > to { EDGES_MAX } else { 0 }) as u8
             });
             EdgeTriangle {
@@ -161,7 +162,7 @@ impl SharedEdges {
         })
     }
 
-    /// Takes what rays meet before what they have met.
+    /// Updates `nearest` by hits that are nearer.
     #[inline(never)]
     pub(super) fn nearest<S: Simd>(&self, simd: S, rays: &Rays<S>, nearest: &mut Nearest<S>) {
         CROSSED.with_borrow_mut(|crossed| {
@@ -190,7 +191,7 @@ impl SharedEdges {
         *nearest = Nearest { distance, id };
     }
 
-    /// Adds where a triangle lies before `distance` to `dark`.
+    /// Sets the lanes in `dark` whose ray hits a triangle before `distance`.
     #[inline(never)]
     pub(super) fn occlude<S: Simd>(
         &self,
@@ -226,7 +227,7 @@ impl SharedEdges {
         *dark = hits;
     }
 
-    /// What the rays of `lanes` go through, ahead or behind.
+    /// Intersects the lines of the rays in `lanes` with all triangles, ahead of the origin or behind it.
     #[inline(always)]
     fn cross<S: Simd>(
         &self,
@@ -235,8 +236,9 @@ impl SharedEdges {
         lanes: u16,
         crossed: &mut Crossed,
     ) -> CrossedTriangles {
-        // Copies, which stay in registers whatever is stored.
+        // Local copies stay in registers, as stores to `crossed` cannot alias them.
         let (origin, direction) = (rays.origin, rays.direction);
+        // Orthonormal basis with the ray as third axis: the test becomes that of a point in a 2D triangle.
         let (u, v) = basis(simd, direction);
         let columns = (crossed.x.iter_mut())
             .zip(&mut crossed.y)
@@ -256,19 +258,19 @@ impl SharedEdges {
             let [from_y, to_y] = [crossed.y[from].load(simd), crossed.y[to].load(simd)];
             let function = from_x * to_y - from_y * to_x;
             weight.store(function);
-            // A line through an edge passes it on both sides. So it meets at least one of the triangles
-            // that share the edge: meshes are watertight.
+            // A line exactly through an edge counts on both sides. So it hits at least one of the triangles
+            // that share the edge, and meshes are watertight.
             let left = function.simd_ge(0.0).to_bitmask() as u32;
             let right = function.simd_le(0.0).to_bitmask() as u32;
             zeros |= left & right;
             *forward = left | right << LANES;
-            // Swapping the halves is what the flipped sign does to the two comparisons.
+            // Reversing an edge negates its function, which swaps the two comparisons.
             *backward = forward.rotate_left(LANES as u32);
         }
         let mut bits = 0;
         for (index, triangle) in self.triangles.iter().take(TRIANGLES_MAX).enumerate() {
             let [a, b, c] = triangle.sides.map(usize::from);
-            // All three on the left in the lower half, all three on the right in the upper one.
+            // All three edges on the left in the lower half, all three on the right in the upper half.
             let same = crossed.sides[a] & crossed.sides[b] & crossed.sides[c];
             let through = (same | same >> LANES) & u32::from(lanes);
             crossed.lanes[index] = through;
@@ -280,7 +282,7 @@ impl SharedEdges {
         }
     }
 
-    /// Where the lanes that go through a triangle meet it before `limit`.
+    /// Lanes that hit a triangle before `limit`, and their distances.
     #[inline(always)]
     fn meet<S: Simd>(
         &self,
@@ -293,7 +295,7 @@ impl SharedEdges {
     ) -> (Mask<S>, Float<S>) {
         let triangle = &self.triangles[index];
         let id = self.first + index as u32;
-        // Which side the hits lie on is not known yet: lines go through what is behind their origins too.
+        // Lines may intersect the triangle behind the ray's origin, which `t` decides below.
         let mut candidate = Mask::from_bitmask(simd, u64::from(crossed.lanes[index]));
         candidate &= rays.start.simd_ne(id);
         let weights = [
@@ -304,9 +306,13 @@ impl SharedEdges {
         let [a, b, c] = weights;
         let sum = a + b + c;
         if triangle.is_dielectric {
+            // A ray that starts on this triangle inside the body hits it only on its way out, after
+            // scattering.
             let within = rays.start.simd_eq(id | INSIDE);
             candidate &= !within | sum.simd_gt(0.0);
         }
+        // With a weight of 0 the edge test also accepts points on the extension of an edge: the triangle's
+        // bounds across the ray have to contain the line.
         if triangles.has_zero {
             let on_line = a.simd_eq(0.0) | b.simd_eq(0.0) | c.simd_eq(0.0);
             let is_in_bounds = has_zero(triangle.at_corners(simd, &crossed.x))
@@ -315,7 +321,7 @@ impl SharedEdges {
         }
         let [along_a, along_b, along_c] = triangle.at_corners(simd, &crossed.along);
         let t = a.mul_add(along_a, b.mul_add(along_b, c * along_c)) / sum;
-        // Without an area t is infinite or no number, and not before the limit.
+        // For a degenerate triangle t is infinite or NaN, and fails the comparisons.
         (candidate & t.simd_gt(0.0) & t.simd_lt(limit), t)
     }
 }
@@ -339,7 +345,7 @@ impl EdgeTriangle {
 }
 
 impl CrossedTriangles {
-    /// The index of the next triangle.
+    /// Removes the first triangle from the set and returns its index.
     #[inline(always)]
     fn next(&mut self) -> Option<usize> {
         let index = self.bits.trailing_zeros() as usize;
@@ -355,7 +361,7 @@ impl CrossedTriangles {
 mod tests {
     use super::*;
 
-    /// Triangles of a fan round a corner.
+    /// Triangles of a fan around a corner.
     fn fan(count: usize) -> impl ExactSizeIterator<Item = ([[f32; 3]; 3], bool)> {
         (0..count).map(|i| {
             (

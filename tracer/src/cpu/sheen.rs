@@ -1,4 +1,4 @@
-//! The sheen of napped cloth, a lane each: the arithmetic of [`crate::sheen`].
+//! Sheen of napped cloth, one surface point per lane: the arithmetic of [`crate::sheen`].
 
 use fearless_simd::prelude::*;
 
@@ -7,10 +7,10 @@ use super::math::{exp, ln};
 use super::rows::Rows;
 use crate::sheen::{SHEEN_REFLECTANCES, SHEEN_ROOT_MIN};
 
-/// Strength over 2π and width, of one primitive that scatters.
+/// Strength over 2π (three channels) and width of a primitive that scatters.
 pub(super) type SheenRow = [f32; 4];
 
-/// The cloth of a packet's hits; other lanes have strength 0.
+/// Sheen of the cloth hit by a packet; other lanes have strength 0.
 #[derive(Clone, Copy)]
 pub(super) struct Sheen<S: Simd> {
     strength: Vec3x<S>,
@@ -18,7 +18,7 @@ pub(super) struct Sheen<S: Simd> {
 }
 
 impl<S: Simd> Sheen<S> {
-    /// None if no lane met cloth.
+    /// `None` if no lane hit cloth.
     #[inline(always)]
     pub(super) fn new(simd: S, table: &[SheenRow], id: Word<S>) -> Option<Self> {
         let rows = Rows::new(table, id);
@@ -33,14 +33,14 @@ impl<S: Simd> Sheen<S> {
         Some(Self { strength, exponent })
     }
 
-    /// Of a strength over 2π and a width above 0.
+    /// Sheen of a strength over 2π and a width above 0.
     #[inline(always)]
     pub(super) fn of(strength: Vec3x<S>, width: Float<S>) -> Self {
         let exponent = 1.0 / width;
         Self { strength, exponent }
     }
 
-    /// `f`, where both directions are above the surface.
+    /// BSDF `f`, sr⁻¹; 0 unless both directions are above the surface.
     #[inline(always)]
     pub(super) fn evaluate(
         &self,
@@ -56,7 +56,7 @@ impl<S: Simd> Sheen<S> {
         let sine2 = (one - along * along / h.length_squared())
             .max(1e-12)
             .min(one);
-        // sinᵉ by the logarithm of sin²: half the exponent in place of a root.
+        // (sin θh)ᵉ = exp(½ e ln sin² θh), which saves the square root.
         let power = exp(simd, ln(simd, sine2) * self.exponent * 0.5);
         let shadowing = 4.0 * (cos_o + cos_i - cos_o * cos_i);
         let f = (self.exponent + 2.0) * power / shadowing;
@@ -73,6 +73,7 @@ pub(super) fn sheen_reflectances<S: Simd>(
     strength: Float<S>,
 ) -> [Float<S>; 6] {
     let last = (SHEEN_REFLECTANCES.len() - 1) as f32;
+    // Linear interpolation between rows that are equidistant in √width.
     let place = (width.sqrt() - SHEEN_ROOT_MIN) * (last / (1.0 - SHEEN_ROOT_MIN));
     let place = place.max(0.0).min(last);
     let mut nodes = [Float::splat(simd, 0.0); 6];

@@ -1,73 +1,77 @@
-//! Streams of paths: structure of arrays, filled once and compacted in place.
+//! Streams of paths: structure of arrays, compacted in place.
 
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
 use super::lanes::{Float, LANES, Mask, Vec3x, Word};
 use crate::aov::AOV_CHANNELS;
 
-/// Paths in flight of one thread. Memory is taken once and kept.
+/// Paths in flight of one thread. Buffers are allocated once.
 pub(super) struct Stream {
-    /// Paths alive, at the front of every column.
+    /// Number of live paths, at the front of every column.
     pub(super) len: usize,
     pub(super) origin: Triple,
     pub(super) direction: Triple,
     /// Throughput.
     pub(super) beta: Triple,
-    /// Light gathered so far.
+    /// Radiance gathered so far.
     pub(super) radiance: Triple,
-    /// Density of the last direction per solid angle times the area lights' `light_weight_sum` where it began; ∞
-    /// if all light along it counts, −∞ if so and it began where the path was scattered inside a body.
+    /// Density of the last direction per solid angle times the area lights' `light_weight_sum` at its
+    /// origin; ∞ if all light along it counts with weight 1, −∞ likewise if the path was scattered inside a
+    /// body at its origin.
     pub(super) pdf: Box<[f32]>,
-    /// The density itself, where there is an environment map or triangles emit.
+    /// The density alone; used if there is an environment map or an emissive surface.
     pub(super) sampled_pdf: Box<[f32]>,
     pub(super) has_sampled_pdf: bool,
-    /// Distance along the ray to what it hit; of a camera's ray until then, the length of its
-    /// direction before that was made 1.
+    /// Distance along the ray to its hit; for a camera ray until the hit is found, the length of its
+    /// unnormalised direction.
     pub(super) distance: Box<[f32]>,
-    /// The primitive hit; after shading the one that the ray starts on.
+    /// Id of the primitive hit; after shading, of the one on which the ray starts.
     pub(super) primitive: Box<[u32]>,
-    /// Where on the film, x below y; only until the camera's rays are made.
+    /// Film position (column in the lower, row in the upper 16 bits); used until camera rays are generated.
     pub(super) film: Box<[u32]>,
     /// [`crate::sampling::pixel_key`].
     pub(super) pixel: Box<[u32]>,
     /// [`crate::sampling::sample_key`].
     pub(super) sample: Box<[u32]>,
-    /// The path's place in [`Stream::finished`].
+    /// Index of the path in [`Stream::finished`].
     pub(super) slot: Box<[u32]>,
-    /// From the diffuse lobe and from the mirror.
+    /// Shadow rays of the diffuse lobe and of the coat's mirror.
     pub(super) shadows: [Shadows; 2],
-    /// Radiance of the paths that have ended, by slot.
+    /// Radiance of terminated paths, by slot.
     pub(super) finished: Triple,
-    /// First hits by slot, of denoised pictures.
+    /// AOVs of first hits by slot, for denoised images.
     pub(super) aovs: [Box<[f32]>; AOV_CHANNELS],
 }
 
-/// A shadow ray per path, from the path's origin; only between shading and connecting.
+/// One shadow ray per path, valid between shading and connecting.
 pub(super) struct Shadows {
-    /// Where it begins in scenes with refracted NEE, of the first.
+    /// Origins, for the first lobe in scenes with refracted NEE; elsewhere the path's origin is used.
     pub(super) origin: Triple,
     pub(super) direction: Triple,
-    /// To the area light; 0 where there is nothing to test.
+    /// Distance to the light, metres; 0 where there is no ray.
     pub(super) distance: Box<[f32]>,
+    /// Id of the target area light, or of no primitive.
     pub(super) light: Box<[u32]>,
-    /// What arrives if nothing is in between.
+    /// Radiance times throughput that arrives if the ray is not occluded.
     pub(super) radiance: Triple,
 }
 
-/// In [`Stream::aovs`], before the emission.
+/// Channel of [`Stream::aovs`], directly before the emission.
 const INVERSE_DEPTH: usize = 6;
 
-/// Three columns.
+/// Three columns of a vector or colour.
 pub(super) struct Triple(pub(super) [Box<[f32]>; 3]);
 
-/// A packet's place in a stream of `len` paths.
+/// Position of a packet in a stream.
 #[derive(Clone, Copy)]
 pub(super) struct StreamPacket {
+    /// Index of its first path.
     pub(super) at: usize,
+    /// Number of its paths.
     pub(super) lanes: usize,
 }
 
-/// The packets of a stream; the last may be part empty.
+/// Packets of a stream of `len` paths; the last may be incomplete.
 pub(super) fn packets(len: usize) -> impl Iterator<Item = StreamPacket> {
     (0..len).step_by(LANES).map(move |at| StreamPacket {
         at,
@@ -84,7 +88,7 @@ impl StreamPacket {
 }
 
 impl Stream {
-    /// Room for `capacity` paths and the lanes of an incomplete packet.
+    /// A stream with room for `capacity` paths, rounded up to full packets.
     pub(super) fn new(capacity: usize) -> Self {
         let rows = capacity.next_multiple_of(LANES);
         let words = || vec![0u32; rows].into_boxed_slice();
@@ -109,7 +113,7 @@ impl Stream {
         }
     }
 
-    /// Ends the paths of `packet` in `mask` with `radiance`.
+    /// Terminates the paths of `packet` in `mask` with their final `radiance`.
     #[inline(always)]
     pub(super) fn finish<S: Simd>(
         &mut self,
@@ -133,7 +137,7 @@ impl Stream {
         }
     }
 
-    /// Notes first hits' inverse depth and the light that comes straight.
+    /// Stores inverse depth and directly seen emission of first hits.
     #[inline(always)]
     pub(super) fn store_emission<S: Simd>(
         &mut self,
@@ -165,7 +169,7 @@ impl Stream {
         }
     }
 
-    /// Notes that a packet has no path alive: it has met light or nothing and aims at no area light.
+    /// Stores zero AOVs of a surface and no shadow rays for a packet without live paths.
     #[inline(always)]
     pub(super) fn store_miss<S: Simd>(&mut self, simd: S, at: usize) {
         let zero = Float::splat(simd, 0.0);
@@ -177,8 +181,8 @@ impl Stream {
         }
     }
 
-    /// Moves the paths of `packet` in `mask` down to `to`, which is not above the packet's place:
-    /// everything that a path needs from being hit to being shaded. Returns the place after them.
+    /// Moves the paths of `packet` in `mask` down to `to`, which is not above the packet's position, with
+    /// all columns needed between hit and shading. Returns the position after them.
     #[inline(always)]
     pub(super) fn keep<S: Simd>(
         &mut self,
@@ -188,7 +192,7 @@ impl Stream {
         to: usize,
     ) -> usize {
         let count = mask.to_bitmask().count_ones() as usize;
-        // No path has ended so far, which is the common case of the first packets: nothing moves.
+        // Fast path before the first terminated path: nothing moves.
         if count == LANES && to == packet.at {
             return to + LANES;
         }
@@ -204,8 +208,7 @@ impl Stream {
         for column in [&mut self.pdf, &mut self.distance] {
             pack_floats(simd, column, packet.at, mask, to);
         }
-        // The width of this loop is what compaction costs: columns that a scene has no use for are left
-        // out.
+        // Compaction costs in proportion to the columns, so that unused ones are skipped.
         if self.has_sampled_pdf {
             pack_floats(simd, &mut self.sampled_pdf, packet.at, mask, to);
         }
@@ -273,13 +276,13 @@ pub(super) fn store_words<S: Simd>(column: &mut [u32], at: usize, values: Word<S
     values.store_slice(&mut column[at..at + LANES]);
 }
 
-/// Packs a packet half by half: one shuffle each where a shuffle of all lanes takes many.
+/// Packs a packet in halves: each takes one shuffle, where packing all 16 lanes takes many.
 #[inline(always)]
 fn pack_floats<S: Simd>(simd: S, column: &mut [f32], at: usize, mask: Mask<S>, to: usize) {
     let (low_mask, high_mask): (mask32x8<S>, mask32x8<S>) = simd.split_mask32x16(mask);
     let (low, high): (f32x8<S>, f32x8<S>) = load(simd, column, at).split();
-    // Each store writes a whole register and so beyond the paths that are kept, but never beyond at + 16:
-    // there lies what this packet has loaded already, or what the next one overwrites.
+    // Each store writes a full half and may overwrite beyond the kept paths, but never beyond at + 16: that
+    // range has been loaded already, or the next packet's store overwrites it.
     let middle = to + low_mask.to_bitmask().count_ones() as usize;
     low.compress(low_mask)
         .store_slice(&mut column[to..to + LANES / 2]);

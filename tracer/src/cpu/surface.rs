@@ -1,4 +1,4 @@
-//! Surfaces at hits: point, normal and material, fetched by primitive id.
+//! Surface properties at hits: point, normal and material, looked up by primitive id.
 
 use fearless_simd::prelude::*;
 
@@ -19,39 +19,39 @@ use crate::compiled::{
     KIND_METALLIC_ROUGHNESS, MaterialData, PATTERN_NONE, ShapeKind,
 };
 
-/// One row of numbers per primitive that scatters, in the order of ids; after them one per material, for
-/// triangles, and one per ball, for the discs with their numbers.
+/// Surface table: one row per primitive that scatters, in the order of ids; then one per material, for
+/// triangles; then one per ball, for the discs with their numbers.
 pub(super) struct Surfaces {
     rows: Vec<SurfaceRow>,
-    /// How many balls have another row for the discs with their numbers; 0 if none needs it.
+    /// Number of balls with a second row for the discs with their numbers; 0 if no ball needs it.
     balls: u32,
-    /// The first of those rows.
+    /// Index of the first of those rows.
     discs_first: u32,
     triangles: TriangleSurfaces,
-    /// Empty if all are diffuse, bare or coated.
+    /// Empty if all materials are diffuse, bare or coated.
     microfacet: Vec<MicrofacetRow>,
     /// Empty without procedural textures.
     texture: Vec<TextureRow>,
-    /// Distance of the camera's near plane, from which its rays begin, in metres.
+    /// Distance of the camera's near plane, on which its rays begin, metres.
     near_m: f32,
-    /// Some coat is rough.
+    /// Whether some coat is rough.
     pub(super) has_rough_coat: bool,
-    /// Some cloth has a sheen.
+    /// Empty if no cloth has a sheen.
     sheen: Vec<SheenRow>,
     /// Empty without glTF's material.
     metallic_roughness: MetallicRoughnessTable,
-    /// Paths go on inside of bodies and need to know what fills them.
+    /// Whether there are dielectrics, so that paths continue inside bodies.
     pub(super) has_dielectric: bool,
-    /// Empty if no ball allows refracted NEE.
+    /// Empty if no ball allows refracted next-event estimation.
     pub(super) nee_boundaries: Vec<NeeBoundaryRow>,
 }
 
-/// Geometry, then material; what the first seven hold depends on [`KIND`].
+/// Geometry, then material; the meaning of the first six numbers depends on [`KIND`].
 type SurfaceRow = [f32; 20];
 
-/// Centre of a sphere, smallest corner of a box, normal of the others.
+/// Centre of a sphere, minimum corner of a box, normal of flat shapes.
 const FIRST: usize = 0;
-/// Radius of a sphere, largest corner of a box.
+/// Radius of a sphere, maximum corner of a box.
 const SECOND: usize = 3;
 const KIND: usize = 6;
 const IOR: usize = 7;
@@ -65,51 +65,53 @@ const COAT_ALPHA: usize = 19;
 const KIND_SPHERE: f32 = 0.0;
 const KIND_BOX: f32 = 1.0;
 const KIND_FLAT: f32 = 2.0;
-/// The inside of an upright cylindrical hole.
+/// Inside of a vertical cylindrical hole.
 const KIND_CYLINDER: f32 = 3.0;
-/// The inside of a box.
+/// Inside of a box.
 const KIND_INNER_BOX: f32 = 4.0;
-/// Cones along the axes.
+/// Cones along the coordinate axes.
 const KIND_CONE_X: f32 = 5.0;
 const KIND_CONE_Y: f32 = 6.0;
 const KIND_CONE_Z: f32 = 7.0;
-/// A cone with any axis.
+/// Cone with an arbitrary axis.
 const KIND_APEX_CONE: f32 = 8.0;
-/// A triangle, whose row has its material alone.
+/// Triangle, whose row has the material alone.
 const KIND_TRIANGLE: f32 = 9.0;
 
-/// Where and what a packet of rays hit.
+/// Surface properties at the hits of a packet.
 pub(super) struct Hit<S: Simd> {
     pub(super) position: Vec3x<S>,
-    /// Of unit length, on the side the ray came from.
+    /// Unit shading normal, on the side from which the ray came.
     pub(super) normal: Vec3x<S>,
-    /// Where that is interpolated, the surface's own, on the same side, and 0 elsewhere; if any lane's is.
+    /// Geometric normal on the same side where it differs from `normal`, 0 elsewhere; `None` in scenes
+    /// without shading normals.
     pub(super) geometric: Option<Vec3x<S>>,
-    /// Where rays that pass a surface begin, if elsewhere than at `position` in any lane.
+    /// Origins of rays that pass the surface, if they differ from `position` in any lane.
     beyond: Option<Vec3x<S>>,
     pub(super) albedo: Vec3x<S>,
-    /// 0 for a diffuse surface.
+    /// Index of refraction of the coat; 0 for a bare surface.
     pub(super) ior: Float<S>,
     pub(super) diffuse_scale: Float<S>,
-    /// GGX width of the coat, 0 for a smooth one; if the scene has a rough one.
+    /// GGX width of the coat, 0 for a smooth one; `None` if the scene has no rough coat.
     pub(super) coat_alpha: Option<Float<S>>,
-    /// Metals and dielectrics, if any lane met one.
+    /// Metals and dielectrics, if any lane hit one.
     pub(super) microfacet: Option<MicrofacetBsdf<S>>,
-    /// Cloth, if any lane met one.
+    /// Cloth, if any lane hit it.
     pub(super) sheen: Option<Sheen<S>>,
-    /// glTF's material, if any lane met it.
+    /// glTF's material, if any lane hit it.
     pub(super) metallic_roughness: Option<MetallicRoughness<S>>,
 }
 
 impl<S: Simd> Hit<S> {
-    /// Where a ray towards `wi` begins.
+    /// Origin of a ray towards `wi`.
     #[inline(always)]
     pub(super) fn origin(&self, wi: Vec3x<S>) -> Vec3x<S> {
         match self.beyond {
             Some(beyond) => {
                 let mut passed = self.normal.dot(wi).simd_lt(0.0);
                 if let Some(surface) = &self.metallic_roughness {
-                    // Its clear coat may send rays behind the base's normal.
+                    // Directions below the base's normal may be those of its clear coat, and are not
+                    // transmitted.
                     passed &= !surface.lanes;
                 }
                 Vec3x::select(passed, beyond, self.position)
@@ -190,7 +192,7 @@ impl Surfaces {
         }
     }
 
-    /// The rows of what is met, which on the disc with a ball's number is not the ball's.
+    /// Row of each hit: for the disc with a ball's number that of the disc, else `id`.
     #[inline(always)]
     fn with_discs<S: Simd>(
         &self,
@@ -206,8 +208,7 @@ impl Surfaces {
         }
         let row = balls.select(id, Word::splat(simd, 0)) + self.discs_first;
         let rows = Rows::new(&self.rows, row);
-        // Rows of balls are read before it is known which of their two rows counts; geometry is the same
-        // in both.
+        // The geometry in both rows of a ball is the same, so that either may be read here.
         let radius = rows.triple(simd, SECOND).x;
         let chord = Chord::new(origin, direction, rows.triple(simd, FIRST), radius);
         let n = chord.first_from_center(direction, within) * (1.0 / radius);
@@ -222,7 +223,8 @@ impl Surfaces {
         Sheen::new(simd, &self.sheen, id)
     }
 
-    /// Whether triangles or glTF's material are in the scene, which [`Surfaces::hit`] leaves out unless `GENERAL`.
+    /// Whether the scene has triangles or glTF's material, which [`Surfaces::hit`] handles only if
+    /// `GENERAL`.
     pub(super) fn is_general(&self) -> bool {
         !self.triangles.is_empty() || !self.metallic_roughness.is_empty()
     }
@@ -240,8 +242,8 @@ impl Surfaces {
         MetallicRoughness::new(simd, &self.metallic_roughness, id, triangles)
     }
 
-    /// The flight of the rays inside dielectrics, whose ids are in `start`, towards a boundary at
-    /// `distance`. None if no ray is.
+    /// Free flights of the rays inside the dielectrics of ids `start`, towards a boundary at `distance`.
+    /// Lanes outside `within` have weight 1.
     #[inline(always)]
     pub(super) fn sample_distance<S: Simd>(
         &self,
@@ -256,7 +258,7 @@ impl Surfaces {
         FreeFlight::new(simd, &self.microfacet, body, within, distance, u)
     }
 
-    /// [`Surfaces::hit`] of any scene, as a function of its own: its callers share a copy of so much code.
+    /// [`Surfaces::hit`] for any scene, as a function of its own, whose code its callers share.
     #[inline(never)]
     pub(super) fn general_hit<S: Simd>(
         &self,
@@ -273,9 +275,9 @@ impl Surfaces {
         )
     }
 
-    /// The surface of the primitive in `tag` at `distance` along the ray, or the point inside it
-    /// where the path was scattered. At a distance of 1 m a ray sees as much of it as `footprint`, in metres; 0 for
-    /// the finest level of textures.
+    /// Surface of the primitive in `tag` at `distance` along the ray, or the point inside the body where
+    /// the path was scattered. `footprint` is the width of the surface that a ray covers at a distance of 1
+    /// m, metres; 0 for the finest level of textures.
     #[inline(always)]
     #[expect(
         clippy::too_many_lines,
@@ -300,7 +302,7 @@ impl Surfaces {
             }
             scattered = Some((tag & SCATTERED).simd_ne(0));
         }
-        // By reference: moving it into an `Option` would copy it twice.
+        // By reference: moving the value into an `Option` would copy it twice.
         let met;
         let triangles = if GENERAL && self.triangles.are_met(id) {
             met = (self.triangles).hit(simd, origin, direction, id, scattered, footprint);
@@ -314,6 +316,7 @@ impl Surfaces {
             boundary = triangles.boundary;
         }
         if !self.microfacet.is_empty() {
+            // A mesh tells by its winding whether the ray was inside; other bodies by the tag.
             let mut tags = tag & (INSIDE | SCATTERED);
             if let (Some(triangles), Some(boundary)) = (triangles, &boundary) {
                 let [inside, outside] = [INSIDE, 0].map(|tag| Word::splat(simd, tag));
@@ -332,8 +335,8 @@ impl Surfaces {
         let sphere = kind.simd_eq(KIND_SPHERE);
         if sphere.any_true() {
             let chord = Chord::new(origin, direction, first, second.x);
-            // Position and normal come from the chord, not from o + t·d: of a far eye that has lost the
-            // digits which tell this side of the sphere from the other.
+            // Position and normal come from the chord, not from o + t·d: for a distant eye that sum has
+            // rounded away the digits that tell the sides of the sphere apart.
             let from_center = chord.first_from_center(direction, within);
             position = Vec3x::select(sphere, first + from_center, position);
             normal = Vec3x::select(sphere, from_center * (1.0 / second.x), normal);
@@ -342,8 +345,8 @@ impl Surfaces {
         let boxed = kind.simd_eq(KIND_BOX) | inner_box;
         if boxed.any_true() {
             within |= inner_box;
-            // The box's own hit kept no face: finding it again here costs once a path instead of once a
-            // test.
+            // The intersection test does not return the face; finding it again here costs once per path
+            // instead of once per test.
             let face = Face::new(simd, origin, direction, first, second, within);
             position = Vec3x::select(boxed, face.put(simd, position), position);
             normal = Vec3x::select(boxed, face.normal, normal);
@@ -356,7 +359,7 @@ impl Surfaces {
             geometric = (self.triangles.has_shading_normals()).then_some(triangles.geometric);
         }
         if let Some(microfacet) = &microfacet {
-            // Scattered inside a sphere, the path is not on the chord's ends.
+            // A path scattered inside a sphere is not on an end of the chord.
             let inside = direction.mul_add(distance, origin);
             position = Vec3x::select(microfacet.is_scattered(), inside, position);
         }
@@ -368,6 +371,7 @@ impl Surfaces {
         if ior.simd_gt(0.0).any_true() {
             let axis = rows.triple(simd, STRIPE_AXIS);
             let half_width = rows.number(simd, STRIPE_HALF_WIDTH);
+            // The stripe is a band of latitudes around the ball's equator.
             let striped = normal.dot(axis).abs().simd_lt(half_width);
             albedo = Vec3x::select(striped, rows.triple(simd, STRIPE_ALBEDO), albedo);
         }
@@ -375,6 +379,7 @@ impl Surfaces {
             albedo = albedo.scale(color);
         }
         if !self.texture.is_empty() {
+            // Rays start on the near plane, while `footprint` is per metre from the eye.
             let footprint = (distance + self.near_m) * footprint;
             albedo = textured(
                 simd,
@@ -385,7 +390,7 @@ impl Surfaces {
                 albedo,
             );
         }
-        // Flat shapes and the inside of bodies are met from either side.
+        // Flat shapes and the inside of bodies are hit from either side.
         let behind = normal.dot(direction).simd_gt(0.0);
         Hit {
             position,
@@ -411,7 +416,7 @@ impl Surfaces {
     }
 }
 
-/// The materials of all rows.
+/// Material of each row.
 fn materials(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
     shapes_and_materials(scene).map(|(_, material)| material)
 }
@@ -445,7 +450,7 @@ fn shapes_and_materials(scene: &CompiledScene) -> impl Iterator<Item = (ShapeKin
         .chain(number_discs(scene).map(|material| (ShapeKind::Sphere, material)))
 }
 
-/// Of each ball the material of the discs with its number, or its own; of none if no ball has such.
+/// Per ball the material of the discs with its number, or its own; empty if no ball has such discs.
 fn number_discs(scene: &CompiledScene) -> impl Iterator<Item = &MaterialData> {
     let has_discs = (scene.materials.iter()).any(|m| m.number_disc().is_some());
     let balls = if has_discs { &scene.spheres[..] } else { &[] };
@@ -503,7 +508,7 @@ fn texture_rows(scene: &CompiledScene) -> Vec<TextureRow> {
 }
 
 fn sheen_rows(scene: &CompiledScene) -> Vec<SheenRow> {
-    // That of glTF's material is in the table of its own.
+    // The sheen of glTF's material is in its own table.
     let is_napped = |m: &MaterialData| m.kind == KIND_LAYERED && m.sheen != [0.0; 3];
     if !scene.materials.iter().any(is_napped) {
         return Vec::new();
@@ -542,7 +547,7 @@ fn row(
     row
 }
 
-/// `normal`, or where a cylinder or cone was met its own.
+/// `normal`, replaced by that of the cylinder or cone in lanes that hit one.
 #[inline(always)]
 fn round_normal<S: Simd>(
     kind: Float<S>,
@@ -554,7 +559,7 @@ fn round_normal<S: Simd>(
     let (x, y) = (position.x - first.x, position.y - first.y);
     let cylinder = kind.simd_eq(KIND_CYLINDER);
     if cylinder.any_true() {
-        // By the point's own distance from the axis, not the radius, so that the length is 1 in spite of
+        // By the point's own distance from the axis instead of the radius, so that the length is 1 despite
         // rounding.
         let per_radius = -1.0 / x.mul_add(x, y * y).sqrt();
         let inwards = Vec3x::new(x * per_radius, y * per_radius, x * 0.0);
@@ -567,7 +572,7 @@ fn round_normal<S: Simd>(
     }
     let cone = kind.simd_eq(KIND_CONE_X);
     if cone.any_true() {
-        // A cyclic permutation, which keeps handedness; the one after the call is its inverse.
+        // Cyclic permutation, which preserves handedness; the permutation after the call is its inverse.
         let axis_last = Vec3x::new(position.y, position.z, position.x);
         let n = cone_normal(axis_last, first, second);
         normal = Vec3x::select(cone, Vec3x::new(n.z, n.x, n.y), normal);
@@ -581,8 +586,8 @@ fn round_normal<S: Simd>(
     let cone = kind.simd_eq(KIND_APEX_CONE);
     if cone.any_true() {
         let from_apex = position - first;
-        // `second` is the axis times the slope of the side, so that its length is the tangent and the
-        // normal is (aside − slope · axis), normalised.
+        // `second` is the axis times the slope of the side (radius per length), so that the unnormalised
+        // normal is unit(aside) − second.
         let along = from_apex.dot(second) / second.length_squared();
         let aside = second.mul_add(-along, from_apex);
         let outwards = aside * (1.0 / aside.length_squared().sqrt()) - second;
@@ -592,8 +597,8 @@ fn round_normal<S: Simd>(
     normal
 }
 
-/// The normal of a cone's exterior about the third axis, on the cone or on the plane that it begins beyond, whichever
-/// is nearer.
+/// Normal of a cone's exterior about the third axis: of the cone or of the plane that bounds the
+/// subtraction, whichever is nearer.
 #[inline(always)]
 fn cone_normal<S: Simd>(position: Vec3x<S>, first: Vec3x<S>, second: Vec3x<S>) -> Vec3x<S> {
     let (x, y) = (position.x - first.x, position.y - first.y);
@@ -603,18 +608,18 @@ fn cone_normal<S: Simd>(position: Vec3x<S>, first: Vec3x<S>, second: Vec3x<S>) -
     let on_plane = Vec3x::new(second.y, second.z, taper * 0.0);
     let off_cone = from_axis - position.z.mul_add(taper, first.z);
     let beyond_squared = second.y.mul_add(second.y, second.z * second.z);
-    // Both distances are compared squared and times |beyond|², which spares a root and a division.
+    // Both distances are squared and scaled by |beyond|², which avoids a square root and a division.
     let off_plane = x.mul_add(second.y, y * second.z) - beyond_squared;
     let plane = (off_plane * off_plane).simd_lt(off_cone * off_cone * beyond_squared);
     let outwards = Vec3x::select(plane, on_plane, on_cone);
     outwards * (1.0 / outwards.length_squared().sqrt())
 }
 
-/// The face of a box through which a ray comes in, or out where it starts inside.
+/// Face of a box through which a ray enters, or leaves if it starts inside.
 struct Face<S: Simd> {
-    /// On the side the ray came from.
+    /// Outward from the box for entries, on the side from which the ray came.
     normal: Vec3x<S>,
-    /// The box's corner on that side.
+    /// Corner of the box on that face.
     corner: Vec3x<S>,
 }
 
@@ -629,7 +634,8 @@ impl<S: Simd> Face<S> {
         within: Mask<S>,
     ) -> Self {
         let (zero, one) = (Float::splat(simd, 0.0), Float::splat(simd, 1.0));
-        // copysign, not a comparison: a ray along a face has ±0 there, and its inverse the same sign.
+        // copysign instead of a comparison: a ray parallel to a face has a component ±0, whose sign its
+        // inverse shares.
         let forward = Vec3x::new(
             one.copysign(direction.x),
             one.copysign(direction.y),
@@ -641,9 +647,8 @@ impl<S: Simd> Face<S> {
         let entry = (front - origin).scale(inverse);
         let exit = (back - origin).scale(inverse);
         let entered = entry.x.max(entry.y).max(entry.z).simd_gt(0.0) & !within;
-        // The last slab entered, or the first one left, whose distances are cone round.
-        // Of exits the smallest counts; negated, it is a maximum as of entries, and one search does for
-        // both.
+        // The face of the last slab entered or of the first slab left. Exits are negated, so that one
+        // maximum search serves both.
         let rank = Vec3x::select(entered, entry, -exit);
         let by_x = rank.x.simd_ge(rank.y) & rank.x.simd_ge(rank.z);
         let by_y = rank.y.simd_ge(rank.z) & !by_x;
@@ -658,13 +663,13 @@ impl<S: Simd> Face<S> {
         }
     }
 
-    /// Moves a point onto the face's plane, exactly.
+    /// Moves a point exactly onto the plane of the face.
     #[inline(always)]
     fn put(&self, simd: S, point: Vec3x<S>) -> Vec3x<S> {
         let zero = Float::splat(simd, 0.0);
         Vec3x::new(
-            // A point beside its plane by rounding would let the next ray begin inside of the box, or see
-            // another box that touches it.
+            // A point off the plane by rounding would let the next ray start inside the box, or see another
+            // box that touches it.
             self.normal.x.simd_ne(zero).select(self.corner.x, point.x),
             self.normal.y.simd_ne(zero).select(self.corner.y, point.y),
             self.normal.z.simd_ne(zero).select(self.corner.z, point.z),
@@ -672,7 +677,7 @@ impl<S: Simd> Face<S> {
     }
 }
 
-/// One corner's coordinates where the ray goes up an axis, the other's where it goes down.
+/// Coordinates of `up` on axes along which the ray ascends, of `down` on the others.
 #[inline(always)]
 fn towards<S: Simd>(forward: Vec3x<S>, up: Vec3x<S>, down: Vec3x<S>) -> Vec3x<S> {
     Vec3x::new(

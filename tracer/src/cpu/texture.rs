@@ -1,4 +1,4 @@
-//! Procedural textures, a lane each: the formulas of [`crate::texture`].
+//! Procedural textures, one surface point per lane: the formulas of [`crate::texture`].
 
 use fearless_simd::prelude::*;
 
@@ -17,7 +17,7 @@ use crate::texture::{
     WOOD_TURNS_PER_M, WORN_M2, WORN_SHARE, is_ink, is_scoreboard_ink,
 };
 
-/// One row of numbers per primitive that scatters, in the order of ids.
+/// One row per primitive that scatters, in the order of ids.
 pub(super) type TextureRow = [f32; 16];
 
 const PATTERN: usize = 0;
@@ -25,13 +25,13 @@ const NUMBER: usize = 1;
 const GRAIN_AXIS: usize = 2;
 const SIGHTS: usize = 3;
 const DARK: usize = 6;
-/// Of a ball's number, or of a cue.
+/// Axis of a ball's number, or of a cue.
 const AXIS: usize = 9;
-/// Local z of a ball; of a cue how far along its axis the tip's end lies, thrice.
+/// Local z axis of a ball; for a cue the coordinate of the tip's end along its axis, in all three numbers.
 const UP: usize = 12;
 const SCALE: usize = 15;
 
-/// With [`AXIS`] and [`UP`], which balls and the sides of truncated cones have.
+/// Row of a material. `axes` are [`AXIS`] and [`UP`], which balls and the sides of truncated cones have.
 pub(super) fn texture_row(
     material: &MaterialData,
     axes: Option<([f32; 3], [f32; 3])>,
@@ -41,7 +41,7 @@ pub(super) fn texture_row(
         (PATTERN_NUMBER, None) => PATTERN_NONE,
         (pattern, _) => pattern,
     } as f32;
-    // All of a cue that is not a cone's side is its butt.
+    // Cue surfaces other than the sides of cones count as its butt, infinitely far from the tip.
     let (axis, up) = axes.unwrap_or(([0.0; 3], [-f32::MAX; 3]));
     row[NUMBER] = material.number as f32;
     row[GRAIN_AXIS] = material.grain_axis as f32;
@@ -53,7 +53,7 @@ pub(super) fn texture_row(
     row
 }
 
-/// `albedo` with the texture over it, seen `footprint_m` wide. `normal` points out of balls.
+/// Albedo with the texture applied, for a footprint of `footprint_m` metres. `normal` points out of balls.
 #[inline(always)]
 pub(super) fn textured<S: Simd>(
     simd: S,
@@ -107,7 +107,7 @@ pub(super) fn textured<S: Simd>(
     textured
 }
 
-/// Which balls are met on the disc with their number, at `n` from their centres.
+/// Lanes whose ball is hit on the disc with its number, at the direction `n` from its centre.
 #[inline(always)]
 pub(super) fn are_on_discs<S: Simd>(
     simd: S,
@@ -121,18 +121,18 @@ pub(super) fn are_on_discs<S: Simd>(
     numbered_lanes & x.mul_add(x, y * y).simd_lt(1.0)
 }
 
-/// The places of vectors from balls' centres in the circles of their numbers, of radius 1.
+/// Coordinates of directions from balls' centres in the circles of their numbers, of radius 1.
 #[inline(always)]
 fn in_circle<S: Simd>(simd: S, rows: &Rows<'_, 16>, n: Vec3x<S>) -> (Float<S>, Float<S>) {
     let (axis, up) = (rows.triple(simd, AXIS), rows.triple(simd, UP));
     let one = Float::splat(simd, 1.0);
-    // Each ball has its number twice, on opposite sides; both read the right way round.
+    // A ball has its number on two opposite sides; the sign makes both readable.
     let side = one.copysign(n.dot(axis));
     let x = n.dot(up.cross(axis)) * side * (1.0 / CIRCLE_SINE);
     (x, n.dot(up) * (1.0 / CIRCLE_SINE))
 }
 
-/// The few lanes within a circle look up their numbers one by one.
+/// Draws ball numbers. The few lanes within a circle are looked up one by one.
 #[inline(always)]
 fn numbered<S: Simd>(
     simd: S,
@@ -161,12 +161,11 @@ fn numbered<S: Simd>(
     Vec3x::select(circle, texture, albedo)
 }
 
-/// The sine of an angle in turns, by a polynomial over the first quarter.
+/// Sine of an angle in turns, by a polynomial over the first quarter turn.
 #[inline(always)]
 fn wave<S: Simd>(turns: Float<S>) -> Float<S> {
     let x = turns - (turns + 0.5).floor();
-    // sin(π − x) = sin x folds the half turn onto its first quarter, the only place where the polynomial
-    // is good.
+    // sin(π − x) = sin x folds the half turn onto its first quarter, where the polynomial is accurate.
     let t = x.abs().min(0.5 - x.abs());
     let t2 = t * t;
     let [c1, c3, c5, c7] = SINE_OF_TURNS;
@@ -174,7 +173,7 @@ fn wave<S: Simd>(turns: Float<S>) -> Float<S> {
     x.simd_lt(0.0).select(-sine, sine)
 }
 
-/// See [`crate::texture`], as for all below.
+/// See [`crate::texture`] for this and the following functions.
 #[inline(always)]
 fn faded<S: Simd>(turns_per_m: f32, footprint_m: Float<S>) -> Float<S> {
     let turns = (footprint_m * turns_per_m).min(1.0);
@@ -243,7 +242,7 @@ fn wood<S: Simd>(
     let off = is_end.select(p.x.abs() - sights.y, p.y.abs() - sights.z);
     let nearest = (along / sights.x + 0.5).floor();
     let count = is_end.select(Float::splat(simd, 1.5), Float::splat(simd, 3.5));
-    // Three sights on an end rail; six on a side, where the middle pocket takes the place of the fourth.
+    // Three sights on an end rail; six on a side rail, where a pocket replaces the middle one of seven.
     let exists = nearest.abs().simd_lt(count) & (is_end | nearest.simd_ne(0.0));
     let diamond = (along - nearest * sights.x).abs() * (1.0 / SIGHT_HALF_M[0])
         + off.abs() * (1.0 / SIGHT_HALF_M[1]);
@@ -271,7 +270,7 @@ fn bricks<S: Simd>(simd: S, rows: &Rows<'_, 16>, p: Vec3x<S>, light: Vec3x<S>) -
     Vec3x::select(joint, rows.triple(simd, SIGHTS), bricks)
 }
 
-/// The few lanes on a scoreboard look up its numbers one by one.
+/// Lanes on the ink of a scoreboard. The few lanes on one are looked up one by one.
 #[inline(always)]
 fn scoreboard_ink<S: Simd>(simd: S, rows: &Rows<'_, 16>, lanes: Mask<S>, p: Vec3x<S>) -> Mask<S> {
     let place = rows.triple(simd, SIGHTS);
@@ -377,7 +376,7 @@ fn lint<S: Simd>(u: Float<S>, v: Float<S>, footprint_m: Float<S>) -> Float<S> {
     line_share(along, half_length, footprint_m) * line_share(across, half_width, footprint_m)
 }
 
-/// Wear, lines and spots over a table's cloth.
+/// Adds wear, lines and spots to a table's cloth.
 #[inline(always)]
 fn marks<S: Simd>(
     simd: S,
@@ -392,7 +391,7 @@ fn marks<S: Simd>(
     let along = p.x - spots.x;
     let from_foot = along.mul_add(along, y2) * (1.0 / WORN_M2);
     let worn = WORN_SHARE / (from_foot + 1.0);
-    // Falls as 1 / (1 + d²): no end that would be seen as a ring.
+    // Falls as 1 / (1 + d²), without an edge that would be visible as a ring.
     let colour = (chalk - colour).mul_add(worn, colour);
     let from_line = p.x + line_x;
     let from_arc = from_line.mul_add(from_line, y2).sqrt() - d_radius;

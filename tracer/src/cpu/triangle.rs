@@ -1,4 +1,4 @@
-//! Triangles, a lane each: the arithmetic of [`crate::scalar::triangle`].
+//! Triangle intersection, one triangle per lane: the arithmetic of [`crate::scalar::triangle`].
 
 use std::sync::Arc;
 
@@ -19,21 +19,21 @@ use crate::compiled::{
     TriangleData, TriangleUvs, corner_weights,
 };
 
-/// A triangle: its corners.
+/// Triangle, described by its corners.
 pub(super) struct Triangle;
 
-/// Two axes across each ray.
+/// Two axes orthogonal to each ray, which complete it to an orthonormal basis.
 #[derive(Clone, Copy)]
 pub(super) struct RayAxes<S: Simd> {
     pub(super) u: Vec3x<S>,
     pub(super) v: Vec3x<S>,
 }
 
-/// A triangle as its ray sees it.
+/// A triangle in the coordinate system of a ray.
 pub(super) struct Seen<S: Simd> {
-    /// What the corners weigh where the ray goes through, times their sum.
+    /// Unnormalised barycentric coordinates of the ray's intersection with the plane.
     pub(super) weights: [Float<S>; 3],
-    /// Where the corners are across the ray, and how far along it.
+    /// Coordinates of the corners orthogonal to the ray, and along it.
     x: [Float<S>; 3],
     y: [Float<S>; 3],
     along: [Float<S>; 3],
@@ -47,7 +47,8 @@ impl<S: Simd> Seen<S> {
         axes: &RayAxes<S>,
         corners: [Vec3x<S>; 3],
     ) -> Self {
-        // Written out, here and below: closures passed to `array::map` are not compiled for the processor's level.
+        // Written out, here and below: closures passed to `array::map` are compiled for the baseline
+        // instruction set.
         let (a, b, c) = (
             corners[0] - origin,
             corners[1] - origin,
@@ -55,7 +56,7 @@ impl<S: Simd> Seen<S> {
         );
         let across = |p: Vec3x<S>| (axes.u.dot(p), axes.v.dot(p));
         let [(ax, ay), (bx, by), (cx, cy)] = [across(a), across(b), across(c)];
-        // Each product is rounded by itself, see the scalar tracer.
+        // Each product is rounded separately, for watertight edges: see the scalar tracer.
         Self {
             weights: [bx * cy - by * cx, cx * ay - cy * ax, ax * by - ay * bx],
             x: [ax, bx, cx],
@@ -64,12 +65,13 @@ impl<S: Simd> Seen<S> {
         }
     }
 
-    /// Where the ray goes through the bounds of the corners, as far as it can be told without rounding.
+    /// Whether the ray is within the bounds of the corners; exact, as only signs are compared.
     #[inline(always)]
     fn is_in_bounds(&self) -> Mask<S> {
         has_zero(self.x) & has_zero(self.y)
     }
 
+    /// Sum of the weights: twice the signed projected area.
     #[inline(always)]
     pub(super) fn sum(&self) -> Float<S> {
         let [a, b, c] = self.weights;
@@ -84,7 +86,7 @@ impl Triangle {
 }
 
 impl Shape<9> for Triangle {
-    /// Faster by 1.08 for 64 and 1.3 for 96: `carom-bench bvh --backend cpu --shape triangles`.
+    /// The BVH is faster by 1.08 for 64 and 1.3 for 96: `carom-bench bvh --backend cpu --shape triangles`.
     const BVH_MIN: usize = 64;
 
     type Frame<S: Simd> = RayAxes<S>;
@@ -117,14 +119,14 @@ impl Shape<9> for Triangle {
         }
         if primitives.has_dielectric {
             let within = rays.start.simd_eq(primitives.id | INSIDE);
-            // Started on this triangle and inside the body: it is met only where the ray leaves through
-            // it, which is after a scattering within. On the surface the ray leads away from it, and
-            // rounding must not meet it.
+            // A ray that starts on this triangle inside the body hits it only on its way out, after
+            // scattering inside. Without scattering it leads away from the triangle, and rounding must not
+            // hit it again.
             candidate &= !within | seen.sum().simd_gt(0.0);
         }
         let on_line = a.simd_eq(0.0) | b.simd_eq(0.0) | c.simd_eq(0.0);
         if (candidate & on_line).any_true() {
-            // A triangle seen edge-on has all weights 0 and would be met by every ray in its plane.
+            // A triangle seen edge-on has weights 0 and would be hit by every ray in its plane.
             candidate &= seen.is_in_bounds() | !on_line;
         }
         let (sum, [along_a, along_b, along_c]) = (seen.sum(), seen.along);
@@ -134,19 +136,19 @@ impl Shape<9> for Triangle {
     }
 }
 
-/// The triangles of a scene, by which rays find them.
+/// All triangles of a scene, with the acceleration structures over them.
 pub(super) struct Triangles {
-    /// Empty if they are in the BVH.
+    /// Empty if the triangles are in the BVH.
     each: Vec<PackedPrimitive<Triangle, 9>>,
     bounds: BoundsGroups,
-    /// Of the same, for rays that lead everywhere.
+    /// The same triangles for incoherent rays, if they share enough edges.
     shared_edges: Option<SharedEdges>,
     bvh: Option<Arc<Bvh16<Triangle, 9>>>,
-    /// Where some are not opaque.
+    /// `None` if all triangles are opaque.
     alpha_filter: Option<AlphaFilter>,
 }
 
-/// What tells of points of triangles how much is there, and what it emits.
+/// Tables for opacity and emission at points of triangles.
 pub(super) struct TriangleTables {
     materials: Vec<MaterialData>,
     triangles: Arc<Vec<TriangleData>>,
@@ -178,22 +180,23 @@ impl TriangleTables {
     }
 }
 
-/// Lets rays pass triangles as their opacity says.
+/// Filter that lets rays pass through triangles according to their opacity.
 struct AlphaFilter {
+    /// Materials, texture coordinates and textures.
     tables: TriangleTables,
-    /// The id of the first triangle.
+    /// Id of the first triangle.
     first: u32,
 }
 
 impl AlphaFilter {
-    /// None where all triangles are opaque.
+    /// `None` if all triangles are opaque.
     fn new(scene: &CompiledScene, first: u32) -> Option<Self> {
         scene.alpha_test()?;
         let tables = TriangleTables::new(scene);
         Some(Self { tables, first })
     }
 
-    /// The lanes of `hit` whose rays meet the triangle with an id.
+    /// The lanes of `hit` whose rays the triangle `id` stops.
     #[inline(never)]
     fn met<S: Simd>(&self, simd: S, rays: &Rays<S>, hit: Mask<S>, id: u32) -> Mask<S> {
         let columns = |v: Vec3x<S>| [v.x.to_array(), v.y.to_array(), v.z.to_array()];
@@ -220,15 +223,16 @@ impl HitFilter for AlphaFilter {
         let test = self.tables.alpha_test();
         let (origin, direction) = (origin.into(), direction.into());
         let triangle = &test.triangles[index as usize];
-        // Weights are computed again from the ray, one lane at a time: of all hits few reach a texture's
-        // opacity, and lanes that are tested keep no weights.
+        // Weights are recomputed from the ray, one lane at a time: few hits reach a texture look-up, and
+        // the traversal need not keep weights.
         let weights = || corner_weights(triangle, origin, direction);
         test.is_met(origin, direction, index, weights)
     }
 }
 
 impl Triangles {
-    /// Of ids from `first` on; `reach` as of [`BoundsGroups::new`]. The BVH is kept with the scene.
+    /// Triangles with ids from `first` on; `reach` as in [`BoundsGroups::new`]. The wide BVH is cached with
+    /// the scene.
     pub(super) fn new(scene: &CompiledScene, first: u32, reach: f32) -> Self {
         let each = || {
             let triangles = scene.meshes.triangles.iter().zip(first..);
@@ -252,8 +256,7 @@ impl Triangles {
                 alpha_filter,
             };
         };
-        // Meshes do not change from frame to frame: their nodes are laid out once, and all frames share
-        // them.
+        // Meshes do not change from frame to frame: the wide BVH is built once and shared by all frames.
         let bvh = scene.meshes.layout.get_or_make(|| {
             let each: Vec<_> = each().map(Some).collect();
             Bvh16::new(bvh, &each)
@@ -271,7 +274,8 @@ impl Triangles {
         self.each.is_empty() && self.bvh.is_none()
     }
 
-    /// Takes what rays meet before what they have met. Out of line: scenes without meshes are not to pay for it.
+    /// Updates `nearest` by hits that are nearer. Not inlined, so that scenes without meshes do not pay for
+    /// it.
     #[inline(never)]
     pub(super) fn nearest<S: Simd>(
         &self,
@@ -284,7 +288,7 @@ impl Triangles {
             match (&self.alpha_filter, beam) {
                 (None, None) => bvh.nearest(simd, rays, nearest, &Solid),
                 (None, Some(beam)) => bvh.nearest_in_beam(simd, rays, beam, nearest),
-                // Opacity is asked for ray by ray, so that beams save nothing here.
+                // Opacity is tested per ray, so that a beam saves nothing here.
                 (Some(filter), _) => bvh.nearest(simd, rays, nearest, filter),
             }
             return;
@@ -312,7 +316,7 @@ impl Triangles {
         );
     }
 
-    /// Adds where a triangle lies before `distance` to `dark`.
+    /// Sets the lanes in `dark` whose ray hits a triangle before `distance`.
     #[inline(never)]
     pub(super) fn occlude<S: Simd>(
         &self,

@@ -1,4 +1,4 @@
-//! Surfaces of triangles at hits, a lane each: the arithmetic of [`crate::scalar::triangle`].
+//! Surface properties of triangles at hits, one per lane: the arithmetic of [`crate::scalar::triangle`].
 
 use std::sync::Arc;
 
@@ -12,54 +12,58 @@ use crate::CompiledScene;
 use crate::compiled::{TriangleColors, TriangleData, TriangleNormals};
 use crate::scalar::triangle::{POINT_ROUNDING, REFLECTION_SINE_MIN};
 
-/// The surfaces of a scene's triangles.
+/// Surface data of a scene's triangles.
 pub(super) struct TriangleSurfaces {
     triangles: Arc<Vec<TriangleData>>,
     normals: Arc<Vec<TriangleNormals>>,
     textures: TriangleTextures,
     colors: Arc<Vec<TriangleColors>>,
-    /// The id of the first triangle, and the number of them.
+    /// Id of the first triangle, and their number.
     ids: [u32; 2],
-    /// The row of the first material.
+    /// Row of the first material in [`super::surface::Surfaces`].
     rows_first: u32,
-    /// Some are of dielectrics.
+    /// Whether some triangles belong to dielectrics.
     has_dielectric: bool,
-    /// See [`super::surface::Surfaces`].
+    /// Distance of the camera's near plane, metres: see [`super::surface::Surfaces`].
     near_m: f32,
 }
 
-/// Where rays meet triangles.
+/// Hits of rays on triangles.
 pub(super) struct TriangleHit<S: Simd> {
+    /// Lanes that hit a triangle.
     pub(super) lanes: Mask<S>,
-    /// The row of each lane's material, in all lanes: elsewhere it is the primitive's id.
+    /// Row of the material in lanes that hit a triangle, the primitive's id in others.
     pub(super) row: Word<S>,
-    /// A little above the surface, so that rounding leaves no neighbour in between.
+    /// Slightly above the surface, by the rounding error, so that a ray from there misses neighbouring
+    /// triangles.
     pub(super) position: Vec3x<S>,
-    /// To shade with, on the side that the ray comes from.
+    /// Unit shading normal, on the side from which the ray comes.
     pub(super) normal: Vec3x<S>,
-    /// The surface's own, on that side; 0 in lanes of facets and other shapes.
+    /// Geometric normal on that side; 0 in lanes of facets and of other shapes.
     pub(super) geometric: Vec3x<S>,
-    /// That of clear coats which have another than `normal`, on that side, 0 in other lanes; if any lane's has.
+    /// Normal of clear coats with one of their own, on that side; 0 in other lanes; `None` if no lane has
+    /// one.
     pub(super) clearcoat_normal: Option<Vec3x<S>>,
-    /// Of lanes whose materials have some, if any can.
+    /// Texture values, if the scene has textures.
     pub(super) textures: Option<TextureLanes<S>>,
-    /// Of scenes with vertex colours: white in lanes without.
+    /// Interpolated vertex colours, if the scene has any; white in lanes without.
     pub(super) color: Option<Vec3x<S>>,
-    /// Of scenes with meshes of dielectrics.
+    /// For scenes with meshes of dielectrics.
     pub(super) boundary: Option<Boundary<S>>,
 }
 
-/// What light that passes a triangle needs to know.
+/// Additional properties of hits at which light may be transmitted.
 #[derive(Clone, Copy)]
 pub(super) struct Boundary<S: Simd> {
-    /// The ray was inside the body.
+    /// Whether the ray was inside the body.
     pub(super) is_left: Mask<S>,
-    /// As far on the other side of the surface as the position is on this one.
+    /// As far beyond the surface as `position` is before it: the origin of transmitted rays.
     pub(super) beyond: Vec3x<S>,
 }
 
 impl<S: Simd> TriangleHit<S> {
-    /// Gives clear coats their own normals, seen from `wo`, while [`TriangleHit::normal`] is the triangle's.
+    /// Sets the normals of clear coats, seen from `wo`, while [`TriangleHit::normal`] is still the
+    /// geometric normal.
     #[inline(always)]
     fn set_clearcoat_normal(&mut self, simd: S, layers: &LayerColumns, wo: Vec3x<S>) {
         let coated = Mask::from_bitmask(simd, layers.coated) & self.lanes;
@@ -86,7 +90,7 @@ impl TriangleSurfaces {
         }
     }
 
-    /// Whether some may be shaded with another normal than their own.
+    /// Whether any triangle may have a shading normal other than its geometric normal.
     pub(super) fn has_shading_normals(&self) -> bool {
         !self.normals.is_empty() || !self.textures.is_empty()
     }
@@ -95,16 +99,16 @@ impl TriangleSurfaces {
         self.ids[1] == 0
     }
 
-    /// Whether any of the ids, which have no tags, is a triangle's.
+    /// Whether any of the ids, which have no flags, is that of a triangle.
     #[inline(always)]
     pub(super) fn are_met<S: Simd>(&self, id: Word<S>) -> bool {
         let [first, count] = self.ids;
-        // Those before the first wrap round.
+        // Ids below the first wrap to large numbers.
         count > 0 && (id - first).simd_lt(count).any_true()
     }
 
-    /// The triangles that rays meet, whose ids have no tags. Paths that were `scattered` inside a body have the id of the
-    /// triangle by which they came in, and are on none.
+    /// Surface at the hits of rays on triangles, whose ids have no flags. Paths `scattered` inside a body
+    /// carry the id of the triangle through which they entered, and are on no triangle.
     #[inline(never)]
     pub(super) fn hit<S: Simd>(
         &self,
@@ -125,7 +129,7 @@ impl TriangleSurfaces {
                 let corners = [vector(0), vector(3), vector(6)];
                 let (u, v) = basis(simd, direction);
                 let seen = Seen::new(origin, direction, &RayAxes { u, v }, corners);
-                // Lanes of other shapes have corners of 0 here and would divide by 0.
+                // Other shapes have corners of 0 here, and would divide by 0.
                 let inverse_sum = 1.0 / lanes.select(seen.sum(), Float::splat(simd, 1.0));
                 let [a, b, c] = seen.weights;
                 let weights = [a * inverse_sum, b * inverse_sum, c * inverse_sum];
@@ -152,8 +156,8 @@ impl TriangleSurfaces {
                         beyond: point_above(corners, weights, -normal),
                     });
                     if let Some(scattered) = scattered {
-                        // Scattered inside, the path keeps the body's row but is on no triangle: position
-                        // and normal stay its own.
+                        // The path keeps the row of its body but is on no triangle: position and normal
+                        // remain its own.
                         lanes &= !scattered;
                         smooth &= !scattered;
                         hit.lanes = lanes;
@@ -166,6 +170,7 @@ impl TriangleSurfaces {
                 if !self.textures.is_empty() {
                     let n_out = out_normal(smooth, interpolated, corners);
                     let distance = (hit.position - origin).length_squared().sqrt();
+                    // Rays start on the near plane, while `footprint` is per metre from the eye.
                     let footprint = (distance + self.near_m) * footprint;
                     let looked_up = self.look_up(id, weights, footprint, n_out, normal);
                     hit.textures = Some(looked_up.lanes(simd));
@@ -187,7 +192,7 @@ impl TriangleSurfaces {
         )
     }
 
-    /// What vertex colours multiply each lane's albedo by.
+    /// Interpolated vertex colours, by which the albedo of each lane is multiplied.
     fn vertex_color<S: Simd>(&self, simd: S, id: Word<S>, weights: [Float<S>; 3]) -> Vec3x<S> {
         let weights = weights.map(Float::<S>::to_array);
         let mut columns = [[1.0; LANES]; 3];
@@ -202,7 +207,7 @@ impl TriangleSurfaces {
         Vec3x::load_arrays(simd, &columns)
     }
 
-    /// What textures give each lane.
+    /// Looks up the textures of all lanes.
     fn look_up<S: Simd>(
         &self,
         id: Word<S>,
@@ -233,7 +238,7 @@ impl TriangleSurfaces {
         columns
     }
 
-    /// The rows of bodies whose ids, or those of triangles by which rays came in, are given.
+    /// Row of each body, whose id is given, or that of the triangle through which the ray entered it.
     #[inline(always)]
     pub(super) fn rows<S: Simd>(&self, simd: S, id: Word<S>) -> Word<S> {
         if !self.has_dielectric {
@@ -267,11 +272,11 @@ impl TriangleSurfaces {
     }
 }
 
-/// Corners and vertex normals by lane.
+/// Corners and vertex normals, by lane.
 struct TriangleColumns {
     numbers: [[f32; LANES]; 18],
     rows: [u32; LANES],
-    /// A bit for each lane that has vertex normals.
+    /// Bit mask of the lanes with vertex normals.
     smooth: u64,
 }
 
@@ -294,13 +299,13 @@ fn load<S: Simd>(simd: S, numbers: &[[f32; LANES]; 18], first: usize) -> Vec3x<S
     )
 }
 
-/// The unit normal that the corners of a triangle go round.
+/// Unit normal around which the corners run counterclockwise.
 #[inline(always)]
 fn wound_normal<S: Simd>([a, b, c]: [Vec3x<S>; 3]) -> Vec3x<S> {
     unit((b - a).cross(c - a))
 }
 
-/// The unit normal to shade with, out of the surface.
+/// Unit shading normal on the outer side of the surface.
 #[inline(always)]
 fn out_normal<S: Simd>(
     smooth: Mask<S>,
@@ -311,7 +316,7 @@ fn out_normal<S: Simd>(
     Vec3x::select(is_some, unit(interpolated), wound_normal(corners))
 }
 
-/// The unit normal of a triangle, on the side that a ray comes from.
+/// Unit geometric normal on the side from which the ray comes.
 #[inline(always)]
 fn facet_normal<S: Simd>(direction: Vec3x<S>, corners: [Vec3x<S>; 3]) -> Vec3x<S> {
     let normal = wound_normal(corners);
@@ -319,7 +324,7 @@ fn facet_normal<S: Simd>(direction: Vec3x<S>, corners: [Vec3x<S>; 3]) -> Vec3x<S
     Vec3x::select(behind, -normal, normal)
 }
 
-/// The point or vector where corners have these weights.
+/// Point or vector at these barycentric coordinates.
 #[inline(always)]
 pub(super) fn interpolate<S: Simd>(
     [a, b, c]: [Vec3x<S>; 3],
@@ -328,8 +333,8 @@ pub(super) fn interpolate<S: Simd>(
     a.mul_add(wa, b.mul_add(wb, c * wc))
 }
 
-/// The point of a triangle where corners have these weights, moved above it by the most that rounding can have
-/// put it below: Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition, sections 6.8.4 to 6.8.6.
+/// Point of a triangle at these barycentric coordinates, offset along the normal by a bound of its rounding
+/// error: Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition, sections 6.8.4 to 6.8.6.
 #[inline(always)]
 fn point_above<S: Simd>(
     corners: [Vec3x<S>; 3],
@@ -340,13 +345,13 @@ fn point_above<S: Simd>(
     let [a, b, c] = weights;
     let sizes = [corners[0].abs(), corners[1].abs(), corners[2].abs()];
     let magnitude = interpolate(sizes, [a.abs(), b.abs(), c.abs()]);
-    // The error is a box round the point; along the normal it reaches as far as the box's projection on
-    // it.
+    // The error bound is a box around the point; along the normal it extends as far as its projection.
     let error = magnitude.dot(normal.abs()) * POINT_ROUNDING;
     normal.mul_add(error, point)
 }
 
-/// [`crate::scalar::triangle::visible_shading_normal`] of what is interpolated, on either side of the surface.
+/// [`crate::scalar::triangle::visible_shading_normal`] of an interpolated normal on either side of the
+/// surface.
 #[inline(always)]
 fn visible_normal<S: Simd>(simd: S, interpolated: Vec3x<S>, n: Vec3x<S>, wo: Vec3x<S>) -> Vec3x<S> {
     let is_some = interpolated.length_squared().simd_gt(0.0);
@@ -359,7 +364,8 @@ fn visible_normal<S: Simd>(simd: S, interpolated: Vec3x<S>, n: Vec3x<S>, wo: Vec
     if !hidden.any_true() {
         return shading;
     }
-    // The half vector of `wo` and the lifted mirror image is the normal that reflects one into the other.
+    // The half vector of `wo` and the lifted mirror direction is the normal that reflects one into the
+    // other.
     let turned = unit(wo + unit(n.mul_add(lift, reflected)));
     Vec3x::select(hidden, turned, shading)
 }

@@ -1,4 +1,4 @@
-//! First hits in f64.
+//! AOVs of first hits in f64.
 
 use glam::DVec3;
 
@@ -10,6 +10,7 @@ use crate::compiled::Primitive;
 use crate::sampling::{BLOCK_CAMERA, BLOCK_LENS, pair, pixel_key, sample_key};
 use crate::{Aovs, Tile};
 
+/// Sums of AOVs over samples.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     albedo: DVec3,
@@ -19,7 +20,7 @@ struct Sum {
 }
 
 impl PathTracer<'_> {
-    /// Means over the samples of each pixel of a tile.
+    /// AOVs of each pixel of a tile: means over its samples.
     pub(super) fn aovs(&self, tile: Tile) -> Vec<Aovs> {
         let rows = tile.y..tile.y + tile.height;
         let pixels = rows.flat_map(|y| (tile.x..tile.x + tile.width).map(move |x| (x, y)));
@@ -46,6 +47,7 @@ impl PathTracer<'_> {
         }
     }
 
+    /// Adds the AOVs of one camera ray.
     fn add(&self, sum: &mut Sum, ray: &Ray) {
         let hit = intersect_from(self.scene, ray, None);
         let Some(hit) = hit.filter(|hit| !matches!(hit.primitive, Primitive::AreaLight(_))) else {
@@ -60,6 +62,7 @@ impl PathTracer<'_> {
         sum.normal += vertex.n;
         let beyond_near = hit.t * ray.direction.dot(-axis);
         sum.inverse_depth += 1.0 / (f64::from(self.frame.near_m) + beyond_near);
+        // One mirror bounce is followed for the emission, so that reflections of lamps stay sharp.
         let mirror = vertex.scatter.mirror(vertex.wo, vertex.n);
         if mirror != DVec3::ZERO {
             let mirrored = Ray {
@@ -75,7 +78,7 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Light of the area light or the environment that a ray ends in.
+    /// Radiance of the area light or environment at which a ray ends; 0 at other surfaces.
     fn emission(&self, ray: &Ray, met: Option<&Hit>) -> DVec3 {
         match met.map(|hit| (hit, hit.primitive)) {
             None => environment_radiance(self.scene, ray.direction),

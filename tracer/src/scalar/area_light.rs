@@ -1,4 +1,4 @@
-//! Area lights as a point sees them, and how one of them and a direction to it are drawn.
+//! Area lights as seen from a shading point, and light sampling by solid angle.
 
 use glam::{DVec2, DVec3};
 
@@ -6,53 +6,54 @@ use super::intersect::vector;
 use crate::compiled::AreaLightData;
 use crate::sampling::BELOW_1;
 
-/// An area light's rectangle in a frame along its edges and its normal whose origin is the point that
-/// sees it. The unit of length is about the area light's distance or its size, whichever is larger, so
-/// that no product leaves the range of f32, in which the other tracers compute the same.
+/// Rectangle of an area light in a frame along its edges and its normal with the shading point as origin.
+/// Lengths are in units of its distance plus half its edges, so that no product leaves the range of f32, in
+/// which the other tracers compute the same.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalRectangle {
     axes: [DVec3; 3],
-    /// Low and high end along the first edge.
+    /// Low and high end along the first edge, in units.
     x: [f64; 2],
-    /// Low and high end along the second edge.
+    /// Low and high end along the second edge, in units.
     y: [f64; 2],
-    /// Of the point above the area light's plane, on the side that shines.
+    /// Height of the shading point above the light's plane, positive on the emitting side, in units.
     height: f64,
-    /// Of the unit of length, metres.
+    /// Unit of length, metres.
     unit: f64,
-    /// Solid angle, sr, or what it would be if all of the area light were as far away as its centre.
+    /// Solid angle, sr, 0 from behind; if `by_area`, estimated by the distance and cosine of the centre.
     omega: f64,
-    /// Area, in square units.
+    /// Area, in units squared.
     area: f64,
+    /// Whether points are sampled by area, because the solid angle is small.
     by_area: bool,
 }
 
-/// A point of an area light, as the direction to it.
+/// A sampled point of an area light, as the direction to it.
 #[derive(Clone, Copy, Debug)]
 pub struct LightDirection {
-    /// Unit direction from the point that sees the area light.
+    /// Unit direction from the shading point.
     pub wi: DVec3,
     /// Distance, metres.
     pub distance: f64,
-    /// Inverse density of `wi` per solid angle.
+    /// Reciprocal of the density of `wi` per solid angle, sr.
     pub inverse_pdf: f64,
 }
 
-/// An area light that was drawn among all.
+/// An area light drawn among all.
 #[derive(Clone, Copy, Debug)]
 pub struct SampledLight {
     /// Index into the scene's area lights.
     pub index: usize,
-    /// How it is seen.
+    /// The light as seen from the shading point.
     pub seen: SphericalRectangle,
     /// Probability with which it was drawn.
     pub probability: f64,
-    /// What is left of the random numbers: uniform again.
+    /// Remainder of the random numbers, uniform in [0, 1).
     pub u: [f64; 2],
 }
 
-/// The sum over all area lights of brightness times solid angle: a direction to an area light is drawn with
-/// density `brightness / sum`.
+/// Sum over all area lights of brightness times solid angle: the density of a direction to an area light is
+/// `brightness / sum`.
 pub fn light_weight_sum(area_lights: &[AreaLightData], point: DVec3) -> f64 {
     area_lights
         .iter()
@@ -60,10 +61,10 @@ pub fn light_weight_sum(area_lights: &[AreaLightData], point: DVec3) -> f64 {
         .sum()
 }
 
-/// Draws an area light by brightness times solid angle with `u[0]`; none if `point` sees none that shines.
-/// One pass over the area lights: each takes the place of the one chosen so far with the probability that
-/// it has among those up to it, by the upper end of `u[0]`, so that area lights keep their order: for two
-/// that lie side by side the other order costs a third more error.
+/// Draws an area light in proportion to brightness times solid angle with `u[0]`; `None` if no emitting
+/// side faces `point`. Weighted reservoir sampling in one pass: each light replaces the chosen one with
+/// probability weight / (sum up to it), for the upper end of `u[0]`, so that the lights keep their order in
+/// `u[0]`: for two adjacent lights the reverse order costs a third more error.
 pub fn sample_light(
     area_lights: &[AreaLightData],
     point: DVec3,
@@ -74,6 +75,7 @@ pub fn sample_light(
     for (index, light) in area_lights.iter().enumerate() {
         let seen = SphericalRectangle::new(light, point);
         let weight = seen.weight(light);
+        // Probability of keeping the light chosen before.
         let kept = if sum + weight > 0.0 {
             sum / (sum + weight)
         } else {
@@ -97,7 +99,7 @@ pub fn sample_light(
 }
 
 impl SphericalRectangle {
-    /// The area light seen from `point`.
+    /// The area light as seen from `point`.
     pub fn new(light: &AreaLightData, point: DVec3) -> Self {
         let lengths = DVec2::new(f64::from(light.length_u), f64::from(light.length_v));
         let axes = [light.axis_u, light.axis_v, light.normal].map(vector);
@@ -126,26 +128,28 @@ impl SphericalRectangle {
         seen
     }
 
+    /// Unnormalised probability of drawing it.
     fn weight(&self, light: &AreaLightData) -> f64 {
         f64::from(light.brightness) * self.omega
     }
 
-    /// A complex number whose argument is the solid angle of the rectangle from (0, 0) to the
+    /// Complex number whose argument is the solid angle of the rectangle from (0, 0) to the
     /// corner `(x, y)`: `atan(x y / (height · distance))`.
     fn corner(&self, x: f64, y: f64) -> DVec2 {
         let distance = (x * x + y * y + self.height * self.height).sqrt();
         DVec2::new(self.height * distance, x * y)
     }
 
-    /// The argument of a product: one arc tangent instead of four.
+    /// Solid angle: the signed sum over the corners, as the argument of a product, with one arc tangent
+    /// instead of four.
     fn solid_angle(&self) -> f64 {
         let ([x0, x1], [y0, y1]) = (self.x, self.y);
         let left = conjugate_product(self.corner(x0, y1), self.corner(x0, y0));
         let right = conjugate_product(self.corner(x1, y1), self.corner(x1, y0));
         let product = conjugate_product(right, left);
         let angle = product.y.atan2(product.x);
-        // Below 0 it is either above π or, for an area light nearly edge on, 0 and rounding. The latter is
-        // the case where the point does not lie before the rectangle.
+        // A negative argument is either a solid angle above π, or 0 with rounding error for a light nearly
+        // edge on. In the latter case the projection of the point lies outside the rectangle.
         let is_before = x0 < 0.0 && x1 > 0.0 && y0 < 0.0 && y1 > 0.0;
         if angle < 0.0 && (is_before || product.x < 0.0) {
             angle + std::f64::consts::TAU
@@ -154,7 +158,7 @@ impl SphericalRectangle {
         }
     }
 
-    /// Draws a direction, uniformly over the solid angle.
+    /// Draws a direction uniformly over the solid angle, or a point uniformly by area if that is small.
     pub fn sample(&self, [u, v]: [f64; 2]) -> LightDirection {
         let (x, y) = if self.by_area {
             let at = |[low, high]: [f64; 2], u: f64| low + u * (high - low);
@@ -175,9 +179,9 @@ impl SphericalRectangle {
         }
     }
 
-    /// Ureña, Fajardo and King, "An Area-Preserving Parametrization for Spherical Rectangles",
-    /// EGSR 2013, without inverse functions: the angle `φ` that they call `aᵤ − π` turns a complex
-    /// number, and the fractions are brought to a form that does not divide by its sine.
+    /// Ureña, Fajardo and King, "An Area-Preserving Parametrization for Spherical Rectangles", EGSR 2013,
+    /// without inverse trigonometric functions: the angle `φ`, which they call `aᵤ − π`, rotates a complex
+    /// number, and the fractions are rearranged so that none divides by its sine.
     fn sample_solid_angle(&self, u: f64, v: f64) -> (f64, f64) {
         let ([x0, x1], [y0, y1], h2) = (self.x, self.y, self.height * self.height);
         let start = conjugate_product(self.corner(x0, y1), self.corner(x0, y0));
@@ -190,6 +194,8 @@ impl SphericalRectangle {
         let x = (self.height * turned.y).copysign(turned.y * n) / root;
         let x = x.clamp(x0, x1);
 
+        // The height h = y / √(d² + y²) is uniform along the second edge, as by Archimedes' theorem on the
+        // sphere.
         let d2 = x * x + h2;
         let (h0, h1) = (y0 / (d2 + y0 * y0).sqrt(), y1 / (d2 + y1 * y1).sqrt());
         let h = h0 + v * (h1 - h0);
@@ -198,10 +204,10 @@ impl SphericalRectangle {
     }
 }
 
-/// What is under a root counts at least as this much: 0 / 0 on the rectangle's edge.
+/// Lower bound of radicands and denominators, which are 0 / 0 on the rectangle's edge.
 const ROOT_MIN: f64 = 1e-30;
 
-/// `a · b*` of complex numbers.
+/// `a · conj(b)` of complex numbers.
 fn conjugate_product(a: DVec2, b: DVec2) -> DVec2 {
     DVec2::new(a.x * b.x + a.y * b.y, a.y * b.x - a.x * b.y)
 }

@@ -1,10 +1,10 @@
-//! An orthonormal basis round a normal.
+//! Orthonormal basis around a normal.
 
 use glam::DVec3;
 
-/// Two unit vectors that make a right-handed basis `(t, b, n)` with the unit vector `n`: Duff et
-/// al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017. Both zeros count as positive:
-/// which one a component is depends on how the normal was computed.
+/// Two unit vectors that complete the unit vector `n` to a right-handed basis `(t, b, n)`: Duff et
+/// al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017. −0 counts as positive, as
+/// the sign of a zero component depends on how the normal was computed.
 pub fn basis(n: DVec3) -> (DVec3, DVec3) {
     let sign = if n.z < 0.0 { -1.0 } else { 1.0 };
     let a = -1.0 / (sign + n.z);

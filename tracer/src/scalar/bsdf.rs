@@ -1,7 +1,7 @@
-//! Diffuse surfaces, bare or under a coat: evaluate, sample, density.
+//! Diffuse surfaces, bare or under a coat: evaluation, sampling and density.
 //!
-//! `wo` and `wi` both leave the surface, to the eye and to the light; cosines are to the normal on
-//! the side of `wo`.
+//! `wo` and `wi` both point away from the surface, to the viewer and to the light; cosines are to the
+//! normal on the side of `wo`.
 
 use std::f64::consts::PI;
 
@@ -19,8 +19,8 @@ use crate::fresnel::fresnel_dielectric;
 use crate::sheen::sheen;
 use crate::texture::{bricks, cloth, cue, in_circle, numbered, print, scoreboard, wood};
 
-/// How one point of a surface scatters: a mirror of weight `F(cos wo)` over
-/// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, `F` being 0 without a coat.
+/// BSDF at one point of a surface: a specular coat of reflectance `F(cos wo)` over
+/// `f = albedo/π · (1−F(cos wo))(1−F(cos wi)) · diffuse_scale`, with `F = 0` without a coat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bsdf {
     /// Albedo of the base.
@@ -29,39 +29,40 @@ pub struct Bsdf {
     pub ior: f64,
     /// GGX width of the coat; 0 if it is smooth.
     pub coat_alpha: f64,
-    /// The mirror of a rough coat's microfacet, once one is drawn: [`Bsdf::with_facet`].
+    /// The mirror of a rough coat's sampled microfacet: [`Bsdf::with_facet`].
     pub facet: Option<CoatFacet>,
-    /// `1 / (η²(1 − F_dr,int))`; 1 without a coat.
+    /// Energy compensation of the base for internal reflection: `1 / (η²(1 − F_dr,int))`; 1 without a
+    /// coat.
     pub diffuse_scale: f64,
-    /// Strength of a cloth's sheen, over 2π; 0 for none.
+    /// Sheen colour of a cloth over 2π; 0 for none.
     pub sheen: DVec3,
-    /// Its width.
+    /// Width of the sheen distribution.
     pub sheen_roughness: f64,
 }
 
-/// What one microfacet of a rough coat reflects.
+/// Reflection by one microfacet of a rough coat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoatFacet {
-    /// Unit direction to what is seen in it.
+    /// Unit direction of the reflection.
     pub wi: DVec3,
-    /// `F(wo·h) G1(wi)`, the mean of which over the facets seen from `wo` is the coat's albedo.
+    /// `F(wo·h) G1(wi)`, whose mean over the facets visible from `wo` is the coat's albedo.
     pub reflectance: f64,
 }
 
-/// A direction that light may have come from.
+/// A direction sampled from a BSDF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfSample {
     /// Unit direction to the light.
     pub wi: DVec3,
     /// `f · |cos wi| / pdf`; 0 if the path ends.
     pub weight: DVec3,
-    /// Density of `wi` per solid angle that light found along it is weighed with beside next-event
-    /// estimation; none if that cannot find it, 0 if it has: a coat's mirror, whose area lights
-    /// [`crate::reference`] looks up.
+    /// Density of `wi` per solid angle, for MIS of light found along it; `None` if next-event estimation
+    /// cannot find that light, 0 if it has added it already: the mirror of a coat. ([`crate::reference`]
+    /// has no next-event estimation for coats, and treats 0 as `None`.)
     pub pdf: Option<f64>,
 }
 
-/// How far from a truncated cone's narrow end its side was hit.
+/// Distance from the narrow end of a truncated cone along its axis, if its side was hit, metres.
 fn from_tip_m(scene: &CompiledScene, hit: &Hit) -> Option<f64> {
     let Primitive::CsgFace(face) = hit.primitive else {
         return None;
@@ -71,7 +72,7 @@ fn from_tip_m(scene: &CompiledScene, hit: &Hit) -> Option<f64> {
 }
 
 impl Bsdf {
-    /// The scattering at a hit, seen `footprint_m` wide. An area light reflects nothing.
+    /// BSDF at a hit, for a footprint of `footprint_m` metres. An area light reflects nothing.
     pub fn from_hit(scene: &CompiledScene, hit: &Hit, footprint_m: f64) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::black();
@@ -108,7 +109,7 @@ impl Bsdf {
         bsdf
     }
 
-    /// The disc with a number on a metal or dielectric ball, if light leaves it along `wo`, outwards.
+    /// BSDF of the disc with a number on a metal or dielectric ball, if the disc was hit from outside.
     pub(super) fn of_number_disc(
         scene: &CompiledScene,
         material: &MaterialData,
@@ -132,7 +133,7 @@ impl Bsdf {
         })
     }
 
-    /// A material, in or out of its stripe.
+    /// BSDF of a material without texture, inside or outside its stripe.
     pub fn new(material: &MaterialData, in_stripe: bool) -> Self {
         let albedo = if in_stripe {
             material.stripe_albedo
@@ -162,20 +163,21 @@ impl Bsdf {
         }
     }
 
-    /// Whether its coat is rough: without [`Bsdf::with_facet`] it reflects as a smooth one.
+    /// Whether its coat is rough. Before [`Bsdf::with_facet`] it reflects like a smooth one.
     pub fn is_rough(&self) -> bool {
         self.ior > 0.0 && self.coat_alpha > 0.0
     }
 
-    /// The surface whose coat is the mirror of one microfacet, drawn among those that are seen from `wo`
-    /// ([`sample_visible`]). The mean of its light over `u` is the rough coat's: each facet sends what it does not reflect
-    /// on to the base. A direction below the surface is in the shadow of other facets.
+    /// The surface with its coat replaced by the mirror of one microfacet, drawn among those visible from
+    /// `wo` ([`sample_visible`]). The expectation over `u` is the rough coat: each facet passes on to the
+    /// base what it does not reflect. A reflected direction below the surface is shadowed.
     #[must_use]
     pub fn with_facet(self, wo: DVec3, n: DVec3, [u1, u2]: [f64; 2]) -> Self {
         let h = sample_visible(self.coat_alpha, wo, n, u1, u2);
         let cos_h = wo.dot(h);
         let wi = 2.0 * cos_h * h - wo;
         let cos_i = wi.dot(n).max(0.0);
+        // Value over density of a visible-normal sample is F · G1(wi).
         let shadowing = visibility(self.coat_alpha, cos_i) * cos_i;
         Self {
             facet: Some(CoatFacet {
@@ -186,19 +188,19 @@ impl Bsdf {
         }
     }
 
-    /// Where the coat's mirror shows.
+    /// Direction of the coat's mirror reflection.
     pub fn mirrored(&self, wo: DVec3, n: DVec3) -> DVec3 {
         self.facet
             .map_or_else(|| 2.0 * wo.dot(n) * n - wo, |facet| facet.wi)
     }
 
-    /// The share of light that the coat's mirror reflects.
+    /// Share of light that the coat reflects.
     pub fn reflected(&self, cos_o: f64) -> f64 {
         self.facet
             .map_or_else(|| self.fresnel(cos_o), |facet| facet.reflectance)
     }
 
-    /// Reflectance of the coat at a cosine to its normal.
+    /// Fresnel reflectance of the coat at a cosine to the facet's normal.
     fn fresnel(&self, cos: f64) -> f64 {
         if self.ior == 0.0 {
             return 0.0;
@@ -206,7 +208,7 @@ impl Bsdf {
         fresnel_dielectric(cos, self.ior)
     }
 
-    /// The probability with which [`Bsdf::sample`] chooses the mirror.
+    /// Probability with which [`Bsdf::sample`] chooses the mirror: its share of the total albedo.
     pub fn probability_mirror(&self, cos_o: f64) -> f64 {
         let mirror = self.reflected(cos_o);
         if mirror == 0.0 {
@@ -215,16 +217,17 @@ impl Bsdf {
         mirror / (mirror + (1.0 - mirror) * self.albedo.element_sum() / 3.0)
     }
 
-    /// The diffuse lobe `f` in sr⁻¹; 0 below the surface.
+    /// Diffuse lobe `f`, sr⁻¹; 0 below the surface.
     pub fn eval(&self, cos_o: f64, cos_i: f64) -> DVec3 {
         if cos_o <= 0.0 || cos_i <= 0.0 {
             return DVec3::ZERO;
         }
+        // Fresnel transmittance on entry and on exit; `diffuse_scale` accounts for internal reflection.
         let coat = (1.0 - self.reflected(cos_o)) * (1.0 - self.fresnel(cos_i));
         self.albedo * (coat * self.diffuse_scale / PI)
     }
 
-    /// The sheen's `f` in sr⁻¹; 0 below the surface.
+    /// Sheen lobe `f`, sr⁻¹; 0 below the surface.
     pub fn sheen(&self, wo: DVec3, wi: DVec3, n: DVec3) -> DVec3 {
         let (cos_o, cos_i) = (wo.dot(n), wi.dot(n));
         if self.sheen == DVec3::ZERO || cos_o <= 0.0 || cos_i <= 0.0 {
@@ -240,8 +243,8 @@ impl Bsdf {
         (1.0 - self.probability_mirror(cos_o)) * cos_i.max(0.0) / PI
     }
 
-    /// Draws a direction: `u[1]` chooses the lobe and, stretched to [0, 1) again, the direction's
-    /// cosine, `u[2]` its azimuth. `n` is on the side of `wo`.
+    /// Draws a direction: `u[1]` chooses the lobe and, rescaled to [0, 1), the direction's
+    /// cosine; `u[2]` its azimuth. `n` is on the side of `wo`.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         let cos_o = wo.dot(n);
         let probability_mirror = self.probability_mirror(cos_o);
@@ -252,6 +255,7 @@ impl Bsdf {
                 pdf: Some(0.0),
             };
         }
+        // Malley's method with the rescaled number: cosine-weighted directions.
         let u1 = (u[1] - probability_mirror) / (1.0 - probability_mirror);
         let (radius, phi) = (u1.sqrt(), 2.0 * PI * u[2]);
         let cos_i = (1.0 - u1).max(0.0).sqrt();
@@ -261,6 +265,7 @@ impl Bsdf {
         let f = self.eval(cos_o, cos_i) + self.sheen(wo, wi, n);
         BsdfSample {
             wi,
+            // f · cos over the density (1 − p) · cos / π.
             weight: f * (PI / (1.0 - probability_mirror)),
             pdf: Some(pdf),
         }
@@ -310,7 +315,7 @@ mod tests {
         (0..200_000).map(|i| uniforms(i, 0, 0, 7).map(f64::from))
     }
 
-    /// To a tilted normal, at `cos` to it.
+    /// Direction at `cos` to a tilted normal.
     fn wo_at(cos: f64, n: DVec3) -> DVec3 {
         let (t, _) = basis(n);
         cos * n + (1.0 - cos * cos).sqrt() * t
@@ -397,7 +402,7 @@ mod tests {
         }
     }
 
-    /// The mean of `reflectance(wi) of` over the facets of a coat and over the directions that GGX sends light to.
+    /// Mean of `reflectance(wi) of` over the facets of a coat, and over GGX-distributed directions.
     fn facet_means(bsdf: Bsdf, cos_o: f64, of: fn(DVec3) -> f64) -> [f64; 2] {
         let (n, wo) = (DVec3::Z, wo_at(cos_o, DVec3::Z));
         let drawn = samples().map(|[u, v, ..]| {

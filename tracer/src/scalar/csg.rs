@@ -1,8 +1,8 @@
-//! Boxes with solids subtracted.
+//! Boxes with subtracted solids (constructive solid geometry).
 //!
-//! A ray enters the box, and leaves in turn each subtraction that it finds itself in; where it is in none,
-//! it has met the body. A point is in a subtraction if it is closer to it than a margin, so that a ray that
-//! leaves a subtraction's surface never meets that surface for rounding.
+//! A ray enters the box, and leaves in turn each subtraction that it is inside of; where it is inside none,
+//! it has hit the body. A point counts as inside a subtraction if it is closer to it than a margin, so that
+//! a ray that leaves a subtraction's surface does not hit that surface again by rounding.
 
 use glam::{DVec2, DVec3, Vec3Swizzles as _};
 
@@ -16,8 +16,8 @@ use crate::scene::validate::CSG_MARGIN_M;
 
 const MARGIN: f64 = CSG_MARGIN_M as f64;
 
-/// Where a ray meets a CSG box: distance, normal and face. A ray that leaves the body may meet
-/// it again across a subtraction, after [`CSG_MARGIN_M`] at least. Nothing is met from within the body.
+/// Hit of a ray on a CSG box: distance, normal and face. A ray that leaves the body (`is_left`) may hit
+/// it again across a subtraction, after [`CSG_MARGIN_M`] at least. From within the body nothing is hit.
 pub(super) fn intersect_csg_box(
     scene: &CompiledScene,
     csg_box: &CsgBoxData,
@@ -32,8 +32,8 @@ pub(super) fn intersect_csg_box(
     let first = csg_box.first_face;
     let subtractions = first + 1..first + csg_box.face_count;
     let (mut t, mut n, mut face) = (start, enter.1, first);
-    // A subtraction that is left may lead into another. Each turn raises `t`; all but a cone's
-    // exterior are left for good, so that there are few turns.
+    // Leaving one subtraction may lead into another. Each iteration raises `t`; all subtractions except a
+    // cone's exterior are convex and left for good, so that iterations are few.
     loop {
         let before = t;
         for index in subtractions.clone() {
@@ -57,9 +57,10 @@ pub(super) fn intersect_csg_box(
     (!is_within).then_some((t, n, face))
 }
 
+/// Distance and normal.
 type Side = (f64, DVec3);
 
-/// Where a ray enters and leaves a box, each with the normal on the side that it comes from.
+/// Entry into and exit from a box, each with the normal on the side from which the ray comes.
 fn slabs(min: DVec3, max: DVec3, ray: &Ray) -> (Side, Side) {
     let mut enter = (f64::NEG_INFINITY, DVec3::Z);
     let mut leave = (f64::INFINITY, DVec3::Z);
@@ -86,7 +87,7 @@ fn slabs(min: DVec3, max: DVec3, ray: &Ray) -> (Side, Side) {
     (enter, leave)
 }
 
-/// Whether a point is taken away by a subtraction.
+/// Whether a subtraction, enlarged by the margin, contains a point.
 fn contains(subtraction: &CsgFaceData, p: DVec3) -> bool {
     let (a, b) = (vector(subtraction.a), vector(subtraction.b));
     match subtraction.kind {
@@ -106,7 +107,8 @@ fn contains(subtraction: &CsgFaceData, p: DVec3) -> bool {
     }
 }
 
-/// Where a ray that is in a subtraction at `t` leaves it, with the normal of the surface there.
+/// Exit of a ray that is inside a subtraction at `t`, with the normal of the body's surface there; ∞ if it
+/// does not leave.
 fn exit(subtraction: &CsgFaceData, ray: &Ray, t: f64) -> Side {
     let (a, b) = (vector(subtraction.a), vector(subtraction.b));
     match subtraction.kind {
@@ -123,6 +125,8 @@ fn exit(subtraction: &CsgFaceData, ray: &Ray, t: f64) -> Side {
             if d2 == 0.0 {
                 return (f64::INFINITY, DVec3::Z);
             }
+            // r² d² − (q × d)²: a quarter of the quadratic's discriminant in a form that does not cancel
+            // for distant origins.
             let miss = from_axis.perp_dot(d);
             let half = (d2 * b.x * b.x - miss * miss).max(0.0).sqrt();
             let t = (half - from_axis.dot(d)) / d2;
@@ -149,7 +153,7 @@ fn exit(subtraction: &CsgFaceData, ray: &Ray, t: f64) -> Side {
     }
 }
 
-/// A vector's coordinates as a cone's exterior of a kind has them: its axis is the third.
+/// Coordinates of a vector permuted so that the axis of a cone's exterior becomes the third.
 fn axis_last(kind: u32, v: DVec3) -> DVec3 {
     match kind {
         CSG_FACE_CONE_X => v.yzx(),
@@ -167,9 +171,9 @@ fn axis_in_place(kind: u32, v: DVec3) -> DVec3 {
     }
 }
 
-/// A cone's exterior is left where the ray comes to the round body or back over the plane. Being in
-/// the subtraction, the ray is outside the body at `t`: it has the body before it while it still nears it,
-/// or if it is steeper than the body's side.
+/// Exit from a cone's exterior: where the ray meets the round body, or goes back over the bounding plane.
+/// The ray is outside the body at `t`; the body lies ahead while the ray still approaches it, or if it is
+/// steeper than the body's side.
 fn exit_cone_exterior(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
     let (from_axis, d) = ((ray.origin - a).truncate(), ray.direction.truncate());
     let (taper, beyond) = (b.x, DVec2::new(b.y, b.z));
@@ -190,25 +194,27 @@ fn exit_cone_exterior(a: DVec3, b: DVec3, ray: &Ray, t: f64) -> Side {
     }
 }
 
-/// Where a ray that is outside of a cone at `t` meets it: at right angles to the axis it goes from
-/// `from_axis` along `d`, while the cone's radius goes from `radius` on by `growth`.
+/// Distance at which a ray that is outside a cone at `t` meets it: orthogonal to the axis it moves from
+/// `from_axis` along `d`, while the cone's radius changes from `radius` by `growth` per unit of `t`.
 fn meet_cone(from_axis: DVec3, d: DVec3, radius: f64, growth: f64, t: f64) -> Option<f64> {
     // |from_axis + t d|² = (radius + t growth)²
+    // A quadratic in t: square · t² + 2 half_linear · t + …, with a quarter of the discriminant expanded by
+    // Lagrange's identity, |q|²|d|² − (q · d)² = |q × d|², which does not cancel for distant origins.
     let square = d.length_squared() - growth * growth;
     let half_linear = from_axis.dot(d) - growth * radius;
     let quarter = d.length_squared() * radius * radius - from_axis.cross(d).length_squared()
         + growth * (growth * from_axis.length_squared() - 2.0 * from_axis.dot(d) * radius);
-    // |…|² − (…)² is above 0 outside. Where it opens upwards the cone begins at the lower root, if
-    // that is ahead; where the ray is steeper than the side it opens downwards, and the same
-    // formula is the upper.
+    // |…|² − (…)² is positive outside. If it opens upwards, the cone begins at the lower root, if that is
+    // ahead. If the ray is steeper than the side, it opens downwards, and the same formula gives the upper
+    // root.
     let met = -(half_linear + quarter.max(0.0).sqrt()) / square;
     let is_ahead = square < 0.0 || square * t + half_linear < 0.0;
-    // Below the apex lies the other nappe of the double cone, which is no body.
+    // Beyond the apex lies the other nappe of the double cone, which is not part of the body.
     (quarter >= 0.0 && square != 0.0 && is_ahead && radius + met * growth > 0.0).then_some(met)
 }
 
-/// The slope of a cone's side, which is the length of `b` along its axis, and a vector's parts along the axis
-/// and at right angles to it.
+/// Slope of a cone's side (the length of `b`, which lies along the axis), and the components of a vector
+/// along the axis and orthogonal to it.
 fn about_axis(b: DVec3, v: DVec3) -> (f64, f64, DVec3) {
     let slope = b.length();
     let axis = b / slope;

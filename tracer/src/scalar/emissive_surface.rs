@@ -1,8 +1,10 @@
-//! Points on surfaces that emit, as directions to them: [`crate::compiled::EmissiveSurfaces`] says which are drawn.
+//! Light sampling of points on emissive surfaces; [`crate::compiled::EmissiveSurfaces`] defines the choice
+//! of surface.
 //!
-//! A sphere whose centre is at a distance `d` fills the solid angle `2π(1 − cos θ)`, `sin θ = r / d`, and directions within are
-//! drawn evenly. Over its area that is `1 / (2(d² + d·√(d² − r²)))`, which is for spheres what `cos / t²` is for flat surfaces at a
-//! distance `t`. From within, spheres are found by chance alone.
+//! A sphere whose centre is at a distance `d` subtends the solid angle `2π(1 − cos θ)`, `sin θ = r / d`, in
+//! which directions are drawn uniformly. Divided by its area that is `1 / (2(d² + d·√(d² − r²)))`, which
+//! takes the place of the `cos / t²` of flat surfaces at a distance `t`. From within, spheres are found by
+//! BSDF sampling alone.
 
 use std::f64::consts::TAU;
 
@@ -14,30 +16,30 @@ use crate::CompiledScene;
 use crate::compiled::{MaterialData, Primitive, ShapeKind, SphereData};
 use crate::sampling::BELOW_1;
 
-/// A point on a surface that emits, drawn.
+/// A sampled point on an emissive surface.
 pub struct EmissiveSurfaceSample {
     /// Direction to it.
     pub direction: EmissiveDirection,
-    /// The same density as what finds the point by chance computes, per solid angle.
+    /// Density per solid angle for MIS, equal to [`emissive_surface_density`] at the point.
     pub density: f64,
-    /// Of the density with which it was drawn, per solid angle.
+    /// Reciprocal of the density per solid angle with which it was drawn, sr.
     pub inverse_pdf: f64,
-    /// What it emits.
+    /// Emitted radiance, W·sr⁻¹·m⁻².
     pub emission: DVec3,
 }
 
-/// A direction to a surface that emits.
+/// A direction to a point on an emissive surface.
 #[derive(Clone, Copy, Debug)]
 pub struct EmissiveDirection {
     /// Unit vector.
     pub wi: DVec3,
-    /// How far the surface is, metres.
+    /// Distance of the surface, metres.
     pub distance: f64,
-    /// Solid angle over area, sr·m⁻².
+    /// Solid angle per area, sr·m⁻².
     pub angle_per_area: f64,
 }
 
-/// Draws a point as `point` sees it, by two numbers in [0, 1]; none where no light would come.
+/// Draws a point as seen from `point`, by two numbers in [0, 1]; `None` where no light would arrive.
 pub fn sample_emissive_surface(
     scene: &CompiledScene,
     point: DVec3,
@@ -46,8 +48,7 @@ pub fn sample_emissive_surface(
     let lights = &scene.emissive_surfaces;
     let u = u.min(BELOW_1) as f32;
     let surface = &lights.surfaces[lights.sample_index(u)];
-    // Within the interval of the surface that it has chosen the number is uniform again, and serves once
-    // more.
+    // Within the interval of the chosen surface the number is rescaled to be uniform again.
     let within = f64::from((u - surface.before) / surface.probability).clamp(0.0, 1.0);
     let mut weights = [1.0, 0.0, 0.0];
     let (direction, unit_area) = if surface.kind() == ShapeKind::Sphere {
@@ -62,6 +63,7 @@ pub fn sample_emissive_surface(
         direction_to_flat(corners, weights, point)?
     };
     let area = surface.kind().area_factor()? * unit_area;
+    // 1/pdf = area · (solid angle per area) / P(surface).
     let probability = f64::from(surface.probability) * f64::from(lights.probability());
     let material = scene.material_of(surface.primitive())?;
     Some(EmissiveSurfaceSample {
@@ -74,8 +76,9 @@ pub fn sample_emissive_surface(
     })
 }
 
-/// Density per solid angle with which light sampling draws a direction from `origin` to a primitive at a distance, seen at a
-/// cosine; 0 if it does not.
+/// Density per solid angle with which light sampling draws a direction from `origin` to a primitive at
+/// `distance`, where `cosine` is that between direction and normal; 0 for primitives that it does not
+/// sample.
 pub fn emissive_surface_density(
     scene: &CompiledScene,
     primitive: Primitive,
@@ -102,15 +105,15 @@ pub fn emissive_surface_density(
     }
 }
 
-/// Density by area with which light sampling draws points of surfaces of a material, m⁻².
+/// Density by area with which light sampling draws points on surfaces of a material, m⁻².
 fn point_density(scene: &CompiledScene, material: &MaterialData) -> f64 {
     f64::from(material.sampling_density) * f64::from(scene.emissive_surfaces.probability())
 }
 
-/// Weights of [`CompiledScene::emissive_corners`] at a point that is uniform in the area of a flat shape.
+/// Weights of [`CompiledScene::emissive_corners`] for a point uniform in the area of a flat shape.
 fn corner_weights(shape: ShapeKind, [u, v]: [f64; 2]) -> [f64; 3] {
-    // What lies within a share r of the way from the first corner, or from the centre, has r² of the
-    // area.
+    // A fraction r of the way from the first corner, or from the centre, bounds the fraction r² of the
+    // area, hence the square root.
     let root = u.sqrt();
     let [b, c] = match shape {
         ShapeKind::Triangle => [root * (1.0 - v), root * v],
@@ -120,7 +123,8 @@ fn corner_weights(shape: ShapeKind, [u, v]: [f64; 2]) -> [f64; 3] {
     [1.0 - b - c, b, c]
 }
 
-/// And the area of the parallelogram.
+/// Direction to the point of a flat shape with these corner weights, and the area of the corners'
+/// parallelogram; `None` if it is seen edge-on.
 fn direction_to_flat(
     [a, b, c]: [DVec3; 3],
     [wa, wb, wc]: [f64; 3],
@@ -137,11 +141,12 @@ fn direction_to_flat(
         distance,
         angle_per_area: cosine / (distance * distance),
     };
-    // Written so that triangles without area and points on their own plane bring nothing.
+    // Written so that degenerate triangles (NaN) and points in the triangle's own plane are rejected.
     let is_seen = cosine > 0.0 && distance > 0.0;
     is_seen.then_some((direction, parallelogram))
 }
 
+/// Direction uniform in the solid angle of a sphere; `None` from within.
 fn direction_to_sphere(
     sphere: &SphereData,
     point: DVec3,
@@ -151,13 +156,13 @@ fn direction_to_sphere(
     let squared = to_center.length_squared();
     let angle_per_area = angle_per_area_of_sphere(sphere, squared)?;
     let (distance, radius) = (squared.sqrt(), f64::from(sphere.radius));
-    // 1 − cos θ, of which differences would lose the digits of small angles.
+    // 1 − cos θ of the direction. Kept in this form, as 1 − cos θ of a small angle would cancel.
     let within = u * 2.0 * radius * radius * angle_per_area;
     let sine_squared = within * (2.0 - within);
     let axis = to_center / distance;
     let (t, b) = basis(axis);
     let (sin, cos) = (TAU * v).sin_cos();
-    // The nearer meeting is at d·cos θ less half the chord, whose square is r² − d² sin² θ.
+    // The nearer intersection is at d·cos θ less half the chord, whose square is r² − d² sin² θ.
     let half_chord = (radius * radius - squared * sine_squared).max(0.0).sqrt();
     Some(EmissiveDirection {
         wi: (1.0 - within) * axis + sine_squared.sqrt() * (cos * t + sin * b),
@@ -166,7 +171,8 @@ fn direction_to_sphere(
     })
 }
 
-/// From a point outside, the square of whose distance from the centre is `squared`.
+/// Solid angle per area of a sphere, sr·m⁻², from a point at the square root of `squared` from its centre;
+/// `None` from within.
 fn angle_per_area_of_sphere(sphere: &SphereData, squared: f64) -> Option<f64> {
     let beyond = squared - f64::from(sphere.radius).powi(2);
     (beyond > 0.0).then(|| 0.5 / (squared + (squared * beyond).sqrt()))

@@ -1,4 +1,4 @@
-//! Light from an environment map.
+//! Environment lighting.
 
 use std::f64::consts::PI;
 
@@ -7,19 +7,19 @@ use glam::DVec3;
 use crate::CompiledScene;
 use crate::compiled::CompiledEnvironment;
 
-/// A direction to the environment that was drawn.
+/// A direction sampled from the environment map.
 #[derive(Clone, Copy, Debug)]
 pub struct EnvironmentDirection {
     /// Unit direction.
     pub wi: DVec3,
-    /// Inverse density of `wi` per solid angle; 0 at the poles.
+    /// Reciprocal of the density of `wi` per solid angle, sr; 0 at the poles.
     pub inverse_pdf: f64,
-    /// Radiance from there, W·sr⁻¹·m⁻².
+    /// Radiance from that direction, W·sr⁻¹·m⁻².
     pub radiance: DVec3,
 }
 
 impl CompiledEnvironment {
-    /// Draws a direction.
+    /// Draws a direction by its importance.
     pub fn sample_direction(&self, u: [f64; 2]) -> EnvironmentDirection {
         let sample = self.sample(u.map(|u| u as f32));
         let (wi, sine) = self.direction(sample.uv);
@@ -30,17 +30,17 @@ impl CompiledEnvironment {
         }
     }
 
-    /// The density per solid angle with which [`CompiledEnvironment::sample_direction`] draws a direction.
+    /// Density per solid angle with which [`CompiledEnvironment::sample_direction`] draws a direction.
     pub fn pdf(&self, direction: DVec3) -> f64 {
         let (sine, uv) = self.uv(direction);
         f64::from(self.density(uv)) / (SQUARE_TO_SPHERE * sine)
     }
 }
 
-/// The solid angle of the unit square's points, over the sine of their colatitude.
+/// Solid angle per unit of the map's parameter square, divided by the sine of the colatitude: 2π · π.
 pub const SQUARE_TO_SPHERE: f64 = 2.0 * PI * PI;
 
-/// Radiance of a ray that leaves the scene.
+/// Radiance of the environment along a ray that leaves the scene.
 pub fn environment_radiance(scene: &CompiledScene, direction: DVec3) -> DVec3 {
     let map = &scene.environment_map;
     if map.is_empty() {

@@ -1,4 +1,4 @@
-//! GGX microfacets: their normals' density, shadowing and sampling.
+//! GGX microfacet distribution: density of normals, shadowing and sampling of visible normals.
 
 use std::f64::consts::PI;
 
@@ -6,29 +6,28 @@ use glam::DVec3;
 
 use super::basis::basis;
 
-/// Density of microfacet normals at `cos` to the surface's normal, sr⁻¹.
+/// Density of microfacet normals at `cos` to the surface normal, sr⁻¹.
 pub fn ggx(alpha: f64, cos: f64) -> f64 {
     let alpha2 = alpha * alpha;
     let root = cos * cos * (alpha2 - 1.0) + 1.0;
     alpha2 / (PI * root * root)
 }
 
-/// The share `G1` of microfacets seen from a direction at `cos` to the normal, over `cos`: with it no
-/// density divides by a cosine, so that nothing overflows at grazing incidence.
+/// Smith's `G1(cos) / cos` for a direction at `cos` to the normal. In this form no density divides by a
+/// cosine, so that nothing overflows at grazing incidence.
 pub fn visibility(alpha: f64, cos: f64) -> f64 {
     let alpha2 = alpha * alpha;
     2.0 / (cos + (alpha2 + (1.0 - alpha2) * cos * cos).sqrt())
 }
 
-/// Draws a microfacet's normal as it is seen from `wo`, with density
-/// `visibility(wo·n) · (wo·h) · ggx(h·n)`: Heitz, "Sampling the GGX Distribution of Visible
-/// Normals", JCGT 7(4), 2018, by the spherical caps of Dupuy and Benyoub (CGF 42(8), 2023), which
-/// need no basis round `wo`.
+/// Draws a microfacet normal visible from `wo`, with density `visibility(wo·n) · (wo·h) · ggx(h·n)`:
+/// Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), 2018, by the spherical caps of
+/// Dupuy and Benyoub (CGF 42(8), 2023), which need no basis around `wo`.
 pub fn sample_visible(alpha: f64, wo: DVec3, n: DVec3, u1: f64, u2: f64) -> DVec3 {
     let (t, b) = basis(n);
     let stretched = DVec3::new(alpha * wo.dot(t), alpha * wo.dot(b), wo.dot(n)).normalize();
-    // The cap of the unit sphere above −stretched.z, by even heights: its points plus `stretched` are the
-    // half vectors of a hemisphere seen from there.
+    // Uniform point on the cap of the unit sphere above −stretched.z: its sum with `stretched` is the
+    // visible normal of the hemisphere.
     let z = (1.0 - u1) * (1.0 + stretched.z) - stretched.z;
     let sine = (1.0 - z * z).max(0.0).sqrt();
     let (sin_phi, cos_phi) = (2.0 * PI * u2).sin_cos();

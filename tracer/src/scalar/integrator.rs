@@ -1,4 +1,4 @@
-//! The integrator: one path from the camera to its end.
+//! Integrator: traces one path from the camera to its end.
 
 use std::f64::consts::TAU;
 use std::sync::atomic::Ordering;
@@ -20,10 +20,11 @@ use crate::sampling::{
 use crate::tracer::{TraceJob, TraceStats};
 use crate::{CompiledScene, RenderSettings, Tile};
 
-/// The ray from the near plane on through film position `(x, y)`, in pixels from the image's top left corner, and through the
-/// point of the lens that `lens` in the unit square is mapped to.
+/// Camera ray from the near plane on, through film position `(x, y)`, in pixels from the image's top left
+/// corner, and through the point of the lens to which `lens` in the unit square is mapped.
 pub fn camera_ray(frame: &CameraFrame, [x, y]: [f64; 2], lens: [f64; 2]) -> Ray {
     let (dx, dy) = (vector(frame.dx), vector(frame.dy));
+    // Square root of the first number: uniform on the disc of the lens.
     let [u, v] = [lens[0].sqrt(), TAU * lens[1]];
     let (u, v) = (u * v.cos(), u * v.sin());
     let (lens_steps, lens_film) = (f64::from(frame.lens_steps), f64::from(frame.lens_film));
@@ -37,7 +38,7 @@ pub fn camera_ray(frame: &CameraFrame, [x, y]: [f64; 2], lens: [f64; 2]) -> Ray 
     }
 }
 
-/// What all paths of a picture share.
+/// State shared by all paths of an image.
 #[derive(Clone, Copy)]
 pub(super) struct PathTracer<'a> {
     pub(super) scene: &'a CompiledScene,
@@ -45,11 +46,12 @@ pub(super) struct PathTracer<'a> {
     pub(super) settings: RenderSettings,
 }
 
-/// A row of a tile.
+/// Results of one row of a tile.
 #[derive(Default)]
 pub(super) struct TileRow {
+    /// Mean radiance per pixel.
     pub(super) radiance: Vec<[f32; 3]>,
-    /// Of the first half of the samples.
+    /// Mean radiance of the first half of the samples.
     pub(super) half: Vec<[f32; 3]>,
     pub(super) dropped_samples: u32,
     rays: u64,
@@ -64,7 +66,7 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Traces a job and hands the rows of each tile over.
+    /// Traces a job and passes the rows of each tile to `sink`.
     pub(super) fn trace(
         &self,
         job: &TraceJob<'_>,
@@ -80,7 +82,7 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Traces a tile and hands it over; returns its pixels and rays, none if cancelled on the way.
+    /// Traces a tile and passes it to `sink`; returns its numbers of pixels and rays, 0 if cancelled.
     fn tile(
         &self,
         index: usize,
@@ -105,6 +107,7 @@ impl<'a> PathTracer<'a> {
             let mut sum = DVec3::ZERO;
             let half = self.settings.samples / 2;
             for taken in 0..self.settings.samples {
+                // Reached before the first sample of the second half.
                 if taken == half {
                     let mean = sum / f64::from(half.max(1));
                     row.half.push(mean.as_vec3().to_array());
@@ -123,14 +126,14 @@ impl<'a> PathTracer<'a> {
         row
     }
 
-    /// Radiance along one path.
+    /// Radiance estimate of one path.
     #[expect(clippy::too_many_lines, reason = "one path's steps in order")]
     fn path(&self, x: u32, y: u32, sample: u32, rays: &mut u64) -> DVec3 {
         let (pixel, key) = (pixel_key(x, y), sample_key(sample));
         let random = |block| pair(pixel, key, block, self.settings.seed).map(f64::from);
         let [u, v] = random(BLOCK_CAMERA);
-        // Every random number is named by its block. So a path that skips a decision shifts none of those
-        // after it, and CPU, GPU and this tracer follow the same path sample by sample.
+        // Every random number is addressed by its block. So a path that skips a decision shifts no later
+        // ones, and CPU, GPU and this tracer follow the same path sample by sample.
         let film = [f64::from(x) + u, f64::from(y) + v];
         let mut ray = camera_ray(&self.frame, film, random(BLOCK_LENS));
         let (mut radiance, mut beta) = (DVec3::ZERO, DVec3::ONE);
@@ -151,15 +154,15 @@ impl<'a> PathTracer<'a> {
                 beta *= flight.weight;
                 if let Some(distance) = flight.scattered_at {
                     let point = ray.origin + distance * ray.direction;
-                    // The refraction counts as a scattering.
+                    // The refraction counts as a scattering event.
                     if depth + 2 <= self.settings.max_depth {
                         let u = random(block_light(depth));
                         radiance += beta
                             * self
                                 .sample_light_through_boundary(enclosing, &medium, point, u, rays);
                     }
-                    // `start` stays: the path is inside the same body, and its far side still counts from
-                    // there.
+                    // `start` stays: the path is inside the same body, whose far side is still the next
+                    // boundary.
                     ray = Ray {
                         origin: point,
                         direction: uniform_direction(u1, u2),
@@ -176,7 +179,7 @@ impl<'a> PathTracer<'a> {
                 return radiance + beta * self.emission_with_mis(light, &ray, &hit, prev);
             }
             let is_last = depth == self.settings.max_depth;
-            // The last edge only looks for light: a surface at its end counts for what it emits.
+            // The last edge only collects light: at a surface its emission.
             if is_last && !self.scene.has_emission() {
                 return radiance;
             }
@@ -204,7 +207,7 @@ impl<'a> PathTracer<'a> {
             start = Some(vertex.ray_origin(sample.wi));
             let is_known = prev.is_scattered && self.exits_by_nee_hemisphere(&vertex, start, hit.t);
             prev = prev.next(&vertex, sample.pdf, is_known);
-            // The number that a body's flight would take.
+            // The number that a free flight at the next depth would use.
             beta *= survival_weight(depth, start, beta, || random(block_choice(depth + 1))[1]);
             if beta == DVec3::ZERO {
                 return radiance;
@@ -213,7 +216,7 @@ impl<'a> PathTracer<'a> {
         radiance
     }
 
-    /// About how wide the surface is that a pixel sees where a camera ray meets it, in metres; 0 where others meet it.
+    /// Approximate width of the surface that a pixel covers at a camera ray's hit, metres; 0 at later hits.
     pub(super) fn footprint_m(&self, hit: &Hit, depth: u32) -> f64 {
         match depth {
             0 => (f64::from(self.frame.near_m) + hit.t) * vector(self.frame.dx).length(),
@@ -221,21 +224,21 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Whether light that a path ends in is first hits' emission, which for denoised pictures is traced
-    /// apart.
+    /// Whether the light at a path's end is part of the first-hit emission AOV, which denoised images trace
+    /// separately.
     fn is_emission(&self, prev: PrevVertex, start: Option<RayOrigin>) -> bool {
         let is_outside = start.is_none_or(|start| !start.is_inside);
         self.settings.denoise && prev.is_mirror && is_outside
     }
 
-    /// What a ray flies through, and what that fills.
+    /// Medium that a ray travels through, and the body that it fills.
     fn medium(&self, start: Option<RayOrigin>) -> Option<(Medium, Primitive)> {
         let enclosing = start.filter(|start| start.is_inside)?.primitive;
         let material = self.scene.material_of(enclosing)?;
         Some((Medium::new(material), enclosing))
     }
 
-    /// A body through whose boundary light that is scattered inside aims at area lights.
+    /// The ball around a path, if next-event estimation through its boundary is allowed.
     pub(super) fn nee_boundary(&self, enclosing: Primitive) -> Option<NeeBoundary<'a>> {
         let Primitive::Sphere(index) = enclosing else {
             return None;
@@ -249,8 +252,8 @@ impl<'a> PathTracer<'a> {
         })
     }
 
-    /// Whether a ray that was scattered inside leaves, after `length`, where area lights have been
-    /// aimed at.
+    /// Whether a ray scattered inside leaves, after `length`, by a path that refracted next-event
+    /// estimation covers.
     fn exits_by_nee_hemisphere(
         &self,
         vertex: &Vertex,
@@ -263,7 +266,7 @@ impl<'a> PathTracer<'a> {
                 .is_some_and(|boundary| length <= f64::from(boundary.sphere.radius) * cos_i)
     }
 
-    /// Weighted radiance of an area light that a ray finds.
+    /// MIS-weighted radiance of an area light that a ray has hit.
     fn emission_with_mis(
         &self,
         light: &AreaLightData,
@@ -274,24 +277,26 @@ impl<'a> PathTracer<'a> {
         if ray.direction.dot(hit.n) >= 0.0 || light.brightness == 0.0 {
             return DVec3::ZERO;
         }
+        // Density with which the previous vertex would have drawn this direction.
         let density = f64::from(light.brightness) / prev.light_weight_sum;
         let weight = prev.pdf.map_or(1.0, |pdf| power_heuristic(pdf, density));
         weight * light.radiance_at(hit.point)
     }
 
-    /// Weighted radiance that a surface emits which a ray finds.
+    /// MIS-weighted radiance of an emissive surface that a ray has hit.
     fn surface_emission_with_mis(&self, vertex: &Vertex, hit: &Hit, prev: PrevVertex) -> DVec3 {
         let emission = vertex.scatter.emission();
         let Some(pdf) = prev.sampled_pdf else {
             return emission;
         };
+        // The ray's origin, recovered from its hit.
         let origin = vertex.point + hit.t * vertex.wo;
         let cosine = vertex.wo.dot(vertex.geometric_n).abs();
         let density = emissive_surface_density(self.scene, hit.primitive, origin, hit.t, cosine);
         emission * power_heuristic(pdf, density)
     }
 
-    /// Weighted radiance of the environment that a ray finds.
+    /// MIS-weighted radiance of the environment at which a ray ends.
     fn environment_with_mis(&self, direction: DVec3, prev: PrevVertex) -> DVec3 {
         let map = &self.scene.environment_map;
         let radiance = environment_radiance(self.scene, direction);
@@ -305,32 +310,32 @@ impl<'a> PathTracer<'a> {
     }
 }
 
-/// A ball through whose boundary area lights are aimed at.
+/// A ball for next-event estimation through its boundary.
 pub(super) struct NeeBoundary<'a> {
     pub(super) sphere: &'a SphereData,
     pub(super) ior: f64,
     pub(super) primitive: Primitive,
 }
 
-/// How a ray's direction was found: what weighs an area light along it.
+/// Origin of a ray: the data for MIS of light found along it.
 #[derive(Clone, Copy)]
 struct PrevVertex {
-    /// That of [`super::bsdf::BsdfSample`].
+    /// [`super::bsdf::BsdfSample::pdf`] of its direction.
     pdf: Option<f64>,
-    /// [`super::area_light::light_weight_sum`] where the ray began.
+    /// [`super::area_light::light_weight_sum`] at its origin.
     light_weight_sum: f64,
-    /// The density of its direction, if it has one.
+    /// Density of its direction per solid angle, if there is one.
     sampled_pdf: Option<f64>,
-    /// It began where light was scattered inside a body.
+    /// Its origin is a scattering event inside a body.
     is_scattered: bool,
-    /// It comes from a diffuse surface, or by way of coats and metals from one.
+    /// It comes from a diffuse surface, directly or via coats and metals.
     is_spread: bool,
-    /// By the camera or by a smooth mirror, in which first hits show what light it finds.
+    /// It is a camera ray or a smooth mirror's, so that first-hit AOVs contain the light it finds.
     is_mirror: bool,
 }
 
 impl PrevVertex {
-    /// By the camera.
+    /// Of a camera ray.
     const UNWEIGHED: Self = Self {
         pdf: None,
         light_weight_sum: 0.0,
@@ -339,13 +344,13 @@ impl PrevVertex {
         is_spread: false,
         is_mirror: true,
     };
-    /// In a medium.
+    /// Of a scattering event in a medium.
     const SCATTERED: Self = Self {
         is_scattered: true,
         ..Self::UNWEIGHED
     };
 
-    /// Of a direction drawn at `vertex`, along which area lights may be known already.
+    /// Data of a direction drawn at `vertex`; `is_known` if area lights along it have been sampled already.
     fn next(self, vertex: &Vertex, pdf: Option<f64>, is_known: bool) -> Self {
         let is_diffuse = vertex.scatter.is_layered();
         Self {
@@ -353,8 +358,8 @@ impl PrevVertex {
             light_weight_sum: vertex.light_weight_sum,
             sampled_pdf: pdf.filter(|&pdf| pdf > 0.0),
             is_scattered: false,
-            // A mirror's direction (no density) ends the run: what is seen in it stays sharp, as what is
-            // seen directly.
+            // A mirror's direction (no density) resets the flag: reflections seen in it stay sharp, like
+            // what is seen directly.
             is_spread: pdf.is_some_and(|pdf| self.is_spread || (pdf > 0.0 && is_diffuse)),
             is_mirror: (is_known || pdf.is_none_or(|pdf| pdf == 0.0))
                 && !vertex.scatter.has_rough_coat(),
@@ -362,7 +367,7 @@ impl PrevVertex {
     }
 }
 
-/// What a path's throughput is multiplied by at Russian roulette: 0 if it ends.
+/// Factor of the throughput by Russian roulette: 0 if the path is terminated.
 fn survival_weight(
     depth: u32,
     start: Option<RayOrigin>,
@@ -381,9 +386,10 @@ fn survival_weight(
     }
 }
 
-/// Weight of a sample drawn with density `chosen` where a second technique has density `other`
+/// MIS weight of a sample of density `chosen` where a second technique has density `other`
 /// (Veach 1997, section 9.2.4, exponent 2).
 pub(super) fn power_heuristic(chosen: f64, other: f64) -> f64 {
+    // By the ratio, as squares of large densities would overflow.
     let ratio = other / chosen;
     1.0 / (1.0 + ratio * ratio)
 }

@@ -1,4 +1,4 @@
-//! Intersection of rays and the scene, in f64.
+//! Intersection of rays with the scene, in f64.
 
 use glam::DVec3;
 
@@ -9,29 +9,31 @@ use super::triangle::{RayFrame, TriangleSurface, nearest_triangle};
 use crate::CompiledScene;
 use crate::compiled::{AreaLightData, BoxData, DiscData, Primitive, SphereData};
 
-/// Where a ray meets a surface.
+/// Hit of a ray on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance from the ray's origin, metres, above 0.
     pub t: f64,
-    /// The point, on the surface to the rounding of f64.
+    /// Point on the surface, accurate to the rounding of f64.
     pub point: DVec3,
-    /// Unit normal: out of a solid, along the normal of a disc, triangle or area light, whichever side is met.
+    /// Unit normal: outward for a solid, along the normal of a disc, triangle or area light, whichever side
+    /// is hit.
     pub n: DVec3,
-    /// What a triangle with vertex normals is shaded with, on the side of `n`; `n` of all else.
+    /// Shading normal of a triangle with vertex normals or a normal map, on the side of `n`; else `n`.
     pub shading_n: DVec3,
-    /// What was met.
+    /// Primitive that was hit.
     pub primitive: Primitive,
 }
 
-/// The nearest hit of all primitives, area lights among them; of equal distances the first in the order
+/// Nearest hit among all primitives including area lights; at equal distances the first in the order
 /// spheres, boxes, discs, rectangles, CSG boxes, triangles, area lights.
 pub fn intersect(scene: &CompiledScene, ray: &Ray) -> Option<Hit> {
     intersect_from(scene, ray, None)
 }
 
-/// [`intersect`] for a ray that leaves a surface outwards, which is skipped, or that is inside a
-/// sphere or box, whose far side it meets wherever rounding has put its origin, or a mesh.
+/// [`intersect`] for a ray that starts on or in a primitive: one that it leaves outwards is skipped; of a
+/// sphere or box that it is inside of it hits the far side, wherever rounding has put its origin; inside a
+/// mesh it hits any triangle.
 pub fn intersect_from(scene: &CompiledScene, ray: &Ray, start: Option<RayOrigin>) -> Option<Hit> {
     let skipped = start
         .filter(|start| !start.is_inside)
@@ -83,7 +85,7 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, start: Option<RayOrigin>
         nearest = Some(hit);
     }
     if let Some((t, index)) = nearest_triangle(scene, ray, start, nearest.map(|hit| hit.t)) {
-        // The surface is looked at once it is known to be the nearest.
+        // Point and normals are computed once the triangle is known to be the nearest hit.
         offer(
             &mut nearest,
             Primitive::Triangle(index),
@@ -97,7 +99,7 @@ pub fn intersect_from(scene: &CompiledScene, ray: &Ray, start: Option<RayOrigin>
     nearest.map(|hit| on_surface(scene, ray, hit))
 }
 
-/// The nearest face of a CSG box ahead of a ray, if it is before `nearest`.
+/// Nearest hit on a face of a CSG box ahead of the ray, if it is nearer than `nearest`.
 fn nearest_csg_face(
     scene: &CompiledScene,
     ray: &Ray,
@@ -125,7 +127,7 @@ fn nearest_csg_face(
     found
 }
 
-/// Index and distance of the nearest area light along a ray, whatever else is in between.
+/// Index and distance of the nearest area light along a ray, ignoring occluders.
 pub(super) fn nearest_area_light(scene: &CompiledScene, ray: &Ray) -> Option<(usize, f64)> {
     let met = scene
         .area_lights
@@ -138,8 +140,8 @@ pub(super) fn nearest_area_light(scene: &CompiledScene, ray: &Ray) -> Option<(us
     met.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Puts a sphere's or triangle's hit back on its surface: far from the ray's origin, `origin + t·direction`
-/// alone misses it by more than small balls can bear.
+/// Moves a sphere's or triangle's hit back onto its surface: for distant origins `origin + t·direction`
+/// misses small balls by more than their shading tolerates.
 fn on_surface(scene: &CompiledScene, ray: &Ray, hit: Hit) -> Hit {
     match hit.primitive {
         Primitive::Sphere(i) => {
@@ -163,8 +165,8 @@ fn on_surface(scene: &CompiledScene, ray: &Ray, hit: Hit) -> Hit {
     }
 }
 
-/// Discriminant and normal from the ray's point nearest to the centre: right for balls seen from
-/// ten thousand kilometres (Haines, Günther and Akenine-Möller, Ray Tracing Gems, chapter 7).
+/// Discriminant and normal are computed from the ray's point nearest to the centre, which is accurate for
+/// balls seen from 10,000 km (Haines, Günther and Akenine-Möller, Ray Tracing Gems, chapter 7).
 fn intersect_sphere(sphere: &SphereData, ray: &Ray) -> Option<(f64, DVec3)> {
     let radius = f64::from(sphere.radius);
     let from_center = ray.origin - vector(sphere.center);
@@ -174,7 +176,7 @@ fn intersect_sphere(sphere: &SphereData, ray: &Ray) -> Option<(f64, DVec3)> {
     if distance >= radius {
         return None;
     }
-    // r² − d², factored: near the silhouette the squares would cancel.
+    // r² − d², factored: the difference of squares would cancel near the silhouette.
     let half_chord = ((radius - distance) * (radius + distance)).sqrt();
     let outside = t_nearest - half_chord > 0.0;
     let along = if outside { -half_chord } else { half_chord };
@@ -182,19 +184,20 @@ fn intersect_sphere(sphere: &SphereData, ray: &Ray) -> Option<(f64, DVec3)> {
     Some((t_nearest + along, n))
 }
 
-/// The far side of a sphere, from inside: at no distance if rounding has put the origin outside.
+/// Far side of a sphere, from inside; at distance 0 if rounding has put the origin outside.
 fn exit_sphere(sphere: &SphereData, ray: &Ray) -> (f64, DVec3) {
     let radius = f64::from(sphere.radius);
     let from_center = ray.origin - vector(sphere.center);
     let t_nearest = -from_center.dot(ray.direction);
     let nearest = from_center + t_nearest * ray.direction;
     let distance = nearest.length();
+    // A grazing ray that rounding has put outside leaves at the point nearest to the centre.
     let half_chord = ((radius - distance) * (radius + distance)).max(0.0).sqrt();
     let n = (nearest + half_chord * ray.direction).normalize();
     ((t_nearest + half_chord).max(0.0), n)
 }
 
-/// The face through which a ray leaves a box; at no distance if rounding has put the origin outside.
+/// Face through which a ray leaves a box; at distance 0 if rounding has put the origin outside.
 fn exit_box(slabs: &BoxData, ray: &Ray) -> (f64, DVec3) {
     let (min, max) = (vector(slabs.min), vector(slabs.max));
     let (mut far, mut n) = (f64::INFINITY, DVec3::Z);
@@ -203,8 +206,8 @@ fn exit_box(slabs: &BoxData, ray: &Ray) -> (f64, DVec3) {
         if direction == 0.0 {
             continue;
         }
-        // By the sign alone, whatever side of the plane rounding has put the origin on: only exits are
-        // looked for.
+        // By the sign of the direction alone, as only exits are sought, on whichever side of the plane
+        // rounding has put the origin.
         let face = if direction > 0.0 { max } else { min }[axis];
         let t = (face - ray.origin[axis]) / direction;
         if t < far {
@@ -214,7 +217,7 @@ fn exit_box(slabs: &BoxData, ray: &Ray) -> (f64, DVec3) {
     (far.max(0.0), n)
 }
 
-/// Slabs; a ray within a face or through an edge hits. The far face counts from inside.
+/// Slab test; a ray within a face or through an edge hits. From inside the far face is hit.
 fn intersect_box(slabs: &BoxData, ray: &Ray) -> Option<(f64, DVec3)> {
     let (min, max) = (vector(slabs.min), vector(slabs.max));
     let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -238,7 +241,7 @@ fn intersect_box(slabs: &BoxData, ray: &Ray) -> Option<(f64, DVec3)> {
             (far, far_axis) = (a.max(b), axis);
         }
     }
-    // No direction at all, or one that is no number, leaves the far side unbounded.
+    // A zero or NaN direction leaves the far side unbounded.
     if near > far || far.is_infinite() {
         return None;
     }
@@ -274,7 +277,7 @@ fn intersect_rectangle(
     inside.then_some((t, n))
 }
 
-/// Distance to a plane, and the point met relative to `center`.
+/// Distance to a plane, and the intersection relative to `center`.
 fn intersect_plane(ray: &Ray, center: DVec3, n: DVec3) -> Option<(f64, DVec3)> {
     let to_center = center - ray.origin;
     let cos = ray.direction.dot(n);
@@ -364,7 +367,7 @@ mod tests {
         );
         assert_eq!(met([0.0; 3], to_x), Some((1.0, DVec3::X)));
         assert_eq!(met([0.0; 3], [-1.0, 0.0, 0.0]), Some((1.0, DVec3::NEG_X)));
-        // Along a face and along an edge: the closed box is met.
+        // Along a face and along an edge: the box is closed, so both hit.
         assert_eq!(met([-3.0, 1.0, 0.0], to_x), Some((2.0, DVec3::NEG_X)));
         assert_eq!(met([-3.0, 1.0, -1.0], to_x), Some((2.0, DVec3::NEG_X)));
         assert_eq!(met([-3.0, 1.0 + 1e-9, 0.0], to_x), None);

@@ -1,5 +1,5 @@
-//! Next-event estimation: towards area lights, the environment, lights without extent and surfaces that emit, out of balls
-//! that scatter inside, and towards the area lights that coats reflect.
+//! Next-event estimation towards area lights, environment maps, punctual lights and emissive surfaces, out
+//! of scattering balls, and towards area lights reflected by coats.
 
 use std::f64::consts::PI;
 
@@ -18,8 +18,8 @@ use crate::fresnel::fresnel_dielectric;
 use crate::sampling::BELOW_1;
 
 impl PathTracer<'_> {
-    /// Light of the area light that a coat reflects: drawn by chance alone, this small, bright image
-    /// would be most of the noise of a ball.
+    /// Light of the area light that a coat's mirror reflects: by BSDF sampling alone this small, bright
+    /// reflection would be most of the noise on a ball.
     pub(super) fn coat_reflected_light(&self, vertex: &Vertex, rays: &mut u64) -> DVec3 {
         let cos_o = vertex.wo.dot(vertex.n);
         let reflectance = vertex.scatter.coat(cos_o);
@@ -42,9 +42,10 @@ impl PathTracer<'_> {
         reflectance * light.radiance_at(ray.origin + distance * ray.direction)
     }
 
-    /// Next-event estimation: light that comes straight from a surface that emits, from a light without extent, from the
-    /// environment, or from one point of one area light.
+    /// Next-event estimation: light from one point of an emissive surface, a punctual light, the
+    /// environment map, or an area light.
     pub(super) fn direct_light(&self, vertex: &Vertex, [u, v]: [f64; 2], rays: &mut u64) -> DVec3 {
+        // One number chooses the kind of light and is rescaled within its interval.
         let emissive = f64::from(self.scene.emissive_surfaces.probability());
         if u < emissive {
             return self.direct_emissive_surface(vertex, [u / emissive, v], rays);
@@ -110,7 +111,7 @@ impl PathTracer<'_> {
             return DVec3::ZERO;
         }
         let inverse_density = chosen.inverse_pdf / f64::from(map.probability);
-        // The power heuristic by the inverse density: at the poles that is 0, and the density not finite.
+        // Power heuristic by the inverse density, which is 0 at the poles, where the density is infinite.
         let weight = 1.0 / (1.0 + (pdf_scatter * inverse_density).powi(2));
         let cos_i = vertex.cosine(chosen.wi);
         f * chosen.radiance * (cos_i * weight * inverse_density)
@@ -144,7 +145,7 @@ impl PathTracer<'_> {
         reflected * radiance * (inverse_pdf / probability)
     }
 
-    /// Whether something is in between a vertex and a point of area light `index`.
+    /// Whether anything other than area light `index` lies before `distance`.
     fn is_occluded(
         &self,
         vertex: &Vertex,
@@ -164,7 +165,7 @@ impl PathTracer<'_> {
         })
     }
 
-    /// Next-event estimation through a boundary, of light that is scattered evenly at `point` inside.
+    /// Next-event estimation through a boundary, for light scattered isotropically at `point` inside.
     pub(super) fn sample_light_through_boundary(
         &self,
         enclosing: Primitive,
@@ -207,10 +208,11 @@ impl PathTracer<'_> {
             return DVec3::ZERO;
         }
         let passed = 1.0 - fresnel_dielectric(refracted.cos_i, 1.0 / boundary.ior);
-        // Radiance is denser by the square of the index inside.
+        // Radiance inside is higher by the square of the refractive index.
         let passed = passed * boundary.ior * boundary.ior * medium.transmittance(inside);
-        // From the solid angle seen straight to area by d² / cos, and from there by cos / spread to the
-        // solid angle in which the refracted path begins.
+        // The reciprocal density is converted from solid angle of straight directions to area on the light
+        // by d² / cos, and to solid angle of the refracted path's first segment by the new cosine over the
+        // spread.
         let cosines = refracted.outer.dot(normal) / straight.wi.dot(normal);
         let inverse_pdf = straight.inverse_pdf / chosen.probability;
         let inverse_pdf = inverse_pdf * straight.distance.powi(2) * cosines / refracted.spread;

@@ -1,4 +1,4 @@
-//! Free flight through what fills a dielectric.
+//! Free flight through the homogeneous medium inside a dielectric.
 
 use std::f64::consts::PI;
 
@@ -7,26 +7,29 @@ use glam::DVec3;
 use super::intersect::vector;
 use crate::compiled::MaterialData;
 
-/// A homogeneous medium that scatters evenly into all directions.
+/// A homogeneous medium with an isotropic phase function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
+    /// Extinction coefficient, m⁻¹.
     extinction: DVec3,
     /// Scattering coefficient over `sampling_density`.
     scattering: DVec3,
+    /// Rate of the exponential distribution of distances, m⁻¹; 0 if the medium does not scatter.
     sampling_density: f64,
 }
 
-/// Where a path that entered the medium goes on.
+/// Result of a free flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeFlight {
-    /// How far it came, if it was scattered before the boundary.
+    /// Distance of the scattering event, metres, if it is before the boundary.
     pub scattered_at: Option<f64>,
-    /// What is left of its light per channel, over the probability of having come so far.
+    /// Factor of the throughput: transmittance per channel, and scattering coefficient if scattered, over
+    /// the density.
     pub weight: DVec3,
 }
 
 impl Medium {
-    /// What fills a body of this material.
+    /// Medium inside a body of this material.
     pub fn new(material: &MaterialData) -> Self {
         Self {
             extinction: vector(material.extinction),
@@ -35,14 +38,14 @@ impl Medium {
         }
     }
 
-    /// A flight towards a boundary at distance `t` metres: its length is drawn by `u` from the
-    /// exponential law of the clearest channel.
+    /// Samples a flight towards a boundary at `t` metres: the distance is drawn by `u` from the
+    /// exponential distribution of the channel of least extinction.
     pub fn sample_distance(&self, t: f64, u: f64) -> FreeFlight {
         let distance = -(1.0 - u).ln() / self.sampling_density;
-        // exp(−σt t) over the probability exp(−rate t) of coming that far; the density rate · exp(−rate
-        // t) of a scattering has its rate in `scattering` already.
+        // Transmittance exp(−σt t) over exp(−rate t), the probability of reaching t; the density rate ·
+        // exp(−rate t) of scattering has its factor `rate` in `scattering` already.
         let left = |t: f64| (-(self.extinction - self.sampling_density) * t).map(f64::exp);
-        // Without scattering the rate is 0 and the distance infinite, or no number for u = 0.
+        // Without scattering the rate is 0 and the distance ∞, or NaN for u = 0; neither is below t.
         if distance < t {
             return FreeFlight {
                 scattered_at: Some(distance),
@@ -55,13 +58,13 @@ impl Medium {
         }
     }
 
-    /// What is left of light after `t` metres.
+    /// Transmittance over `t` metres.
     pub fn transmittance(&self, t: f64) -> DVec3 {
         (-self.extinction * t).map(f64::exp)
     }
 }
 
-/// A direction of equal density everywhere.
+/// Direction uniform on the sphere.
 pub fn uniform_direction(u1: f64, u2: f64) -> DVec3 {
     let z = 1.0 - 2.0 * u1;
     let sine = (1.0 - z * z).max(0.0).sqrt();

@@ -1,24 +1,27 @@
-//! The material of glTF 2.0: a diffuse base or a metal under a rough reflection.
+//! The metallic-roughness material of glTF 2.0: a diffuse base or a metal under a rough specular
+//! reflection.
 //!
-//! The reflection is that of GGX microfacets ([`super::microfacet`]) with Schlick's Fresnel term ("An Inexpensive BRDF Model
-//! for Physically-based Rendering", CGF 13(3), 1994). What it leaves of light is diffuse as under the coat of
-//! [`crate::Material::SmoothPlastic`], in both directions, so that light both ways is the same and none is gained;
-//! `1 − F_avg`, the mean of what passes into the base, is divided by: a smooth white surface reflects all. Rough surfaces
-//! reflect less at grazing angles than smooth ones, so that Schlick's term of what passes rises to `(1 − α)²` alone: about the
-//! least with which white surfaces make no light.
+//! The specular lobe is GGX ([`super::microfacet`]) with Schlick's Fresnel term ("An Inexpensive BRDF
+//! Model for Physically-based Rendering", CGF 13(3), 1994). Transmitted light is diffuse as under the
+//! coat of [`crate::Material::SmoothPlastic`], attenuated in both directions, so that the BSDF is
+//! reciprocal and conserves energy; it is divided by `1 − F_avg`, the mean transmittance into the base,
+//! so that a smooth white surface reflects all light. Rough surfaces reflect less at grazing angles than
+//! smooth ones, so that Schlick's term of the attenuation rises only to `(1 − α)²`: about the least with
+//! which white surfaces create no light.
 //!
 //! # Layers
-//! A sheen ([`crate::sheen`]) is added to the rest, which is multiplied by what the sheen leaves of light in that of both directions
-//! in which it leaves less (Khronos Group, `KHR_materials_sheen`); one that would reflect more than comes in one of them is divided
-//! by that. A clear coat
-//! of index 1.5 lies over both: another rough reflection, and what it lets pass multiplies all below in both directions. The
-//! diffuse base is divided by the mean of what passes both, and so a white one reflects all under a smooth coat, too; what a
-//! metal loses between itself and the coat is lost.
+//! A sheen ([`crate::sheen`]) is added to the lobes below, which are scaled by one minus the larger of
+//! its directional albedos for both directions (Khronos Group, `KHR_materials_sheen`); a sheen whose
+//! albedo would exceed 1 is divided by it. A clear coat of index 1.5 lies over both: another rough
+//! specular lobe, whose transmittances in both directions scale all lobes below. The diffuse base is
+//! divided by the mean of the product of both transmittances, so that a white one reflects all light
+//! under a smooth coat, too; interreflection between a metal and the coat is neglected.
 //!
-//! Part of the light in the base may pass it: see [`ThinWall`].
+//! Part of the light in the base may be transmitted: see [`ThinWall`].
 //!
-//! A coat with normals of its own sees both directions at its own cosines. Light from a direction that only one of both normals
-//! faces is met by the coat or by what is below alone, and the triangle itself decides what is outside ([`super::triangle`]).
+//! A coat with normals of its own uses its own cosines for both directions. Light from a direction that
+//! only one of the normals faces reaches that layer alone, and the geometric normal decides which side is
+//! outside ([`super::triangle`]).
 
 mod thin_wall;
 
@@ -36,18 +39,18 @@ use crate::compiled::MaterialData;
 use crate::scene::validate::SHEEN_ROUGHNESS;
 use crate::sheen::{interpolated, sheen, sheen_reflectances};
 
-/// One point of such a surface.
+/// BSDF at one point of such a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MetallicRoughness {
-    /// Albedo of what the base reflects.
+    /// Albedo of the diffuse base.
     pub diffuse: DVec3,
-    /// Reflectance towards the normal.
+    /// Specular reflectance at normal incidence (F0).
     pub f0: DVec3,
-    /// Reflectance at grazing angles.
+    /// Specular reflectance at grazing incidence (F90).
     pub f90: f64,
-    /// The most that what is no metal reflects of a channel towards the normal.
+    /// Largest channel of the dielectric part's reflectance at normal incidence.
     pub dielectric_f0: f64,
-    /// What is taken to be reflected at grazing angles of what goes to the base and comes from it.
+    /// Reflectance at grazing incidence by which light into the base and out of it is attenuated.
     pub base_f90: f64,
     /// GGX width, above 0.
     pub alpha: f64,
@@ -57,47 +60,47 @@ pub struct MetallicRoughness {
     pub clearcoat: f64,
     /// GGX width of the coat, above 0.
     pub clearcoat_alpha: f64,
-    /// Unit normal of the coat on the side of `wo`, if it is another than the base's.
+    /// Unit normal of the coat on the side of `wo`, if it differs from the base's.
     pub clearcoat_n: Option<DVec3>,
-    /// Strength of the sheen, over 2π; 0 without.
+    /// Sheen colour over 2π; 0 without sheen.
     pub sheen: DVec3,
-    /// Width of the sheen.
+    /// Width of the sheen distribution.
     pub sheen_roughness: f64,
-    /// What the sheen would reflect at most: see [`sheen_reflectances`].
+    /// Largest channel of the sheen's directional albedo at six cosines: see [`sheen_reflectances`].
     pub sheen_reflected: [f64; 6],
-    /// Of a surface whose base lets light pass.
+    /// Transmission, if the base transmits light.
     pub wall: Option<ThinWall>,
 }
 
-/// What textures multiply a material's numbers by.
+/// Texture values, by which the parameters of a material are multiplied.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureFactors {
-    /// Of the base colour.
+    /// Factor of the base colour.
     pub base_color: DVec3,
-    /// Of the roughness, the square root of α.
+    /// Factor of the roughness, the square root of α.
     pub roughness: f64,
-    /// Of the share of metal.
+    /// Factor of the metallic share.
     pub metallic: f64,
-    /// Of the emission.
+    /// Factor of the emission.
     pub emission: DVec3,
-    /// Of the strength of the clear coat.
+    /// Factor of the strength of the clear coat.
     pub clearcoat: f64,
-    /// Of the coat's roughness.
+    /// Factor of the coat's roughness.
     pub clearcoat_roughness: f64,
-    /// Of the sheen's colour.
+    /// Factor of the sheen's colour.
     pub sheen: DVec3,
-    /// Of the sheen's roughness, the square root of its width.
+    /// Factor of the sheen's roughness, the square root of its width.
     pub sheen_roughness: f64,
-    /// Of the strength of the reflection of what is no metal.
+    /// Factor of the strength of the dielectric part's reflection.
     pub specular: f64,
-    /// Of its colour towards the normal.
+    /// Factor of its colour at normal incidence.
     pub specular_color: DVec3,
-    /// Of the share of light that passes the base.
+    /// Factor of the transmission.
     pub transmission: f64,
 }
 
 impl TextureFactors {
-    /// No textures.
+    /// Factors without textures.
     pub const ONE: Self = Self {
         base_color: DVec3::ONE,
         roughness: 1.0,
@@ -113,21 +116,23 @@ impl TextureFactors {
     };
 }
 
-/// The smallest GGX width, which smoother surfaces have too.
+/// Least GGX width, to which smoother surfaces are raised.
 pub const ALPHA_LEAST: f32 = crate::scene::validate::ALPHA_SMOOTH_MAX;
-/// What a clear coat, of index 1.5, reflects towards the normal.
+/// Reflectance of a clear coat, of index 1.5, at normal incidence.
 pub const CLEARCOAT_F0: f32 = 0.04;
 
 impl MetallicRoughness {
-    /// A material, multiplied.
+    /// BSDF of a material with texture factors.
     pub fn new(material: &MaterialData, factors: &TextureFactors) -> Self {
         let base = vector(material.albedo) * factors.base_color;
         let metallic = f64::from(material.metallic) * factors.metallic;
         let specular = f64::from(material.diffuse_scale) * factors.specular;
         let f0 = vector(material.eta) * factors.specular_color * factors.specular;
+        // KHR_materials_specular: the coloured reflectance is at most the specular strength.
         let f0 = f0.min(DVec3::splat(specular));
         let dielectric_f0 = f0.max_element();
         let alpha = f64::from(material.alpha) * factors.roughness * factors.roughness;
+        // glTF's material reuses fields of other kinds: see `MaterialData`.
         let [clearcoat, clearcoat_alpha, transmission] = material.stripe_albedo.map(f64::from);
         let transmission = transmission * factors.transmission;
         let dielectric = base * (1.0 - metallic);
@@ -144,6 +149,7 @@ impl MetallicRoughness {
         Self {
             diffuse: dielectric * (1.0 - transmission),
             f0: f0.lerp(base, metallic),
+            // Metals reflect all light at grazing incidence.
             f90: specular + (1.0 - specular) * metallic,
             dielectric_f0,
             base_f90: ((1.0 - alpha).powi(2) * specular).max(dielectric_f0),
@@ -159,8 +165,8 @@ impl MetallicRoughness {
         }
     }
 
-    /// `f` in sr⁻¹ for light that falls in at [`MetallicRoughness::cosine`], and the density per solid angle with which
-    /// [`MetallicRoughness::sample`] draws `wi`; 0 of what goes straight on through a smooth wall.
+    /// `f` in sr⁻¹, to be multiplied by [`MetallicRoughness::cosine`], and the density per solid angle with
+    /// which [`MetallicRoughness::sample`] draws `wi`; 0 for light straight through a smooth wall.
     pub fn eval(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
         if self.is_passed(wi, n) {
             return self.eval_passed(wo, wi, n);
@@ -169,7 +175,7 @@ impl MetallicRoughness {
         (f, (1.0 - self.passed_share(wo, n)) * pdf)
     }
 
-    /// [`MetallicRoughness::eval`] without what passes.
+    /// [`MetallicRoughness::eval`] without transmission.
     fn eval_above(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
         let (f, pdf) = self.eval_below_coat(wo, wi, n);
         if self.clearcoat == 0.0 {
@@ -190,26 +196,28 @@ impl MetallicRoughness {
         let seen = 0.25 * ggx(alpha, h.dot(coat_n)) * visibility(alpha, cos_o);
         let mut coat = self.coat_reflected(wo.dot(h)) * seen * visibility(alpha, cos_i);
         if self.clearcoat_n.is_some() {
+            // `f` is multiplied by the larger cosine later, while this lobe is defined with its own.
             coat *= cos_i / self.cosine(wi, n);
         }
         (f + coat, share * seen + (1.0 - share) * pdf)
     }
 
-    /// The cosine at which light falls in from `wi`: that to the base's normal `n`, or to the coat's own where it is larger.
-    /// Below 0 on the other side of a wall.
+    /// Cosine of the incident direction `wi`: to the base's normal `n`, or to the coat's own where it is
+    /// larger. Negative on the other side of a wall.
     pub fn cosine(&self, wi: DVec3, n: DVec3) -> f64 {
         let cos_i = wi.dot(n);
         let coat_n = self.clearcoat_n.filter(|_| !self.is_passed(wi, n));
         coat_n.map_or(cos_i, |coat_n| cos_i.max(wi.dot(coat_n)))
     }
 
-    /// [`MetallicRoughness::eval`] without the coat, for light that falls in at the cosine to `n`.
+    /// [`MetallicRoughness::eval`] without the coat, for the cosine to `n`.
     fn eval_below_coat(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
         let (cos_o, cos_i) = (wo.dot(n), wi.dot(n));
         if cos_o <= 0.0 || cos_i <= 0.0 {
             return (DVec3::ZERO, 0.0);
         }
         let h = (wo + wi).normalize();
+        // Density of visible normals times the Jacobian of reflection, as in `Conductor::eval`.
         let seen = 0.25 * ggx(self.alpha, h.dot(n)) * visibility(self.alpha, cos_o);
         let reflected =
             schlick(self.f0, self.f90, wo.dot(h)) * (seen * visibility(self.alpha, cos_i));
@@ -219,7 +227,7 @@ impl MetallicRoughness {
         let pdf = share * seen + (1.0 - share) * cos_i / PI;
         let mut f = reflected + scattered;
         if self.sheen != DVec3::ZERO {
-            // The larger loss: alike both ways, and with the sheen no more than all.
+            // The larger of both losses keeps the BSDF reciprocal, and the sum with the sheen at most 1.
             let reflected = self.sheen_reflected(cos_o).max(self.sheen_reflected(cos_i));
             f *= (1.0 - reflected).max(0.0);
             let sheen = sheen(self.sheen_roughness, cos_o, cos_i, h.dot(n));
@@ -228,7 +236,8 @@ impl MetallicRoughness {
         (f, pdf)
     }
 
-    /// Draws a direction: `u[0]` chooses between what passes, coat, reflection and base, `u[1]` and `u[2]` the direction.
+    /// Draws a direction: `u[0]` chooses between transmission, coat, specular and diffuse lobe, `u[1]` and
+    /// `u[2]` the direction.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         let Some(wall) = &self.wall else {
             return self.sample_above(wo, n, u);
@@ -245,7 +254,7 @@ impl MetallicRoughness {
         sample
     }
 
-    /// [`MetallicRoughness::sample`] without what passes.
+    /// [`MetallicRoughness::sample`] without transmission.
     fn sample_above(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         let coat = self.clearcoat_share(wo, n);
         let mut lobe_n = n;
@@ -262,7 +271,8 @@ impl MetallicRoughness {
             radius * phi.cos() * t + radius * phi.sin() * b + cos_i * n
         };
         let (f, pdf) = self.eval(wo, wi, n);
-        // The density has no part of what a reflection draws below its own normal, though the other may face it.
+        // A specular direction below its own lobe's normal has weight 0, even if the other normal faces it:
+        // its lobe's density is 0 there.
         let weight = match pdf > 0.0 && wi.dot(lobe_n) > 0.0 {
             true => f * (self.cosine(wi, n) / pdf),
             false => DVec3::ZERO,
@@ -271,25 +281,25 @@ impl MetallicRoughness {
         BsdfSample { wi, weight, pdf }
     }
 
-    /// About what it reflects of even light and lets pass.
+    /// Approximate albedo, including transmittance.
     pub fn albedo(&self) -> DVec3 {
         let passed = self.wall.map_or(DVec3::ZERO, |wall| wall.color);
         (self.diffuse + self.f0 + passed).min(DVec3::ONE)
     }
 
-    /// What a smooth wall lets pass, straight on.
+    /// Transmittance straight through a smooth wall; 0 otherwise.
     pub fn straight(&self, wo: DVec3, n: DVec3) -> DVec3 {
         let wall = self.wall.as_ref().filter(|wall| wall.is_smooth);
         wall.map_or(DVec3::ZERO, |wall| self.straight_passed(wall, wo, n))
     }
 
-    /// The share of light that passes into the base or out of it.
+    /// Fresnel transmittance into the base or out of it.
     fn passed(&self, cos: f64) -> f64 {
         1.0 - self.dielectric_f0 - (self.base_f90 - self.dielectric_f0) * grazing(cos)
     }
 
-    /// The reciprocal of the mean of that over even light, and of what passes the coat: [`grazing`] has the mean 1/21 over the
-    /// cosine, its square 1/66.
+    /// Reciprocal of the cosine-weighted mean of [`Self::passed`] times the coat's transmittance: the mean
+    /// of [`grazing`] over the hemisphere is 1/21, that of its square 1/66.
     fn diffuse_scale(&self) -> f64 {
         let (passed, rise) = (1.0 - self.dielectric_f0, self.base_f90 - self.dielectric_f0);
         let base = passed - rise / 21.0;
@@ -301,25 +311,25 @@ impl MetallicRoughness {
         1.0 / (base * coat_passed - coat_rise * (passed / 21.0 - rise / 66.0))
     }
 
-    /// The share of light that the sheen would reflect at a cosine, about.
+    /// Approximate directional albedo of the sheen at a cosine.
     fn sheen_reflected(&self, cos: f64) -> f64 {
         interpolated(&self.sheen_reflected, cos)
     }
 
-    /// The share of light that the coat reflects at a cosine.
+    /// Share of light that the coat reflects at a cosine.
     fn coat_reflected(&self, cos: f64) -> f64 {
         let f0 = f64::from(CLEARCOAT_F0);
         self.clearcoat * (f0 + (1.0 - f0) * grazing(cos))
     }
 
-    /// The probability with which [`MetallicRoughness::sample`] chooses the coat.
+    /// Probability with which [`MetallicRoughness::sample`] chooses the coat.
     fn clearcoat_share(&self, wo: DVec3, n: DVec3) -> f64 {
         let coat = self.coat_reflected(wo.dot(self.clearcoat_n.unwrap_or(n)));
         let [reflected, scattered] = self.weights(wo.dot(n));
         coat / (coat + (1.0 - coat) * (reflected + scattered) / 3.0).max(f64::MIN_POSITIVE)
     }
 
-    /// The probability with which [`MetallicRoughness::sample`] chooses the reflection, if not the coat.
+    /// Probability with which [`MetallicRoughness::sample`] chooses the specular lobe, if not the coat.
     fn reflected_share(&self, cos_o: f64) -> f64 {
         let [reflected, scattered] = self.weights(cos_o);
         match reflected + scattered > 0.0 {
@@ -328,7 +338,7 @@ impl MetallicRoughness {
         }
     }
 
-    /// About what the reflection, and base and sheen, send on, summed over the channels.
+    /// Approximate albedos of the specular lobe, and of base and sheen, summed over the channels.
     fn weights(&self, cos_o: f64) -> [f64; 2] {
         let reflected = schlick(self.f0, self.f90, cos_o).element_sum();
         let sheen = match self.sheen == DVec3::ZERO {
@@ -342,11 +352,12 @@ impl MetallicRoughness {
     }
 }
 
-/// Schlick's approximation of Fresnel's term.
+/// Schlick's approximation of the Fresnel term.
 fn schlick(f0: DVec3, f90: f64, cos: f64) -> DVec3 {
     f0 + (f90 - f0) * grazing(cos)
 }
 
+/// The fifth power (1 − cos)⁵ of Schlick's approximation.
 fn grazing(cos: f64) -> f64 {
     (1.0 - cos).clamp(0.0, 1.0).powi(5)
 }
@@ -376,7 +387,7 @@ mod tests {
         }
     }
 
-    /// Under a clear coat and a sheen.
+    /// A surface with a clear coat and a sheen.
     pub(super) fn layered(
         base: MetallicRoughness,
         coat: f64,
@@ -432,7 +443,7 @@ mod tests {
         }
     }
 
-    /// The mean weight of directions that are drawn.
+    /// Mean weight of sampled directions.
     fn directional_albedo(surface: &MetallicRoughness, cos_o: f64) -> f64 {
         let wo = direction(cos_o, 0.3);
         let draws = 20_000;
@@ -440,7 +451,8 @@ mod tests {
         weights.sum::<f64>() / f64::from(draws)
     }
 
-    /// White furnace of layers: a white base under a smooth coat reflects all that comes, and none makes light.
+    /// White furnace of layers: a white base under a smooth coat reflects all light, and no layer creates
+    /// any.
     #[test]
     fn coats_and_sheens_over_white_surfaces_make_no_light() {
         for metallic in [0.0, 0.5, 1.0] {
@@ -462,7 +474,7 @@ mod tests {
         }
     }
 
-    /// White furnace: at grazing angles a narrow sheen alone would reflect a third more than comes.
+    /// White furnace: at grazing angles a narrow sheen alone would reflect a third more light than arrives.
     #[test]
     fn narrow_sheens_make_no_light_at_grazing_angles() {
         for width in [0.1, 0.15, 0.3] {
@@ -477,7 +489,7 @@ mod tests {
         }
     }
 
-    /// Light that a coat with a normal of its own reflects, and with it what is below.
+    /// Light reflected by a coat with a normal of its own and by the base below.
     #[test]
     fn directions_of_a_coat_with_its_own_normal_are_drawn_with_their_density() {
         let n = DVec3::new(0.3, -0.8, -0.4).normalize();
@@ -488,7 +500,7 @@ mod tests {
                 clearcoat_n: Some((tilt.cos() * n + tilt.sin() * b).normalize()),
                 ..layered(below, 0.7, 0.0, 0.6)
             };
-            // A coat of strength 1 lets nothing pass at grazing angles, where draws would have no weight.
+            // A coat of strength 1 transmits nothing at grazing angles, where samples would have no weight.
             let wo = (0.6 * n + 0.7 * t + 0.2 * b).normalize();
             let density = |wi| surface.eval(wo, wi, n).1;
             let sample = |u| surface.sample(wo, n, u);
@@ -511,7 +523,7 @@ mod tests {
         }
     }
 
-    /// White furnace: a white surface never reflects more than comes, and a smooth one all of it.
+    /// White furnace: a white surface never reflects more light than arrives, and a smooth one all of it.
     #[test]
     fn white_surfaces_make_no_light() {
         for metallic in [0.0, 0.3, 1.0] {

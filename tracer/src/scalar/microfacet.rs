@@ -1,4 +1,4 @@
-//! Metals and dielectrics, smooth and rough: evaluate, sample, density.
+//! Metals and dielectrics, smooth and rough: evaluation, sampling and density.
 //!
 //! GGX microfacets with Smith's separable shadowing (Walter et al., "Microfacet Models for Refraction
 //! through Rough Surfaces", EGSR 2007). `n` is on the side of `wo`; a smooth surface has no density and
@@ -13,9 +13,9 @@ use crate::fresnel::{fresnel_conductor, fresnel_dielectric};
 /// A metal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conductor {
-    /// Index of refraction, real part.
+    /// Real part of the index of refraction.
     pub eta: DVec3,
-    /// Imaginary part.
+    /// Imaginary part of the index of refraction.
     pub k: DVec3,
     /// GGX width; 0 for a mirror.
     pub alpha: f64,
@@ -26,11 +26,11 @@ pub struct Conductor {
 pub struct Dielectric {
     /// Index of refraction beyond the surface over that on the side of `wo`.
     pub eta: f64,
-    /// GGX width; 0 where smooth.
+    /// GGX width; 0 for a smooth surface.
     pub alpha: f64,
 }
 
-/// A rough dielectric towards one direction.
+/// BSDF value and density of a rough dielectric for one direction.
 struct Facet {
     f: f64,
     pdf: f64,
@@ -44,6 +44,7 @@ impl Conductor {
             return (DVec3::ZERO, 0.0);
         }
         let h = (wo + wi).normalize();
+        // Density of visible normals, G1 (wo·h) D / cos θo, times the Jacobian 1 / (4 wo·h) of reflection.
         let pdf = 0.25 * ggx(self.alpha, h.dot(n)) * visibility(self.alpha, cos_o);
         let reflectance = fresnel_conductor(wo.dot(h), self.eta, self.k);
         (reflectance * (pdf * visibility(self.alpha, cos_i)), pdf)
@@ -71,7 +72,7 @@ impl Conductor {
 }
 
 impl Dielectric {
-    /// `f` in sr⁻¹ for radiance, and the density of `wi`, which lies on either side.
+    /// `f` in sr⁻¹ for radiance, and the density of `wi`, which may be on either side.
     pub fn eval(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
         let (cos_o, cos_i) = (wo.dot(n), wi.dot(n));
         if self.alpha == 0.0 || cos_o <= 0.0 || cos_i == 0.0 {
@@ -95,10 +96,10 @@ impl Dielectric {
         }
     }
 
-    /// Walter et al. 2007, equations 16 and 21; radiance is thinner by η² beyond the surface.
+    /// Walter et al. 2007, equations 16 and 21; radiance beyond the surface is lower by η².
     fn refraction(&self, wo: DVec3, wi: DVec3, n: DVec3) -> Facet {
         let h = (wo + self.eta * wi).normalize();
-        // Into a denser body η wi outweighs wo, and the sum points inwards.
+        // Into a denser body η·wi outweighs wo, and the sum points inwards.
         let h = if h.dot(n) < 0.0 { -h } else { h };
         let (o, i) = (wo.dot(h), -wi.dot(h));
         if o <= 0.0 || i <= 0.0 {
@@ -107,6 +108,7 @@ impl Dielectric {
         let seen = ggx(self.alpha, h.dot(n)) * visibility(self.alpha, wo.dot(n));
         let passed = 1.0 - fresnel_dielectric(o, self.eta);
         let eta2 = self.eta * self.eta;
+        // Density of visible normals times the Jacobian of equation 17.
         let pdf = passed * seen * o * i * eta2 / (o - self.eta * i).powi(2);
         Facet {
             f: pdf * visibility(self.alpha, -wi.dot(n)) / eta2,
@@ -114,7 +116,7 @@ impl Dielectric {
         }
     }
 
-    /// Draws a direction: `u[0]` chooses between reflection and refraction by Fresnel's term,
+    /// Draws a direction: `u[0]` chooses between reflection and refraction by the Fresnel term,
     /// `u[1]` and `u[2]` the microfacet.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         let h = if self.alpha == 0.0 {
@@ -128,7 +130,7 @@ impl Dielectric {
         } else {
             refract(wo, h, self.eta)
         };
-        // Radiance is thinner by η² beyond the surface.
+        // Radiance beyond the surface is lower by η².
         let passed = if is_reflected {
             1.0
         } else {
@@ -141,7 +143,7 @@ impl Dielectric {
                 pdf: None,
             };
         }
-        // A microfacet may send light to the side where the surface as a whole does not.
+        // A microfacet may send light to the wrong side of the macroscopic surface.
         let cos_i = if is_reflected { wi.dot(n) } else { -wi.dot(n) }.max(0.0);
         BsdfSample {
             wi,
@@ -155,10 +157,10 @@ pub(super) fn reflect(wo: DVec3, h: DVec3) -> DVec3 {
     2.0 * wo.dot(h) * h - wo
 }
 
-/// Snell's law; `h` is on the side of `wo`, which is not reflected totally.
+/// Refracted direction by Snell's law; `h` is on the side of `wo`, which is not totally reflected.
 fn refract(wo: DVec3, h: DVec3, eta: f64) -> DVec3 {
     let cos_o = wo.dot(h);
-    // √(η² − sin² θ) / η, factored so that nothing cancels for indices near 1.
+    // √(η² − sin² θ) / η, factored: η² − 1 would cancel for indices near 1.
     let cos_t = ((eta - 1.0) * (eta + 1.0) + cos_o * cos_o).max(0.0).sqrt() / eta;
     ((cos_o / eta - cos_t) * h - wo / eta).normalize()
 }

@@ -1,59 +1,62 @@
-//! The scalar path tracer: f64, one sample at a time, with the random numbers of the fast tracers.
+//! Scalar path tracer: f64, one sample at a time, with the random numbers of the fast tracers.
 //!
 //! # Estimator
-//! The fast tracers follow it sample for sample, to the rounding of f32. With `k` the
-//! depth, from 0, and `u = sampling::pair(pixel, sample, block, seed)`:
+//! The fast tracers follow it sample by sample, up to the rounding of f32. With `k` the depth, from 0,
+//! and `u = sampling::pair(pixel, sample, block, seed)`:
 //!
-//! 1. **Camera.** The ray goes through film position `pixel + u` of block `BLOCK_CAMERA`, and through the point of the lens
-//!    of block `BLOCK_LENS`.
-//! 2. **Edge.** The nearest primitive with `t > 0` is hit, the first of equals in the order
-//!    spheres, boxes, discs, rectangles, CSG boxes, triangles, area lights. The primitive that the ray leaves is skipped: each
-//!    is convex, so an outward ray cannot meet it again, and no origin need be offset; a ray inside
-//!    a dielectric meets that body's far side and no other of its own, or any triangle of a mesh ([`triangle`]). There it flies freely first:
-//!    it is scattered after `−ln(1 − u[1]) / sampling_density` metres if that is nearer, with `u` of block
-//!    `block_choice(k)`, evenly by `block_scatter(k)`, which counts as a scattering. A ray that
-//!    meets nothing adds `beta · environment` and ends. A ray that meets an area light ends; from the
-//!    front it adds `beta · radiance · w`, where `w` is 1 for camera rays and after what has no
-//!    density (a metal mirror, smooth glass, a medium), 0 where step 3 has added the area lights (after a
-//!    coat's mirror, and where light that was scattered inside a ball is joined by [`refracted_nee`]),
-//!    else the power heuristic of the pdf against `brightness / light_weight_sum`. After
-//!    `max_depth` scattering events a ray that meets a surface ends black.
-//! 3. **Light.** The coat's share: if the nearest area light in the mirror's direction is met from the
-//!    front and nothing is in between, adds `beta · F · radiance`; where the path is regularised
-//!    ([`crate::regularisation`]) it is part of the other lobes', weighed by 1. The other lobes' (block
-//!    `block_light(k)`): an area light drawn by brightness times solid angle with `u[0]`, which is then
-//!    stretched to [0, 1) again, and a direction uniform in its solid angle, or, where that is below
-//!    [`AreaLightData::SOLID_ANGLE_MIN`], a point uniform in its area. Unless something is in between, adds
-//!    `beta · f · cos · radiance / pdf · w`, `w` weighing the same two densities as in step 2,
-//!    where `f` leaves out mirrors, and directions into a dielectric are. Inside a ball that allows it
-//!    the same point is aimed at by the path refracted at the boundary, if
-//!    that counts as a scattering that is left: a point that light falls on from `spread` per
-//!    solid angle.
-//! 4. **Scattering** (block `block_scatter(k)`). A surface that emits adds `beta · emission · w`, at camera rays too. Metals and
-//!    dielectrics: [`microfacet`], whose choice to reflect takes `u[0]` of `block_choice(k)`, as that of
-//!    [`mod@metallic_roughness`]. Others: with `F` the Fresnel reflectance seen
-//!    from `wo` and `a` the channel mean of the albedo at the hit, the mirror is chosen if `u[0]` is
-//!    below `p = F / (F + (1−F)·a)` (0 where `F` is 0), with weight `F/p`. Else `u[0]` is stretched
-//!    to [0, 1) again and `wi` drawn by the cosine: `(√u[0]·cos 2πu[1], √u[0]·sin 2πu[1],
-//!    √(1−u[0]))` in the basis of [`basis::basis`], pdf `(1−p)·cos/π`, weight `f·cos / pdf`. A path
-//!    whose weight is 0 ends. A rough coat is here, as in step 3, the mirror of one of its microfacets (block
-//!    `block_coat(k)`, [`bsdf::Bsdf::with_facet`]), whose reflectance `F·G₁` takes the place of `F` seen from `wo`. Denoised
-//!    pictures find its light along the path, as that of a rough metal, not beside first hits.
+//! 1. **Camera.** The ray goes through film position `pixel + u` of block `BLOCK_CAMERA`, and through the
+//!    point of the lens of block `BLOCK_LENS`.
+//! 2. **Edge.** The nearest primitive with `t > 0` is hit, at equal distances the first in the order
+//!    spheres, boxes, discs, rectangles, CSG boxes, triangles, area lights. The primitive that the ray
+//!    leaves is skipped: each is convex, so an outward ray cannot hit it again, and origins need no
+//!    offset; a ray inside a dielectric hits the far side of that body and no other of its own, or any
+//!    triangle of a mesh ([`triangle`]). Inside, free flight comes first: the path is scattered after
+//!    `−ln(1 − u[1]) / sampling_density` metres if that is nearer, with `u` of block `block_choice(k)`,
+//!    isotropically by `block_scatter(k)`, which counts as a scattering event. A ray that hits nothing
+//!    adds `beta · environment` and ends. A ray that hits an area light ends; from the front it adds
+//!    `beta · radiance · w`, where `w` is 1 for camera rays and after specular or volume scattering,
+//!    which has no density (a metal mirror, smooth glass, a medium), 0 where step 3 has added the area
+//!    lights (after a coat's mirror, and for light scattered inside a ball that is connected by
+//!    [`refracted_nee`]), else the power heuristic of the pdf against `brightness / light_weight_sum`.
+//!    After `max_depth` scattering events a ray that hits a surface ends black.
+//! 3. **Light.** Coat: if the nearest area light in the mirror direction is hit from the front and not
+//!    occluded, adds `beta · F · radiance`; where the path is regularised ([`crate::regularisation`]) the
+//!    coat is instead part of the other lobes' estimate, with weight 1. Other lobes (block
+//!    `block_light(k)`): an area light is drawn in proportion to brightness times solid angle with
+//!    `u[0]`, which is then rescaled to [0, 1), and a direction uniform in its solid angle, or, where
+//!    that is below [`AreaLightData::SOLID_ANGLE_MIN`], a point uniform in its area. Unless occluded,
+//!    adds `beta · f · cos · radiance / pdf · w`, with the MIS weight `w` of the same two densities as in
+//!    step 2; `f` excludes mirrors and directions into a dielectric. Inside a ball that allows it the
+//!    same point is connected by a path refracted at the boundary, if a scattering event for the
+//!    refraction is left; `spread` is the area at the light per solid angle inside.
+//! 4. **Scattering** (block `block_scatter(k)`). A surface that emits adds `beta · emission · w`, for
+//!    camera rays too. Metals and dielectrics: [`microfacet`], which chooses reflection by `u[0]` of
+//!    `block_choice(k)`, as does [`mod@metallic_roughness`]. Others: with `F` the Fresnel reflectance
+//!    seen from `wo` and `a` the channel mean of the albedo at the hit, the mirror is chosen if `u[0]` is
+//!    below `p = F / (F + (1−F)·a)` (0 where `F` is 0), with weight `F/p`. Else `u[0]` is rescaled to
+//!    [0, 1) and `wi` drawn with cosine density: `(√u[0]·cos 2πu[1], √u[0]·sin 2πu[1], √(1−u[0]))` in the
+//!    basis of [`basis::basis`], pdf `(1−p)·cos/π`, weight `f·cos / pdf`. A path of weight 0 ends. A
+//!    rough coat is here, as in step 3, the mirror of one of its microfacets (block `block_coat(k)`,
+//!    [`bsdf::Bsdf::with_facet`]), whose reflectance `F·G₁` replaces `F` seen from `wo`. In denoised
+//!    images its light is part of the path's radiance, as for a rough metal, not of the first-hit AOVs.
 //!
-//! What each part is worth at 16 samples on the pool table (relMSE; the whole 2.8e-4, 2.85 rays a
-//! sample): points of step 1 that are independent, 1.5e-3; area lights drawn uniformly, 3.9e-4; area lights by
-//! chance alone after the mirror, 7.5e-4; the balance heuristic, 1.1e-3. What would cost more than
-//! it is worth: every area light at each scattering, 2.6e-4 for 3.75 rays.
+//! Value of each part at 16 samples on the pool table, as the relMSE without it (2.8e-4 with all, at 2.85
+//! rays per sample): independent points in step 1, 1.5e-3; area lights drawn uniformly, 3.9e-4; area lights
+//! found by BSDF sampling alone after the coat's mirror, 7.5e-4; the balance heuristic, 1.1e-3. Sampling
+//! every area light at each scattering event would give 2.6e-4 for 3.75 rays, which does not pay.
 //!
-//! What goes straight on through a smooth thin wall has no density, as behind smooth glass.
+//! Light straight through a smooth thin wall has no density, as behind smooth glass.
 //!
-//! A constant environment is found by scattering alone. An environment map is aimed at instead of an area light with
-//! probability [`CompiledEnvironment::probability`] by `u[0]` of `block_light(k)`, which is then stretched to [0, 1) again, and
-//! weighed in the same way; what coats and media lead to it counts in full. Before both, [`mod@punctual_light`]s have their
-//! share of `u[0]`, which chance does not find, and before all surfaces that emit ([`mod@emissive_surface`]), whose
-//! light is weighed as that of an environment map where chance finds it, at the last vertex too. From the second vertex on, paths outside of bodies that would bring
-//! little light are ended by Russian roulette ([`crate::sampling::SURVIVAL_PER_THROUGHPUT`]). There is no clamping; a
-//! sample that is not finite counts as black and is reported.
+//! A constant environment is found by BSDF sampling alone. Light sampling chooses an environment map
+//! instead of an area light with probability [`CompiledEnvironment::probability`] by `u[0]` of
+//! `block_light(k)`, which is then rescaled to [0, 1), and applies MIS in the same way; light from it via
+//! coats and media has weight 1. Punctual lights ([`mod@punctual_light`]) have an interval of `u[0]`
+//! before both, and no MIS, as BSDF sampling cannot hit them. Emissive surfaces
+//! ([`mod@emissive_surface`]) have the first interval; their light is weighted like that of an
+//! environment map where a path hits them, at the last vertex too. From the second vertex on, paths
+//! outside bodies with low throughput are terminated by Russian roulette
+//! ([`crate::sampling::SURVIVAL_PER_THROUGHPUT`]). There is no clamping; a sample that is not finite
+//! counts as black and is reported.
 //!
 //! [`intersect()`], [`camera_ray`] and [`bsdf::Bsdf`] are public for tests of each part.
 

@@ -1,4 +1,4 @@
-//! Normal maps, and what textures are laid over a triangle.
+//! Normal maps, and lookup of the textures on a triangle.
 
 use glam::{DVec2, DVec3};
 
@@ -6,8 +6,8 @@ use super::ray::vector;
 use crate::CompiledScene;
 use crate::compiled::{MaterialTextureData, Primitive, TriangleData, TriangleUvs};
 
-/// The normal that a normal map gives where `n_out`, of unit length, is given without. Normal maps are seen at their finest
-/// level: the mean of normals is that of another surface.
+/// Normal from the material's normal map, or the unit normal `n_out` without one. Normal maps are sampled
+/// at the finest level: averaged normals describe another surface.
 pub(super) fn mapped_normal(
     scene: &CompiledScene,
     index: u32,
@@ -24,7 +24,7 @@ pub(super) fn mapped_normal(
     map.normal(scene, triangle, uvs, barycentric, n_out)
 }
 
-/// A picture of normals, and by what their x and y are multiplied.
+/// A normal map, and the scale of its x and y.
 pub(super) struct NormalMap {
     pub(super) image: u32,
     pub(super) scale: f32,
@@ -56,24 +56,25 @@ impl NormalMap {
     }
 }
 
-/// Unit vectors across `n`: along growing u and, at right angles, against growing v. None where the texture coordinates
-/// of a triangle span no area.
+/// Unit tangents to `n`: along increasing u and, orthogonal to it, along decreasing v. `None` where the
+/// texture coordinates of a triangle span no area.
 fn tangents(triangle: &TriangleData, uvs: &TriangleUvs, n: DVec3) -> Option<[DVec3; 2]> {
     let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(vector);
     let [ta, tb, tc] = [uvs.a, uvs.b, uvs.c].map(|uv| DVec2::from(uv.map(f64::from)));
     let (edge_b, edge_c, uv_b, uv_c) = (b - a, c - a, tb - ta, tc - ta);
-    // The solution of two equations, divided by their determinant's sign alone, as only directions
+    // Solution of a 2×2 system, times the sign of the determinant instead of divided by it: only directions
     // matter.
     let turn = uv_b.perp_dot(uv_c).signum();
     let along_u = turn * (uv_c.y * edge_b - uv_b.y * edge_c);
     let along_v = turn * (uv_b.x * edge_c - uv_c.x * edge_b);
     let tangent = (along_u - n * n.dot(along_u)).try_normalize()?;
     let across = n.cross(tangent);
+    // In glTF v points down in the image, the y of a normal map up.
     let side = if across.dot(along_v) > 0.0 { -1.0 } else { 1.0 };
     Some([tangent, side * across])
 }
 
-/// The textures of a material where it has some, with the triangle.
+/// Textures of a primitive's material, if it is a triangle with textures, and the triangle.
 pub(super) fn textures_at(
     scene: &CompiledScene,
     primitive: Primitive,
@@ -87,7 +88,7 @@ pub(super) fn textures_at(
     Some((textures, triangle, uvs))
 }
 
-/// Texture coordinates where corners have these weights.
+/// Texture coordinates at these barycentric coordinates.
 pub(super) fn interpolate(uvs: &TriangleUvs, weights: [f64; 3]) -> [f32; 2] {
     let corners = [uvs.a, uvs.b, uvs.c];
     std::array::from_fn(|axis| {

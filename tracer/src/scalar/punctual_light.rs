@@ -1,4 +1,4 @@
-//! Lights without extent, as a point is lit by them, and how one of them is drawn.
+//! Punctual lights: irradiance at a point, and light sampling.
 
 use glam::DVec3;
 
@@ -6,19 +6,19 @@ use super::intersect::vector;
 use crate::compiled::PunctualLightData;
 use crate::sampling::BELOW_1;
 
-/// Light that comes to a point from a light without extent.
+/// Light at a point from a punctual light.
 #[derive(Clone, Copy, Debug)]
 pub struct PunctualIncidence {
     /// Unit direction to the light.
     pub wi: DVec3,
-    /// Distance, metres; infinite of a distant one.
+    /// Distance, metres; infinite for a distant light.
     pub distance: f64,
-    /// Irradiance of a surface there that faces it, W·m⁻².
+    /// Irradiance on a surface at the point that faces the light, W·m⁻².
     pub irradiance: DVec3,
 }
 
 impl PunctualIncidence {
-    /// What comes from a light to a point.
+    /// Light from `light` at `point`.
     pub fn new(light: &PunctualLightData, point: DVec3) -> Self {
         let direction = vector(light.direction);
         if light.is_distant == 1 {
@@ -32,7 +32,7 @@ impl PunctualIncidence {
         let distance = to_light.length();
         let wi = to_light / distance;
         let (scale, offset) = (f64::from(light.cone_scale), f64::from(light.cone_offset));
-        // Linear in the cosine between the cones and then squared, as KHR_lights_punctual has it.
+        // Linear in the cosine between the inner and outer cone, then squared, as in KHR_lights_punctual.
         let cone = (-wi.dot(direction) * scale + offset).clamp(0.0, 1.0);
         Self {
             wi,
@@ -46,7 +46,8 @@ impl PunctualIncidence {
     }
 }
 
-/// Draws a light by the irradiance that it brings with `u`, and returns it over its probability; none if no light comes.
+/// Draws a light in proportion to its irradiance by `u`, and returns it over its probability; `None` if no
+/// light arrives.
 pub fn sample_punctual_light(
     lights: &[PunctualLightData],
     point: DVec3,
@@ -63,8 +64,8 @@ pub fn sample_punctual_light(
         let before = sum;
         sum += weight;
         let at = u * sum;
-        // Weighted reservoir sampling with one number: in the part of [0, `sum`) that it lies in it is
-        // uniform, and is stretched over that for the next choice.
+        // Weighted reservoir sampling with one random number, rescaled to be uniform within the part of [0,
+        // `sum`) that it falls in.
         if at >= before {
             chosen = Some(next);
             u = (at - before) / weight;

@@ -1,28 +1,28 @@
-//! Rays, and vectors in f64.
+//! Rays, and conversion of vectors to f64.
 
 use glam::DVec3;
 
 use crate::compiled::Primitive;
 
-/// A half-line.
+/// A ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Where it begins, metres.
+    /// Origin, metres.
     pub origin: DVec3,
     /// Unit direction.
     pub direction: DVec3,
 }
 
-/// Where a ray begins, other than in the open.
+/// Primitive on which a ray starts, or inside which it travels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayOrigin {
-    /// The primitive whose surface the ray leaves, or whose inside it crosses.
+    /// The primitive that the ray leaves, or that encloses it.
     pub primitive: Primitive,
-    /// The ray goes through the inside.
+    /// Whether the ray travels inside the body.
     pub is_inside: bool,
 }
 
-/// An f32 triple in f64.
+/// Converts an f32 triple to a vector in f64.
 pub(crate) fn vector(v: [f32; 3]) -> DVec3 {
     glam::Vec3::from_array(v).as_dvec3()
 }

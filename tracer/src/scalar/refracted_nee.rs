@@ -1,43 +1,43 @@
-//! Path from a point inside a dielectric ball to a point outside, refracted at the boundary.
+//! Paths from a point inside a dielectric ball to a point outside, refracted at the boundary.
 //!
-//! Light that is scattered inside would find an area light through a smooth boundary by chance alone. Next-event
-//! estimation through a refracting surface (Walter, Zhao, Holzschuch and Bala, "Single Scattering in
-//! Refractive Media with Triangle Mesh Boundaries", SIGGRAPH 2009) has to find the paths by which Fermat's
-//! principle allows light to go. Through a sphere there may be several; of those that leave by the half
-//! towards which the inner point lies from the centre there is at most one, so that chance can be left
-//! with exactly the others.
+//! Light scattered inside would reach an area light through a smooth boundary by BSDF sampling alone.
+//! Next-event estimation through a refracting surface (Walter, Zhao, Holzschuch and Bala, "Single
+//! Scattering in Refractive Media with Triangle Mesh Boundaries", SIGGRAPH 2009) has to find the paths that
+//! satisfy Fermat's principle. Through a sphere there may be several; of those that leave by the hemisphere
+//! around the direction from the centre to the inner point there is at most one, so that all others can be
+//! left to BSDF sampling exactly.
 //!
 //! In units of the radius, let the inner point be at `r` on an axis through the centre, and a ray leave
 //! it at an angle θ ≤ 90° to that axis. It meets the boundary after `l = cos θi − r cos θ`, where
-//! `sin θi = r sin θ`, not beyond the middle of its chord: `l ≤ cos θi`. When θ grows, the point where it
-//! leaves moves on by `k = l / cos θi ≤ 1` of that angle, and its direction outside turns by
-//! `k + (1 − k) n cos θi / cos θo > 0`: the rays that leave in a plane through the axis spread and never
-//! cross, and as sideways they spread too, none crosses the axis. So each point outside lies on one of
-//! them or on none, and on which side of a ray it lies tells where to go on searching.
+//! `sin θi = r sin θ`, not beyond the middle of its chord: `l ≤ cos θi`. When θ increases by a small
+//! angle, the exit point moves by `k = l / cos θi ≤ 1` of it, and the direction outside turns by
+//! `k + (1 − k) n cos θi / cos θo > 0` of it: rays that leave in a plane through the axis diverge and
+//! never cross, and as they also diverge sideways, none crosses the axis. So each point outside lies on
+//! at most one of them, and the side of a ray on which it lies tells in which direction to search.
 
 use glam::{DVec2, DVec3};
 
 use super::intersect::vector;
 use crate::compiled::SphereData;
 
-/// The refracted path.
+/// A refracted path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefractedPath {
-    /// Where it passes the boundary.
+    /// Point of refraction on the boundary.
     pub place: DVec3,
     /// Unit direction inside, from the inner point.
     pub inner: DVec3,
     /// Unit direction outside, away from the ball.
     pub outer: DVec3,
-    /// Length inside and outside, metres.
+    /// Lengths inside and outside, metres.
     pub lengths: [f64; 2],
-    /// Cosine between the normal and the path inside, above 0.
+    /// Cosine between the normal and the segment inside, positive.
     pub cos_i: f64,
-    /// Area, m², across the path at the outer point, that a solid angle of 1 sr at the inner one lights.
+    /// Area across the path at the outer point per solid angle at the inner point, m²·sr⁻¹.
     pub spread: f64,
 }
 
-/// A ray from the inner point, in the plane of the axis (x) and the outer point, in radii.
+/// A ray from the inner point, in the plane of the axis (x) and the outer point; lengths in radii.
 struct PlaneRay {
     place: DVec2,
     inner: DVec2,
@@ -48,20 +48,19 @@ struct PlaneRay {
 }
 
 impl PlaneRay {
-    /// Of the ray whose sine at the inner point is `sine`.
+    /// The ray whose sine at the inner point is `sine`.
     fn new(r: f64, ior: f64, sine: f64) -> Self {
         let cosine = |sine: f64| (1.0 - sine * sine).max(0.0).sqrt();
         let inner = DVec2::new(cosine(sine), sine);
         let cos_i = cosine(r * sine);
         let cos_o = cosine(ior * r * sine);
-        // cos θi − r cos θ, times its conjugate over the same: near the boundary the difference would
-        // cancel.
+        // cos θi − r cos θ, expanded by its conjugate: near the boundary the difference would cancel.
         let length = (1.0 - r * r).max(0.0) / (cos_i + r * inner.x);
         let place = DVec2::new(r + length * inner.x, length * sine);
         Self {
             place,
             inner,
-            // Snell's law as vectors; `place` is the normal of the unit ball.
+            // Snell's law in vector form; `place` is the normal of the unit ball.
             outer: ior * inner + (cos_o - ior * cos_i) * place,
             length,
             cos_i,
@@ -69,15 +68,16 @@ impl PlaneRay {
         }
     }
 
-    /// How far a point lies on the side of larger angles.
+    /// Signed distance of a point from the outer ray, positive on the side of larger angles.
     fn beside(&self, point: DVec2) -> f64 {
         self.outer.perp_dot(point - self.place)
     }
 }
 
 impl RefractedPath {
-    /// The path from `from`, inside the ball or on it, to `to`, outside, by the half of the boundary towards
-    /// which `from` lies from the centre; none if there is no such path. `ior` is at least 1.
+    /// The path from `from`, inside the ball or on it, to `to`, outside, by the hemisphere of the boundary
+    /// around the direction from the centre to `from`; `None` if there is no such path. `ior` is at least
+    /// 1.
     pub fn new(sphere: &SphereData, ior: f64, from: DVec3, to: DVec3) -> Option<Self> {
         let center = vector(sphere.center);
         let radius = f64::from(sphere.radius);
@@ -102,10 +102,10 @@ impl RefractedPath {
     }
 }
 
-/// The ray that leaves towards a point outside, by the Illinois method (Dowell and Jarratt, "A modified
+/// Root search for the ray through a point outside, by the Illinois method (Dowell and Jarratt, "A modified
 /// regula falsi method", BIT 11, 1971).
 fn search(r: f64, ior: f64, point: DVec2) -> Option<PlaneRay> {
-    // Steeper rays are reflected, or leave by the other half.
+    // Steeper rays are totally reflected, or leave by the other hemisphere.
     let sine_max = (1.0 / (ior * r)).min(1.0);
     let highest = highest(r, point);
     let (mut low, mut high) = (lowest(r, point)?, highest.min(sine_max));
@@ -125,8 +125,8 @@ fn search(r: f64, ior: f64, point: DVec2) -> Option<PlaneRay> {
         sine = low + part * (high - low);
         let at = beside(sine);
         let moves_low = at > 0.0;
-        // An end that stays twice has its value halved, or the secant would creep towards it from
-        // one side.
+        // The value of an end that is kept twice is halved; otherwise the secant would approach the root
+        // from one side only, and slowly.
         let is_repeated = moved_low.replace(moves_low) == Some(moves_low);
         if moves_low {
             (low, at_low) = (sine, at);
@@ -139,8 +139,8 @@ fn search(r: f64, ior: f64, point: DVec2) -> Option<PlaneRay> {
     Some(PlaneRay::new(r, ior, sine))
 }
 
-/// The sine of the first ray whose place the point sees: from a point that does not see the boundary on the
-/// axis, the one through where its tangent touches. None if that is on the other half.
+/// Sine of the first ray whose exit point is visible from the point: 0 if the boundary on the axis is
+/// visible, else that of the point of tangency. `None` if that is on the other hemisphere.
 fn lowest(r: f64, point: DVec2) -> Option<f64> {
     if point.x >= 1.0 {
         return Some(0.0);
@@ -152,8 +152,8 @@ fn lowest(r: f64, point: DVec2) -> Option<f64> {
     (offset.x > 0.0).then(|| offset.y / offset.length())
 }
 
-/// The sine of the ray to the place nearest to the point, which lies on its lower side: rays beyond would
-/// have to turn back. Above 1 if that is on the other half.
+/// Sine of the ray to the boundary point nearest to the point, an upper bound: rays beyond would
+/// have to turn back. Above 1 if that is on the other hemisphere.
 fn highest(r: f64, point: DVec2) -> f64 {
     let offset = point.normalize() - DVec2::new(r, 0.0);
     if offset.x > 0.0 {
@@ -163,12 +163,15 @@ fn highest(r: f64, point: DVec2) -> f64 {
     }
 }
 
-/// Across a ray, the area in its plane and sideways, over the angles at the inner point (Coddington's
+/// Spread of a ray: extents in its plane and sideways, per angle at the inner point (Coddington's
 /// equations).
 fn spread(ray: &PlaneRay, ior: f64, outside: f64) -> f64 {
     let moved = ray.length / ray.cos_i;
+    // Per angle at the inner point: the exit point moves by `moved`, and the direction outside turns by
+    // moved + bent (1 − moved), as derived above.
     let bent = ior * ray.cos_i / ray.cos_o.max(f64::MIN_POSITIVE);
     let in_plane = moved * ray.cos_o + outside * (moved + bent * (1.0 - moved));
+    // Sagittal equation: the surface of unit radius has the power n cos θi − cos θo.
     let power = ior * ray.cos_i - ray.cos_o;
     let sideways = ray.length + outside * (ior - power * ray.length);
     in_plane * sideways
@@ -207,8 +210,8 @@ mod tests {
         (point, [1.0, 1.0001, 1.33, 1.5, 2.4][(d * 5.0) as usize])
     }
 
-    /// Where a ray from inside leaves and its direction outside, if it is not reflected, and whether by
-    /// the half towards which it began.
+    /// Exit point of a ray from inside and its direction outside, if it is not totally reflected, and
+    /// whether it leaves by the hemisphere towards which it began.
     fn leave(from: DVec3, direction: DVec3, ior: f64) -> (DVec3, Option<DVec3>, bool) {
         let sphere = ball();
         let (center, radius) = (vector(sphere.center), f64::from(sphere.radius));
@@ -245,7 +248,7 @@ mod tests {
                 continue;
             }
             let Some(refracted) = refracted else {
-                // On the edge of what can be found, rounding decides.
+                // At the limit of existence of a path rounding decides.
                 let axis = (from - vector(ball().center)).normalize();
                 let cos_o = outer.dot(place - vector(ball().center)) / f64::from(ball().radius);
                 let edge = direction.dot(axis).min(cos_o);
@@ -269,7 +272,7 @@ mod tests {
         assert!(found > CASES / 4, "{found}");
     }
 
-    /// By three rays close together.
+    /// Estimate of the spread by three adjacent rays.
     #[test]
     fn spread_equals_that_of_neighbouring_rays() {
         const APART: f64 = 1e-6;
@@ -293,7 +296,7 @@ mod tests {
             let moved = [t, b].map(|side| {
                 let (place, outer, _) = leave(from, (direction + APART * side).normalize(), ior);
                 let outer = outer.expect("not near the angle of total reflection");
-                // Where the neighbour passes the plane across the ray at its end.
+                // Where the adjacent ray passes the plane orthogonal to the ray at its end.
                 let end = place
                     + outer * ((to - place).dot(refracted.outer) / outer.dot(refracted.outer));
                 (end - to) / APART

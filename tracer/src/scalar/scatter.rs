@@ -1,4 +1,4 @@
-//! Scattering at one point of a surface, whatever its material.
+//! BSDF at one point of a surface, of any material.
 
 use glam::DVec3;
 
@@ -11,22 +11,22 @@ use crate::CompiledScene;
 use crate::compiled::{KIND_CONDUCTOR, KIND_DIELECTRIC, KIND_METALLIC_ROUGHNESS, PATTERN_NONE};
 use crate::fresnel::{fresnel_conductor, fresnel_dielectric};
 
-/// The materials of [`crate::Material`], as seen from one side of a surface.
+/// BSDFs of the materials of [`crate::Material`], as seen from one side of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scatter {
     /// Diffuse, bare or coated.
     Layered(Bsdf),
     /// Metal.
     Conductor(Conductor),
-    /// A dielectric's boundary.
+    /// Boundary of a dielectric.
     Dielectric(Dielectric),
-    /// glTF's material.
+    /// glTF's metallic-roughness material.
     MetallicRoughness(MetallicRoughness),
 }
 
 impl Scatter {
-    /// The scattering at a hit, for light that leaves along `wo`. An area light reflects
-    /// nothing. `footprint_m` is how wide the surface is that is seen, in metres; 0 for the finest level of textures.
+    /// BSDF at a hit, for light scattered towards `wo`. An area light reflects nothing. `footprint_m` is
+    /// the width of the surface that the ray covers, metres; 0 for the finest level of textures.
     pub fn new(scene: &CompiledScene, hit: &Hit, wo: DVec3, footprint_m: f64) -> Self {
         let Some(material) = scene.material_of(hit.primitive) else {
             return Self::Layered(Bsdf::from_hit(scene, hit, footprint_m));
@@ -64,8 +64,8 @@ impl Scatter {
         }
     }
 
-    /// `f` in sr⁻¹ without mirrors, for light that falls in at [`Scatter::cosine`], and the density per solid angle with which
-    /// [`Scatter::sample`] draws `wi`. `n` is on the side of `wo`.
+    /// `f` in sr⁻¹ without mirrors, to be multiplied by [`Scatter::cosine`], and the density per solid
+    /// angle with which [`Scatter::sample`] draws `wi`. `n` is on the side of `wo`.
     pub fn eval(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
         match self {
             Self::Layered(bsdf) => {
@@ -79,7 +79,7 @@ impl Scatter {
         }
     }
 
-    /// The cosine at which light falls in from `wi`: to `n`, or to the normal of a clear coat that has one of its own.
+    /// Cosine of the incident direction `wi` to `n`, or to the normal of a clear coat with one of its own.
     pub fn cosine(&self, wi: DVec3, n: DVec3) -> f64 {
         match self {
             Self::MetallicRoughness(surface) => surface.cosine(wi, n),
@@ -87,12 +87,12 @@ impl Scatter {
         }
     }
 
-    /// Whether it is shaded with another normal than `n` too.
+    /// Whether it has a shading normal other than `n`, that of a clear coat.
     pub fn has_clearcoat_normal(&self) -> bool {
         matches!(self, Self::MetallicRoughness(surface) if surface.clearcoat_n.is_some())
     }
 
-    /// The part of light that a mirror on top reflects, one that is drawn by chance; 0 without.
+    /// Share of light that a coat's mirror reflects; 0 without a coat.
     pub fn coat(&self, cos_o: f64) -> f64 {
         match self {
             Self::Layered(bsdf) => bsdf.reflected(cos_o),
@@ -100,8 +100,8 @@ impl Scatter {
         }
     }
 
-    /// Draws a direction by `u[1]` and `u[2]`, which choose the lobe of a layered material too;
-    /// `u[0]` chooses that of a dielectric.
+    /// Draws a direction by `u[1]` and `u[2]`, which also choose the lobe of a layered material;
+    /// `u[0]` chooses that of dielectrics and of glTF's material.
     pub fn sample(&self, wo: DVec3, n: DVec3, u: [f64; 4]) -> BsdfSample {
         match self {
             Self::Layered(bsdf) => bsdf.sample(wo, n, u),
@@ -111,7 +111,7 @@ impl Scatter {
         }
     }
 
-    /// Reflectance of a diffuse base; 1 of metals and dielectrics, which show others.
+    /// Albedo AOV: reflectance of a diffuse base; 1 for metals and dielectrics, which show other surfaces.
     pub(super) fn albedo(&self) -> DVec3 {
         match self {
             Self::Layered(bsdf) => bsdf.albedo,
@@ -120,7 +120,7 @@ impl Scatter {
         }
     }
 
-    /// Reflectance of the mirror that the surface is or has, or what it lets pass if it is a smooth thin wall.
+    /// Reflectance of a smooth mirror or coat, or transmittance of a smooth thin wall; 0 for rough ones.
     pub(super) fn mirror(&self, wo: DVec3, n: DVec3) -> DVec3 {
         let cos_o = wo.dot(n);
         match *self {
@@ -137,7 +137,7 @@ impl Scatter {
         }
     }
 
-    /// What the mirror shows, or what lies straight behind a thin wall.
+    /// Direction of the mirror reflection, or straight ahead through a thin wall.
     pub(super) fn mirrored(&self, wo: DVec3, n: DVec3) -> DVec3 {
         match self {
             Self::MetallicRoughness(surface) if surface.wall.is_some() => -wo,
@@ -146,12 +146,12 @@ impl Scatter {
         }
     }
 
-    /// Whether the mirror on top is a rough coat's, of which a microfacet is drawn.
+    /// Whether its coat is rough, so that a microfacet is drawn.
     pub fn has_rough_coat(&self) -> bool {
         matches!(self, Self::Layered(bsdf) if bsdf.is_rough())
     }
 
-    /// A rough coat with one of its microfacets: [`Bsdf::with_facet`]. All else stays.
+    /// The BSDF with one microfacet of a rough coat drawn: [`Bsdf::with_facet`]; others unchanged.
     #[must_use]
     pub fn with_facet(self, wo: DVec3, n: DVec3, u: impl FnOnce() -> [f64; 2]) -> Self {
         match self {
@@ -160,12 +160,12 @@ impl Scatter {
         }
     }
 
-    /// Whether it has a diffuse base.
+    /// Whether it has a diffuse base, bare or coated.
     pub(super) fn is_layered(&self) -> bool {
         matches!(self, Self::Layered(_))
     }
 
-    /// Radiance that the surface emits.
+    /// Radiance emitted by the surface.
     pub fn emission(&self) -> DVec3 {
         match self {
             Self::MetallicRoughness(surface) => surface.emission,
@@ -173,12 +173,12 @@ impl Scatter {
         }
     }
 
-    /// Whether light that passes it goes on inside a body.
+    /// Whether transmitted light continues inside a body.
     pub fn is_dielectric(&self) -> bool {
         matches!(self, Self::Dielectric(_))
     }
 
-    /// Whether light can pass.
+    /// Whether the surface transmits light.
     pub fn lets_light_pass(&self) -> bool {
         match self {
             Self::Dielectric(_) => true,

@@ -1,4 +1,4 @@
-//! Image textures where rays meet meshes.
+//! Image textures at hits on meshes.
 
 use glam::DVec3;
 
@@ -9,7 +9,8 @@ use super::triangle::{facing, interpolated_normal, visible_shading_normal};
 use crate::CompiledScene;
 use crate::compiled::{MaterialTextureData, Primitive, TriangleData};
 
-/// What a material's textures multiply its numbers by at a hit, seen `footprint_m` wide.
+/// Texture values at a hit for a footprint of `footprint_m` metres, by which the material's parameters are
+/// multiplied.
 pub(super) fn texture_factors(
     scene: &CompiledScene,
     hit: &Hit,
@@ -30,8 +31,8 @@ pub(super) fn texture_factors(
         }
         let data = &scene.textures.images[image as usize];
         let across = (f64::from(data.width) * f64::from(data.height)).sqrt();
-        // How many texels of the finest level the footprint is wide; of a footprint of 0 the level is −∞,
-        // which is clamped to the finest.
+        // log2 of the footprint in texels of the finest level; for a footprint of 0 the level is −∞, which
+        // is clamped to the finest.
         let level = (footprint_m * f64::from(uvs.density) * across).log2();
         let rgba = scene.textures.sample(image, uv, level as f32);
         Some(rgba.map(f64::from))
@@ -63,7 +64,7 @@ pub(super) fn texture_factors(
     })
 }
 
-/// The normal of a clear coat seen from `wo` and on its side, where it is another than that of what lies below.
+/// Normal of a clear coat, seen from `wo` and on its side, if it differs from that of the base.
 pub(super) fn clearcoat_normal(scene: &CompiledScene, hit: &Hit, wo: DVec3) -> Option<DVec3> {
     let Primitive::Triangle(index) = hit.primitive else {
         return None;
@@ -85,7 +86,7 @@ pub(super) fn clearcoat_normal(scene: &CompiledScene, hit: &Hit, wo: DVec3) -> O
     Some(visible_shading_normal(side * shading_n, side * hit.n, wo))
 }
 
-/// What a mesh's vertex colours multiply the albedo by at a hit.
+/// Vertex colour at a hit, by which the albedo is multiplied.
 pub(super) fn vertex_color(scene: &CompiledScene, hit: &Hit) -> DVec3 {
     let Primitive::Triangle(index) = hit.primitive else {
         return DVec3::ONE;
@@ -98,11 +99,12 @@ pub(super) fn vertex_color(scene: &CompiledScene, hit: &Hit) -> DVec3 {
     color.truncate().as_dvec3()
 }
 
-/// What the corners weigh at a point of a triangle.
+/// Barycentric coordinates of a point of a triangle.
 fn barycentric(triangle: &TriangleData, point: DVec3) -> [f64; 3] {
     let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(vector);
     let across = (b - a).cross(c - a);
     let area = across.length_squared();
+    // Ratio of the signed area opposite to a corner to that of the triangle.
     let weight = |from: DVec3, to: DVec3| (to - from).cross(point - from).dot(across) / area;
     [weight(b, c), weight(c, a), weight(a, b)]
 }

@@ -1,32 +1,35 @@
-//! Triangles: where rays meet them, in f64, and the normals that they are shaded with.
+//! Triangle intersection in f64, and shading normals.
 //!
-//! # Watertight
-//! All corners are seen along the ray: their coordinates across it are rounded once each, whatever triangle they
-//! are of. The ray goes through a triangle if it is on one side of all three edges there, which the products of
-//! those coordinates tell without fail: rounding keeps the order of two products, and the edge of a neighbour is
-//! the same two with the other sign. So a ray that goes through a closed mesh meets it, at edges and corners
-//! too. Equal products tell only that the ray meets the line of an edge: a triangle that is seen edge-on is on that line
-//! however far aside it lies, and is met only if the ray is within the bounds of its corners too (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013, whose shear is a rotation
-//! here).
+//! # Watertightness
+//! Corners are transformed to a coordinate system with the ray as z axis: their x and y are rounded once
+//! each, independently of the triangle that they belong to. The ray hits a triangle if it is on one side
+//! of all three edges, by the signs of edge functions. These never have the wrong sign: rounding is
+//! monotonic, so that the difference of two products at worst becomes 0, and the same edge of a neighbour
+//! has the same two products with opposite sign. So a ray through a closed mesh hits it, at edges and
+//! corners too. An edge function of 0 only tells that the ray meets the line of an edge: a triangle seen
+//! edge-on lies on that line however far away, and is hit only if the ray is also within the bounds of
+//! its corners (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013, whose
+//! shear is a rotation here).
 //!
 //! # Normals
-//! A facet is shaded with its own normal. Where there are vertex normals, the BSDF has the normal that is
-//! interpolated between them, or what a normal map makes of it, and the triangle decides what is outside: a direction below it brings no light and
-//! carries none on (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th edition, section 9.1.1: light must
-//! not leak through a surface). So shading may lose light near silhouettes and terminators and never makes any. Where
-//! the mirror image of the viewer would be below, the normal is turned towards the viewer until it is not (Keller et
-//! al., "The Iray Light Transport Simulation and Rendering System", 2017, appendix A.3).
+//! A facet is shaded with its geometric normal. With vertex normals, the BSDF uses their interpolation,
+//! or the result of a normal map, while the geometric normal decides which side is outside: a direction
+//! below the triangle carries no light (Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th
+//! edition, section 9.1.1, on light leaks). So shading may lose light near silhouettes and terminators
+//! but never adds any. Where the mirror direction of the viewer would be below, the normal is turned
+//! towards the viewer until it is not (Keller et al., "The Iray Light Transport Simulation and Rendering
+//! System", 2017, appendix A.3).
 //!
 //! # Bodies
-//! Triangles of a dielectric are closed and go round counterclockwise as seen from outside, so that the side on which one
-//! is met tells whether a ray was inside. A ray that goes on inside may meet the triangle that it comes from only where
-//! it would leave, after it has been scattered within: on the surface it leads away from it. What is refracted goes to the
-//! side of the triangle to which the normal that it is shaded with sends it, or is lost.
+//! Meshes of a dielectric are closed, with corners counterclockwise as seen from outside, so that the
+//! side that is hit tells whether a ray was inside. A ray that continues inside may hit the triangle on
+//! which it starts only on its way out, after a scattering event inside: from the surface it leads away.
+//! Refracted light goes to the side of the triangle to which the shading normal sends it, or is lost.
 //!
 //! # Opacity
-//! Where a material's [`crate::Opacity`] lets a ray pass, the triangle is not met: each ray draws for itself
-//! whether it is, by a hash of itself and the triangle, rays to lights like all others. That is unbiased for any number of layers in any order,
-//! needs no random number of a path, and costs nothing where nothing is transparent.
+//! Where a material's [`crate::Opacity`] lets a ray pass, the triangle is not hit: each ray, shadow rays
+//! included, decides by a hash of itself and the triangle. That is unbiased for any number of layers in
+//! any order, needs no random number of the path, and costs nothing for opaque scenes.
 
 use glam::DVec3;
 
@@ -36,34 +39,34 @@ use crate::CompiledScene;
 use crate::bvh::Bvh;
 use crate::compiled::{Primitive, ShapeKind, TriangleData};
 
-/// How far above its triangle a mirror image of the viewer is at least: the sine.
+/// Least sine of the elevation of the viewer's mirror direction above the triangle.
 pub const REFLECTION_SINE_MIN: f64 = 1e-3;
-/// How much a point that is interpolated between corners in f32 is off, over their coordinates: seven roundings,
-/// and as much again for what is done with it.
+/// Relative rounding error of a point interpolated between corners in f32, over their coordinates: seven
+/// roundings, and as much again for subsequent operations.
 pub const POINT_ROUNDING: f32 = 14.0 * 0.5 * f32::EPSILON;
-/// From so many on, scalar rays find triangles by their BVH.
+/// Number of triangles from which scalar rays use the BVH.
 const BVH_MIN: usize = 16;
 
-/// A ray's origin and the axes of a frame whose z is its direction.
+/// Origin and coordinate axes of a ray; the third is its direction.
 #[derive(Clone, Copy, Debug)]
 pub struct RayFrame {
     origin: DVec3,
     axes: [DVec3; 3],
 }
 
-/// Where a ray meets a triangle.
+/// Hit of a ray on a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleHit {
-    /// Distance, metres; below 0 behind the ray's origin.
+    /// Distance, metres; negative behind the ray's origin.
     pub t: f64,
-    /// Weights of the corners, whose sum is 1.
+    /// Barycentric coordinates, whose sum is 1.
     pub barycentric: [f64; 3],
-    /// The ray leaves through it: it is met where its corners go round clockwise.
+    /// Whether the ray leaves the body through it: it sees the corners clockwise.
     pub is_left: bool,
 }
 
 impl RayFrame {
-    /// The frame of a ray.
+    /// Coordinate system of a ray.
     pub fn new(ray: &Ray) -> Self {
         let (u, v) = ray.direction.any_orthonormal_pair();
         Self {
@@ -72,7 +75,7 @@ impl RayFrame {
         }
     }
 
-    /// Where the ray meets a triangle, ahead or behind; one that is seen edge-on it does not meet.
+    /// Intersection with a triangle, ahead or behind; `None` also for one that is seen edge-on.
     pub fn intersect(&self, triangle: &TriangleData) -> Option<TriangleHit> {
         let seen = |corner: [f32; 3]| {
             let from_origin = vector(corner) - self.origin;
@@ -99,7 +102,8 @@ impl RayFrame {
     }
 }
 
-/// The nearest triangle ahead of a ray before `t_max`, if given: its distance and index, of equal distances the first.
+/// Distance and index of the nearest triangle ahead of a ray, before `t_max` if given; at equal distances
+/// the first.
 pub(super) fn nearest_triangle(
     scene: &CompiledScene,
     ray: &Ray,
@@ -119,8 +123,8 @@ pub(super) fn nearest_triangle(
         let weights = || met.barycentric.map(|weight| weight as f32);
         alpha_test.is_none_or(|test| test.is_met(origin, direction, index, weights))
     };
-    // A flat primitive cannot be met again by a ray that leaves it, except by one that was scattered in
-    // the body behind it.
+    // A ray cannot hit the flat primitive again that it leaves, unless it has been scattered in the body
+    // behind it.
     let is_skipped = |index: u32, met: &TriangleHit| {
         start.is_some_and(|start| {
             start.primitive == Primitive::Triangle(index) && !(start.is_inside && met.is_left)
@@ -129,7 +133,7 @@ pub(super) fn nearest_triangle(
     let mut offer = |index: u32, t_max: &mut f64| {
         let met = frame.intersect(&triangles[index as usize]);
         if let Some(met) = met.filter(|met| met.t > 0.0 && !is_skipped(index, met))
-            // By distance, then index: the order in which leaves are visited does not show.
+            // By distance, then index, so that the result does not depend on the order of traversal.
             && (met.t, index) < nearest
             && is_there(index, &met)
         {
@@ -148,7 +152,7 @@ pub(super) fn nearest_triangle(
     (t < t_max).then_some((t, index))
 }
 
-/// Offers the primitives of all leaves that a ray enters before `t_max`, which `offer` lowers.
+/// Calls `offer` for the primitives of all leaves that a ray enters before `t_max`, which `offer` lowers.
 fn descend(bvh: &Bvh, ray: &Ray, mut t_max: f64, offer: &mut impl FnMut(u32, &mut f64)) {
     let mut stack = vec![bvh.root];
     while let Some(part) = stack.pop() {
@@ -166,26 +170,27 @@ fn descend(bvh: &Bvh, ray: &Ray, mut t_max: f64, offer: &mut impl FnMut(u32, &mu
     }
 }
 
-/// Whether a ray enters a box up to `t_max`, which rounding must not deny.
+/// Whether a ray enters a box up to `t_max`; conservative with respect to rounding.
 fn enters(ray: &Ray, [min, max]: [DVec3; 2], t_max: f64) -> bool {
+    // Far more than the rounding error of f64.
     let slack = 1e-12 * (min.abs().max(max.abs()).max_element() + ray.origin.abs().max_element());
     let (mut near, mut far) = (0.0f64, t_max * (1.0 + 1e-12));
     for axis in 0..3 {
         let inverse = ray.direction[axis].recip();
         let to_min = (min[axis] - slack - ray.origin[axis]) * inverse;
         let to_max = (max[axis] + slack - ray.origin[axis]) * inverse;
-        // 0 · ∞, of a ray along a face, leaves both as they are.
+        // 0 · ∞ = NaN, for a ray along a face, is ignored by `min` and `max`.
         near = near.max(to_min.min(to_max));
         far = far.min(to_min.max(to_max));
     }
     near <= far
 }
 
-/// Point, normal and shading normal where a ray meets a triangle.
+/// Point and normals at a hit on a triangle.
 pub(super) struct TriangleSurface {
     pub(super) point: DVec3,
     pub(super) n: DVec3,
-    /// As interpolated and mapped, on the side of `n`; `n` of a facet.
+    /// Shading normal, interpolated and mapped, on the side of `n`; `n` for a facet.
     pub(super) shading_n: DVec3,
 }
 
@@ -206,7 +211,7 @@ impl TriangleSurface {
     }
 }
 
-/// The unit normal between the vertex normals of a triangle, if it has some.
+/// Unit normal interpolated between the vertex normals of a triangle, if it has any.
 pub(super) fn interpolated_normal(
     scene: &CompiledScene,
     index: u32,
@@ -218,7 +223,7 @@ pub(super) fn interpolated_normal(
     (wa * na + wb * nb + wc * nc).try_normalize()
 }
 
-/// What a normal map has made of `n_out`, on the side of the triangle's own normal `n`.
+/// The mapped normal on the side of the geometric normal `n`; `n_out` is the normal before mapping.
 pub(super) fn facing(mapped: DVec3, n_out: DVec3, n: DVec3) -> DVec3 {
     match mapped == n_out {
         true => n_out * side(n_out.dot(n)),
@@ -226,8 +231,8 @@ pub(super) fn facing(mapped: DVec3, n_out: DVec3, n: DVec3) -> DVec3 {
     }
 }
 
-/// The normal to shade with, seen from `wo`: `shading_n`, turned until its mirror image of `wo` is above the
-/// surface whose normal `n` is. All are of unit length; `wo` and `shading_n` are on the side of `n`.
+/// Shading normal as seen from `wo`: `shading_n`, turned until the mirror direction of `wo` is above the
+/// surface with geometric normal `n`. All are unit vectors; `wo` and `shading_n` are on the side of `n`.
 pub fn visible_shading_normal(shading_n: DVec3, n: DVec3, wo: DVec3) -> DVec3 {
     let reflected = 2.0 * wo.dot(shading_n) * shading_n - wo;
     let sine = reflected.dot(n);
@@ -238,7 +243,7 @@ pub fn visible_shading_normal(shading_n: DVec3, n: DVec3, wo: DVec3) -> DVec3 {
     (wo + lifted.normalize()).normalize()
 }
 
-/// A normal map's normal, lifted above the surface whose normal `n` is.
+/// A mapped normal, lifted above the surface with normal `n`.
 fn above(mapped: DVec3, n: DVec3) -> DVec3 {
     let sine = mapped.dot(n);
     match sine >= REFLECTION_SINE_MIN {

@@ -1,4 +1,4 @@
-//! A vertex of a path on a surface.
+//! Path vertices on surfaces.
 
 use glam::DVec3;
 
@@ -13,21 +13,22 @@ use crate::CompiledScene;
 use crate::compiled::Primitive;
 use crate::regularisation::{ALPHA_MIN, CONE_COSINE, CONE_DENSITY};
 
-/// A vertex of a path on a surface that scatters.
+/// A path vertex on a surface that scatters.
 pub(super) struct Vertex {
     pub(super) point: DVec3,
-    /// Unit normal to shade with, on the side of `wo`.
+    /// Unit shading normal, on the side of `wo`.
     pub(super) n: DVec3,
-    /// Unit normal of the surface on the side of `wo`.
+    /// Unit geometric normal, on the side of `wo`.
     pub(super) geometric_n: DVec3,
     pub(super) wo: DVec3,
     pub(super) primitive: Primitive,
-    /// `wo` is inside the body.
+    /// Whether `wo` is inside the body.
     pub(super) is_inside: bool,
     pub(super) scatter: Scatter,
-    /// [`light_weight_sum`] at the point, over the probability with which an area light is aimed at at all.
+    /// [`light_weight_sum`] at the point, over the probability with which light sampling chooses area
+    /// lights.
     pub(super) light_weight_sum: f64,
-    /// Its mirror is mollified ([`crate::regularisation`]).
+    /// Whether its specular lobes are regularised ([`crate::regularisation`]).
     pub(super) is_regularised: bool,
 }
 
@@ -55,21 +56,22 @@ impl Vertex {
         }
     }
 
-    /// The cosine at which light falls in from `wi`.
+    /// Absolute cosine of the incident direction `wi`.
     pub(super) fn cosine(&self, wi: DVec3) -> f64 {
         self.scatter.cosine(wi, self.n).abs()
     }
 
-    /// Whether `wi` is on the other side of a surface than of the normal that it is shaded with; what lets no light pass
-    /// has only one.
+    /// Whether `wi` is on different sides of the geometric and the shading normal, or below the surface of
+    /// an opaque material with a shading normal.
     pub(super) fn is_below(&self, wi: DVec3) -> bool {
         let is_passed = self.scatter.lets_light_pass() && wi.dot(self.n) < 0.0;
+        // Transmitted directions have to be below the geometric surface, all others above.
         let height = wi.dot(self.geometric_n) * if is_passed { -1.0 } else { 1.0 };
         let is_smooth = self.n != self.geometric_n || self.scatter.has_clearcoat_normal();
         is_smooth && height <= 0.0
     }
 
-    /// Draws a direction: one below the surface brings nothing.
+    /// Draws a direction; one below the surface has weight 0.
     pub(super) fn sample(&self, u: [f64; 4]) -> BsdfSample {
         let mut sample = self.scatter.sample(self.wo, self.n, u);
         if self.is_below(sample.wi) {
@@ -78,7 +80,7 @@ impl Vertex {
         sample
     }
 
-    /// With one microfacet of its coat, if that is rough.
+    /// The vertex with one microfacet drawn, if its coat is rough.
     pub(super) fn with_facet(self, u: impl FnOnce() -> [f64; 2]) -> Self {
         Self {
             scatter: self.scatter.with_facet(self.wo, self.n, u),
@@ -86,7 +88,7 @@ impl Vertex {
         }
     }
 
-    /// Its mirror mollified, if it is to be.
+    /// The vertex with its specular lobes widened, if `is_regularised`.
     pub(super) fn regularised(mut self, is_regularised: bool) -> Self {
         self.is_regularised = is_regularised;
         if !is_regularised {
@@ -109,7 +111,8 @@ impl Vertex {
         self
     }
 
-    /// The share of light from `wi` that a coat's mirror reflects where it is regularised, sr⁻¹.
+    /// `f · cos θ` of a coat's mirror, spread over the cone of path regularisation, sr⁻¹; 0 if not
+    /// regularised.
     pub(super) fn regularised_coat(&self, wi: DVec3) -> f64 {
         let cos_o = self.wo.dot(self.n);
         let mirrored = self.scatter.mirrored(self.wo, self.n);
@@ -120,7 +123,7 @@ impl Vertex {
         self.scatter.coat(cos_o) * f64::from(CONE_DENSITY)
     }
 
-    /// How a ray towards `wi` begins: what is not transmissive is left outwards, on either side.
+    /// Origin of a ray towards `wi`: opaque surfaces are left outwards, on either side.
     pub(super) fn ray_origin(&self, wi: DVec3) -> RayOrigin {
         let is_passed = wi.dot(self.n) < 0.0;
         RayOrigin {

@@ -1,4 +1,4 @@
-//! Densities on the nodes of a grid, in memory where there are particles alone.
+//! Sparse grid of densities, allocated in blocks around particles.
 
 use glam::{IVec3, Vec3};
 
@@ -7,24 +7,25 @@ use crate::SceneError;
 
 /// Nodes along the edge of a block.
 pub(super) const EDGE: i32 = 8;
-/// Nodes of a block.
+/// Nodes per block.
 pub(super) const NODES: usize = (EDGE * EDGE * EDGE) as usize;
-/// The lowest plane of nodes above the floor: the floor lies half a cell below.
+/// Index of the lowest plane of nodes above the floor, which lies half a cell below it.
 pub(super) const ABOVE_FLOOR: i32 = 2;
 
-/// A grid of which the blocks are kept that particles reach, with a margin of a node.
+/// Grid of which only the blocks within reach of particles are stored, with a margin of one node.
 pub(super) struct DensityGrid {
     pub(super) origin: Vec3,
     pub(super) cell_m: f32,
-    /// In order.
+    /// Keys of the stored blocks, ascending.
     keys: Vec<u64>,
-    /// Of each block's nodes, x first.
+    /// Densities of each block's nodes, x fastest.
     values: Vec<f32>,
 }
 
 impl DensityGrid {
-    /// The density of `drops`. Planes of nodes along z lie half a cell off the floor, two below it: there is nothing, and
-    /// what is above is mirrored in it, so that the surface meets the floor upright.
+    /// Density of `drops`. The floor lies half a cell below plane [`ABOVE_FLOOR`] of nodes along z; density
+    /// below it is 0, and drops near it are mirrored in it, so that the surface meets the floor at a right
+    /// angle.
     pub(super) fn new(drops: &[Drop], origin: Vec3, cell_m: f32) -> Result<Self, SceneError> {
         let mut grid = Self {
             origin,
@@ -50,10 +51,10 @@ impl DensityGrid {
         let mut last = None;
         for drop in drops {
             let [low, high] = self.nodes(drop);
-            // The net looks at the node after each and has vertices in the cell before: both need their
-            // blocks.
+            // The surface net reads the next node along each axis and has vertices in the previous cell:
+            // the blocks of both are needed.
             let blocks = [low - 1, high + 1].map(|node| node.max(IVec3::ZERO) / EDGE);
-            // Drops come in the order of their places.
+            // Drops are sorted by cell, so that successive ones often need the same blocks.
             if low.cmpgt(high).any() || last.replace(blocks) == Some(blocks) {
                 continue;
             }
@@ -64,7 +65,7 @@ impl DensityGrid {
                         .extend((low.x..=high.x).map(|x| key(IVec3::new(x, y, z))));
                 }
             }
-            // Drops repeat the blocks of their neighbours: removed now and then, these do not fill the
+            // Neighbouring drops add the same blocks; duplicates are removed from time to time to limit
             // memory.
             if self.keys.len() > 4 * BLOCKS_MAX {
                 self.sort_keys()?;
@@ -85,7 +86,7 @@ impl DensityGrid {
         }
     }
 
-    /// The lowest and the highest node that a drop may reach, above the floor.
+    /// Lowest and highest node above the floor within reach of a drop.
     fn nodes(&self, drop: &Drop) -> [IVec3; 2] {
         let place = |at: Vec3| (at - self.origin) / self.cell_m;
         let low = place(drop.center - drop.radius_m).ceil().as_ivec3();
@@ -94,6 +95,7 @@ impl DensityGrid {
         [low.max(least), high]
     }
 
+    /// Adds the kernel of a drop to the densities.
     fn splat(&mut self, drop: &Drop) {
         let [low, high] = self.nodes(drop);
         if low.cmpgt(high).any() {
@@ -124,8 +126,8 @@ impl DensityGrid {
                                 &mut values[((z * EDGE + y) * EDGE) as usize..][..EDGE as usize];
                             for x in first.x..=last.x {
                                 let dx = corner.x + x as f32 * self.cell_m;
-                                // The kernel (1 − r²)³, by which neighbours were weighed: it takes no
-                                // root, and its slope is 0 at its end.
+                                // Kernel (1 − r²)³, as for the weights of neighbours: it needs no square
+                                // root, and its derivative vanishes at the end.
                                 let left = (beside - dx * dx * inverse_square).max(0.0);
                                 row[x as usize] += drop.weight * (left * left * left);
                             }
@@ -136,13 +138,13 @@ impl DensityGrid {
         }
     }
 
-    /// The place of a block among those that are kept.
+    /// Index of a block among the stored ones.
     pub(super) fn find(&self, block: IVec3) -> Option<usize> {
         let is_in_range = block.cmpge(IVec3::ZERO).all();
         is_in_range.then(|| self.keys.binary_search(&key(block)).ok())?
     }
 
-    /// The blocks, each with the densities of its nodes.
+    /// Stored blocks with the densities of their nodes.
     pub(super) fn blocks(&self) -> impl Iterator<Item = (IVec3, &[f32])> {
         let blocks = self.keys.iter().map(|key| unkey(*key));
         blocks.zip(self.values.chunks_exact(NODES))
@@ -152,7 +154,7 @@ impl DensityGrid {
         &self.values[block * NODES..][..NODES]
     }
 
-    /// Where a node lies, in steps that need not be whole.
+    /// Position of a node, metres; its coordinates may be fractional.
     pub(super) fn position(&self, node: Vec3) -> Vec3 {
         self.origin + node * self.cell_m
     }

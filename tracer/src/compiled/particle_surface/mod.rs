@@ -1,13 +1,15 @@
-//! The surface of a liquid or a soft body that a cloud's particles fill, as a closed mesh.
+//! Surface reconstruction: the surface of the liquid or soft body that a cloud's particles fill, as a
+//! closed mesh.
 //!
-//! Each particle is drawn to the mean of its neighbours, which takes the bumps of single particles off a surface (Yu and
-//! Turk, "Reconstructing Surfaces of Particle-Based Fluids Using Anisotropic Kernels", ACM TOG 32(1), 2013, section
-//! 3.2), and spreads a density around itself over that of the particles around it: so the density is about 1 inside,
-//! and the same half of 1 bounds a pool and a lone drop, whose kernel is narrower (section 3.3). A net of quads is put
-//! through that ([`nets`]), closed by a plane at the floor.
+//! Each particle is moved towards the mean of its neighbours, which smooths the bumps of single particles
+//! (Yu and Turk, "Reconstructing Surfaces of Particle-Based Fluids Using Anisotropic Kernels", ACM TOG
+//! 32(1), 2013, section 3.2), and adds a kernel, normalised by the density of the particles around it: so
+//! the density is about 1 inside, and the isovalue ½ bounds a pool as well as a single drop, whose kernel
+//! is narrower (section 3.3). The isosurface is extracted by surface nets ([`nets`]), closed by a plane at
+//! the floor.
 //!
-//! All of it is done with additions, products, quotients and roots of f32 in a fixed order: every node makes the same
-//! bits.
+//! Only additions, products, quotients and square roots of f32 in a fixed order are used, so that every
+//! node computes the same bits.
 
 mod density;
 mod nets;
@@ -18,41 +20,44 @@ use self::density::DensityGrid;
 use crate::SceneError;
 use crate::scene::ParticleCloud;
 
-/// The most blocks of 512 nodes of a grid: 67 MB of densities, and as much of indices.
+/// Maximum number of blocks, of 512 nodes, of a grid: 67 MB of densities, and as much of indices.
 pub(crate) const BLOCKS_MAX: usize = 1 << 15;
-/// Nodes of the grid along the smoothing radius. More cost their cube, fewer lose small drops.
+/// Nodes of the grid along the smoothing radius. Costs grow with the cube; with fewer, small drops are
+/// lost.
 const NODES_PER_RADIUS: f32 = 4.0;
-/// Of a kernel around a lone particle, over that of one among many.
+/// Kernel radius of an isolated particle relative to that of one among many.
 const LONE_RADIUS: f32 = 0.7;
-/// Density, in that at a lone particle's own place, from which a particle is one of many: that of a film one particle
-/// thick.
+/// Density, relative to that at an isolated particle, from which the full kernel radius is used: that of a
+/// film one particle thick.
 const FILM_DENSITY: f32 = 4.5;
-/// How far particles are drawn to the mean of their neighbours.
+/// Fraction by which particles are moved to the mean of their neighbours.
 const CENTERING: f32 = 0.9;
-/// Particles of a smoothing radius' cube that are looked at: of more each so many-th, for all.
+/// Maximum number of particles that are evaluated per cell of the smoothing radius; fuller cells are
+/// subsampled with a stride.
 const NEIGHBOURS_MAX: usize = 64;
 
-/// Triangles with vertex normals.
+/// A triangle mesh with vertex normals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct SurfaceMesh {
     pub(crate) positions: Vec<Vec3>,
-    /// Of unit length, outwards.
+    /// Unit vectors, outwards.
     pub(crate) normals: Vec<Vec3>,
     pub(crate) triangles: Vec<[u32; 3]>,
 }
 
-/// A particle as the density knows it.
+/// A particle as a density kernel.
 #[derive(Clone, Copy, Debug)]
 struct Drop {
     center: Vec3,
-    /// Where its kernel ends, metres.
+    /// Radius of its kernel's support, metres.
     radius_m: f32,
-    /// Density at its place.
+    /// Kernel value at its centre: the reciprocal of the density of particles there.
     weight: f32,
 }
 
 impl SurfaceMesh {
-    /// The surface of a valid cloud. Nothing is below `floor_m`, and what lies there is left out.
+    /// Surface of a valid cloud. Particles whose centres are below `floor_m` are omitted, and nothing
+    /// extends below it.
     ///
     /// # Errors
     /// [`SceneError::Rule`] if particles are so far apart that the grid would take too much memory.
@@ -64,7 +69,7 @@ impl SurfaceMesh {
         if cloud.places.is_empty() {
             return Ok(Self::default());
         }
-        // The grid's planes lie half a cell off the floor; one far below does not matter.
+        // A floor far below the particles has no effect; the bound keeps coordinates of blocks small.
         let floor_m = floor_m.max(cloud.min.z - 2.0 * smoothing_m);
         let cell_m = smoothing_m / NODES_PER_RADIUS;
         let mut origin = cloud.min - 2.0 * smoothing_m;
@@ -76,7 +81,8 @@ impl SurfaceMesh {
     }
 }
 
-/// Particles in the order of cells of the smoothing radius, so that neighbours lie near each other in memory.
+/// Kernels of the particles, sorted by cells of the smoothing radius, so that neighbours are near each
+/// other in memory.
 fn drops(cloud: &ParticleCloud, smoothing_m: f32) -> Vec<Drop> {
     let cell = |center: Vec3| ((center - cloud.min) / smoothing_m).as_ivec3();
     let mut centers: Vec<(u64, Vec3)> = (cloud.places.iter())
@@ -121,6 +127,7 @@ fn drops(cloud: &ParticleCloud, smoothing_m: f32) -> Vec<Drop> {
     drops
 }
 
+/// Kernel of a particle, given the particles in the cells around it.
 fn drop_among(center: Vec3, around: &[&[(u64, Vec3)]], smoothing_m: f32) -> Drop {
     let inverse_square = 1.0 / (smoothing_m * smoothing_m);
     let (mut density, mut offset) = (0.0, Vec3::ZERO);
@@ -130,15 +137,16 @@ fn drop_among(center: Vec3, around: &[&[(u64, Vec3)]], smoothing_m: f32) -> Drop
             let way = *other - center;
             let left = 1.0 - way.length_squared() * inverse_square;
             if left > 0.0 {
-                // Each particle that is looked at stands for `stride` of its cell.
+                // Each evaluated particle represents `stride` particles of its cell.
                 let weight = stride as f32 * left * left * left;
                 density += weight;
                 offset += weight * way;
             }
         }
     }
-    // Where many lie in one place, a particle may not be among those looked at.
+    // In a subsampled cell the particle itself, whose weight is 1, may not be among those evaluated.
     let density = density.max(1.0);
+    // 0 for an isolated particle, whose density is its own weight of 1.
     let share = ((density - 1.0) / (FILM_DENSITY - 1.0)).min(1.0);
     Drop {
         center: center + offset * (CENTERING / density),
@@ -147,12 +155,13 @@ fn drop_among(center: Vec3, around: &[&[(u64, Vec3)]], smoothing_m: f32) -> Drop
     }
 }
 
-/// Coordinates of at least 0 and below 2²¹ as one number.
+/// Packs coordinates in [0, 2²¹) into one sortable number.
 fn key(place: IVec3) -> u64 {
     let [x, y, z] = place.to_array().map(|at| at as u64 & KEY_MASK);
     z << 42 | y << 21 | x
 }
 
+/// Inverse of [`key`].
 fn unkey(key: u64) -> IVec3 {
     let at = |shift: u32| (key >> shift & KEY_MASK) as i32;
     IVec3::new(at(0), at(21), at(42))
@@ -186,7 +195,7 @@ mod tests {
         cloud
     }
 
-    /// Particles in a box on the floor, a little out of line.
+    /// Particles in a box on the floor, slightly off a lattice.
     fn heap(count: [u32; 3], shift: Vec3) -> Vec<Vec3> {
         let [nx, ny, nz] = count;
         let indices = (0..nx * ny * nz).map(|i| [i % nx, i / nx % ny, i / nx / ny]);
@@ -210,7 +219,7 @@ mod tests {
         volumes.sum()
     }
 
-    /// As many triangles go along each edge one way as the other.
+    /// A closed mesh has as many triangles along each edge in one direction as in the other.
     fn assert_closed(mesh: &SurfaceMesh) {
         let mut edges: BTreeMap<[u32; 2], i32> = BTreeMap::new();
         for [a, b, c] in &mesh.triangles {
@@ -246,19 +255,19 @@ mod tests {
         }
     }
 
-    /// A lone particle is a ball of about its own volume.
+    /// An isolated particle gives a ball of about its own volume.
     #[test]
     fn lone_particles_are_small_drops() {
         let mesh = surface(vec![Vec3::new(0.1, 0.2, 0.3)], 0.0);
         let share = volume_m3(&mesh) / f64::from(SPACING_M).powi(3);
         assert!((0.5..1.5).contains(&share), "{share}");
-        // Far apart, each for itself.
+        // So far apart that they are isolated.
         let many = (0..40).map(|i| Vec3::new(0.04 * i as f32 - 0.8, 0.0, 0.2));
         let all = volume_m3(&surface(many.collect(), 0.0)) / f64::from(SPACING_M).powi(3);
         assert!((0.5..1.5).contains(&(all / 40.0)), "{all}");
     }
 
-    /// Two layers of particles that are a little out of line make a flat film of their volume.
+    /// Two layers of particles slightly off a lattice give a flat film of their volume.
     #[test]
     fn a_lying_pool_is_flat() {
         let mesh = surface(heap([40, 40, 2], Vec3::new(-0.125, -0.125, 0.0)), 0.0);

@@ -1,47 +1,49 @@
-//! Surface nets: a vertex in each cell of the grid that the surface goes through, at the mean of where it crosses the
-//! cell's edges, and a quad across each such edge between the cells around it (Gibson, "Constrained Elastic Surface
-//! Nets", MICCAI 1998).
+//! Surface nets: one vertex in each grid cell that the surface crosses, at the mean of its crossings of the
+//! cell's edges, and a quad for each crossed edge between the cells around it (Gibson, "Constrained Elastic
+//! Surface Nets", MICCAI 1998).
 //!
-//! Each edge of the grid has its quad whatever the others have, so the net is closed. Where the surface comes close to
-//! itself, an edge of the net may have four triangles, two each way.
+//! Each crossed edge has its quad independently of others, so that the net is closed. Where the surface
+//! comes close to itself, an edge of the net may have four triangles, two of each orientation.
 
 use glam::{IVec3, Vec3};
 
 use super::SurfaceMesh;
 use super::density::{ABOVE_FLOOR, DensityGrid, EDGE, NODES};
 
-/// Of density, inside.
+/// Isovalue of the density; larger values are inside.
 const LEVEL: f32 = 0.5;
-/// Turns of smoothing; each moves vertices to the mean of their neighbours and back (Taubin, "A Signal Processing
-/// Approach to Fair Surface Design", SIGGRAPH 1995), which leaves volumes as they are.
+/// Iterations of smoothing; each moves vertices towards the mean of their neighbours and back (Taubin, "A
+/// Signal Processing Approach to Fair Surface Design", SIGGRAPH 1995), which preserves volume.
 const SMOOTHING_TURNS: u32 = 3;
+/// Steps of an iteration, as fractions of the way to the mean of the neighbours.
 const SMOOTHING: [f32; 2] = [0.5, -0.53];
-/// How often bumps are taken off, each time along the normals (Fleishman, Drori and Cohen-Or, "Bilateral Mesh Denoising",
-/// ACM TOG 22(3), 2003): which leaves rims and drops, whose normals differ from vertex to vertex.
+/// Iterations of bilateral smoothing along the normals (Fleishman, Drori and Cohen-Or, "Bilateral Mesh
+/// Denoising", ACM TOG 22(3), 2003), which preserves rims and drops, whose normals differ from vertex to
+/// vertex.
 const FAIRING_TURNS: u32 = 12;
-/// How often normals take on the mean of those of their neighbours that are alike, so that rims stay round.
+/// Iterations of averaging normals with similar normals of neighbours, which keeps rims round.
 const NORMAL_TURNS: u32 = 8;
 
-/// A block's densities and those of the next nodes along each axis.
+/// Nodes along the edge of a block padded by the next nodes along each axis.
 const PADDED: usize = EDGE as usize + 1;
 
-/// No vertex is in a cell.
+/// Index of the vertex in a cell without one.
 const NONE: u32 = u32::MAX;
 
-/// The net as it is made.
+/// Net under construction.
 struct Net<'a> {
     grid: &'a DensityGrid,
-    /// Whether something of a block, or of a next one along an axis, is inside.
+    /// Per block, whether any node of it, or of the next blocks along the axes, is inside.
     is_reached: Vec<bool>,
-    /// The vertex of each cell, by its lowest node, block by block.
+    /// Index of the vertex in each cell, block by block; a cell is identified by its lowest node.
     vertex_of: Vec<u32>,
     positions: Vec<Vec3>,
     is_on_floor: Vec<bool>,
-    /// Corners counterclockwise as seen from outside.
+    /// Quads with corners counterclockwise as seen from outside.
     quads: Vec<[u32; 4]>,
 }
 
-/// The surface through a grid.
+/// Extracts the isosurface of a grid.
 pub(super) fn surface(grid: &DensityGrid) -> SurfaceMesh {
     let mut net = Net {
         grid,
@@ -111,6 +113,7 @@ impl Net<'_> {
         }
     }
 
+    /// Densities of a block and of the next nodes along each axis; 0 in blocks that are not stored.
     fn padded(&self, block: IVec3, values: &[f32]) -> [f32; PADDED * PADDED * PADDED] {
         let mut padded = [0.0; PADDED * PADDED * PADDED];
         for corner in 0..8 {
@@ -134,7 +137,7 @@ impl Net<'_> {
         padded
     }
 
-    /// The quads across the edges of the grid that go up from a block's nodes.
+    /// Adds the quads of the crossed grid edges that start at a block's nodes, upwards along each axis.
     fn add_quads(&mut self, place: usize, block: IVec3, values: &[f32]) {
         if !self.is_reached[place] {
             return;
@@ -149,8 +152,8 @@ impl Net<'_> {
                     continue;
                 }
                 let [u, v] = [IVec3::AXES[(axis + 1) % 3], IVec3::AXES[(axis + 2) % 3]];
-                // Counterclockwise as seen from the edge's upper end, which is outside if its lower one
-                // is inside.
+                // Counterclockwise as seen from the edge's upper end, which is outside if its lower end is
+                // inside.
                 let cells = [node - u - v, node - v, node, node - u];
                 let mut corners = cells.map(|cell| self.vertex(place, block, cell));
                 if !is_inside {
@@ -161,24 +164,25 @@ impl Net<'_> {
         }
     }
 
-    /// The vertex of a cell that may lie in the block before.
+    /// Vertex of a cell, which may lie in the previous block along any axis.
     fn vertex(&self, place: usize, block: IVec3, cell: IVec3) -> u32 {
         if cell.cmpge(IVec3::ZERO).all() {
             return self.vertex_of[place * NODES + node_index(cell)];
         }
         let before = IVec3::select(cell.cmplt(IVec3::ZERO), IVec3::NEG_ONE, IVec3::ZERO);
         let found = self.grid.find(block + before);
-        // Blocks are kept with a margin.
+        // Stored blocks include the margin.
         let found = found.expect("the block of each cell that the surface crosses");
         self.vertex_of[found * NODES + node_index(cell - before * EDGE)]
     }
 
-    /// Moves each vertex by a share of the way to the mean of its neighbours; those on the floor stay on it.
+    /// Moves each vertex by `share` of the way to the mean of its neighbours; those on the floor stay on
+    /// it.
     fn smooth(&mut self, share: f32) {
         let mut sums = vec![(Vec3::ZERO, 0.0f32); self.positions.len()];
         for [a, b, c, d] in &self.quads {
-            // Each edge comes up once for either of its quads: all neighbours count twice, which leaves
-            // their mean.
+            // Each edge occurs once in either of its quads: all neighbours are counted twice, which does
+            // not change their mean.
             for [one, other] in [[a, b], [b, c], [c, d], [d, a]] {
                 for [to, from] in [[one, other], [other, one]] {
                     let sum = &mut sums[*to as usize];
@@ -197,10 +201,10 @@ impl Net<'_> {
         }
     }
 
-    /// Moves each vertex along its normal to where those of its neighbours lie that have such a normal too.
+    /// Moves each vertex along its normal towards the neighbours with similar normals (bilateral filter).
     fn fair(&mut self) {
         let normals = self.normals(1);
-        // The vertex itself counts once, at no distance.
+        // The vertex itself counts with weight 1 and offset 0.
         let mut sums = vec![(0.0f32, 1.0f32); self.positions.len()];
         for [a, b, c, d] in &self.quads {
             for [one, other] in [[a, b], [b, c], [c, d], [d, a]] {
@@ -223,8 +227,9 @@ impl Net<'_> {
         }
     }
 
-    /// Normals of the quads around each vertex, and of their neighbours: at the rim those of the sides alone, so that
-    /// the edge with the floor is not rounded.
+    /// Vertex normals from the quads around each vertex, averaged with similar neighbours `turns` times.
+    /// Quads on the floor are excluded, so that normals at the rim are those of the sides and the edge with
+    /// the floor stays sharp.
     fn normals(&self, turns: u32) -> Vec<Vec3> {
         let is_floor =
             |quad: &[u32; 4]| quad.iter().all(|corner| self.is_on_floor[*corner as usize]);
@@ -232,7 +237,7 @@ impl Net<'_> {
         let mut normals = vec![Vec3::ZERO; self.positions.len()];
         for quad in &sides {
             let [a, b, c, d] = quad.map(|corner| self.positions[corner as usize]);
-            // Twice the quad's vector area, flat or not: quads weigh as they are large.
+            // Twice the vector area of the quad, planar or not: quads are weighted by area.
             let normal = (c - a).cross(d - b);
             for corner in **quad {
                 normals[corner as usize] += normal;
@@ -262,7 +267,7 @@ impl Net<'_> {
         normals
     }
 
-    /// Each quad as two triangles, along its shorter diagonal.
+    /// Splits each quad into two triangles along its shorter diagonal.
     fn triangles(&self) -> Vec<[u32; 3]> {
         let square = |from: u32, to: u32| {
             let [from, to] = [from, to].map(|corner| self.positions[corner as usize]);
@@ -279,7 +284,7 @@ impl Net<'_> {
     }
 }
 
-/// A corner of a cell as seen from its lowest.
+/// Offset of a cell's corner from its lowest node, a bit per axis.
 fn offset(corner: usize) -> IVec3 {
     let corner = corner as i32;
     IVec3::new(corner & 1, corner >> 1 & 1, corner >> 2)
@@ -294,7 +299,8 @@ fn padded_index(node: IVec3) -> usize {
     ((node.z * EDGE + node.y) * EDGE + node.x) as usize
 }
 
-/// The mean of where the surface crosses the edges of a cell, in edges from its lowest corner; none if it does not.
+/// Mean of the surface's crossings of a cell's edges, relative to its lowest corner in edge lengths; `None`
+/// if it does not cross.
 fn mean_crossing(corners: &[f32; 8]) -> Option<Vec3> {
     let inside = corners.map(|value| value > LEVEL);
     if inside == [inside[0]; 8] {
@@ -316,7 +322,7 @@ fn mean_crossing(corners: &[f32; 8]) -> Option<Vec3> {
     Some(sum / count)
 }
 
-/// 1 where two normals are the same, 0 where they are more than 26° apart, as those of small drops are.
+/// Similarity of two unit normals: 1 if they are equal, 0 beyond 26°, as for small drops.
 fn likeness(one: Vec3, other: Vec3) -> f32 {
     let share = ((one.dot(other) - LIKE_COSINE) / (1.0 - LIKE_COSINE)).max(0.0);
     share * share

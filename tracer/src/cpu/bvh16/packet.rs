@@ -1,4 +1,4 @@
-//! Packets of rays that are alike, as the camera's are: their beam goes through the BVH once for all of them.
+//! Traversal for coherent packets, as of camera rays: their beam traverses the BVH once for all of them.
 
 use fearless_simd::prelude::*;
 
@@ -9,8 +9,8 @@ use super::{
 };
 
 impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
-    /// [`Bvh16::nearest`] of rays that are alike: their `beam` finds the leaves, and each ray is tested against those whose
-    /// boxes it enters.
+    /// [`Bvh16::nearest`] for coherent rays: their `beam` finds the leaves, and each ray is tested
+    /// against those whose boxes it enters.
     #[inline(always)]
     pub(in super::super) fn nearest_in_beam<S: Simd>(
         &self,
@@ -19,7 +19,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         beam: &Beam,
         nearest: &mut Nearest<S>,
     ) {
-        // Parts are found by a node and a lane of it; a root that is a leaf is in no node.
+        // The traversal addresses a child by its parent and lane, which a root that is a leaf does not
+        // have.
         if self.root & LEAF_TAG != 0 {
             return self.nearest(simd, rays, nearest, &Solid);
         }
@@ -43,13 +44,14 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
         let (mut distance, mut id) = (nearest.distance.to_array(), nearest.id.to_array());
         let (slack, beam_slack) = (origin_slack(rays), beam.origin_max() * SLACK);
         let all = Mask::splat(simd, true);
-        // The largest of the rays' distances so far: what the beam enters beyond it is no nearer for any
-        // of them.
+        // Largest of the rays' nearest distances so far: what the beam enters beyond it cannot improve
+        // any ray.
         let mut farthest = f32::INFINITY;
         let (mut stack, mut waiting) = ([Entry(0); STACK_PARTS], 0);
         let mut part = self.root;
         loop {
-            // Places instead of parts: a node's number and a lane of it, where the part's box is too.
+            // Stack entries hold parent · LANES + lane instead of the child's index, because the child's
+            // box is stored in its parent.
             let places: [u32; LANES] =
                 std::array::from_fn(|lane| part * LANES as u32 + lane as u32);
             let node = &self.nodes[part as usize];
@@ -74,8 +76,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                 }
                 let leaf = &self.leaves[(part & !LEAF_TAG) as usize];
                 let limit = Float::load_array(simd, distance);
-                // The beam tells which leaves, this test which rays: it costs one step for all rays, and
-                // each ray that is left out saves a step over sixteen primitives.
+                // The beam has culled leaves, this test culls rays: it costs one step for all rays, and
+                // each ray that it excludes saves a step over 16 primitives.
                 let mut lanes = node.entered_by(simd, lane, rays, slack, limit);
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize % LANES;
@@ -85,8 +87,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
                     let nearest = (&mut distance[lane], &mut id[lane]);
                     self.update(simd, leaf, (&ray, &frame), nearest, |_| true);
                 }
-                // Unused lanes of the last packet count too; they can keep this large, which only visits
-                // more.
+                // Includes unused lanes of the last packet; they can only keep this bound large, which
+                // visits more but stays correct.
                 farthest = -least(simd, -Float::load_array(simd, distance), all);
                 (next, waiting) = pop(&stack, waiting, farthest);
             };
@@ -95,8 +97,8 @@ impl<F: Shape<N>, const N: usize> Bvh16<F, N> {
 }
 
 impl Bvh16Node {
-    /// At which distances a beam enters the boxes of parts, and which of them it enters up to `limit`, a bit each; boxes
-    /// are widened by `slack`, which its origins ask for.
+    /// Distances at which a beam enters the children's boxes, enlarged by `slack` for the beam's origins,
+    /// and the bit mask of those that it enters up to `limit`.
     #[inline(always)]
     fn overlap<S: Simd>(
         &self,
@@ -113,7 +115,7 @@ impl Bvh16Node {
         (begin.to_array(), hits)
     }
 
-    /// The rays that enter the box of the part of a lane before `distance`, a bit each.
+    /// Bit mask of the rays that enter the box of the child in `lane` before `distance`.
     #[inline(always)]
     fn entered_by<S: Simd>(
         &self,
@@ -149,7 +151,7 @@ mod tests {
     /// Origins, then directions.
     type Six = [[f32; LANES]; 6];
 
-    /// A ray among the primitives of a scene, and others that are `spread` from it.
+    /// A ray among the primitives of a scene, and others that differ from it by up to `spread`.
     fn alike(scene: &CompiledScene, index: u32, spread: f32) -> Six {
         let middle = ray(scene, 3, index);
         let rays: [_; LANES] = std::array::from_fn(|lane| {

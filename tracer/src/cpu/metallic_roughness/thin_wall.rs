@@ -1,4 +1,5 @@
-//! Light that passes thin walls, a lane each: the arithmetic of [`crate::scalar::metallic_roughness::thin_wall`].
+//! Transmission through thin walls, one surface point per lane: the arithmetic of
+//! [`crate::scalar::metallic_roughness::thin_wall`].
 
 use fearless_simd::prelude::*;
 
@@ -7,7 +8,7 @@ use crate::cpu::lanes::{Float, Mask, Vec3x};
 use crate::cpu::microfacet::{ggx, normalize, visibility};
 use crate::scalar::metallic_roughness::ALPHA_LEAST;
 
-/// What lets light pass; black in other lanes.
+/// Transmission parameters of thin walls; black in other lanes.
 #[derive(Clone, Copy)]
 pub(super) struct WallLanes<S: Simd> {
     pub(super) lanes: Mask<S>,
@@ -16,16 +17,16 @@ pub(super) struct WallLanes<S: Simd> {
     f90: Float<S>,
 }
 
-/// A direction of light that passes, on the side of `wo`.
+/// A direction of transmitted light, mirrored to the side of `wo`.
 struct Passage<S: Simd> {
     wo: Vec3x<S>,
     wi: Vec3x<S>,
-    /// Of the facet.
+    /// Normal of the microfacet.
     h: Vec3x<S>,
 }
 
 impl<S: Simd> WallLanes<S> {
-    /// `alpha` is not below [`ALPHA_LEAST`].
+    /// `alpha` is at least [`ALPHA_LEAST`].
     #[inline(always)]
     pub(super) fn new(color: Vec3x<S>, f90: Float<S>, alpha: Float<S>) -> Self {
         Self {
@@ -38,21 +39,21 @@ impl<S: Simd> WallLanes<S> {
 }
 
 impl<S: Simd> MetallicRoughness<S> {
-    /// Where light passes; none if the scene has no thin walls.
+    /// Lanes of thin walls that transmit light; `None` if the scene has no thin walls.
     #[inline(always)]
     pub(in crate::cpu) fn lets_pass(&self) -> Option<Mask<S>> {
         let wall = self.wall.as_ref()?;
         Some(self.lanes & wall.lanes)
     }
 
-    /// Where light passes in a direction that light sampling can find.
+    /// Lanes of rough thin walls, whose transmitted directions light sampling can draw.
     #[inline(always)]
     pub(in crate::cpu) fn spreads_behind(&self) -> Option<Mask<S>> {
         let wall = self.wall.as_ref()?;
         Some(self.lanes & wall.lanes & wall.rough)
     }
 
-    /// Where light passes straight on, and how much of it.
+    /// Lanes of smooth thin walls, and the transmittance straight through them; `None` if there are none.
     #[inline(always)]
     pub(in crate::cpu) fn straight_passed(
         &self,
@@ -70,7 +71,7 @@ impl<S: Simd> MetallicRoughness<S> {
         ))
     }
 
-    /// Adds what passes to `f · |cos θ|` and the density of the other lobes.
+    /// Adds transmission to `f · |cos θ|` and density of the other lobes.
     #[inline(always)]
     pub(super) fn with_wall(
         &self,
@@ -83,6 +84,7 @@ impl<S: Simd> MetallicRoughness<S> {
     ) -> (Vec3x<S>, Float<S>) {
         let zero = Float::splat(simd, 0.0);
         let (cos_o, cos_i) = (normal.dot(wo), -normal.dot(wi));
+        // Transmission through a rough wall is its reflection lobe, mirrored in the plane of the wall.
         let share = self.passed_share(simd, wall, normal, wo);
         let wi = mirrored(normal, wi);
         let h = normalize(wo + wi);
@@ -99,7 +101,7 @@ impl<S: Simd> MetallicRoughness<S> {
         )
     }
 
-    /// Where light goes that a facet towards `h` lets pass.
+    /// Direction of light that a facet with normal `h` transmits.
     #[inline(always)]
     pub(super) fn passed_direction(
         wall: &WallLanes<S>,
@@ -111,7 +113,8 @@ impl<S: Simd> MetallicRoughness<S> {
         Vec3x::select(wall.rough, mirrored(normal, reflected), -wo)
     }
 
-    /// The lanes of those that `pass` without a density, and what a path's throughput is multiplied by in them.
+    /// The lanes in `passes` that transmit without a density (smooth walls), and the throughput factor
+    /// there.
     #[inline(always)]
     pub(super) fn straight_weight(
         &self,
@@ -126,7 +129,7 @@ impl<S: Simd> MetallicRoughness<S> {
         (passes & !wall.rough, passed * (1.0 / share))
     }
 
-    /// The probability with which a direction is drawn of those that pass.
+    /// Probability of drawing a direction from the transmission lobe.
     #[inline(always)]
     pub(super) fn passed_share(
         &self,
@@ -149,7 +152,7 @@ impl<S: Simd> MetallicRoughness<S> {
         passed / all.max(f32::MIN_POSITIVE)
     }
 
-    /// What a facet, and the layers on both sides, let pass.
+    /// Transmittance of a facet and of the layers on both sides.
     #[inline(always)]
     fn wall_passed(&self, wall: &WallLanes<S>, normal: Vec3x<S>, passage: &Passage<S>) -> Vec3x<S> {
         let Passage { wo, wi, h } = *passage;
@@ -165,20 +168,20 @@ impl<S: Simd> MetallicRoughness<S> {
         wall.color * passed
     }
 
-    /// What a facet does not reflect of light at a cosine.
+    /// Fresnel transmittance of a facet at a cosine.
     #[inline(always)]
     fn facet_passed(&self, wall: &WallLanes<S>, cos: Float<S>) -> Float<S> {
         1.0 - self.dielectric_f0 - (wall.f90 - self.dielectric_f0) * grazing(cos)
     }
 }
 
-/// The mirror image of a direction in the plane of the wall.
+/// Reflection of a direction in the plane of the wall.
 #[inline(always)]
 fn mirrored<S: Simd>(normal: Vec3x<S>, w: Vec3x<S>) -> Vec3x<S> {
     normal.mul_add(normal.dot(w) * -2.0, w)
 }
 
-/// Straight through a smooth wall.
+/// Passage straight through a smooth wall.
 #[inline(always)]
 fn straight<S: Simd>(normal: Vec3x<S>, wo: Vec3x<S>) -> Passage<S> {
     Passage {

@@ -1,12 +1,14 @@
-//! Light that passes a thin wall: Khronos Group, `KHR_materials_transmission`, of a surface without a volume.
+//! Transmission through thin walls: Khronos Group, `KHR_materials_transmission`, for a surface without
+//! volume.
 //!
-//! What the reflection leaves of light passes in part, coloured by the base and unbent: what goes in on one side of the wall comes
-//! out on the other in the same direction. A rough wall spreads it as its reflection is spread, mirrored in the wall's plane
-//! (Burley, "Extending the Disney BRDF to a BSDF with Integrated Subsurface Scattering", SIGGRAPH 2015 course notes, section 3).
-//! Each microfacet lets pass what it does not reflect, and so no light is gained. Through a smooth one light goes straight on,
-//! without a density.
+//! Part of the light that is not reflected is transmitted, coloured by the base and undeviated: it leaves
+//! the other side of the wall in the direction in which it entered. A rough wall scatters it like its
+//! reflection, mirrored in the plane of the wall (Burley, "Extending the Disney BRDF to a BSDF with
+//! Integrated Subsurface Scattering", SIGGRAPH 2015 course notes, section 3). Each microfacet transmits at
+//! most what it does not reflect, so that energy is conserved. Through a smooth wall light goes straight
+//! on, without a density.
 //!
-//! Coats and sheens lie on both sides, and dim what passes in both directions.
+//! Coats and sheens lie on both sides, and attenuate transmitted light in both directions.
 
 use glam::DVec3;
 
@@ -15,29 +17,30 @@ use crate::scalar::bsdf::BsdfSample;
 use crate::scalar::ggx::{ggx, sample_visible, visibility};
 use crate::scalar::microfacet::reflect;
 
-/// What lets light pass.
+/// Transmission parameters of a thin wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThinWall {
     /// Albedo of the base times the transmission.
     pub color: DVec3,
-    /// Reflectance at grazing angles of what is no metal.
+    /// Reflectance of the dielectric part at grazing incidence.
     pub f90: f64,
-    /// Light is not spread.
+    /// Whether light is transmitted without scattering.
     pub is_smooth: bool,
 }
 
 impl MetallicRoughness {
-    /// Whether `wi` leaves on the other side than that of `n`, by a wall that lets light pass.
+    /// Whether `wi` leaves on the other side than that of `n`, through a wall that transmits light.
     pub(super) fn is_passed(&self, wi: DVec3, n: DVec3) -> bool {
         self.wall.is_some() && wi.dot(n) < 0.0
     }
 
-    /// [`MetallicRoughness::eval`] of what passes.
+    /// [`MetallicRoughness::eval`] of transmitted light.
     pub(super) fn eval_passed(&self, wo: DVec3, wi: DVec3, n: DVec3) -> (DVec3, f64) {
         let cos_o = wo.dot(n);
         let Some(wall) = self.wall.filter(|wall| !wall.is_smooth && cos_o > 0.0) else {
             return (DVec3::ZERO, 0.0);
         };
+        // Evaluated as the reflection lobe in the direction mirrored to the side of `wo`.
         let wi = mirrored(wi, n);
         let h = (wo + wi).normalize();
         let seen = 0.25 * ggx(self.alpha, h.dot(n)) * visibility(self.alpha, cos_o);
@@ -46,7 +49,7 @@ impl MetallicRoughness {
         (f, self.passed_share(wo, n) * seen)
     }
 
-    /// Draws a direction of those that pass.
+    /// Draws a transmitted direction.
     pub(super) fn sample_passed(
         &self,
         wall: &ThinWall,
@@ -72,12 +75,12 @@ impl MetallicRoughness {
         BsdfSample { wi, weight, pdf }
     }
 
-    /// What goes straight on through a smooth wall, per channel.
+    /// Transmittance straight through a smooth wall, per channel.
     pub(super) fn straight_passed(&self, wall: &ThinWall, wo: DVec3, n: DVec3) -> DVec3 {
         self.wall_passed(wall, wo, mirrored(-wo, n), n, n)
     }
 
-    /// The probability with which [`MetallicRoughness::sample`] chooses what passes.
+    /// Probability with which [`MetallicRoughness::sample`] chooses transmission.
     pub(super) fn passed_share(&self, wo: DVec3, n: DVec3) -> f64 {
         let Some(wall) = &self.wall else {
             return 0.0;
@@ -89,7 +92,8 @@ impl MetallicRoughness {
         passed / (passed + others).max(f64::MIN_POSITIVE)
     }
 
-    /// What a facet towards `h`, and the layers on both sides, let pass per channel; `wi` is mirrored to the side of `wo`.
+    /// Transmittance of a facet with normal `h` and of the layers on both sides, per channel; `wi` is
+    /// mirrored to the side of `wo`.
     fn wall_passed(&self, wall: &ThinWall, wo: DVec3, wi: DVec3, h: DVec3, n: DVec3) -> DVec3 {
         let coat_n = self.clearcoat_n.unwrap_or(n);
         let [coat_o, coat_i] = [wo, wi].map(|w| self.coat_reflected(w.dot(coat_n)));
@@ -98,13 +102,13 @@ impl MetallicRoughness {
         wall.color * (layers * self.facet_passed(wall, wo.dot(h)))
     }
 
-    /// What a facet does not reflect of light at a cosine.
+    /// Fresnel transmittance of a facet at a cosine.
     fn facet_passed(&self, wall: &ThinWall, cos: f64) -> f64 {
         1.0 - self.dielectric_f0 - (wall.f90 - self.dielectric_f0) * grazing(cos)
     }
 }
 
-/// The mirror image of a direction in the plane of the wall.
+/// Reflection of a direction in the plane of the wall.
 fn mirrored(w: DVec3, n: DVec3) -> DVec3 {
     w - 2.0 * w.dot(n) * n
 }
@@ -116,7 +120,7 @@ mod tests {
     use crate::scalar::basis::basis;
     use crate::scalar::microfacet::tests::assert_drawn;
 
-    /// A surface whose base lets a share of light pass.
+    /// A surface whose base transmits part of the light.
     fn wall(
         base: DVec3,
         metallic: f64,
@@ -175,7 +179,7 @@ mod tests {
         }
     }
 
-    /// White furnace: a smooth white wall reflects or lets pass all that comes, and none makes light.
+    /// White furnace: a smooth white wall reflects or transmits all light, and no wall creates any.
     #[test]
     fn white_walls_make_no_light() {
         for (coat, sheen) in [(0.0, 0.0), (1.0, 0.0), (0.5, 1.0)] {
