@@ -22,7 +22,7 @@ pub enum EventKind {
     },
     /// The tip slipped off the ball.
     Miscue {
-        /// From the ball's centre to where it struck, in ball radii.
+        /// Distance from the ball's centre to the tip, in ball radii.
         offset: f64,
     },
     /// Two balls met.
@@ -88,7 +88,7 @@ pub enum EventKind {
 }
 
 impl EventKind {
-    /// Whether it is the end of an aim line: the cue ball touched something or is gone.
+    /// Whether it ends an aim line: the cue ball touched something or is gone.
     pub(crate) fn stops_aim_line(&self) -> bool {
         match *self {
             Self::BallBall { first, second, .. } => first == 0 || second == 0,

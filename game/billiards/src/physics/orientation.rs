@@ -1,9 +1,9 @@
 //! The orientation of a ball while its angular velocity changes linearly, as it does within a phase.
 //!
-//! The rotation over a short time is the fourth-order Magnus expansion of q' = ½ ω q: exact where
-//! the axis is fixed (every ball that rolls without sidespin), with an error below 1e-6 rad per
-//! turn else. A phase stores the orientation at equal intervals, and any instant is one step from
-//! the last of them: continuous, and independent of how the shot is sampled.
+//! The rotation over a short time is the fourth-order Magnus expansion of q' = ½ ω q: exact where the
+//! axis is fixed (every ball that rolls without sidespin), otherwise with an error below 1e-6 rad per
+//! turn. A phase stores the orientation at equal intervals, and any instant is one step from the
+//! preceding one: continuous, and independent of how the shot is sampled.
 
 use glam::{DQuat, DVec3};
 
@@ -54,7 +54,7 @@ impl RotationIntegral {
         integral
     }
 
-    /// The orientation at time 0, as it was given.
+    /// The orientation at time 0, bit for bit as given.
     pub(crate) fn start(&self) -> DQuat {
         self.knots[0]
     }
@@ -85,9 +85,9 @@ impl RotationIntegral {
 
 /// Sine of the angle between spin and its change below which the axis counts as fixed.
 const FIXED_AXIS: f64 = 1e-12;
-/// The ball turns by this between knots.
+/// Rotation between two knots.
 const KNOT_ANGLE_RAD: f64 = 0.25;
-/// Bounds memory; reached only by absurd spins.
+/// Bounds the memory; reached only by absurd spins.
 const KNOTS_MAX: f64 = 65_536.0;
 
 #[cfg(test)]
