@@ -41,5 +41,6 @@ pub fn infer(layout: &TableLayout, ball: u8, at: DVec2, direction: DVec2) -> Opt
     })
 }
 
-/// Half a pocket's mouth in ball radii, and some: what passes so near was meant for it.
+/// Half a pocket's mouth in ball radii, with a margin: a ball that passes this near is meant for the
+/// pocket.
 const MOUTH_RADII: f64 = 3.5;

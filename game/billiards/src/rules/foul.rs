@@ -1,10 +1,10 @@
-//! Fouls, in words with the reason, and those that games have in common.
+//! Fouls, with their reasons in words.
 
 use carom_text::text;
 
 use super::ruleset::RuleSet;
 
-/// What a player did wrong, and by which ball.
+/// A foul, and the ball that it concerns.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Foul {
     /// The cue ball fell into a pocket (WPA 6.1).
@@ -47,7 +47,7 @@ pub enum Foul {
 }
 
 impl Foul {
-    /// That this ball left the table.
+    /// The foul of driving this ball off the table.
     pub(crate) fn off_table(ball: u8) -> Self {
         match ball {
             0 => Self::CueBallOff,

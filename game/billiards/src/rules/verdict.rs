@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{foul::Foul, layout::BallPositions};
 
-/// What a referee says after a shot, or after a choice.
+/// Verdict of a referee on a shot, or on a choice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// What was wrong, the gravest first.
+    /// The fouls, the gravest first.
     pub fouls: Vec<Foul>,
     /// What happened and what it means, a sentence each, in order. One that begins with a small letter
     /// is about the player who played, whose name comes before it.
@@ -58,7 +58,7 @@ pub enum Choice {
 }
 
 impl Choice {
-    /// For a button.
+    /// Label of its button.
     pub fn display_text(self) -> &'static str {
         match self {
             Self::Accept => text!("choice-accept"),
