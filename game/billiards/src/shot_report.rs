@@ -164,6 +164,7 @@ fn double_hit(
     let (cue_ball, object) = (find(&balls, 0)?, find(&balls, ball)?);
     let gap = gap_m(&cue_ball, &object);
     let height_m = cue_ball.body.radius_m * (1.0 + stroke.vertical);
+    // An elevated cue reaches the cloth after the second distance.
     let reach_m = FOLLOW_M.min(height_m / tan(stroke.elevation_rad).max(1e-9));
     if !(FROZEN_M..reach_m).contains(&gap) {
         return None;
@@ -171,6 +172,7 @@ fn double_hit(
     let forward = unit_at(stroke.direction_rad).extend(0.0);
     let struck = find(&shot.states_at(0.0), 0)?.velocity.length();
     let mass_share = cue_ball.body.mass_kg / world.laws().cue.mass_kg;
+    // Conservation of momentum in the impact of cue and ball.
     let cue_m_s = stroke.speed_m_s - mass_share * struck;
     let after = find(&shot.states_at(contact_secs), 0)?
         .velocity

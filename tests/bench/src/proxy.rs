@@ -99,5 +99,5 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// How long Ctrl-C may go unnoticed.
+/// Longest time until Ctrl-C is noticed.
 const PATIENCE: Duration = Duration::from_millis(50);

@@ -98,6 +98,7 @@ impl ThrottledTracer {
             }
         };
         debt.secs_per_sample = Some(alone_secs / samples(job, job.tiles).max(1.0));
+        // A piece is to last 1/share of its time alone, of which the wall-clock time is over already.
         debt.owed_secs += (alone_secs / self.share.get() - wall_secs).max(0.0);
         debt.rest(job.cancelled);
         let finished = finished.into_inner();

@@ -166,6 +166,7 @@ impl ShotSearch<'_> {
         let trials = self.skill.trials;
         let kept = (trials.0 as u32 * trials.1).min(self.left / 2);
         let good = self.found.iter().any(|found| found.worth > GOOD);
+        // With a good pot a third of the budget is enough to look for something better.
         let count = (self.left - kept) / if good { 3 } else { 1 };
         let referee = &self.position.referee;
         let is_carom = referee.rules() == RuleSet::ThreeCushion;

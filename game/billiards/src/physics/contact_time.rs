@@ -215,6 +215,7 @@ pub(crate) fn reaches_ring(
         let seen = path.at(t) - center;
         let velocity = path.velocity_at(t);
         let from_axis = seen.truncate().length();
+        // In the half-plane of the axis and the ball the ring is a point.
         let offset = DVec2::new(from_axis - ring_radius, seen.z);
         let gap = offset.length() - distance;
         let outward = seen.truncate().normalize_or_zero();

@@ -70,6 +70,7 @@ impl CushionLaw {
         let mut velocity = twist.velocity + (1.0 + self.restitution) * approach * normal;
         let mut spin = twist.spin;
         if speed > 0.0 {
+            // The centre takes 2/7 of the change of the surface's speed, the spin the rest.
             let change = (self.slip_after(speed, approach) - speed) / MASS_RATIO;
             let kick = change / speed * slip;
             velocity += kick;
@@ -94,6 +95,8 @@ impl CushionLaw {
         if slip >= pull * (1.0 + e) - stretch / e {
             return slip - pull * (1.0 + e);
         }
+        // At first touch the spring's force and Coulomb's limit grow from 0 together: a surface slower
+        // than `stretch` sticks at once.
         let stick = if slip < stretch {
             StickPhase {
                 from: 0.0,

@@ -35,6 +35,8 @@ impl Flight<'_> {
     /// Motion of an airborne ball over the table: into the pocket under its landing point, else onto
     /// the cloth.
     pub(crate) fn motion(&self, position: DVec3, twist: Twist) -> Motion {
+        // Whether it falls into a pocket is decided where it would touch the cloth: over a hole it
+        // falls on.
         let lands_secs = self.fall_secs(position, twist, self.radius_m);
         let place = (position + lands_secs * twist.velocity).truncate();
         match self.table.pocket_under(place) {

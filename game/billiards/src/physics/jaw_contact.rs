@@ -113,9 +113,11 @@ impl TopPlane {
         let from_axis = seen.truncate().length();
         let out = seen.truncate().normalize_or(DVec2::X);
         let side = radius * out;
+        // Beside the cylinder and below the top's edge there: on the side.
         if from_axis >= radius && seen.z <= self.slope.dot(side) {
             return (axis + side.extend(seen.z), false);
         }
+        // Over the top's ellipse: on its face; otherwise on its edge.
         let foot = self.foot(seen);
         if foot.length() < radius - JOINT_SLACK_M {
             let height = self.slope.dot(foot).min(seen.z);

@@ -32,6 +32,7 @@ impl RotationIntegral {
             interval_secs: f64::INFINITY,
             knots: vec![start],
         };
+        // About a fixed axis one step is exact for the whole phase.
         let tilt = spin.cross(spin_acceleration).length();
         let speed_max = spin
             .length()

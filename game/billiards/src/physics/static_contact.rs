@@ -212,6 +212,7 @@ impl ContactFinder<'_> {
     fn edge(&self, path: &QuadraticPath, nose: &Nose, horizon: f64) -> Option<f64> {
         let edge = CushionEdge::over(nose, self.table.nose_height_m());
         let rails = self.table.rails();
+        // Farther behind the nearest point is on the sloping top.
         let behind = rails.map_or(0.0, |rails| self.radius_m * slope_sin(rails));
         first_touch(
             (path, horizon),
@@ -237,6 +238,8 @@ impl ContactFinder<'_> {
         let jaw = self.table.jaws()[index];
         let nose_height_m = self.table.nose_height_m();
         let reach = self.radius_m + jaw.radius_m;
+        // Below the nose's height a jaw is a vertical cylinder, as for a ball on the cloth; above it is
+        // the solid under its tops, of which the faces belong to the slope and the rail.
         let side = first_touch(
             (path, horizon),
             |path, horizon| reaches_point(&path.flat_from(jaw.center), reach, horizon),
@@ -261,6 +264,7 @@ impl ContactFinder<'_> {
             return None;
         }
         let edge = pocket.center.extend(-pocket.rim_radius_m);
+        // The rounded edge is a torus: a ball touches it at this distance from the ring at its core.
         let distance = self.radius_m + pocket.rim_radius_m;
         first_touch(
             (path, horizon),
@@ -354,6 +358,7 @@ impl ContactFinder<'_> {
         first_touch(
             (path, horizon),
             |path, horizon| reaches_plane(path, (line + to_center, normal), self.radius_m, horizon),
+            // The point of contact, not the centre, must lie on the cushion.
             |place| cushion.covers((place - to_center).truncate()),
             |crossings| {
                 for (from, to) in cushion.sides() {
@@ -372,6 +377,8 @@ impl ContactFinder<'_> {
         let across = self.table.noses()[cushion.nose].normal();
         let [_, _, first, last] = cushion.corners;
         let edge = first.extend(self.table.rail_height_m());
+        // Between the normals of the slope and of the flat top; farther in front the ball touches the
+        // slope.
         let steep = self.radius_m * slope_sin(rails);
         let in_front = |place: DVec3| across.dot(place.truncate() - first);
         first_touch(

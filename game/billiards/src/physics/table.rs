@@ -162,6 +162,7 @@ impl Cushion {
             .zip(self.jaws)
             .any(|((tip, other, back), jaw)| {
                 jaw.is_some_and(|jaw| {
+                    // In the sector between its tangent points the circle is the outline.
                     let seen = point - jaw.center;
                     let ahead = seen.dot(tip - other) > 0.0 && seen.dot(tip - back) > 0.0;
                     ahead && seen.length() > jaw.radius_m + JOINT_SLACK_M

@@ -327,6 +327,7 @@ impl CushionOutlines {
         let length = self.cushion_width_m / sin;
         let tangent = pocket.tangent_m();
         let back = tip + length * facing;
+        // Otherwise the rounding takes up the whole facing.
         if length > tangent {
             let ends = [tip + tangent * facing, back];
             // Balls are on the left of a line: at the far end that is from the tip backwards.

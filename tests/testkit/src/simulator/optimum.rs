@@ -60,6 +60,7 @@ fn frame_secs(
                 let answers_secs = environment.delay_secs(index, frame);
                 node.free_secs = line.fixed_secs + line.secs_per_work * share - answers_secs;
             }
+            // Relative to the submission of the next frame.
             node.free_secs -= period_secs;
         }
     }
@@ -130,6 +131,7 @@ fn line(
     let secs_per_work = 1e-6 / msamples_per_sec * state.slowness * environment.pace(node, frame);
     let begin_secs = round_trip_secs.max(state.free_secs) + environment.stall_secs(node, frame);
     let fixed_secs = begin_secs + environment.delay_secs(node, frame);
+    // Work of more than a period per frame would let the node's queue grow without bound.
     let cap = plan
         .period_secs
         .map_or(f64::INFINITY, |period| period / secs_per_work);

@@ -21,7 +21,7 @@ pub enum Network {
     Far,
 }
 
-/// When frames are submitted.
+/// Submission of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SubmissionMode {
     /// Each frame once the one before is complete.
@@ -37,7 +37,7 @@ pub struct Scenario {
     pub nodes: usize,
     /// Their distances.
     pub network: Network,
-    /// When frames are submitted.
+    /// Submission of frames.
     pub mode: SubmissionMode,
     /// Seed of all randomness.
     pub seed: u64,
@@ -84,6 +84,7 @@ impl SubmissionMode {
 impl Scenario {
     /// The run's plan, with `balancing` dividing the frames.
     pub fn plan(&self, balancing: Balancing) -> FarmPlan {
+        // Tiles have one pixel: 920 of them, or 3,600.
         let size = if self.nodes < 1000 {
             ImageSize::new(40, 23)
         } else {

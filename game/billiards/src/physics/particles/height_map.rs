@@ -16,6 +16,7 @@ pub(super) struct HeightMap {
 impl HeightMap {
     /// Map of the tops of particles that lie `spacing_m` apart.
     pub(super) fn new(tops: &[Vec3], spacing_m: f64) -> Self {
+        // Twice the spacing, so that no square under particles is empty.
         let edge_m = 2.0 * spacing_m;
         let square = |top: Vec3| (top.truncate().as_dvec2() / edge_m).floor().as_ivec2();
         let none = (IVec2::MAX, IVec2::MIN);

@@ -30,6 +30,7 @@ pub(super) fn laid(
     for patch in covered {
         for layer in 0..LAYERS {
             let shift = f64::from(layer) * 0.5;
+            // One lattice for the whole table, so that adjoining patches continue it.
             let [first, end] = [0.0, ParticlePatch::EDGE_M].map(|edge| {
                 ((patch.corner() + edge) / STEP_M - shift - 0.5)
                     .ceil()
