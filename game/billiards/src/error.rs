@@ -347,7 +347,7 @@ pub enum FileFault {
     Path {
         /// The ball.
         ball: u8,
-        /// What is wrong with it.
+        /// The fault of the path.
         fault: &'static str,
     },
     /// A ball's body is not physical.
@@ -419,7 +419,7 @@ pub enum RuleFault {
         /// Maximum.
         max: u32,
     },
-    /// The choice, as its button says it, is not offered.
+    /// The choice, named as on its button, is not offered.
     #[error("\u{201c}{0}\u{201d} is no choice now")]
     NoSuchChoice(&'static str),
     /// The table's pockets do not fit the game.
@@ -489,7 +489,7 @@ fn player_range(min: usize, max: usize) -> String {
     }
 }
 
-/// What is wrong with particles on a table.
+/// A reason why particles cannot be on a table.
 #[derive(Debug, thiserror::Error)]
 pub enum ParticleFault {
     /// There are no particles.

@@ -35,7 +35,7 @@ pub(crate) struct OverlayArgs {
 /// CPU milliseconds of a redraw.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct RedrawCost {
-    /// What is drawn.
+    /// Name of what is drawn.
     pub(crate) shown: &'static str,
     /// Mean of all redraws.
     pub(crate) mean_ms: f64,

@@ -77,7 +77,7 @@ impl Wait {
         Ok(())
     }
 
-    /// The same, with the states of a farm's nodes.
+    /// As [`Wait::check`], with the states of a farm's nodes.
     ///
     /// # Errors
     /// As [`Wait::check`].

@@ -21,7 +21,7 @@ pub struct PatternTracer {
     tiles_left: AtomicU32,
 }
 
-/// How a device fails.
+/// A fault of a device.
 #[derive(Clone)]
 pub enum DeviceFault {
     /// It returns an error.

@@ -122,7 +122,7 @@ const COS_CUT_MIN: f64 = 0.17;
 /// Cosines of the largest angles of approach of side and corner pockets: 60° and about 46°.
 const COS_SIDE_MIN: f64 = 0.5;
 const COS_CORNER_MIN: f64 = 0.7;
-/// Between the balls of snooker, 26.25 mm, and those of pool.
+/// Ball radius that separates snooker, 26.25 mm, from pool.
 const SNOOKER_RADIUS_M: f64 = 0.0275;
 
 #[cfg(test)]

@@ -66,7 +66,8 @@ mod tests {
         assert!(recording.clips[0].title.starts_with("1. Computer (easy)"));
         let last = &recording.clips[recording.clips.len() - 1];
         let cue_ball = |balls: &[crate::physics::BallState]| balls[0].position;
-        // What fell is put back after a shot: a ball that stayed lies where the shot left it.
+        // Potted balls are spotted after a shot: a ball that was not potted lies where the shot left
+        // it.
         let after = game.world().balls();
         let stayed = last
             .shot

@@ -288,7 +288,7 @@ mod tests {
         for (angle, speed) in [(0.0, 8.0), (0.7, 3.0), (2.0, 4.0), (-1.0, 2.0)] {
             if game.ball_in_hand_area().is_some() {
                 let at = game.table_layout().head_spot() + DVec2::new(-0.1, 0.02);
-                // Where it may not lie it stays.
+                // Stays where it is if the place is not allowed.
                 let _ = game.place(at);
             }
             let stroke = Stroke::straight(angle, speed);

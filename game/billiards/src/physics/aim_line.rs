@@ -22,7 +22,7 @@ pub struct AimLine {
     pub contact: AimContact,
 }
 
-/// What the cue ball meets first. A direction is a unit vector, or zero for a ball that stops.
+/// First contact of the cue ball. A direction is a unit vector, or zero for a ball that stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AimContact {
     /// Nothing: it comes to rest.
@@ -35,16 +35,16 @@ pub enum AimContact {
         ghost: DVec3,
         /// Centre of the other ball, in m.
         object: DVec3,
-        /// Where the other ball goes, with throw.
+        /// Direction of the other ball after the contact, with throw.
         object_direction: DVec3,
-        /// Where the cue ball goes.
+        /// Direction of the cue ball after the contact.
         cue_direction: DVec3,
     },
     /// A cushion or a jaw.
     Cushion {
         /// Centre of the cue ball at the contact, in m.
         ghost: DVec3,
-        /// Where the cue ball goes.
+        /// Direction of the cue ball after the contact.
         cue_direction: DVec3,
     },
     /// A pocket: a scratch.

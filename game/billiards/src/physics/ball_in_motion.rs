@@ -21,7 +21,7 @@ pub(crate) struct BallInMotion {
     /// The centre now, in m.
     pub(crate) position: DVec3,
     pub(crate) motion: Motion,
-    /// When the motion began.
+    /// Start of the motion, in s.
     pub(crate) since_secs: f64,
     pub(crate) on_table: bool,
     /// Last contact with an obstacle: time in s, obstacle, and direction away from it.

@@ -19,14 +19,14 @@ use crate::deterministic_math::{atan2, hypot, sin_cos, turned};
 pub struct Stroke {
     /// Direction of the cue seen from above, in rad anticlockwise from +x.
     pub direction_rad: f64,
-    /// Speed of the cue at the blow, in m/s: over 0, at most [`Stroke::SPEED_MAX_M_S`].
+    /// Speed of the cue at the impact, in m/s: over 0, at most [`Stroke::SPEED_MAX_M_S`].
     pub speed_m_s: f64,
     /// Sideways offset of the tip in ball radii, positive to the right of the aim (right english).
     pub side: f64,
     /// Vertical offset of the tip in ball radii, positive above the centre (follow).
     pub vertical: f64,
     /// Elevation of the cue in rad, 0 to [`Stroke::ELEVATION_MAX_RAD`]. The downward part of the
-    /// blow drives the ball into the slate, off which it jumps; with side it curves (massé).
+    /// impulse drives the ball into the slate, off which it jumps; with side it curves (massé).
     pub elevation_rad: f64,
 }
 

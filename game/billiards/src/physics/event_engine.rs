@@ -26,7 +26,7 @@ use super::{
     trajectory::Trajectory,
 };
 
-/// When the simulation ends.
+/// Condition at which the simulation ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Until {
     /// All balls are at rest.
@@ -145,7 +145,7 @@ impl<'a> EventEngine<'a> {
                     .filter(|&pair| self.meets_fast(pair))
                     .collect();
                 match pairs.as_slice() {
-                    // The law of two balls also separates pairs that hardly approach.
+                    // The law of two balls also separates pairs whose approach is slow.
                     [] | [_] => self.collide(first, second),
                     pairs => self.collide_together(pairs),
                 }

@@ -166,7 +166,7 @@ mod tests {
 
     use super::*;
 
-    /// Of a place, over points all over the post's surface.
+    /// Distance of a place from sample points all over the surface.
     fn sampled_distance(solid: &JawSolid, place: DVec3) -> f64 {
         let Circle { center, radius_m } = solid.circle;
         let height = |at: DVec2| {

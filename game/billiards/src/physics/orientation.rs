@@ -19,7 +19,7 @@ pub(crate) struct RotationIntegral {
 }
 
 impl RotationIntegral {
-    /// From `start` at time 0 for `duration_secs`.
+    /// Integrates from `start` at time 0 for `duration_secs`.
     pub(crate) fn new(
         start: DQuat,
         spin: DVec3,

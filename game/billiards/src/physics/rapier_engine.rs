@@ -158,7 +158,7 @@ impl<'a> RapierEngine<'a> {
     fn resist(&mut self) -> bool {
         let Laws { cloth, .. } = self.laws;
         let slower = cloth.rolling_friction * cloth.gravity_m_s2 * self.step_secs;
-        // What a step of sliding friction takes from the slip: the solver leaves a residue below this.
+        // Slip that one step of sliding friction removes: the solver leaves a residue below this.
         let rolls =
             (3.5 * cloth.sliding_friction * cloth.gravity_m_s2 * self.step_secs).max(ROLLS_M_S);
         let upright = LIES_M_S + 2.0 * cloth.gravity_m_s2 * self.step_secs;

@@ -74,7 +74,7 @@ impl Shot {
         &self.trajectories
     }
 
-    /// When the last ball came to rest, in s.
+    /// Time at which the last ball came to rest, in s.
     pub fn duration_secs(&self) -> f64 {
         self.duration_secs
     }
@@ -109,7 +109,7 @@ impl Shot {
         })
     }
 
-    /// What happened, in the order of time.
+    /// The events, in the order of time.
     pub fn events(&self) -> &[Event] {
         &self.events
     }

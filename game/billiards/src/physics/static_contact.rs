@@ -53,7 +53,7 @@ impl Obstacle {
     }
 }
 
-/// How an obstacle pushes a ball. Both are unit vectors.
+/// Directions in which an obstacle pushes a ball. Both are unit vectors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ContactNormal {
     /// From the place of contact to the ball's centre.

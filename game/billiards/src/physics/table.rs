@@ -130,7 +130,7 @@ pub struct Cushion {
     /// Its corners anticlockwise, in m: the ends of the nose line with the jaws not rounded, then
     /// the ends of its back. The sides between are the facings of the pockets.
     pub corners: [DVec2; 4],
-    /// What rounds the first and the second corner; none where the cushion is mitred.
+    /// Roundings of the first and the second corner; none where the cushion is mitred.
     pub jaws: [Option<Circle>; 2],
 }
 

@@ -34,7 +34,7 @@ impl Eight {
         if own.is_empty() { vec![8] } else { own }
     }
 
-    /// What is on, in words.
+    /// The balls on, in words.
     pub(crate) fn legal_targets_text(self, positions: &BallPositions, player: usize) -> String {
         match self.group(player) {
             None => text!("on-any-but-8").to_owned(),

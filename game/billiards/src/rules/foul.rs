@@ -17,7 +17,7 @@ pub enum Foul {
     WrongBall {
         /// The ball.
         hit: u8,
-        /// What was on, in words, to follow "legal was".
+        /// The balls on, in words, to follow "legal was".
         on: String,
     },
     /// No ball was driven to a cushion after the contact (WPA 6.3).
@@ -31,9 +31,9 @@ pub enum Foul {
     BehindHeadString(u8),
     /// The break drove too few balls to cushions (WPA 2.3, 4.3).
     WeakBreak {
-        /// How many object balls were driven to a cushion.
+        /// Number of object balls that were driven to a cushion.
         driven: usize,
-        /// How many it takes.
+        /// Number that is needed.
         needed: usize,
     },
     /// A ball that was not on was potted (WPBSA 10).

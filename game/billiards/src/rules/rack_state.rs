@@ -1,4 +1,4 @@
-//! The state of a rack or frame that only one game has, beside what the referee keeps for all.
+//! The state of a rack or frame that only one game has, in addition to what the referee stores for all.
 
 use super::ball_group::BallGroup;
 

@@ -201,7 +201,7 @@ impl Referee {
         }
     }
 
-    /// What is on, in words.
+    /// The balls on, in words.
     pub fn legal_targets_text(&self, positions: &BallPositions) -> String {
         match self.game {
             Game::Eight(eight) if !self.is_break => eight.legal_targets_text(positions, self.turn),

@@ -35,7 +35,7 @@ pub enum ShotEvent {
 /// Report of a whole shot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ShotReport {
-    /// What happened, in the order of time.
+    /// The events, in the order of time.
     pub events: Vec<ShotEvent>,
     /// The balls on the table before the stroke.
     pub before: BallPositions,
@@ -117,7 +117,7 @@ impl ShotReport {
         })
     }
 
-    /// How many object balls were driven to a cushion, fell, or left the table.
+    /// Number of object balls that were driven to a cushion, fell, or left the table.
     pub fn balls_to_rails(&self) -> usize {
         let mut balls: Vec<u8> = self
             .events

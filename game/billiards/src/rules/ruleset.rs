@@ -65,7 +65,7 @@ pub struct RuleInfo {
     pub needs_rail: bool,
     /// Number of object balls that a break must drive to cushions, if it pots none.
     pub break_rails: usize,
-    /// What is called.
+    /// What a player must call.
     pub calls: Calls,
     /// Number of fouls in a row that is punished.
     pub fouls_in_row: Option<u8>,

@@ -291,7 +291,7 @@ mod tests {
         assert_eq!(scene.referee.turn(), 1);
     }
 
-    /// Where balls 15 and 0 lie after the fourteenth fell.
+    /// A table with balls 15 and 0 after the fourteenth was potted.
     fn after_fourteen(last: Option<(f64, f64)>, cue: (f64, f64)) -> (TestTable, Verdict) {
         let mut scene = opened();
         scene.keep(&[14, 15]);

@@ -36,7 +36,7 @@ pub struct EngineTradeoff {
     pub energy_kept: f64,
     /// CPU time of a whole eight-ball break: the maximum of [`BREAKS`] racks.
     pub break_ms: f64,
-    /// The same per simulated second.
+    /// CPU time of a break per simulated second, the maximum of the racks.
     pub ms_per_second: f64,
     /// CPU time of the most expensive 10 ms of it.
     pub worst_frame_ms: f64,

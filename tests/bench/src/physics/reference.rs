@@ -17,7 +17,7 @@ use carom_billiards::physics::{BallState, Engine, Shot, Stroke, World};
 pub struct ReferenceShot {
     /// Name of the shot.
     pub name: String,
-    /// What of a simulation of it can be compared.
+    /// The part of a simulation of it that can be compared.
     pub kind: ReferenceKind,
     world: World,
     stroke: Option<Stroke>,

@@ -46,10 +46,10 @@ pub struct Scenario {
 }
 
 impl Network {
-    /// All of them.
+    /// All networks.
     pub const ALL: [Self; 3] = [Self::Lan, Self::Wan, Self::Far];
 
-    /// As results call it.
+    /// Name in results.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Lan => "lan",
@@ -69,10 +69,10 @@ impl Network {
 }
 
 impl SubmissionMode {
-    /// All of them.
+    /// All modes.
     pub const ALL: [Self; 2] = [Self::Closed, Self::Pipelined];
 
-    /// As results call it.
+    /// Name in results.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Closed => "closed",

@@ -45,8 +45,8 @@ impl ParticleBed {
     /// a core for a trick table.
     ///
     /// # Errors
-    /// [`crate::Error::Particles`] if a patch is not on the cloth, there are none, more than
-    /// [`ParticleBed::PARTICLES_MAX`] particles, or marbles beside others: neither would push the other.
+    /// [`crate::Error::Particles`] if a patch is not on the cloth, or for no particles, more than
+    /// [`ParticleBed::PARTICLES_MAX`], or marbles beside others, as neither would push the other.
     pub fn new(
         table: &Table,
         balls: &[BallState],

@@ -240,8 +240,8 @@ mod tests {
         }
     }
 
-    /// How deep a ball of half the density of water ends in radii, let go with its middle at a height over the level in
-    /// radii, and how deep it should.
+    /// Final and expected draught in radii of a ball of half the density of water, released with its
+    /// centre at `height` radii above the level.
     fn draught_afloat(height: f64) -> (f64, f64) {
         let table = Table::nine_foot();
         let laws = Laws::of(&table);
@@ -290,13 +290,14 @@ mod tests {
         let end = shot.trajectories[0].state_at(shot.end_secs);
         assert_eq!((end.phase, end.velocity), (Phase::Airborne, DVec3::ZERO));
         assert!(shot.end_secs < 8.0, "{} s", shot.end_secs);
-        // The cap under the level is as much of the ball as its density of water's.
+        // Archimedes: the immersed cap has the share of the ball's volume that its density has of
+        // water's.
         let share = density_kg_m3 / 1000.0;
         let cap = |h: f64| h * h * (3.0 - h) / 4.0;
         let wanted = (0..2000)
             .map(|i| f64::from(i) * 1e-3)
             .find(|h| cap(*h) >= share);
-        // Of the water far from the ball: twice the height of its middle.
+        // Level of the water far from the ball: twice the height of the centroid.
         let apart = |at: DVec3| at.truncate().distance(end.position.truncate());
         let centers = bed.centers().into_iter().map(|at| at.as_dvec3());
         let far: Vec<f64> = centers

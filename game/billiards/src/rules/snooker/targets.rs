@@ -10,7 +10,7 @@ use crate::rules::{
     ruleset::RuleSet,
 };
 
-/// What is on.
+/// The set of balls on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TargetSet {
     Red,
@@ -64,7 +64,7 @@ impl Snooker {
         balls
     }
 
-    /// What is on, in words.
+    /// The ball on, in words.
     pub(crate) fn legal_targets_text(self, positions: &BallPositions) -> String {
         let on = match self.ball_on(positions) {
             TargetSet::Red => text!("on-red").to_owned(),
