@@ -242,6 +242,7 @@ impl LatencyProbe {
             encode_secs,
             decode_secs,
         } = *split;
+        // The frame is shown at the next refresh.
         let refreshes = since_start.div_duration_f64(PERIOD);
         let present_secs = (refreshes.ceil() - refreshes) * PERIOD.as_secs_f64();
         let took = (now - submitted).as_secs_f64();

@@ -59,6 +59,8 @@ pub(crate) struct LinkArgs {
 }
 
 impl LinkArgs {
+    /// The configuration of the link.
+    ///
     /// # Errors
     /// [`BenchError::Input`] with the value and the range.
     pub(crate) fn config(&self) -> Result<LinkConfig, BenchError> {

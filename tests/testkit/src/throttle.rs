@@ -20,6 +20,8 @@ use cpu_time::ProcessTime;
 pub struct DeviceShare(Arc<AtomicU64>);
 
 impl DeviceShare {
+    /// A share of a machine.
+    ///
     /// # Errors
     /// [`crate::Error::DeviceShare`] if it is not above 0 and at most 1.
     pub fn new(share: f64) -> Result<Self, crate::Error> {

@@ -157,6 +157,7 @@ impl Shared {
                     tracing::warn!("{from} is one client too many for the proxy");
                     continue;
                 }
+                // Two seeds per client, one for each direction.
                 let seed = seed.wrapping_add(2 * clients.len() as u64);
                 match self.client(socket, from, seed) {
                     Ok(client) => drop(clients.insert(from, client)),

@@ -41,6 +41,8 @@ fn placement_candidates(position: &Position, others: &BallPositions, on: &[u8]) 
     let mut placement_candidates = Vec::new();
     for object in others.iter().filter(|p| on.contains(&p.ball)) {
         for pocket in &layout.pockets {
+            // Opposite to the pocket as seen from the object ball: a straight pot, and cuts of up to
+            // 35°.
             let Some(way) = (object.at - *pocket).try_normalize() else {
                 continue;
             };

@@ -75,6 +75,7 @@ fn carom(bearing_rad: f64, i: u32, rng: &mut CounterRng) -> Stroke {
 /// Direction in rad in which the cue ball hits a ball: full for a `thin` of 0, at its right edge for 1.
 fn towards(cue: DVec2, target: DVec2, reach: f64, thin: f64) -> f64 {
     let way = target - cue;
+    // Half the angle that the circle of contact subtends at the cue ball.
     let half = asin(reach / way.length().max(reach));
     // At the full angle the balls just graze, and rounding would decide whether they touch.
     angle_of(way) - 0.97 * thin * half

@@ -50,6 +50,7 @@ fn rack_won(before: &Referee, after: &Referee, player: usize) -> Option<bool> {
     if let Some(winner) = after.winner() {
         return Some(winner == player);
     }
+    // Games for points have no racks to win.
     let is_points = before.info().unit == "points";
     let other = (player + 1) % before.scores().len();
     let rose = |who: usize| after.scores()[who] > before.scores()[who];

@@ -141,6 +141,7 @@ impl ShotSearch<'_> {
                 if self.left <= reserve {
                     return;
                 }
+                // Heuristic: longer paths need more speed.
                 let speed_m_s = (stretch * (0.9 + 0.75 * line.length_m)).clamp(0.8, 6.0);
                 let stroke = Stroke {
                     vertical,

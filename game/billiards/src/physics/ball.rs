@@ -27,6 +27,8 @@ impl BallBody {
         radius_m: 0.028_575,
     };
 
+    /// Checks mass and radius; `number` names the ball in the error.
+    ///
     /// # Errors
     /// [`LayoutFault::Body`] for a mass or radius that is not positive and finite.
     pub(crate) fn validate(&self, number: u8) -> Result<(), LayoutFault> {

@@ -55,6 +55,8 @@ impl Stroke {
         hypot(self.side, self.vertical)
     }
 
+    /// Checks that all values are finite and in range.
+    ///
     /// # Errors
     /// [`crate::Error::Stroke`] for numbers that are not finite or out of range.
     pub fn validate(&self) -> Result<()> {

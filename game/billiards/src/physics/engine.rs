@@ -52,6 +52,8 @@ impl Rapier {
         }
     }
 
+    /// Checks that all settings are in range.
+    ///
     /// # Errors
     /// [`Error::Engine`] for a number out of range.
     pub fn validate(&self) -> Result<(), Error> {

@@ -206,6 +206,7 @@ impl<'a> EventEngine<'a> {
             Phase::Rolling if ended.phase == Phase::Sliding => {
                 self.report(EventKind::Rolls { ball: number });
             }
+            // A ball that comes to rest on a rail is out of play.
             Phase::Resting if self.balls[ball].is_on_rail() => {
                 self.report_leaving(ball);
                 self.take_away(ball, Phase::OffTable);

@@ -48,6 +48,8 @@ impl Laws {
         laws
     }
 
+    /// Checks that each constant is in the range in which its law holds.
+    ///
     /// # Errors
     /// [`Error::Laws`] for a constant outside of the range in which its law holds.
     pub fn validate(&self) -> Result<()> {

@@ -63,12 +63,14 @@ impl RotationIntegral {
     /// The orientation at a time within the phase.
     pub(crate) fn at(&self, t: f64) -> DQuat {
         let knot = ((t / self.interval_secs) as usize).min(self.knots.len() - 1);
+        // The interval may be infinite, and 0 · ∞ is NaN.
         let start = if knot == 0 {
             0.0
         } else {
             knot as f64 * self.interval_secs
         };
         let step = self.step(start, t - start);
+        // Bit for bit as stored, without another normalisation.
         if step == DQuat::IDENTITY {
             return self.knots[knot];
         }

@@ -204,6 +204,7 @@ impl<'a> RapierEngine<'a> {
             let [a, b] = [pair.collider1, pair.collider2]
                 .map(|handle| self.world.colliders[handle].user_data as usize);
             let key = (a.min(b), a.max(b));
+            // `CLOTH` and `CUSHION` are greater than the index of any ball.
             if key.1 == CLOTH {
                 continue;
             }
@@ -214,6 +215,7 @@ impl<'a> RapierEngine<'a> {
         }
         let begun: Vec<_> = touching.difference(&self.touching).copied().collect();
         for (low, high) in begun {
+            // From before the step, as the solver has changed the velocities already.
             let (position, velocity) = self.balls[low].before;
             let kind = if high == CUSHION {
                 let change = self.velocity(low) - velocity;
@@ -335,6 +337,7 @@ impl<'a> RapierEngine<'a> {
 }
 
 fn insert_table(world: &mut PhysicsWorld, table: &Table, laws: &Laws) {
+    // Maximum and minimum, so that the table's coefficients hold, not means with the balls'.
     let cloth = ColliderBuilder::new(SharedShape::halfspace(DVec3::Z))
         .friction(laws.cloth.sliding_friction)
         .friction_combine_rule(CoefficientCombineRule::Max)

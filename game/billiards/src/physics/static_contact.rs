@@ -115,6 +115,8 @@ impl ContactFinder<'_> {
     /// Directions in which an obstacle pushes a ball that touches it.
     pub(crate) fn contact_normal(&self, obstacle: Obstacle, center: DVec3) -> ContactNormal {
         let normal = self.normal(obstacle, center);
+        // The minimum speed of separation acts along `away`: along a nose's leaning normal it would
+        // push the ball into the slate.
         let upright = match obstacle {
             Obstacle::Nose(_) | Obstacle::Jaw(_) => center.z < self.table.nose_height_m(),
             Obstacle::Wall(_) => true,
@@ -263,8 +265,9 @@ impl ContactFinder<'_> {
         if pocket.depth_m == 0.0 {
             return None;
         }
+        // The rounded edge is the inner upper quarter of a torus, between the level cloth and the bore: a
+        // ball touches it at `distance` from the ring at its core.
         let edge = pocket.center.extend(-pocket.rim_radius_m);
-        // The rounded edge is a torus: a ball touches it at this distance from the ring at its core.
         let distance = self.radius_m + pocket.rim_radius_m;
         first_touch(
             (path, horizon),
@@ -306,6 +309,7 @@ impl ContactFinder<'_> {
 
     fn lip(&self, path: &QuadraticPath, pocket: &Pocket, horizon: f64) -> Option<f64> {
         let height = self.table.rails().map(|_| self.table.rail_height_m())?;
+        // A sharp edge, which a ball touches at its radius from the ring.
         let ring = (pocket.center.extend(height), pocket.bore_radius_m());
         first_touch(
             (path, horizon),
@@ -324,6 +328,7 @@ impl ContactFinder<'_> {
 
     fn corner(&self, path: &QuadraticPath, place: DVec2, horizon: f64) -> Option<f64> {
         let top = self.table.rail_height_m();
+        // Below the rail's top the edge is a vertical line, at the top its end is a point.
         let side = first_touch(
             (path, horizon),
             |path, horizon| reaches_point(&path.flat_from(place), self.radius_m, horizon),

@@ -22,6 +22,8 @@ pub struct Nose {
 }
 
 impl Nose {
+    /// A nose line between two ends, in m.
+    ///
     /// # Errors
     /// [`crate::Error::Table`] for ends that coincide or are not finite.
     pub fn new(from: DVec2, to: DVec2) -> Result<Self> {
@@ -62,6 +64,7 @@ impl Nose {
     pub(crate) fn spans(&self, point: DVec2) -> bool {
         let along = self.to - self.from;
         let t = (point - self.from).dot(along);
+        // `t` is a length times that of the nose.
         let slack = JOINT_SLACK_M * along.length();
         t >= -slack && t <= along.length_squared() + slack
     }
@@ -314,6 +317,7 @@ impl Table {
             let end = next.map_or(self.noses.len(), |next| next.nose);
             // `TableSpec` pushes the facings of a cushion between its nose and the next cushion's.
             for facing in &mut self.noses[cushion.nose + 1..end] {
+                // A cushion's top rises in proportion to the distance behind its nose line.
                 facing.rises_m = [facing.from, facing.to]
                     .map(|tip| steepness * line.normal.dot(line.from - tip));
             }

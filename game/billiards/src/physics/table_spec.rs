@@ -92,6 +92,8 @@ impl TableSpec {
         Ok(serde_json::from_str(json).map_err(TableFault::Json)?)
     }
 
+    /// Builds the table with these dimensions.
+    ///
     /// # Errors
     /// [`crate::Error::Table`] for a dimension out of its range, or pockets that leave no cushion.
     pub fn build(&self) -> Result<Table> {

@@ -254,6 +254,7 @@ impl Trajectory {
     }
 
     fn segment_at(&self, t: f64) -> (&OrientedSegment, f64) {
+        // A ball that is gone keeps its last position.
         let t = self.gone.map_or(t, |(at, _)| t.min(at)).max(0.0);
         let next = self
             .segments

@@ -72,6 +72,7 @@ pub struct ReferenceSample {
 pub(super) fn chance(one: &[f64], other: &[f64]) -> f64 {
     let counts = [one, other].map(|sample| sample.len() as f64);
     let root = (counts[0] * counts[1] / (counts[0] + counts[1])).sqrt();
+    // Stephens' correction for small samples; the series is the tail of Kolmogorov's distribution.
     let lambda = (root + 0.12 + 0.11 / root) * farthest(one, other);
     let term = |k: u32| {
         let sign = if k % 2 == 1 { 2.0 } else { -2.0 };

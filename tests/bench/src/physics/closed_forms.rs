@@ -71,6 +71,7 @@ fn slide_to_roll(speed: f64) -> anyhow::Result<[ClosedForm; 4]> {
     let rolls = |kind: &EventKind| matches!(kind, EventKind::Rolls { .. });
     let t = first_secs(&shot, rolls);
     let then = shot.states_at(t)[0];
+    // v t − ½ μ g t² at the end of sliding, t = 2 v / (7 μ g).
     let way = 12.0 * speed * speed / (49.0 * slide * g);
     let end = shot.final_states()[0].position.x;
     let form = |what: &str, measured, theory| {

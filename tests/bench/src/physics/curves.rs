@@ -125,6 +125,7 @@ impl CutShot {
             return 0.0;
         }
         let friction = a + b * (-c * slip).exp();
+        // Coulomb's limit, or 1/7 where the contact sticks: two equal solid spheres.
         let grip = (friction * v * cos / slip).min(1.0 / 7.0);
         (grip * along / (v * cos)).atan().to_degrees()
     }

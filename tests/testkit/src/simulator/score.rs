@@ -93,6 +93,7 @@ fn first_in_flight(event: usize, period_secs: Option<f64>, report: &SimulationRe
 
 /// Indices of the frames that are well after the start and after each event.
 fn settled(quarter: usize, events: [usize; 3], frames: usize) -> Vec<usize> {
+    // A sixteenth of the frames after an event, an eighth after the start.
     let is_settled = |index: &usize| match events.iter().filter(|event| *event <= index).max() {
         Some(event) => index - event >= quarter / 4,
         None => *index >= quarter / 2,

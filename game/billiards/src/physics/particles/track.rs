@@ -91,6 +91,7 @@ impl ParticleTrack {
     fn place(&self, center: Vec3) -> U16Vec3 {
         let [min, max] = self.bounds;
         let share = (center - min) / (max - min);
+        // The conversion saturates: positions outside are clamped to the box.
         (share * f32::from(u16::MAX) + 0.5).as_u16vec3()
     }
 
@@ -145,6 +146,7 @@ impl ParticleTrack {
         let reject = |fault| Err(FileFault::Particles(fault));
         let [min, max] = self.bounds;
         let counts: u64 = self.groups.iter().map(|group| u64::from(group.count)).sum();
+        // A generous bound, as particles settle for some time after the balls.
         let frames_max = (duration_secs + 3600.0) * Self::FRAMES_PER_SEC;
         let is_box = min.is_finite() && max.is_finite() && min.cmplt(max).all();
         if !is_box || (max - min).max_element() > BOX_M_MAX || min.abs().max_element() > BOX_M_MAX {
