@@ -142,6 +142,6 @@ impl BallInMotion {
 /// Height of the centre in radii above which a ball is not on the cloth: rails are about as high as a
 /// ball's centre.
 pub(crate) const ON_RAIL_RADII: f64 = 1.5;
-/// Step in s below which the position is evaluated from the motion itself: a ball moves 20 nm in this
-/// time at the fastest.
+/// Step in s below which the position is evaluated from the motion itself: the cue ball of the
+/// strongest stroke, at 31 m/s, moves 31 nm in this time.
 const STEP_LEAST_SECS: f64 = 1e-9;

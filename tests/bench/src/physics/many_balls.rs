@@ -145,5 +145,5 @@ fn overlap_m(states: &[BallState]) -> f64 {
 
 /// Gap between neighbours that are not frozen.
 const GAP_M: f64 = 0.01;
-/// Speed of the fast ball: that of the fastest stroke.
+/// Speed of the fast ball: that of the cue in the fastest stroke.
 const SPEED_M_S: f64 = 20.0;

@@ -214,8 +214,8 @@ const QUIET_M_S: f64 = 0.1;
 /// a second, about as long as it bobs to and fro.
 const CALM_M_S: f64 = 0.005;
 const CALM_STEPS: u32 = 120;
-/// Share of its weight below which a ball at rest on particles ignores changes of their force, as
-/// creeping grains would keep it awake.
+/// Share of its weight by which the force of particles on a ball at rest on them may differ from the
+/// weight without effect, as creeping grains would keep it awake.
 const HOVER_SHARE: f64 = 0.5;
 
 #[cfg(test)]
