@@ -8,8 +8,9 @@
 //! Up to the first contact with particles a shot is the same as without them, and that part is
 //! predicted. The particles are those of [`carom_mpm`]. A table without any is simulated as if there
 //! were none in the world.
-//! With them a shot costs the steps of its particles, some seconds of a core: `carom-bench particles
-//! --part precision` prints how many, and the settings show them beside each [`ParticlePrecision`].
+//! With them a shot costs the steps of its particles, some seconds of a core:
+//! `carom-bench particles --part precision` prints how many, and the settings show them beside each
+//! [`ParticlePrecision`].
 
 mod bed;
 mod first_touch;
