@@ -1,9 +1,12 @@
 //! Elementary functions with the same bits on every machine.
 //!
-//! Addition, multiplication, division and roots are rounded alike everywhere; sines, exponentials
-//! and their kin are what each system's library makes of them, and a shot is chaotic: a last bit
-//! decides where a break ends. Those of the pure Rust `libm` have one source for all. Simulation, rules
-//! and computer players use no others: `clippy.toml` forbids them.
+//! Addition, multiplication, division and square roots are correctly rounded by IEEE 754 everywhere.
+//! Sines,
+//! exponentials and the like depend on the system's library, and a shot is chaotic: a difference in the
+//! last
+//! bit decides where a break ends. The pure Rust `libm` is one implementation for all platforms.
+//! Simulation,
+//! rules and computer players use no other functions: `clippy.toml` forbids them.
 
 use glam::{DQuat, DVec2, DVec3};
 

@@ -1,23 +1,23 @@
-//! The crate's error: who is at fault, and the values that are.
+//! The crate's error type: the party at fault, and the offending values.
 
 use std::path::PathBuf;
 
 use carom_text::text;
 use glam::{DVec2, DVec3};
 
-/// The crate's result.
+/// Result type of the crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// A request that cannot be carried out. Each variant says who is at fault.
+/// A request that cannot be carried out. Each variant names the party at fault.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The player's stroke is out of range.
     #[error("this stroke cannot be played: {0}")]
     Stroke(#[from] StrokeFault),
-    /// The table's author broke a rule.
+    /// The specification of a table breaks a rule.
     #[error("the table cannot be used: {0}")]
     Table(#[from] TableFault),
-    /// Balls are placed where none can be.
+    /// Balls are placed where they cannot lie.
     #[error("the balls cannot lie like this: {0}")]
     Layout(#[from] LayoutFault),
     /// A law's constant makes no physical sense.
@@ -25,19 +25,19 @@ pub enum Error {
         "the laws of the table cannot hold: the {constant} is {value}, not from {min:e} to {max:e}"
     )]
     Laws {
-        /// Its name.
+        /// Name of the constant.
         constant: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
-        /// The least with which the law holds.
+        /// Minimum with which the law holds.
         min: f64,
-        /// The bound that it stays under.
+        /// Exclusive upper bound.
         max: f64,
     },
     /// Particles cannot lie on the table.
     #[error("the particles cannot lie like this: {0}")]
     Particles(#[from] ParticleFault),
-    /// The setting of what moves the balls is out of range.
+    /// A setting of the simulation engine is out of range.
     #[error("the physics cannot be set so: {0}")]
     Engine(#[from] EngineFault),
     /// A file of recorded shots cannot be written or read.
@@ -48,9 +48,9 @@ pub enum Error {
         "the shot did not come to rest: {events} contacts and phase changes until {time_secs} s"
     )]
     Endless {
-        /// Simulated time at which it was given up.
+        /// Simulated time at which it was aborted.
         time_secs: f64,
-        /// Events until then.
+        /// Number of events until then.
         events: u32,
     },
     /// The cue ball may not be put there.
@@ -64,29 +64,29 @@ pub enum Error {
     MatchFile {
         /// The file.
         path: PathBuf,
-        /// What was tried: `read` or `written`.
+        /// The failed operation: `read` or `written`.
         action: &'static str,
-        /// Why it failed.
+        /// The reason.
         fault: FileFault,
     },
-    /// The bytes are no saved match.
+    /// The bytes are not a saved match.
     #[error("{0}")]
     MatchBytes(FileFault),
     /// A saved match cannot be played again.
     #[error("step {step} cannot be done: {reason}")]
     Replay {
-        /// Counted from 1.
+        /// Step of the match, counted from 1.
         step: usize,
-        /// Why.
+        /// The reason.
         reason: Box<Error>,
     },
     /// A list of players cannot be read.
     #[error("{0}")]
     Players(#[from] PlayersFault),
-    /// The system gives no thread to the computer player.
+    /// The system cannot start a thread for the computer player.
     #[error("the computer cannot think: {0}")]
     NoThread(std::io::Error),
-    /// The thread of a shot among particles ended without one.
+    /// The thread of a shot among particles ended without a result.
     #[error("the simulation of the shot broke off")]
     ShotBrokeOff,
     /// The computer player's thread ended without a decision.
@@ -97,34 +97,34 @@ pub enum Error {
 /// A value of a stroke that cannot be played.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum StrokeFault {
-    /// The direction, in rad, is no number.
+    /// The direction, in rad, is not finite.
     #[error("the direction {0} is not an angle")]
     Direction(f64),
     /// The cue's speed is out of range.
     #[error("the cue's speed of {speed_m_s} m/s is not over 0 and up to {max_m_s} m/s")]
     Speed {
-        /// In m/s.
+        /// Speed, in m/s.
         speed_m_s: f64,
-        /// The fastest.
+        /// Maximum, in m/s.
         max_m_s: f64,
     },
     /// The tip is too far out.
     #[error("the tip is {offset} radii from the centre, not up to {max}")]
     Offset {
-        /// In ball radii.
+        /// Offset, in ball radii.
         offset: f64,
-        /// The farthest.
+        /// Maximum, in ball radii.
         max: f64,
     },
     /// The cue's elevation is out of range.
     #[error("the cue's elevation of {elevation_rad} rad is not from 0 to {max_rad:.4} rad")]
     Elevation {
-        /// In rad.
+        /// Elevation, in rad.
         elevation_rad: f64,
-        /// The steepest.
+        /// Maximum, in rad.
         max_rad: f64,
     },
-    /// There is nothing to strike.
+    /// There is no cue ball on the table.
     #[error("the cue ball is not on the table")]
     NoCueBall,
 }
@@ -132,21 +132,21 @@ pub enum StrokeFault {
 /// A broken rule of a table.
 #[derive(Debug, thiserror::Error)]
 pub enum TableFault {
-    /// The text is no table.
+    /// The text is not a table.
     #[error("{0}")]
     Json(serde_json::Error),
     /// A dimension is out of range.
     #[error("{table}: the {dimension} is {value}, not from {min} to {max}")]
     Dimension {
-        /// Its name for the player.
+        /// Display name of the table.
         table: String,
-        /// What is wrong.
+        /// Name of the dimension.
         dimension: &'static str,
-        /// In m or degrees.
+        /// Its value, in m or degrees.
         value: f64,
-        /// The least.
+        /// Minimum.
         min: f64,
-        /// The most.
+        /// Maximum.
         max: f64,
     },
     /// Side pockets need corner pockets: of the table with this name.
@@ -155,18 +155,18 @@ pub enum TableFault {
     /// The pockets are too wide.
     #[error("{table}: its pockets take {taken_m} m and leave no cushion")]
     NoCushionLeft {
-        /// Its name for the player.
+        /// Display name of the table.
         table: String,
-        /// By all pockets of a side, in m.
+        /// Length taken by all pockets of a side, in m.
         taken_m: f64,
     },
     /// A length, in m, is not positive and finite.
     #[error("a size of {0} m is not over 0")]
     Size(f64),
-    /// A circle is nowhere.
+    /// The centre of a circle is not finite.
     #[error("a circle's center is not finite")]
     CircleNotFinite,
-    /// Nothing holds the balls.
+    /// The table has no cushions.
     #[error("it has no noses, so that nothing holds the balls")]
     NoNoses,
     /// The ends of a nose coincide or are not finite.
@@ -180,12 +180,12 @@ pub enum TableFault {
     /// No table that ships with the crate has this name.
     #[error("there is no table `{name}`: there are {known}")]
     Unknown {
-        /// As it was asked for.
+        /// The requested name.
         name: String,
-        /// The names there are.
+        /// The existing names.
         known: String,
     },
-    /// No table that ships with the crate has this name for the player.
+    /// No table that ships with the crate has this display name.
     #[error("there is no table `{0}`")]
     Unnamed(String),
 }
@@ -201,14 +201,14 @@ pub enum LayoutFault {
     Body {
         /// The ball.
         ball: u8,
-        /// Mass or radius.
+        /// `mass` or `radius`.
         quantity: &'static str,
-        /// What it is.
+        /// Its value.
         value: f64,
-        /// kg or m.
+        /// Unit: `kg` or `m`.
         unit: &'static str,
     },
-    /// Place or motion of the ball is not finite.
+    /// Position or motion of the ball is not finite.
     #[error("ball {0} has a place or a speed that is not finite")]
     NotFinite(u8),
     /// Two balls share a number.
@@ -219,10 +219,10 @@ pub enum LayoutFault {
     NotOnCloth {
         /// The ball.
         ball: u8,
-        /// Of its centre over the cloth, in m.
+        /// Height of its centre above the cloth, in m.
         height_m: f64,
     },
-    /// It is outside of the table.
+    /// It is outside the table.
     #[error("ball {ball} at {position} is off the table")]
     OffTable {
         /// The ball.
@@ -230,7 +230,7 @@ pub enum LayoutFault {
         /// Its centre, in m.
         position: DVec3,
     },
-    /// It is over a hole.
+    /// It is over a pocket.
     #[error("ball {ball} at {position} is in the pocket at {pocket}")]
     InPocket {
         /// The ball.
@@ -240,7 +240,7 @@ pub enum LayoutFault {
         /// The pocket's centre, in m.
         pocket: DVec2,
     },
-    /// It is inside of a cushion or rail.
+    /// It is inside a cushion or rail.
     #[error("ball {ball} at {position} is in a cushion")]
     InCushion {
         /// The ball.
@@ -268,22 +268,22 @@ pub enum EngineFault {
     OutOfRange {
         /// Steps per second or solver iterations.
         quantity: &'static str,
-        /// What it is.
+        /// Its value.
         value: u32,
-        /// The least.
+        /// Minimum.
         min: u32,
-        /// The most.
+        /// Maximum.
         max: u32,
     },
-    /// No engine is called so.
+    /// No engine has this name.
     #[error("`{0}` is neither `exact` nor `rapier-` and steps per second, as rapier-240")]
     Unknown(String),
     /// A frame is too short.
     #[error("a frame of {frame_secs} s is shorter than {min_secs} s")]
     FrameTooShort {
-        /// In s.
+        /// Duration, in s.
         frame_secs: f64,
-        /// The shortest.
+        /// Minimum, in s.
         min_secs: f64,
     },
 }
@@ -296,7 +296,7 @@ pub enum FileFault {
     At {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         fault: Box<FileFault>,
     },
     /// The system failed.
@@ -308,7 +308,7 @@ pub enum FileFault {
     /// It is not this kind of file, `recorded shot` or `match`.
     #[error("it does not begin as a {0} does")]
     OtherKind(&'static str),
-    /// It is cut off early.
+    /// It ends before the version.
     #[error("it ends within its version")]
     NoVersion,
     /// It is of a version that this crate does not know.
@@ -325,7 +325,7 @@ pub enum FileFault {
     /// It cannot be encoded.
     #[error("{0}")]
     NotEncoded(postcard::Error),
-    /// So many bytes follow its end.
+    /// This many bytes follow its end.
     #[error("{0} bytes follow its end")]
     TrailingBytes(usize),
     /// It is too large.
@@ -333,21 +333,21 @@ pub enum FileFault {
     TooLarge {
         /// Its size.
         bytes: u64,
-        /// The largest.
+        /// Maximum size.
         max: u64,
     },
-    /// A shot does not last a time, in s, that shots last.
+    /// The duration of a shot, in s, is out of range.
     #[error("it lasts {0} s")]
     Duration(f64),
     /// Events are out of order.
     #[error("its events are not in the order of time")]
     EventsUnordered,
-    /// No simulation makes such a path.
+    /// No simulation produces such a path.
     #[error("the path of ball {ball} {fault}")]
     Path {
         /// The ball.
         ball: u8,
-        /// What is wrong with it.
+        /// The fault of the path.
         fault: &'static str,
     },
     /// A ball's body is not physical.
@@ -359,20 +359,20 @@ pub enum FileFault {
     /// It has no shots, or too many.
     #[error("it has {shots} shots, not 1 to {max}")]
     ShotCount {
-        /// How many.
+        /// Number of shots.
         shots: usize,
-        /// The most.
+        /// Maximum.
         max: usize,
     },
-    /// Particles that no shot has, and why.
+    /// No simulation produces such particles, for this reason.
     #[error("its particles are not a shot's: {0}")]
     Particles(&'static str),
     /// A title does not fit a line.
     #[error("a title of {bytes} bytes is longer than {max} or not one line")]
     Title {
-        /// Its length.
+        /// Its length in bytes.
         bytes: usize,
-        /// The longest.
+        /// Maximum length in bytes.
         max: usize,
     },
 }
@@ -402,24 +402,24 @@ pub enum RuleFault {
     PlayerCount {
         /// The game's name.
         game: &'static str,
-        /// How many were to play.
+        /// Requested number of players.
         players: usize,
-        /// The fewest.
+        /// Minimum.
         min: usize,
-        /// The most.
+        /// Maximum.
         max: usize,
     },
-    /// The target is too far.
+    /// The target is too high.
     #[error("a match to {target} {unit} is too long: at most {max}")]
     TargetTooLong {
-        /// What was asked for.
+        /// The requested number.
         target: u32,
-        /// What is counted.
+        /// Unit of the target.
         unit: &'static str,
-        /// The most.
+        /// Maximum.
         max: u32,
     },
-    /// The choice, as its button says it, is not offered.
+    /// The choice, named as on its button, is not offered.
     #[error("\u{201c}{0}\u{201d} is no choice now")]
     NoSuchChoice(&'static str),
     /// The table's pockets do not fit the game.
@@ -429,7 +429,7 @@ pub enum RuleFault {
         game: &'static str,
         /// The table's name.
         table: String,
-        /// How many it has.
+        /// Number of its pockets.
         pockets: usize,
     },
     /// Balls are laid only on the free table.
@@ -455,28 +455,28 @@ pub enum PlayersFault {
     /// The number of people is out of range.
     #[error("{players} players are not 1 to {max}")]
     Count {
-        /// What was asked for.
+        /// The requested number.
         players: usize,
-        /// The most.
+        /// Maximum.
         max: usize,
     },
     /// The list is too long.
     #[error("{players} players are more than {max}")]
     TooMany {
-        /// In the list.
+        /// Number of players in the list.
         players: usize,
-        /// The most.
+        /// Maximum.
         max: usize,
     },
-    /// No level is called so.
+    /// No level has this name.
     #[error("`{0}` is no player: the levels are ai:easy, ai:medium, ai:hard, ai:expert")]
     UnknownLevel(String),
     /// A name is empty, too long or has control characters.
     #[error("a player's name has 1 to {max} letters, not `{text}`")]
     Name {
-        /// As it was given.
+        /// The given text.
         text: String,
-        /// Letters of the longest.
+        /// Maximum number of characters.
         max: usize,
     },
 }
@@ -489,27 +489,27 @@ fn player_range(min: usize, max: usize) -> String {
     }
 }
 
-/// What is wrong with particles on a table.
+/// A reason why particles cannot be on a table.
 #[derive(Debug, thiserror::Error)]
 pub enum ParticleFault {
-    /// None were asked for.
+    /// There are no particles.
     #[error("there are none: cover some of the cloth")]
     None,
-    /// More than a shot can be simulated with.
+    /// There are more than a shot can be simulated with.
     #[error("there are {particles}, more than {max}: cover less of the cloth")]
     TooMany {
-        /// How many there would be.
+        /// Their number.
         particles: usize,
-        /// The most.
+        /// Maximum.
         max: usize,
     },
-    /// Marbles and particles of other kinds.
+    /// There are marbles beside particles of other kinds.
     #[error(
         "marbles and other things are on one table, and would go through each other: cover the cloth with marbles alone or \
          without any"
     )]
     Mixed,
-    /// A file says that there are other particles than it holds.
+    /// The groups of a file do not match its particles.
     #[error("the file holds other particles than it says: it is damaged")]
     OtherThanSaid,
     /// A patch reaches beyond the cushions.
@@ -518,7 +518,7 @@ pub enum ParticleFault {
         /// Its corner, in m.
         at: DVec2,
     },
-    /// The simulation of the particles.
+    /// The simulation of the particles failed.
     #[error("{0}")]
     Simulation(#[from] carom_mpm::Error),
 }

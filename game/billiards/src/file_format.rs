@@ -1,4 +1,4 @@
-//! The form of the crate's files: a line that says the kind, a version, and a body by postcard.
+//! Format of the crate's files: a line that names the kind, a version, and a body in postcard.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -11,18 +11,18 @@ use crate::FileFault;
 
 /// A kind of file.
 pub(crate) struct FileFormat {
-    /// For people.
+    /// Name of the kind, for messages.
     pub(crate) kind: &'static str,
-    /// What its files begin with.
+    /// First bytes of its files.
     pub(crate) magic: &'static [u8],
-    /// Rises when what follows it changes.
+    /// Version, raised when the format of the body changes.
     pub(crate) version: u16,
-    /// Bytes of the largest.
+    /// Maximum size of a file in bytes.
     pub(crate) bytes_max: u64,
 }
 
 impl FileFormat {
-    /// The bytes of a file.
+    /// Encodes a file with this body.
     pub(crate) fn encode(&self, body: &impl Serialize) -> Result<Vec<u8>, FileFault> {
         let mut bytes = self.magic.to_vec();
         bytes.extend(self.version.to_le_bytes());
@@ -37,7 +37,7 @@ impl FileFormat {
         rest.is_some_and(|rest| rest.starts_with(&self.version.to_le_bytes()))
     }
 
-    /// The body of a file, which ends with it.
+    /// Decodes the body of a file, after which the file must end.
     pub(crate) fn decode<T: DeserializeOwned>(&self, bytes: &[u8]) -> Result<T, FileFault> {
         self.check_size(bytes.len() as u64)?;
         let kind = self.kind;
@@ -55,8 +55,8 @@ impl FileFormat {
         }
     }
 
-    /// The bytes of a file on the disk, no further than the limit, whatever the file says of its length:
-    /// pipes and devices have none.
+    /// Reads a plain file up to the maximum size, whatever its metadata say of its length. Pipes and
+    /// devices, which have no length, are refused.
     pub(crate) fn read(&self, path: &Path) -> Result<Vec<u8>, FileFault> {
         let found = fs::metadata(path).map_err(FileFault::Io)?;
         if !found.is_file() {
@@ -80,14 +80,14 @@ impl FileFormat {
     }
 }
 
-/// Writes a file under a hidden name that is new, and renames it: a reader sees what was before or all that
-/// is new, and no link is followed.
+/// Writes a file atomically: under a new hidden name, which is then renamed. A reader sees the old
+/// contents or all of the new, and no link is followed.
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut name = OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
     name.push(format!(".{}.partial", std::process::id()));
     let partial = path.with_file_name(name);
-    // What has the name is of a process of this number that was killed.
+    // A file of this name is left over from a killed process with the same id.
     match fs::remove_file(&partial) {
         Err(why) if why.kind() != ErrorKind::NotFound => return Err(why),
         _ => {}

@@ -1,4 +1,4 @@
-//! Random draws as a hash of a seed and how many were drawn: the same on every machine.
+//! Counter-based random numbers: a hash of the seed and the count of draws, identical on every machine.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +6,7 @@ use glam::DQuat;
 
 use crate::deterministic_math::{cos, log, sin_cos};
 
-/// A sequence of draws.
+/// A counter-based random number generator.
 #[derive(Clone, Debug)]
 pub struct CounterRng {
     seed: u32,
@@ -16,12 +16,12 @@ pub struct CounterRng {
 }
 
 impl CounterRng {
-    /// Draws of a seed; different streams are independent.
+    /// Generator of a seed; different streams are independent.
     pub fn new(seed: u32, stream: u32) -> Self {
         Self::in_domain(seed, stream, DICE)
     }
 
-    /// Draws apart from those of other domains, whatever the stream.
+    /// Generator whose numbers are independent of those of other domains, whatever the stream.
     pub(crate) fn in_domain(seed: u32, stream: u32, domain: u32) -> Self {
         Self {
             seed,
@@ -45,7 +45,7 @@ impl CounterRng {
         radius * cos(TAU * self.unit())
     }
 
-    /// Fisher and Yates.
+    /// Shuffles uniformly (Fisher and Yates).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for last in (1..items.len()).rev() {
             let other = (self.unit() * (last + 1) as f64) as usize;
@@ -85,5 +85,5 @@ pub(crate) fn pcg4d(v: [u32; 4]) -> [u32; 4] {
     [x, y, z, w]
 }
 
-/// Keeps these numbers apart from others drawn with the same seed.
+/// Domain of [`CounterRng::new`].
 const DICE: u32 = 0x6469_6365;

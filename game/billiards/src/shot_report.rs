@@ -6,7 +6,7 @@ use crate::deterministic_math::{cos, tan, unit_at};
 use crate::physics::{BallState, EventKind, Nose, Shot, Stroke, Table, World};
 use crate::rules::{BallPosition, BallPositions, ShotEvent, ShotReport, TableLayout};
 
-/// What of a table concerns the rules.
+/// The properties of a table that concern the rules.
 pub fn table_layout(table: &Table) -> TableLayout {
     TableLayout {
         length_m: table.length_m(),
@@ -28,7 +28,7 @@ pub(crate) fn ball_positions(balls: &[BallState]) -> BallPositions {
         .collect()
 }
 
-/// What a referee sees of a shot that `stroke` began on `world`.
+/// Report of a shot that `stroke` began on `world`, for the referee.
 pub fn report(world: &World, stroke: &Stroke, shot: &Shot) -> ShotReport {
     let balls = world.balls();
     let before = ball_positions(&balls);
@@ -66,7 +66,8 @@ fn shot_events(table: &Table, balls: &[BallState], shot: &Shot) -> Vec<ShotEvent
     shot.events().iter().enumerate().filter_map(seen).collect()
 }
 
-/// Whether a ball that touches a cushion did not touch the same at the start, or left it since.
+/// Whether a ball's contact with a cushion counts: it did not touch that cushion at the start, or has
+/// left it since.
 fn is_driven(
     table: &Table,
     balls: &[BallState],
@@ -91,8 +92,8 @@ fn is_driven(
         .iter()
         .map(|e| e.time_secs)
         .collect();
-    // At its contacts a ball that leaves a cushion and comes back is at one; it is away only between
-    // them.
+    // At the events a ball that leaves a cushion and returns may be in contact each time: it is away
+    // only between them.
     let between = times.windows(2).map(|pair| 0.5 * (pair[0] + pair[1]));
     let at = |t: f64| shot.states_at(t)[place].position;
     times.iter().copied().chain(between).any(|t| is_away(at(t)))
@@ -112,7 +113,7 @@ fn gap_m(one: &BallState, other: &BallState) -> f64 {
     one.position.distance(other.position) - one.body.radius_m - other.body.radius_m
 }
 
-/// When the cue ball first touches a ball, and which.
+/// Time in s of the cue ball's first contact with a ball, and that ball.
 fn first_contact(shot: &Shot) -> Option<(f64, u8)> {
     shot.events().iter().find_map(|event| match event.kind {
         EventKind::BallBall { first, second, .. } if first == 0 || second == 0 => {
@@ -122,7 +123,7 @@ fn first_contact(shot: &Shot) -> Option<(f64, u8)> {
     })
 }
 
-/// The cue ball's centre up to a time.
+/// Samples of the cue ball's centre up to a time.
 fn cue_ball_way(shot: &Shot, end_secs: f64) -> Vec<DVec3> {
     let at = |i: u32| {
         let states = shot.states_at(end_secs * f64::from(i) / f64::from(WAY_PIECES));
@@ -132,7 +133,7 @@ fn cue_ball_way(shot: &Shot, end_secs: f64) -> Vec<DVec3> {
     (0..=WAY_PIECES).filter_map(at).collect()
 }
 
-/// The ball that the cue ball was over on its way.
+/// A ball over which the cue ball passed on its path.
 fn jumped(balls: &[BallState], hit: Option<u8>, way: &[DVec3]) -> Option<u8> {
     let cue_radius_m = balls.iter().find(|b| b.number == 0)?.body.radius_m;
     let others = balls
@@ -148,10 +149,10 @@ fn jumped(balls: &[BallState], hit: Option<u8>, way: &[DVec3]) -> Option<u8> {
         .next()
 }
 
-/// The ball that is hit so near to the cue ball, and so full, that the tip on its way forward meets
-/// the cue ball again (WPA 6.7): the cue goes on at what speed the blow left it for the length of a
-/// follow-through, and the cue ball after the contact is slower. A thin hit, which leaves the cue ball
-/// its speed, is none; nor is one with a raised cue that the cloth stops first.
+/// The ball that is so near to the cue ball, and hit so full, that the tip following through meets the
+/// cue ball again (WPA 6.7): the cue continues at the speed that the impact left it for the length of a
+/// follow-through, and the cue ball after the contact is slower. A thin hit, after which the cue ball
+/// keeps its speed, is none; nor is one with an elevated cue that the cloth stops first.
 fn double_hit(
     world: &World,
     stroke: &Stroke,
@@ -163,6 +164,7 @@ fn double_hit(
     let (cue_ball, object) = (find(&balls, 0)?, find(&balls, ball)?);
     let gap = gap_m(&cue_ball, &object);
     let height_m = cue_ball.body.radius_m * (1.0 + stroke.vertical);
+    // An elevated cue reaches the cloth after the second distance.
     let reach_m = FOLLOW_M.min(height_m / tan(stroke.elevation_rad).max(1e-9));
     if !(FROZEN_M..reach_m).contains(&gap) {
         return None;
@@ -170,6 +172,7 @@ fn double_hit(
     let forward = unit_at(stroke.direction_rad).extend(0.0);
     let struck = find(&shot.states_at(0.0), 0)?.velocity.length();
     let mass_share = cue_ball.body.mass_kg / world.laws().cue.mass_kg;
+    // Conservation of momentum in the impact of cue and ball.
     let cue_m_s = stroke.speed_m_s - mass_share * struck;
     let after = find(&shot.states_at(contact_secs), 0)?
         .velocity
@@ -177,12 +180,12 @@ fn double_hit(
     (after < cue_m_s * cos(stroke.elevation_rad)).then_some(ball)
 }
 
-/// Balls and cushions this close touch: a tenth of a millimetre.
+/// Gap below which balls and cushions touch: a tenth of a millimetre.
 const FROZEN_M: f64 = 1e-4;
-/// How far a cue goes on after a blow: an inch, the width of a chalk, within which players are taught
-/// to expect a double hit (Alciatore, "Illustrated Principles", 2004).
+/// Length of a follow-through in m: an inch, the width of a chalk, within which players are taught to
+/// expect a double hit (Alciatore, "Illustrated Principles", 2004).
 const FOLLOW_M: f64 = 0.025;
-/// Enough pieces of a way for no ball to slip between.
+/// Samples of a path: enough for no ball to slip between.
 const WAY_PIECES: u32 = 64;
 /// A ball is jumped where the centres, seen from above, are nearer than this share of touching.
 const OVER_SHARE: f64 = 0.9;

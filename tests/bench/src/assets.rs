@@ -1,4 +1,4 @@
-//! The bench of long scenes: bytes and seconds until nodes behind emulated links hold one.
+//! The bench of large scenes: bytes and seconds until nodes behind emulated links hold one.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -48,11 +48,11 @@ pub(crate) struct Args {
 #[derive(Serialize)]
 struct AssetRow {
     case: &'static str,
-    /// Both ways, without those of UDP and IP.
+    /// Payload in both directions, without UDP and IP headers.
     megabytes: f64,
-    /// Of the scene.
+    /// Size of the scene.
     scene_megabytes: f64,
-    /// From the welcome until the node holds the scene, or the connection breaks.
+    /// Time from the welcome until the node holds the scene, or the connection breaks.
     secs: f64,
 }
 
@@ -94,9 +94,9 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// Ten meshes; `seed` chooses the fifth.
+/// A scene of ten meshes; `seed` varies the fifth.
 fn scene(args: &Args, seed: u32) -> Result<Arc<EncodedScene>, BenchError> {
-    // 12 bytes of a vertex, 12 of its normal, and nine or so of a triangle.
+    // Bytes per vertex: 12 of its position, 12 of its normal, and about nine of a triangle.
     let vertices = args.megabytes * 1_000_000 / MESHES / 33;
     let mut scene = Scene::new();
     for mesh in 0..MESHES {
@@ -114,7 +114,7 @@ fn scene(args: &Args, seed: u32) -> Result<Arc<EncodedScene>, BenchError> {
     Ok(EncodedScene::new(&scene).context("the scene")?)
 }
 
-/// A node with chunks in `folder` gets the scene until it has so many bytes of it.
+/// Sends the scene to a node with chunks in `folder` until it has `until` bytes of it.
 fn measure(
     args: &Args,
     case: &'static str,
@@ -147,7 +147,7 @@ fn measure(
     })
 }
 
-/// Seconds that it took.
+/// Sends the scene; returns the time in seconds.
 fn send(
     args: &Args,
     client: Client,

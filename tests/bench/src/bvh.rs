@@ -1,4 +1,4 @@
-//! The bench of the BVH: the number of primitives from which on it beats testing each.
+//! The bench of the BVH: the number of primitives from which on it is faster than testing each.
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -86,7 +86,7 @@ struct BvhReport {
     backends: Vec<BvhSweep>,
 }
 
-/// Of a BVH, on all threads.
+/// Build times of a BVH, on all threads.
 #[derive(Serialize)]
 struct BuildTimes {
     shape: SweptShape,
@@ -99,7 +99,7 @@ struct BuildTimes {
 struct BvhSweep {
     backend: &'static str,
     shape: SweptShape,
-    /// The fewest from which on the BVH was faster.
+    /// Smallest number from which on the BVH was faster.
     crossing: Option<u32>,
     rows: Vec<BvhRow>,
 }
@@ -111,7 +111,7 @@ struct BvhRow {
     bvh_milliseconds: f64,
 }
 
-/// Scenes with more and more of a shape.
+/// Scenes with increasing numbers of a shape.
 struct ShapeClouds {
     shape: SweptShape,
     scenes: Vec<(u32, CompiledScene)>,
@@ -173,7 +173,7 @@ fn sweep(
     for (count, scene) in &mut clouds.scenes {
         match compare(tracer, *count, scene, args) {
             Ok(row) => rows.push(row),
-            // Not every device can test so many.
+            // Not every device can test this many without a BVH.
             Err(error) if !rows.is_empty() => {
                 let name = shape.name();
                 eprintln!("{count} {name} are not compared there: {error}");
@@ -223,7 +223,7 @@ fn crossing(rows: &[BvhRow]) -> Option<u32> {
     faster.last().map(|row| row.count)
 }
 
-/// Milliseconds of a picture whose balls have moved.
+/// Time in ms of a picture after an update, with the build of the BVHs.
 fn picture(
     tracer: &dyn Tracer,
     scene: &mut CompiledScene,
@@ -292,7 +292,7 @@ fn print(report: &BvhReport) {
     }
 }
 
-/// Primitive `i` of a cloud, all of which together have always the same volume, or area.
+/// Primitive `i` of a cloud, whose total volume or area does not depend on the number.
 fn shape(many: SweptShape, count: u32, i: u32) -> Shape {
     let body = 0.25 * (4.0 / count as f32).cbrt();
     let flat = 0.4 * (4.0 / count as f32).sqrt();
@@ -329,7 +329,7 @@ fn shape(many: SweptShape, count: u32, i: u32) -> Shape {
     }
 }
 
-/// Primitives here and there over a floor.
+/// A scene of primitives at random places over a floor.
 fn cloud(many: SweptShape, count: u32) -> Scene {
     let colours = [
         Vec3::new(0.7, 0.1, 0.05),

@@ -1,11 +1,11 @@
-//! Choice of a bench's cases by their names.
+//! Selection of a bench's cases by name.
 
 use crate::BenchError;
 
-/// The cases whose name contains `part`; all without one.
+/// The cases whose name contains `part`; all cases without it.
 ///
 /// # Errors
-/// [`BenchError::Input`] with the names that there are, if none is left.
+/// [`BenchError::Input`] with the existing names, if none matches.
 pub(crate) fn named<T>(
     cases: impl IntoIterator<Item = T>,
     name: impl Fn(&T) -> &str,

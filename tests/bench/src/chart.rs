@@ -9,49 +9,49 @@ use plotters::prelude::*;
 /// A chart.
 #[derive(Clone, Debug)]
 pub(crate) struct Chart {
-    /// Above it.
+    /// Title above the plot.
     pub(crate) title: String,
-    /// Under it: quantity and unit.
+    /// Horizontal axis.
     pub(crate) x: Axis,
-    /// Beside it: quantity and unit.
+    /// Vertical axis.
     pub(crate) y: Axis,
-    /// What is drawn.
+    /// The drawn series.
     pub(crate) series: Vec<Series>,
-    /// What happened where on the x axis.
+    /// Events: position on the x axis, and label.
     pub(crate) events: Vec<(f64, &'static str)>,
 }
 
-/// An axis, as wide as what is drawn needs.
+/// An axis, whose range follows from the points.
 #[derive(Clone, Debug)]
 pub(crate) struct Axis {
     /// Quantity and unit.
     pub(crate) label: &'static str,
-    /// Whether it counts in powers of ten.
+    /// Whether it is logarithmic, with whole decades.
     pub(crate) logarithmic: bool,
 }
 
-/// Points of one kind.
+/// A series of points.
 #[derive(Clone, Debug)]
 pub(crate) struct Series {
-    /// In the legend.
+    /// Name in the legend.
     pub(crate) name: String,
-    /// Any that are not finite, or not over 0 on a logarithmic axis, are left out.
+    /// The points. Those that are not finite, or not above 0 on a logarithmic axis, are left out.
     pub(crate) points: Vec<(f64, f64)>,
-    /// How they are drawn.
+    /// Style of the points.
     pub(crate) mark: Mark,
 }
 
-/// How points are drawn.
+/// Style of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mark {
-    /// Joined.
+    /// Joined by lines.
     Line,
-    /// Each by itself.
+    /// Single dots.
     Dots,
 }
 
 impl Axis {
-    /// Equal steps.
+    /// A linear axis.
     pub(crate) fn linear(label: &'static str) -> Self {
         Self {
             label,
@@ -59,7 +59,7 @@ impl Axis {
         }
     }
 
-    /// Powers of ten.
+    /// A logarithmic axis.
     pub(crate) fn logarithmic(label: &'static str) -> Self {
         Self {
             label,
@@ -73,7 +73,7 @@ impl Axis {
 }
 
 impl Series {
-    /// Joined points.
+    /// Points joined by lines.
     pub(crate) fn line(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
         Self {
             name: name.into(),
@@ -82,7 +82,7 @@ impl Series {
         }
     }
 
-    /// Points by themselves.
+    /// Single points.
     pub(crate) fn dots(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
         Self {
             name: name.into(),
@@ -104,7 +104,7 @@ impl Chart {
         }
     }
 
-    /// The chart as a file.
+    /// The chart as the text of an SVG file.
     pub(crate) fn svg(&self) -> String {
         let mut svg = String::new();
         let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
@@ -167,7 +167,7 @@ impl Chart {
 }
 
 impl Axis {
-    /// All finite values with some room, whole decades of a logarithmic axis.
+    /// Range of all finite values with a margin, or of whole decades of a logarithmic axis.
     fn range(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
         let finite = values
             .map(|value| self.value(value))
@@ -191,7 +191,7 @@ impl Axis {
         low - room..high + room
     }
 
-    /// The most labels: with one more, plotters would label fractions of a decade.
+    /// Maximum number of labels: with one more, plotters would label fractions of a decade.
     fn labels(&self, range: &Range<f64>) -> usize {
         match self.logarithmic {
             true => (range.end - range.start) as usize + 1,
@@ -252,7 +252,7 @@ const LEGEND_WIDTH: i32 = 248;
 const LABELS_MAX: usize = 8;
 const FONT: &str = "sans-serif";
 const GREY: RGBColor = RGBColor(85, 85, 85);
-/// Told apart also by the colour-blind: Okabe and Ito (2008).
+/// Colours that the colour-blind can tell apart as well: Okabe and Ito (2008).
 const COLORS: [RGBColor; 10] = [
     RGBColor(0x00, 0x72, 0xb2),
     RGBColor(0xd5, 0x5e, 0x00),

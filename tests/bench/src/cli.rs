@@ -43,8 +43,8 @@ enum Command {
     Node(node::Args),
 }
 
-/// Does what the command line asks for. Exit codes: 0 done, 1 it failed while running, 2 the
-/// arguments or their files are wrong, 130 interrupted.
+/// Runs the command line. Exit codes: 0 done, 1 failed while running, 2 wrong arguments or files, 130
+/// interrupted.
 pub fn run() -> ExitCode {
     let cli = Cli::parse();
     carom_farm::logging::init("warn");

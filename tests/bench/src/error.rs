@@ -2,30 +2,30 @@
 
 use std::process::ExitCode;
 
-/// Whose fault it is decides the exit code.
+/// A failed bench. The party at fault decides the exit code.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum BenchError {
     /// The arguments or the files that they name: 2.
     #[error("{0}")]
     Input(String),
-    /// The machine, the network or a device, after the arguments were found right: 1.
+    /// The machine, the network or a device, after the arguments were accepted: 1.
     #[error("{0:#}")]
     Run(anyhow::Error),
-    /// Ctrl-C or SIGTERM: 130, as shells have it for SIGINT.
+    /// Ctrl-C or SIGTERM: 130, the convention of shells for SIGINT.
     #[error("interrupted")]
     Interrupted,
 }
 
-/// A value of the command line that is not what it must be.
+/// An invalid value of the command line.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ValueError {
-    /// It is written in another way.
+    /// It has another form.
     #[error("it must be {0}")]
     Form(&'static str),
-    /// No such share of a thread.
+    /// The share of a thread is out of range.
     #[error("the share is {share}: it must be above 0 and at most 1")]
     Share { share: f64 },
-    /// No such round trip.
+    /// The round trip is out of range.
     #[error("the round trip is {millis} ms: it must be from 0 to 10000")]
     RoundTrip { millis: f64 },
 }

@@ -1,4 +1,4 @@
-//! The bench of faults: random farms on virtual time on which random things go wrong.
+//! The bench of faults: random farms with random faults on virtual time.
 
 use anyhow::anyhow;
 use carom_farm::Balancing;
@@ -34,24 +34,24 @@ struct FaultsReport {
     runs: usize,
     frames: usize,
     failures: Vec<FailedRun>,
-    /// Of the runs of five nodes or more at 60 frames a second.
+    /// Lateness over the runs of five nodes or more at 60 frames a second.
     bars: Vec<FaultsCriterion>,
     late: Vec<LateRun>,
 }
 
-/// How late frames were.
+/// Lateness of one kind of runs.
 #[derive(Serialize)]
 struct FaultsCriterion {
     what: &'static str,
     hedged: bool,
-    /// Whether all nodes but the client's own were lost at once: then it has to do alone what was
-    /// asked of all.
+    /// Whether all nodes but the client's own were lost at once: it then has to do alone what was
+    /// requested of all.
     all_lost: bool,
     runs: usize,
-    /// Runs with lateness above two periods.
+    /// Number of runs with lateness above two periods.
     late_runs: usize,
     late_periods_max: f64,
-    /// Of all tiles.
+    /// Share of late tiles among all tiles.
     late_tiles: f64,
 }
 
@@ -62,7 +62,7 @@ struct LateRun {
     balancer: Balancing,
     periods: f64,
     frame: u64,
-    /// What happened, and when, in seconds; frame n is submitted after 0.5 + n/60 seconds.
+    /// The faults with their times in seconds; frame n is submitted after 0.5 + n/60 seconds.
     faults: Vec<String>,
 }
 

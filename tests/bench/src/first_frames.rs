@@ -1,5 +1,5 @@
-//! The bench of a farm's first frames on real processes: nothing is known of the nodes yet, and they
-//! become ready one after the other.
+//! The bench of a farm's first frames on real processes: no node's speed is known yet, and they become
+//! ready one after the other.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -53,9 +53,9 @@ struct FirstFrames {
     one_secs: f64,
     many_secs: f64,
     ratio: f64,
-    /// Tiles of the many nodes that were asked for again, each on average so often.
+    /// Number of repeated requests per tile of the many nodes.
     reissued_per_tile: f64,
-    /// Those of them whose node was taken for lost.
+    /// Those of them whose node was considered lost.
     lost_per_tile: f64,
 }
 
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// The first frames of a farm.
+/// Result of the first frames of a farm.
 struct Opening {
     secs: f64,
     tiles: u32,
@@ -140,7 +140,7 @@ fn play(
     let (mut submitted, mut tiles, mut reissued, mut lost) = (0, 0, 0, 0);
     for _ in 0..args.frames {
         while submitted < args.frames && farm.in_flight() < FRAMES_IN_FLIGHT {
-            // Each differs from its neighbours.
+            // Each frame differs from its neighbours.
             farm.submit(scenes::frame(size, args.spp, submitted))?;
             submitted += 1;
         }
@@ -157,7 +157,7 @@ fn play(
     })
 }
 
-/// As the game has it without a display.
+/// Frames in flight, as in the game without a display.
 const FRAMES_IN_FLIGHT: usize = 3;
-/// How many times as long the many may take.
+/// Maximum ratio of the times of many nodes and of one.
 const RATIO_MAX: f64 = 1.25;

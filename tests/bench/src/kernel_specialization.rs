@@ -1,4 +1,5 @@
-//! The bench of kernel specialization: kernels of what a scene requires against kernels of everything.
+//! The bench of kernel specialization: kernels of only what a scene requires, compared with kernels of
+//! everything.
 
 use std::path::PathBuf;
 
@@ -57,7 +58,7 @@ struct SpecializationMeasurement {
 #[derive(Serialize)]
 struct SpecializationRow {
     left_out: &'static str,
-    /// Time with it over time without; absent where the scene uses it.
+    /// Time with it over that without; absent where the scene uses it.
     gain: Option<f64>,
 }
 
@@ -150,11 +151,11 @@ fn print(measured: &SpecializationMeasurement) {
     }
 }
 
-/// Something that scenes may do without.
+/// A feature that scenes may lack.
 struct FeatureChange {
     name: &'static str,
     is_used: fn(&Scene) -> bool,
-    /// Adds it where nobody sees it.
+    /// Adds the feature where it is never seen.
     add: fn(&mut Scene),
 }
 
@@ -422,7 +423,7 @@ fn add_csg_box(scene: &mut Scene, solid: CsgSolid) {
     );
 }
 
-/// A place behind the camera, and a little beyond its own size.
+/// A place behind the camera, farther than the size of a hidden shape.
 fn hidden(scene: &Scene) -> Vec3 {
     let camera = &scene.camera;
     camera.eye - (camera.target - camera.eye).normalize() * (3.0 * SMALL_M)

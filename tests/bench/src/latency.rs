@@ -59,7 +59,7 @@ struct LatencyReport {
 struct LatencyRow {
     path: &'static str,
     frames: usize,
-    /// Inputs for which there was no room among the frames in flight.
+    /// Number of inputs for which there was no room among the frames in flight.
     skipped: u64,
     stages: Vec<StageTimes>,
 }
@@ -118,7 +118,7 @@ fn print_row(row: &LatencyRow) {
     }
 }
 
-/// A node behind a socket, and a farm of it.
+/// A farm of one node behind a socket.
 struct LatencySetup {
     farm: Farm,
     _node: ServedNode,
@@ -180,12 +180,12 @@ fn spec(args: &Args, frame: u64) -> FrameSpec {
     scenes::frame(scenes::wide(args.width), 1, frame as u32)
 }
 
-/// Who acts, and looks.
+/// A player who gives inputs and receives frames.
 struct LatencyProbe {
     began: Instant,
-    /// When each frame was submitted, and how long its input had waited until then.
+    /// Time of each frame's submission, and waiting time of its input until then.
     asked: BTreeMap<FrameId, (Instant, Duration)>,
-    /// By stage, in seconds.
+    /// Times of frames by stage, in seconds.
     times: Vec<[f64; STAGES.len()]>,
     skipped: u64,
 }
@@ -242,6 +242,7 @@ impl LatencyProbe {
             encode_secs,
             decode_secs,
         } = *split;
+        // The frame is shown at the next refresh.
         let refreshes = since_start.div_duration_f64(PERIOD);
         let present_secs = (refreshes.ceil() - refreshes) * PERIOD.as_secs_f64();
         let took = (now - submitted).as_secs_f64();
@@ -278,7 +279,7 @@ impl LatencyProbe {
     }
 }
 
-/// In their order, and all of them together.
+/// The stages in their order, and their sum.
 const STAGES: [&str; 9] = [
     "input", "network", "queue", "trace", "encode", "decode", "compose", "present", "all",
 ];

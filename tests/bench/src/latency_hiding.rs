@@ -1,5 +1,5 @@
-//! The bench of latency hiding: frames requested ahead of time over a real network from real
-//! processes, each due at its own moment.
+//! The bench of latency hiding: frames requested ahead of time over a real network from real processes,
+//! each due at its own time.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -70,16 +70,16 @@ struct LatencyHidingReport {
     strokes: u32,
     /// Refreshes while balls rolled.
     refreshes: usize,
-    /// The share of them whose picture was of a moment within one refresh of the clock.
+    /// Share of these whose picture was of a time within one refresh of the clock.
     within_a_refresh: f64,
     moment_error_ms_p50: f64,
     moment_error_ms_p99: f64,
-    /// New pictures shown for each second that balls rolled.
+    /// New pictures shown per second in which balls rolled.
     pictures_per_second: f64,
     click_to_change_ms_p50: f64,
     click_to_change_ms_p99: f64,
     click_to_change_ms_max: f64,
-    /// Of all tiles of moments.
+    /// Number of late tiles over that of the tiles of all whole frames.
     late_tiles: f64,
     lead_ms: f64,
 }
@@ -122,25 +122,25 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// The player's side.
+/// The player's refresh loop.
 struct RefreshLoop<'a> {
     args: &'a Args,
     farm: Farm,
     camera: Camera,
     lead: LeadTime,
-    /// The moments of pictures in flight; none for those of the present.
+    /// Times of pictures in flight, in seconds of the shot; none for those of the present.
     asked: BTreeMap<FrameId, Option<f64>>,
     last: FrameId,
-    /// When the display is refreshed next.
+    /// Time of the next refresh of the display.
     refresh: Instant,
     random: SplitMix64,
     seen: RefreshLog,
 }
 
-/// What the player has seen.
+/// Record of what the player has seen.
 #[derive(Default)]
 struct RefreshLog {
-    /// Of each refresh of a shot: how far its picture's moment was from the clock, in seconds.
+    /// For each refresh of a shot, the difference in seconds between its picture's time and the clock.
     errors: Vec<f64>,
     pictures: usize,
     /// Seconds.
@@ -185,14 +185,14 @@ impl<'a> RefreshLoop<'a> {
         let now = Instant::now();
         self.refresh += PERIOD;
         if self.refresh < now {
-            // The display went on without us.
+            // Refreshes were missed: continue with the next one.
             let missed = (now - self.refresh).div_duration_f64(PERIOD).ceil();
             self.refresh += PERIOD.mul_f64(missed);
         }
         std::thread::sleep(self.refresh.saturating_duration_since(now));
         Ok(self.refresh)
     }
-    /// Moves the view for a second or so, so that it is known how long pictures take.
+    /// Moves the view for about a second, so that the time of pictures is known.
     fn aim(&mut self, interrupted: &AtomicBool) -> Result<(), BenchError> {
         let end = Instant::now() + Duration::from_secs_f64(0.6 + 0.6 * self.random.uniform());
         while self.wait_refresh(interrupted)? < end {
@@ -208,7 +208,7 @@ impl<'a> RefreshLoop<'a> {
         Ok(())
     }
 
-    /// A click at any time, and its shot.
+    /// A click at a random time, and its shot.
     fn shoot(&mut self, stroke: u32, interrupted: &AtomicBool) -> Result<(), BenchError> {
         let still = self.still_picture()?;
         let wait = PERIOD.mul_f64(self.random.uniform());
@@ -371,5 +371,5 @@ fn print(report: &LatencyHidingReport) {
     );
 }
 
-/// Of the display.
+/// Refresh period of the display.
 const PERIOD: Duration = Duration::from_nanos(16_666_667);

@@ -1,7 +1,7 @@
-//! Measurements of what Carom's parts cost, and of how right they are.
+//! Benches of the cost of Carom's parts, and of their correctness.
 //!
-//! One module per bench, of which `--help` tells what it measures; [`physics`] is public for the
-//! tests that hold the simulation against its references.
+//! One module per bench, whose `--help` says what it measures; [`physics`] is public for the tests that
+//! compare the simulation with its references.
 
 mod assets;
 mod balance;

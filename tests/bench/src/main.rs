@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use mimalloc::MiMalloc;
 
-/// That of the programs which are measured.
+/// The allocator of the programs that are measured.
 #[global_allocator]
 static ALLOCATOR: MiMalloc = MiMalloc;
 

@@ -5,10 +5,9 @@
 //! along x and y: `center`, `half_x`, `half_y`, `normal` (0, 0, ±1), `radiance`), `boxes`, `discs`
 //! and `spheres` (with a `name`, a `material` and, for balls with a band, the world's
 //! `stripe_axis`), and `materials` (`type` `diffuse` or `smooth_plastic`, `albedo`, `ior`,
-//! `stripe_albedo` where `|n · stripe_axis| < 0.5`). What only describes is skipped.
+//! `stripe_albedo` where `|n · stripe_axis| < 0.5`). Purely descriptive fields are skipped.
 //!
-//! Spheres become the first objects, then boxes, then discs,
-//! each list in its order.
+//! Spheres become the first objects, then boxes, then discs, each list in its order.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -41,7 +40,7 @@ pub const STRIPE_HALF_WIDTH: f32 = 0.5;
 /// Reads, converts and checks a scene file in this schema.
 ///
 /// # Errors
-/// A sentence with the path, and with the place or the object that is wrong.
+/// A sentence with the path, and with the position or the object that is wrong.
 pub fn load(path: &Path) -> anyhow::Result<Scene> {
     let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
     from_json(&text).with_context(|| path.display().to_string())
@@ -50,8 +49,8 @@ pub fn load(path: &Path) -> anyhow::Result<Scene> {
 /// Converts and checks a scene in this schema.
 ///
 /// # Errors
-/// A sentence with line and column if the text is something else, or with the object that breaks a
-/// rule of [`carom_tracer::scene::validate`].
+/// A sentence with line and column if the text does not follow the schema, or with the object that
+/// breaks a rule of [`carom_tracer::scene::validate`].
 pub fn from_json(text: &str) -> anyhow::Result<Scene> {
     let file: SceneFile = serde_json::from_str(text)?;
     let scene = file.into_scene()?;

@@ -41,17 +41,17 @@ pub(crate) struct MotionArgs {
     reference_spp: u32,
 }
 
-/// Errors of frames of so many samples a pixel.
+/// Errors of frames of a number of samples per pixel.
 #[derive(Clone, Debug, Serialize)]
 struct MotionError {
     motion: &'static str,
     samples: u32,
-    /// FLIP of frames by themselves, and accumulated.
+    /// FLIP of single frames, and of accumulated ones.
     single: f64,
     accumulated: f64,
-    /// The error of accumulated frames over that of single ones which take as long.
+    /// Error of accumulated frames over that of single frames that take as long.
     at_equal_time: f64,
-    /// CPU milliseconds of a frame.
+    /// CPU time per frame in ms.
     trace_ms: f64,
     accumulate_ms: f64,
 }
@@ -114,7 +114,7 @@ fn measure(args: &MotionArgs) -> anyhow::Result<Vec<MotionError>> {
     Ok(errors)
 }
 
-/// The table from a camera that turns around it.
+/// The table as seen by a camera that turns around it.
 fn turned(table_scene: &TableScene, secs: f64) -> SceneUpdate {
     let table = table_scene.table_inside();
     let viewpoint = Viewpoint::overview(table, PI / 3.0 * secs);
@@ -135,14 +135,14 @@ fn break_shot(stage: TableScene, frames: u32) -> anyhow::Result<ShotSequence> {
     ))
 }
 
-/// A motion, and what some of its frames should look like.
+/// A motion, and the references of some of its frames.
 struct MeasuredMotion<'a> {
     args: &'a MotionArgs,
     table_scene: &'a TableScene,
     scene: CompiledScene,
     tracer: CpuTracer,
     updates: Vec<SceneUpdate>,
-    /// By the frame that is compared with it.
+    /// References, by the frame that is compared with them.
     references: Vec<(usize, Vec<[u8; 3]>)>,
 }
 
@@ -173,7 +173,7 @@ impl<'a> MeasuredMotion<'a> {
         Ok(motion)
     }
 
-    /// Errors of frames of so many samples; [`MotionError::at_equal_time`] is left open.
+    /// Errors of frames of this many samples; [`MotionError::at_equal_time`] is not set yet.
     fn error(&mut self, motion: &'static str, samples: u32) -> anyhow::Result<MotionError> {
         let mut reprojector = Reprojector::new(self.table_scene.scene())?;
         let (mut single, mut accumulated) = (0.0, 0.0);
@@ -231,7 +231,8 @@ impl<'a> MeasuredMotion<'a> {
     }
 }
 
-/// Compares each with single frames of as much time: on the line through the two nearest by time, by logarithms.
+/// Sets the comparison with single frames of equal time: interpolated between the two nearest by time,
+/// linearly in logarithms.
 fn with_equal_times(mut errors: Vec<MotionError>) -> Vec<MotionError> {
     let points: Vec<(f64, f64)> = errors
         .iter()
@@ -251,7 +252,7 @@ fn with_equal_times(mut errors: Vec<MotionError>) -> Vec<MotionError> {
 const FRAMES_PER_SEC: f64 = 60.0;
 /// Speed of the cue ball.
 const BREAK_M_S: f64 = 9.0;
-/// Of frames that are measured.
+/// Samples per pixel that are measured.
 const SAMPLES: [u32; 4] = [1, 2, 4, 8];
 
 #[cfg(test)]

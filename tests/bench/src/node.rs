@@ -1,4 +1,4 @@
-//! A node that is as slow as asked for, for farms of processes on one machine.
+//! A node of limited speed, for farms of processes on one machine.
 
 use std::io::{BufRead as _, Write as _};
 use std::net::SocketAddr;
@@ -65,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// Sets the share to what each line says, until standard input ends.
+/// Sets the share that each line names, until standard input ends.
 fn follow_stdin(share: &DeviceShare) {
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let done = match line.split_whitespace().collect::<Vec<_>>()[..] {

@@ -35,13 +35,13 @@ pub(crate) struct OverlayArgs {
 /// CPU milliseconds of a redraw.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct RedrawCost {
-    /// What is drawn.
+    /// Name of what is drawn.
     pub(crate) shown: &'static str,
     /// Mean of all redraws.
     pub(crate) mean_ms: f64,
-    /// Of half of them it is less.
+    /// Median of all redraws.
     pub(crate) median_ms: f64,
-    /// The least of any.
+    /// Minimum of all redraws.
     pub(crate) least_ms: f64,
 }
 
@@ -72,7 +72,7 @@ impl OverlayArgs {
     }
 }
 
-/// Each level, and the meshes alone.
+/// Costs of each level of the overlay, and of the meshes alone.
 ///
 /// # Errors
 /// A sentence if the simulated farm delivers nothing.
@@ -92,7 +92,7 @@ pub(crate) fn measure(redraws: u32) -> anyhow::Result<Vec<RedrawCost>> {
     ] {
         let mut stats = Stats::new(std::env::temp_dir());
         stats.set_level(level);
-        // As full as it can be.
+        // Fills the history to its maximum.
         for (frame, number) in frames
             .iter()
             .cycle()
@@ -157,7 +157,7 @@ fn cost(shown: &'static str, redraws: u32, mut draw: impl FnMut(&Context, u64)) 
         let primitives = ctx.tessellate(std::mem::take(&mut output.shapes), 1.0);
         let ms = ms_since(begun);
         drop(primitives);
-        // What a display would take in.
+        // Cleared as a display would after an upload.
         output.textures_delta.clear();
         if i >= SETTLING {
             all.push(ms);
@@ -200,7 +200,8 @@ fn input(report: &SimulationReport) -> StatsInput<'_> {
     }
 }
 
-/// Speeds over a hundredfold, times of the ways over thirtyfold; all together need 8 ms.
+/// A farm with speeds over a range of 100 and round trips over a range of 30, which together need 8 ms
+/// for a frame.
 fn plan() -> FarmPlan {
     let node = |i: usize| {
         let spread = |n: usize| (i * n % NODES) as f64 / (NODES - 1) as f64;
@@ -229,7 +230,7 @@ const SIZE: ImageSize = ImageSize::new(1920, 1088);
 const TILE_EDGE: u16 = 16;
 const TILES: usize = 120 * 68;
 const SECS_MAX: f64 = 600.0;
-/// Frames before every node has its share.
+/// Number of frames until every node has its share.
 const WARM_UP: usize = 30;
-/// Redraws before layout and texts are in egui's caches.
+/// Number of redraws until layout and texts are in egui's caches.
 const SETTLING: u64 = 20;

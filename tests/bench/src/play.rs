@@ -59,13 +59,13 @@ struct PlayReport {
     frames: u32,
     size: ImageSize,
     frames_per_sec: f64,
-    /// By the farm, of which not all are shown.
+    /// Frames traced by the farm per second, of which not all are shown.
     traced_per_sec: f64,
-    /// Of all threads, a frame.
+    /// CPU time of all threads, per frame.
     cpu_ms: f64,
-    /// Of the main thread, a frame.
+    /// CPU time of the main thread, per frame.
     main_cpu_ms: f64,
-    /// From before the farm was started until the first frame.
+    /// Time from before the farm's start until the first frame.
     first_frame_ms: f64,
     /// Median and 95th percentile of the times between the first 60 frames.
     start_median_ms: f64,
@@ -73,7 +73,7 @@ struct PlayReport {
     stages: Vec<PlayStage>,
 }
 
-/// Milliseconds of a frame, and their share of all stages.
+/// Time per frame in ms, and its share of all stages.
 #[derive(Serialize)]
 struct PlayStage {
     name: &'static str,
@@ -117,12 +117,12 @@ struct PlayLoop {
     pipeline: FramePipeline,
     table_scene: TableScene,
     begun: Instant,
-    /// Where a texture would be.
+    /// Stands for the texture.
     texture: Vec<[u8; 4]>,
     secs: [f64; STAGES.len()],
-    /// Frames that the farm has finished.
+    /// Number of frames that the farm has finished.
     traced: u32,
-    /// When each of the first frames was shown, in seconds since the begin.
+    /// Times at which the first frames were shown, in seconds since `begun`.
     start: Vec<f64>,
 }
 
@@ -137,7 +137,7 @@ const STAGES: [&str; 9] = [
     "present",
     "request",
 ];
-/// The farm's stages, which are counted by the frames that it finishes.
+/// Number of the farm's stages, which are averaged over the frames that it finishes.
 const FARM_STAGES: usize = 4;
 
 impl PlayLoop {
@@ -210,7 +210,7 @@ impl PlayLoop {
         })
     }
 
-    /// Runs the loop until so many frames have been shown.
+    /// Runs the loop until this many frames have been shown.
     fn show(&mut self, frames: u32, interrupted: &AtomicBool) -> Result<(), BenchError> {
         let mut shown = 0;
         while shown < frames {
@@ -224,7 +224,7 @@ impl PlayLoop {
                         self.start.push(self.begun.elapsed().as_secs_f64());
                     }
                 }
-                // As in the game, which polls less often still: a device is not kept from its work.
+                // The game polls even less often; sleeping leaves the processor to the device.
                 false => std::thread::sleep(POLL_PERIOD),
             }
             if let FarmState::Failed(why) = self.pipeline.farm() {
@@ -234,7 +234,7 @@ impl PlayLoop {
         Ok(())
     }
 
-    /// One pass of the game's frame loop; whether it has shown a new frame.
+    /// One pass of the game's frame loop; returns whether it has shown a new frame.
     fn frame(&mut self) -> bool {
         let now_secs = self.begun.elapsed().as_secs_f64();
         let now = self.update(now_secs);
@@ -274,7 +274,7 @@ impl PlayLoop {
         is_new
     }
 
-    /// The table from a camera that turns around it.
+    /// The table as seen by a camera that turns around it.
     fn update(&self, now_secs: f64) -> SceneUpdate {
         let table = self.table_scene.table_inside();
         let viewpoint = Viewpoint::overview(table, TAU * now_secs / TURN_SECS);
@@ -293,7 +293,7 @@ fn count_farm_stages(secs: &mut [f64], stats: &FrameStats) {
 }
 
 const START_FRAMES: usize = 60;
-/// Of the camera around the table.
+/// Period of the camera's turn around the table, in seconds.
 const TURN_SECS: f64 = 10.0;
-/// Between two looks at the farm while nothing is new.
+/// Interval between polls of the farm while there is no new frame.
 const POLL_PERIOD: Duration = Duration::from_micros(100);

@@ -59,6 +59,8 @@ pub(crate) struct LinkArgs {
 }
 
 impl LinkArgs {
+    /// The configuration of the link.
+    ///
     /// # Errors
     /// [`BenchError::Input`] with the value and the range.
     pub(crate) fn config(&self) -> Result<LinkConfig, BenchError> {
@@ -99,5 +101,5 @@ pub(crate) fn run(args: &Args) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// How long Ctrl-C may go unnoticed.
+/// Longest time until Ctrl-C is noticed.
 const PATIENCE: Duration = Duration::from_millis(50);

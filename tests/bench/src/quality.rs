@@ -43,7 +43,7 @@ impl QualityArgs {
     }
 }
 
-/// Mean FLIP of each stop against `reference`, a picture of the pool table.
+/// Mean FLIP of each quality level against `reference`, a picture of the pool table.
 ///
 /// # Errors
 /// A sentence if there is no processor to trace with.

@@ -7,7 +7,7 @@ use carom_tracer::{ImageSize, RenderSettings, Scene, SceneUpdate};
 
 use crate::BenchError;
 
-/// The table of benches that name no scene.
+/// The scene of benches without one on the command line.
 const POOL: &str = include_str!("../../../assets/scenes/pool.json");
 
 /// A scene with its name in results.
@@ -33,12 +33,12 @@ pub(crate) fn scene(path: Option<&Path>) -> Result<NamedScene, BenchError> {
     })
 }
 
-/// A picture of 16:9.
+/// Size of a 16:9 picture.
 pub(crate) fn wide(width: u32) -> ImageSize {
     ImageSize::new(width, (width * 9 / 16).max(1))
 }
 
-/// A frame of the scene as it is, for a display.
+/// A frame of the unchanged scene, for a display.
 pub(crate) fn frame(size: ImageSize, samples: u32, seed: u32) -> FrameSpec {
     FrameSpec {
         update: SceneUpdate::default(),

@@ -1,4 +1,4 @@
-//! A node in this process, behind a socket and perhaps an emulated link.
+//! An in-process node, behind a socket and optionally an emulated link.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::thread::JoinHandle;
@@ -10,18 +10,18 @@ use carom_testkit::{link_emulator::LinkConfig, udp_proxy::UdpProxy};
 
 use crate::BenchError;
 
-/// A node that players reach; it has ended when dropped.
+/// A running node; ends when dropped.
 pub(crate) struct ServedNode {
-    /// Where they do.
+    /// Address for players.
     pub(crate) address: SocketAddr,
-    /// Of the emulated link.
+    /// The emulated link.
     pub(crate) proxy: Option<UdpProxy>,
     stop: StopHandle,
     thread: Option<JoinHandle<()>>,
 }
 
 impl ServedNode {
-    /// Begins with a certificate of the authority's; a link comes with what draws its losses.
+    /// Starts with a certificate of the authority; a link comes with the seed of its losses.
     pub(crate) fn start(
         authority: &Authority,
         options: TransportOptions,
@@ -44,7 +44,7 @@ impl ServedNode {
         })
     }
 
-    /// Ends the node, and waits for it.
+    /// Stops the node and waits for its end.
     pub(crate) fn end(&mut self) {
         self.stop.stop();
         if let Some(thread) = self.thread.take() {
@@ -59,7 +59,7 @@ impl Drop for ServedNode {
     }
 }
 
-/// A certificate for today.
+/// A certificate that is valid for a day before and after now.
 pub(crate) fn credentials(
     authority: &Authority,
     role: Role,

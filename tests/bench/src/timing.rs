@@ -1,4 +1,4 @@
-//! CPU time: on a machine that others use too, wall time says little.
+//! Measurement of CPU time, as wall-clock time says little on a machine that others use too.
 
 use std::sync::atomic::AtomicBool;
 
@@ -7,7 +7,7 @@ use carom_tracer::{
 };
 use cpu_time::{ProcessTime, ThreadTime};
 
-/// The least CPU time in ms of `runs` calls.
+/// Minimum CPU time in ms of `runs` calls.
 pub(crate) fn best_ms(runs: u32, mut call: impl FnMut()) -> f64 {
     (0..runs)
         .map(|_| {
@@ -18,18 +18,19 @@ pub(crate) fn best_ms(runs: u32, mut call: impl FnMut()) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// CPU time in ms since then.
+/// CPU time of this thread in ms since `begun`.
 pub(crate) fn ms_since(begun: ThreadTime) -> f64 {
     begun.elapsed().as_secs_f64() * 1e3
 }
 
-/// The middle value; NaN of none.
+/// Median; NaN of no values.
 pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let [middle] = quantiles(values, [0.5]);
     middle
 }
 
-/// The values at these shares of the way from the least, 0, to the largest, 1; between two, the larger. NaN of none.
+/// Quantiles at these shares, from 0 for the minimum to 1 for the maximum; between two values, the
+/// larger. NaN of no values.
 pub(crate) fn quantiles<const N: usize>(
     values: impl IntoIterator<Item = f64>,
     shares: [f64; N],
@@ -41,7 +42,7 @@ pub(crate) fn quantiles<const N: usize>(
     shares.map(|share| value(share).unwrap_or(f64::NAN))
 }
 
-/// Milliseconds of a whole picture: the device's own where it tells them, else CPU time.
+/// Time of a whole picture in ms: the device's own where it reports that, otherwise CPU time.
 ///
 /// # Errors
 /// The tracer's.
@@ -70,5 +71,5 @@ pub(crate) fn milliseconds(
     })
 }
 
-/// The farm's own tiles.
+/// Edge of a tile, as in the farm.
 const TILE_EDGE: u16 = 32;

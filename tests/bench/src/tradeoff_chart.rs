@@ -60,7 +60,7 @@ impl Tradeoff {
         )
     }
 
-    /// Of one back end, with the line of the choices that no other beats.
+    /// Series of one back end, with the line of its Pareto front.
     fn series(&self, backend: &str) -> [Series; 4] {
         let points = |wanted: fn(&TradeoffRow) -> bool| -> Vec<(f64, f64)> {
             let rows = self.rows.iter();

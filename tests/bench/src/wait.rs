@@ -1,4 +1,4 @@
-//! Wait of a bench for its nodes: a line after three seconds, an error in the end.
+//! Wait of a bench for its nodes: a message after three seconds, an error at the timeout.
 
 use std::time::{Duration, Instant};
 
@@ -13,7 +13,7 @@ pub(crate) struct WaitArgs {
     timeout_secs: u64,
 }
 
-/// A wait that has begun.
+/// A wait in progress.
 pub(crate) struct Wait {
     begun: Instant,
     timeout: Duration,
@@ -32,7 +32,7 @@ impl WaitArgs {
     /// The next frame of a farm.
     ///
     /// # Errors
-    /// A sentence with the state of each node, if none comes in time.
+    /// A sentence with the state of each node, if no frame comes in time.
     pub(crate) fn frame(self, farm: &mut Farm) -> anyhow::Result<Frame> {
         let mut wait = self.begin();
         loop {
@@ -45,7 +45,7 @@ impl WaitArgs {
 }
 
 impl Wait {
-    /// Until there is something to report.
+    /// Time left until there is something to report.
     pub(crate) fn left(&self) -> Duration {
         let next = match self.reported {
             true => self.timeout,
@@ -54,10 +54,10 @@ impl Wait {
         next.saturating_sub(self.begun.elapsed())
     }
 
-    /// Says once that it takes long.
+    /// Reports once that the wait takes long.
     ///
     /// # Errors
-    /// A sentence, once the time is over.
+    /// A sentence, after the timeout.
     pub(crate) fn check(&mut self, what: &str, states: impl Fn() -> String) -> anyhow::Result<()> {
         let (waited, most) = (self.begun.elapsed(), self.timeout.as_secs());
         if waited >= self.timeout {
@@ -77,7 +77,7 @@ impl Wait {
         Ok(())
     }
 
-    /// The same, with the states of a farm's nodes.
+    /// As [`Wait::check`], with the states of a farm's nodes.
     ///
     /// # Errors
     /// As [`Wait::check`].
@@ -94,7 +94,7 @@ fn states(farm: &Farm, begun: Instant) -> String {
     states.join("; ")
 }
 
-/// As long as a render waits in silence.
+/// Time without a message, the same as that of a render.
 const REPORT_AFTER: Duration = Duration::from_secs(3);
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Errors of the test kit: configurations that cannot be.
+//! Errors of the test kit: invalid configurations.
 
 use std::time::Duration;
 
@@ -8,25 +8,25 @@ pub enum Error {
     /// A share of packets of a link.
     #[error("{quantity} is {share}: it must be from 0 to 1")]
     PacketShare {
-        /// What is shared out.
+        /// Name of the setting.
         quantity: &'static str,
         /// The share.
         share: f64,
     },
-    /// Packets that are lost together on average.
+    /// Mean number of packets that are lost together.
     #[error("burst is {0}: it must be 1 or more")]
     Burst(f64),
-    /// Bits per second of a link.
+    /// Rate of a link, in bits per second.
     #[error("the rate is {0}: it must be from 1e3 to 1e12 bits per second")]
     Rate(f64),
-    /// Bytes of the longest packets that pass a link.
+    /// Largest packets that pass a link, in bytes.
     #[error(
         "packets of at most {bytes_max} bytes pass: QUIC sends no shorter ones than {quic_bytes_min}"
     )]
     PacketBytes {
         /// Configured.
         bytes_max: usize,
-        /// RFC 9000, 14.
+        /// Smallest datagram size that QUIC needs: RFC 9000, 14.
         quic_bytes_min: usize,
     },
     /// Delay or jitter of a link.
@@ -34,7 +34,7 @@ pub enum Error {
     Delay {
         /// The longer of both.
         delay: Duration,
-        /// The bound.
+        /// Maximum.
         delay_max: Duration,
     },
     /// A share of a device's time.

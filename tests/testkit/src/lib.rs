@@ -1,6 +1,7 @@
-//! Farms on virtual time, emulated links, tracers of known output and a throttle, for tests and benches.
+//! Test kit: farms on virtual time, emulated links, tracers of known output and a throttle, for tests
+//! and benches.
 //!
-//! Never part of the product: `tests/tests/architecture.rs` sees to it.
+//! Never part of the product: `tests/tests/architecture.rs` checks that.
 
 pub mod error;
 pub mod link_emulator;

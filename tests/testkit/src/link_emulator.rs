@@ -6,24 +6,24 @@ use std::time::Duration;
 use crate::error::Error;
 use crate::random::SplitMix64;
 
-/// What a path does to packets. The default is a perfect one.
+/// Properties of one direction of a link. The default is a perfect one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkConfig {
-    /// Of every packet, one way.
+    /// Delay of every packet, one way.
     pub delay: Duration,
-    /// Mean of an exponentially distributed delay on top. Packets stay in order.
+    /// Mean of an additional, exponentially distributed delay. Packets stay in order.
     pub jitter: Duration,
     /// Share of packets that are lost, 0 to 1.
     pub loss: f64,
-    /// Packets that are lost together on average, 1 or more: the loss comes in bursts.
+    /// Mean number of consecutive losses, 1 or more.
     pub burst: f64,
-    /// Bits per second; `None` for no limit.
+    /// Rate in bits per second; `None` for no limit.
     pub rate: Option<f64>,
-    /// Bytes that wait for the rate; what comes beyond is lost.
+    /// Capacity of the queue before the rate limit, in bytes; packets beyond it are lost.
     pub queue_bytes: usize,
     /// Share of packets that arrive before those ahead of them, 0 to 1.
     pub reorder: f64,
-    /// Bytes of the longest packets that pass; longer ones are lost, as a sender finds out.
+    /// Largest packets that pass, in bytes; larger ones are lost, from which a sender finds the limit.
     pub packet_bytes_max: usize,
 }
 
@@ -81,15 +81,15 @@ impl LinkConfig {
 pub struct LinkEmulator {
     config: LinkConfig,
     random: SplitMix64,
-    /// When the packet before has left the queue.
+    /// Time at which the previous packet leaves the queue.
     free_at: Duration,
-    /// When the packet before arrives.
+    /// Time at which the previous packet arrives.
     arrived: Duration,
     in_burst: bool,
 }
 
 impl LinkEmulator {
-    /// Equal seeds draw the same fate for the same packets.
+    /// An emulator: equal seeds give the same packets the same fate.
     pub fn new(config: LinkConfig, seed: u64) -> Self {
         Self {
             config,
@@ -100,12 +100,13 @@ impl LinkEmulator {
         }
     }
 
-    /// When a packet that is sent `now` arrives; `None` if it is lost.
+    /// Time of arrival of a packet that is sent `now`; `None` if it is lost.
     pub fn send(&mut self, now: Duration, bytes: usize) -> Option<Duration> {
         if bytes > self.config.packet_bytes_max {
             return None;
         }
         let lost = self.loses();
+        // A lost packet uses the rate as well: it is lost behind the bottleneck.
         let left = self.leaves_queue(now, bytes)?;
         if lost {
             return None;
@@ -119,12 +120,13 @@ impl LinkEmulator {
         Some(self.arrived)
     }
 
-    /// How long a packet that is sent `now` waits for those before it.
+    /// Waiting time in the queue of a packet that is sent `now`.
     pub(crate) fn queue_delay(&self, now: Duration) -> Duration {
         self.free_at.saturating_sub(now)
     }
 
-    /// The chain of Gilbert (1960): bursts begin so often that the share is right.
+    /// Gilbert's two-state Markov chain (1960): a burst continues with probability 1 − 1/burst, and
+    /// begins with loss / (burst · (1 − loss)), at which the stationary share of losses is `loss`.
     fn loses(&mut self) -> bool {
         let LinkConfig { loss, burst, .. } = self.config;
         let begins = (loss / (burst * (1.0 - loss).max(1e-9))).min(1.0);
@@ -132,7 +134,7 @@ impl LinkEmulator {
             true => 1.0 - 1.0 / burst,
             false => begins,
         };
-        // Without bursts each packet stands for itself.
+        // Without bursts losses are independent.
         let chance = if burst <= 1.0 { loss } else { chance };
         self.in_burst = self.random.uniform() < chance;
         self.in_burst
@@ -152,9 +154,9 @@ impl LinkEmulator {
     }
 }
 
-/// What Ethernet's 1500 bytes leave after the headers of IPv4 and UDP.
+/// Payload of a UDP datagram: Ethernet's 1500 bytes less the headers of IPv4 and UDP.
 const ETHERNET_BYTES: usize = 1472;
-/// RFC 9000, 14.
+/// Smallest datagram size that QUIC needs: RFC 9000, 14.
 const QUIC_BYTES_MIN: usize = 1200;
-/// Packets that wait longer are of no use to anybody.
+/// Maximum delay: later packets are of no use.
 const DELAY_MAX: Duration = Duration::from_secs(10);

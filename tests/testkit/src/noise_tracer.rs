@@ -1,4 +1,4 @@
-//! A tracer of noise that no codec compresses, for benches of the network.
+//! A tracer of incompressible noise, for benches of the network.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
@@ -13,20 +13,20 @@ use carom_tracer::{
 
 use crate::random::SplitMix64;
 
-/// Hands out pixels that no codec makes smaller, a message of tiles at a time, and remembers when.
+/// A tracer of incompressible pixels, which delivers a message of tiles at a time and records when.
 pub struct NoiseTracer {
-    /// After each message.
+    /// Interval between messages.
     pause: Duration,
     bank: Vec<Vec<[f32; 3]>>,
-    /// By seed and the message's first tile.
+    /// Times of delivery, by seed and the message's first tile.
     handed_over: Mutex<BTreeMap<(u32, u32), Instant>>,
 }
 
 impl NoiseTracer {
-    /// Messages of 4056 bytes in a frame.
+    /// Messages in a frame, of 4056 bytes each.
     pub const MESSAGES: u32 = 16;
 
-    /// Rests for `pause` after each message.
+    /// A tracer that delivers a message every `pause`.
     pub fn new(pause: Duration) -> Self {
         Self {
             pause,
@@ -35,7 +35,7 @@ impl NoiseTracer {
         }
     }
 
-    /// The frame.
+    /// Grid of a frame's tiles.
     pub const fn grid() -> TileGrid {
         let edge = TILE_EDGE as u32;
         let size = ImageSize::new(TILES_PER_MESSAGE_MAX * edge, Self::MESSAGES * edge);
@@ -52,7 +52,7 @@ impl NoiseTracer {
         grid.tiles(run).zip(self.bank.iter().cloned()).collect()
     }
 
-    /// When the message of these tiles left the tracer.
+    /// Time at which the message of these tiles left the tracer.
     pub fn handed_over(&self, seed: u32, tiles: TileRange) -> Option<Instant> {
         let handed = self
             .handed_over
@@ -84,7 +84,7 @@ impl Tracer for NoiseTracer {
             if job.cancelled.load(Ordering::Relaxed) {
                 break;
             }
-            // The work of a device, which waits for no processor.
+            // Stands for the work of a device, which uses no processor.
             due += self.pause;
             std::thread::sleep(due.saturating_duration_since(Instant::now()));
             let key = (job.settings.seed, first as u32);
@@ -108,7 +108,7 @@ impl Tracer for NoiseTracer {
     }
 }
 
-/// Tiles of noise, evenly over the levels of sRGB, nearly.
+/// Tiles of noise, nearly uniform over the levels of sRGB.
 fn bank() -> Vec<Vec<[f32; 3]>> {
     let mut random = SplitMix64::new(1);
     let mut channel = || random.uniform().powf(2.2) as f32;
@@ -117,7 +117,7 @@ fn bank() -> Vec<Vec<[f32; 3]>> {
     (0..BANK_TILES).map(|_| tile()).collect()
 }
 
-/// Prime, so that a place does not get the same tile again for many frames.
+/// Number of different tiles: a prime, so that a place gets the same tile again only after many frames.
 const BANK_TILES: usize = 509;
-/// 8 tiles of 13 pixels are 4056 bytes.
+/// Edge of a tile: 8 tiles of 13 × 13 pixels are 4056 bytes.
 const TILE_EDGE: u16 = 13;

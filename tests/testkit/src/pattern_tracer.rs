@@ -1,5 +1,5 @@
-//! A tracer of known output: its radiance is a hash of pixel, sample, seed and camera, and it fails when
-//! told to.
+//! A tracer of known output: its radiance is a hash of pixel, sample, seed and camera, and it fails on
+//! demand.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Condvar, Mutex};
@@ -13,30 +13,30 @@ use carom_tracer::{
 };
 use glam::{Quat, Vec3};
 
-/// A device whose pixels are a hash of where and of what they are.
+/// A device whose pixels are a hash of their position and of what they show.
 pub struct PatternTracer {
     pace: Duration,
     fault: Option<DeviceFault>,
-    /// Tiles until the fault; it stays from then on, but for a gate that has opened.
+    /// Tiles left before the fault, which persists unless its gate has opened.
     tiles_left: AtomicU32,
 }
 
-/// How a device fails.
+/// A fault of a device.
 #[derive(Clone)]
 pub enum DeviceFault {
-    /// By an error.
+    /// It returns an error.
     Error,
-    /// By pixels that are half as bright again.
+    /// It returns pixels that are 1.5 times as bright, from the first tile on.
     Forgery,
-    /// By an error that blames the scene.
+    /// It returns an error that blames the scene.
     Refusal,
-    /// By a panic.
+    /// It panics.
     Panic,
-    /// Until the gate opens.
+    /// It hangs until the gate opens.
     Hang(Gate),
 }
 
-/// Where a device hangs.
+/// A gate at which a device hangs.
 #[derive(Clone, Default)]
 pub struct Gate(Arc<(Mutex<GateState>, Condvar)>);
 
@@ -47,12 +47,12 @@ struct GateState {
 }
 
 impl Gate {
-    /// Nothing passes until it is opened.
+    /// A closed gate.
     pub fn closed() -> Self {
         Self::default()
     }
 
-    /// Lets all pass from now on.
+    /// Opens the gate for good.
     pub fn open(&self) {
         self.0.0.lock().unwrap().open = true;
         self.0.1.notify_all();
@@ -83,12 +83,12 @@ impl Default for PatternTracer {
 }
 
 impl PatternTracer {
-    /// As fast as it goes, and sound.
+    /// A sound device without artificial delay.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Makes each tile take that many microseconds.
+    /// Sets the additional time per tile, in µs.
     pub fn with_pace(mut self, micros: u64) -> Self {
         self.pace = Duration::from_micros(micros);
         self
@@ -167,12 +167,12 @@ impl Tracer for PatternTracer {
     }
 }
 
-/// What a farm must make of `spec` in [`scene`].
+/// The expected picture of `spec` in [`scene`].
 pub fn picture(spec: &FrameSpec) -> Vec<[f32; 3]> {
     picture_of(&scene(), spec)
 }
 
-/// What a farm must make of `spec`.
+/// The expected picture of `spec` in a scene.
 pub fn picture_of(scene: &Scene, spec: &FrameSpec) -> Vec<[f32; 3]> {
     let tile = Tile {
         x: 0,
@@ -183,7 +183,7 @@ pub fn picture_of(scene: &Scene, spec: &FrameSpec) -> Vec<[f32; 3]> {
     tile_radiance(tile, &scene.camera, &spec.settings)
 }
 
-/// The mean over the samples that are asked for.
+/// Radiance of a tile: the mean over the requested samples.
 fn tile_radiance(tile: Tile, camera: &Camera, settings: &RenderSettings) -> Vec<[f32; 3]> {
     let rows = tile.y..tile.y + tile.height;
     let pixels = rows.flat_map(|y| (tile.x..tile.x + tile.width).map(move |x| pixel_key(x, y)));

@@ -22,7 +22,7 @@ impl SplitMix64 {
         random
     }
 
-    /// All bits even.
+    /// The next 64 uniformly distributed bits.
     pub fn word(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut word = self.0;
@@ -31,22 +31,23 @@ impl SplitMix64 {
         word ^ (word >> 31)
     }
 
-    /// Evenly in [0, 1).
+    /// Uniform in [0, 1).
     pub fn uniform(&mut self) -> f64 {
+        // The upper 53 bits, as many as the significand of an f64 has.
         (self.word() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Evenly in 0 … `below` − 1.
+    /// Uniform in 0 … `below` − 1, up to a bias of `below` / 2⁶⁴.
     pub fn below(&mut self, below: u64) -> u64 {
         self.word() % below.max(1)
     }
 
-    /// Exponentially with mean 1.
+    /// Exponentially distributed with mean 1.
     pub fn exponential(&mut self) -> f64 {
         -(1.0 - self.uniform()).ln()
     }
 
-    /// Normally with mean 0 and deviation 1 (Box and Muller, 1958).
+    /// Normally distributed with mean 0 and deviation 1 (Box and Muller, 1958).
     pub fn normal(&mut self) -> f64 {
         (2.0 * self.exponential()).sqrt() * (TAU * self.uniform()).cos()
     }

@@ -1,7 +1,7 @@
-//! A tracer held to a share of its device.
+//! A tracer limited to a share of its device's time.
 //!
 //! ```text
-//! run ─▶ pieces of a few ms ─▶ tracer ─▶ rest, so that the piece has taken 1 / share as long ─▶ sink
+//! run ─▶ pieces of a few ms ─▶ tracer ─▶ sleep, so that the piece has taken 1 / share as long ─▶ sink
 //! ```
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -14,12 +14,14 @@ use carom_tracer::{
 };
 use cpu_time::ProcessTime;
 
-/// What part of a machine may be used, above 0 and at most 1; all copies are one, and it may be
+/// Share of a machine that may be used, above 0 and at most 1. Clones share one value, which may be
 /// changed at any time. Lower leaves more of the machine to others; higher makes pictures sooner.
 #[derive(Clone, Debug)]
 pub struct DeviceShare(Arc<AtomicU64>);
 
 impl DeviceShare {
+    /// A share of a machine.
+    ///
     /// # Errors
     /// [`crate::Error::DeviceShare`] if it is not above 0 and at most 1.
     pub fn new(share: f64) -> Result<Self, crate::Error> {
@@ -28,10 +30,10 @@ impl DeviceShare {
         Ok(new)
     }
 
-    /// Takes effect with the next few milliseconds of work.
+    /// Sets the share, with effect from the next few milliseconds of work on.
     ///
     /// # Errors
-    /// As [`DeviceShare::new`]; the share before stays.
+    /// As [`DeviceShare::new`]; the share then stays as it was.
     pub fn set(&self, share: f64) -> Result<(), crate::Error> {
         if !(share > 0.0 && share <= 1.0) {
             return Err(crate::Error::DeviceShare(share));
@@ -40,33 +42,33 @@ impl DeviceShare {
         Ok(())
     }
 
-    /// As it is now.
+    /// The current share.
     pub fn get(&self) -> f64 {
         f64::from_bits(self.0.load(Ordering::Relaxed))
     }
 }
 
-/// Traces with another tracer and rests in between.
+/// A tracer that traces with another one and sleeps in between.
 ///
-/// A processor's time is counted as the system counts this process's, so that a machine which is
-/// busy with other things does not slow it twice; a GPU's by the clock.
+/// The work of a processor is measured in CPU time of this process, so that a machine that is busy with
+/// other things does not slow it twice; that of a GPU in wall-clock time.
 pub struct ThrottledTracer {
     tracer: Arc<dyn Tracer>,
     share: DeviceShare,
-    /// Whose turn it is, and what it still has to rest: at most one run is traced at a time.
+    /// Sleep that is still due. The lock also ensures that at most one run is traced at a time.
     debt: Mutex<RestDebt>,
 }
 
 #[derive(Default)]
 struct RestDebt {
-    /// Rest that is due; below 0 if the last was longer than it had to be.
+    /// Sleep that is due in s; below 0 if the last one was longer than required.
     owed_secs: f64,
     /// Seconds per pixel sample, once known.
     secs_per_sample: Option<f64>,
 }
 
 impl ThrottledTracer {
-    /// `tracer`, with `share` of it.
+    /// `tracer`, limited to `share`.
     pub fn new(tracer: Arc<dyn Tracer>, share: DeviceShare) -> Self {
         Self {
             tracer,
@@ -75,7 +77,8 @@ impl ThrottledTracer {
         }
     }
 
-    /// Traces one piece and rests, before its tiles are handed over: others see how long it took.
+    /// Traces one piece and sleeps before its tiles are delivered, so that receivers see the throttled
+    /// time.
     fn piece(
         &self,
         debt: &mut RestDebt,
@@ -97,14 +100,15 @@ impl ThrottledTracer {
             }
         };
         debt.secs_per_sample = Some(alone_secs / samples(job, job.tiles).max(1.0));
+        // A piece is to last 1/share of its time alone, of which the wall-clock time is over already.
         debt.owed_secs += (alone_secs / self.share.get() - wall_secs).max(0.0);
         debt.rest(job.cancelled);
         let finished = finished.into_inner();
         Ok((finished.unwrap_or_else(PoisonError::into_inner), stats))
     }
 
-    /// How many of `tiles` come next. A GPU is quick only at whole runs, and a denoiser traces a
-    /// guard band around each piece.
+    /// Number of `tiles` in the next piece. A run is not split for a GPU, which is fast only on whole
+    /// runs, nor for a denoiser, which traces a guard band around each piece.
     fn piece_len(&self, debt: &RestDebt, job: &TraceJob<'_>, tiles: &[Tile]) -> usize {
         if job.settings.denoise || self.tracer.info().kind == DeviceKind::Gpu {
             return tiles.len();
@@ -118,7 +122,7 @@ impl ThrottledTracer {
 }
 
 impl Tracer for ThrottledTracer {
-    /// The device's name says of which share it is.
+    /// Information on the device, whose name includes the share.
     fn info(&self) -> DeviceInfo {
         let mut info = self.tracer.info();
         let share = self.share.get();
@@ -171,14 +175,15 @@ impl Tracer for ThrottledTracer {
 }
 
 impl RestDebt {
-    /// Rests as long as is due, or until `cancelled`.
+    /// Sleeps as long as is due, or until `cancelled`.
     fn rest(&mut self, cancelled: &AtomicBool) {
         while self.owed_secs > REST_SECS_MIN && !cancelled.load(Ordering::Relaxed) {
             let begun = Instant::now();
             std::thread::sleep(Duration::from_secs_f64(self.owed_secs.min(REST_SECS_MAX)));
             self.owed_secs -= begun.elapsed().as_secs_f64();
         }
-        // What a cancelled run owes is not asked of the next, nor is a long sleep made up for.
+        // Clamped, so that neither the debt of a cancelled run nor the excess of a long sleep carries
+        // over.
         self.owed_secs = self.owed_secs.clamp(-REST_SECS_MAX, REST_SECS_MIN);
     }
 }
@@ -188,17 +193,18 @@ fn samples(job: &TraceJob<'_>, tiles: &[Tile]) -> f64 {
     pixels as f64 * f64::from(job.settings.samples)
 }
 
-/// Without digits that say nothing.
+/// The share in percent, rounded to one decimal.
 fn percent(share: f64) -> f64 {
     (1000.0 * share).round() / 10.0
 }
 
-/// Work between two rests: short, so that tiles of a slow node come one by one, and longer than
-/// what a call of a tracer costs by itself.
+/// Work between two sleeps in s: short, so that tiles of a slow node come one by one, and longer than
+/// the overhead of a call of a tracer.
 const PIECE_SECS: f64 = 1e-3;
-/// Shorter ones are left for later: a system's sleep is a twentieth of a millisecond longer.
+/// Shortest sleep in s; shorter ones accumulate, as the system sleeps a twentieth of a millisecond
+/// longer.
 const REST_SECS_MIN: f64 = 1e-4;
-/// Of one sleep: a cancelled run ends within it.
+/// Longest sleep in s, within which a cancelled run ends.
 const REST_SECS_MAX: f64 = 5e-3;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! A UDP proxy that passes packets on over emulated links, in this process.
+//! An in-process UDP proxy that forwards packets over emulated links.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap, VecDeque};
@@ -11,21 +11,22 @@ use std::time::{Duration, Instant};
 
 use crate::link_emulator::{LinkConfig, LinkEmulator};
 
-/// Packets between clients and one server, each way through a path of its own. Ends when dropped.
+/// Forwards packets between clients and one server, each direction over a link of its own. Ends when
+/// dropped.
 pub struct UdpProxy {
     address: SocketAddr,
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
 }
 
-/// What has become of packets, both ways together.
+/// Counts of packets, both directions together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PacketCounts {
-    /// Passed on.
+    /// Number of forwarded packets.
     pub passed: u64,
-    /// Their bytes, without those of UDP and IP.
+    /// Their payload in bytes, without UDP and IP headers.
     pub passed_bytes: u64,
-    /// Lost on purpose, or for want of room in a queue.
+    /// Number of packets lost by the link's loss or a full queue.
     pub lost: u64,
 }
 
@@ -38,12 +39,12 @@ struct Shared {
     passed: AtomicU64,
     passed_bytes: AtomicU64,
     lost: AtomicU64,
-    /// Of the server's packets.
+    /// Queueing delays of the server's packets.
     queue_delays: Mutex<VecDeque<Duration>>,
     began: Instant,
 }
 
-/// Packets under way.
+/// Packets in flight.
 #[derive(Default)]
 struct PacketQueue {
     packets: BinaryHeap<Reverse<DelayedPacket>>,
@@ -52,7 +53,7 @@ struct PacketQueue {
 
 struct DelayedPacket {
     at: Duration,
-    /// The order of those that arrive together.
+    /// Order among packets that arrive at the same time.
     number: u64,
     socket: Arc<UdpSocket>,
     to: SocketAddr,
@@ -60,8 +61,8 @@ struct DelayedPacket {
 }
 
 impl UdpProxy {
-    /// Listens at `listen` and passes packets on to `to`, and its answers back, each way through a
-    /// path as `config` has it. Every client has paths of its own, drawn from `seed`.
+    /// Listens at `listen` and forwards packets to `to`, and answers back, each direction over a link
+    /// as in `config`. Every client has links of its own, drawn from `seed`.
     ///
     /// # Errors
     /// The system's, if the address is in use or not this machine's or there are no threads left;
@@ -99,12 +100,12 @@ impl UdpProxy {
         Ok(proxy)
     }
 
-    /// Where it listens, with the port that the system chose if 0 was asked for.
+    /// Address on which it listens, with the port that the system chose if 0 was requested.
     pub fn local_addr(&self) -> SocketAddr {
         self.address
     }
 
-    /// What has become of packets until now.
+    /// Counts of packets so far.
     pub fn counts(&self) -> PacketCounts {
         PacketCounts {
             passed: self.shared.passed.load(Ordering::Relaxed),
@@ -113,8 +114,8 @@ impl UdpProxy {
         }
     }
 
-    /// How long the server's packets have waited for the rate since the last call, the latest
-    /// 65,536 of them.
+    /// Waiting times of the server's packets for the rate since the last call, the latest 65,536 of
+    /// them.
     pub fn take_queue_delays(&self) -> Vec<Duration> {
         lock(&self.shared.queue_delays).drain(..).collect()
     }
@@ -136,7 +137,7 @@ impl Drop for UdpProxy {
     }
 }
 
-/// A client's way to the server.
+/// A client's link to the server.
 struct ProxyClient {
     upstream: Arc<UdpSocket>,
     there: LinkEmulator,
@@ -156,6 +157,7 @@ impl Shared {
                     tracing::warn!("{from} is one client too many for the proxy");
                     continue;
                 }
+                // Two seeds per client, one for each direction.
                 let seed = seed.wrapping_add(2 * clients.len() as u64);
                 match self.client(socket, from, seed) {
                     Ok(client) => drop(clients.insert(from, client)),
@@ -250,7 +252,7 @@ impl Shared {
                 Some(at) if at <= now => {
                     if let Some(Reverse(packet)) = due.packets.pop() {
                         drop(due);
-                        // A peer that has gone away is no fault of the path.
+                        // Ignored: a peer that is gone is no fault of the link.
                         let _ = packet.socket.send_to(&packet.bytes, packet.to);
                         self.passed.fetch_add(1, Ordering::Relaxed);
                         let bytes = packet.bytes.len() as u64;
@@ -272,8 +274,8 @@ impl Shared {
     }
 }
 
-/// With the system's own buffers, 208 kB: enough for bursts of three frames of 65 kB. What sets larger
-/// ones for QUIC also has the system hand over several packets as one.
+/// Opens a socket with the system's default buffers, 208 kB: enough for bursts of three frames of 65
+/// kB. The code that sets larger ones for QUIC also has the system deliver several packets as one.
 fn open(address: SocketAddr) -> io::Result<UdpSocket> {
     let socket = UdpSocket::bind(address)?;
     socket.set_read_timeout(Some(WAKE_PERIOD))?;
@@ -306,9 +308,9 @@ impl Ord for DelayedPacket {
 
 /// The largest UDP packet.
 const PACKET_BYTES_MAX: usize = 65_535;
-/// Packets under way: a second of 700 Mbit/s.
+/// Maximum packets in flight: a second of 700 Mbit/s.
 const PACKETS_MAX: usize = 1 << 16;
-/// As many nodes or players as any test has; each costs a thread.
+/// Maximum clients: as many nodes or players as any test has; each costs a thread.
 const CLIENTS_MAX: usize = 64;
-/// How long a thread may not notice that it has been stopped.
+/// Longest time until a thread notices that it has been stopped.
 const WAKE_PERIOD: Duration = Duration::from_millis(50);

@@ -6,8 +6,8 @@ use super::{Position, pot_candidates::pot_candidates, skill::Skill};
 use crate::deterministic_math::unit_at;
 use crate::rules::{BallPosition, BallPositions, PlacementArea, place_of};
 
-/// The best place for the cue ball: behind a ball that is on, in line with a pocket or a little off it,
-/// where the chance of the pot is greatest; none where it lies is as good. Ties go to the first.
+/// The best place for the cue ball: behind a ball that is on, in line with a pocket or slightly off it,
+/// where the chance of the pot is greatest; none if its present place is as good. Ties go to the first.
 pub(crate) fn best_placement(
     position: &Position,
     area: PlacementArea,
@@ -41,6 +41,8 @@ fn placement_candidates(position: &Position, others: &BallPositions, on: &[u8]) 
     let mut placement_candidates = Vec::new();
     for object in others.iter().filter(|p| on.contains(&p.ball)) {
         for pocket in &layout.pockets {
+            // Opposite to the pocket as seen from the object ball: a straight pot, and cuts of up to
+            // 35°.
             let Some(way) = (object.at - *pocket).try_normalize() else {
                 continue;
             };
@@ -50,7 +52,7 @@ fn placement_candidates(position: &Position, others: &BallPositions, on: &[u8]) 
             }
         }
     }
-    // The area's own places, for balls that can only be reached from afar.
+    // A grid over the area itself, for balls that can only be reached from afar.
     let half = 0.5 * DVec2::new(layout.length_m, layout.width_m);
     for i in 0..4 {
         for j in -3..=3 {
@@ -65,6 +67,7 @@ fn placement_candidates(position: &Position, others: &BallPositions, on: &[u8]) 
     placement_candidates
 }
 
+/// Distances of candidate places from the object ball.
 const DISTANCES_M: [f64; 3] = [0.2, 0.4, 0.7];
-/// Bounds the geometry.
+/// Maximum number of candidates, which bounds the time.
 const PLACES_MAX: usize = 1600;

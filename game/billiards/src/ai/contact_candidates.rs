@@ -1,5 +1,5 @@
-//! Strokes that only mean to hit a ball, for breaks, safeties and escapes; and, for carom, strokes all
-//! round.
+//! Candidate strokes that only aim to hit a ball, for breaks, safeties and escapes; for carom, strokes
+//! in all directions.
 
 use std::f64::consts::TAU;
 
@@ -11,8 +11,8 @@ use crate::physics::Stroke;
 use crate::rng::CounterRng;
 use crate::rules::{RuleSet, place_of};
 
-/// Strokes to be tried, `count` at most, in an order that the dice draw: half of them straight at a
-/// ball that is on, full or thin, half anywhere, for ways by cushions.
+/// Candidate strokes, `count` at most, drawn at random: half of them directly at a ball that is on,
+/// full or thin, half in any direction, for paths via cushions.
 pub(crate) fn contact_candidates(
     position: &Position,
     count: u32,
@@ -58,7 +58,7 @@ pub(crate) fn contact_candidates(
         .collect()
 }
 
-/// Ways round the table are long and want side.
+/// A candidate for carom: paths round the table are long and need side.
 fn carom(bearing_rad: f64, i: u32, rng: &mut CounterRng) -> Stroke {
     let bearing_rad = if i % 3 == 2 {
         TAU * rng.unit()
@@ -72,15 +72,17 @@ fn carom(bearing_rad: f64, i: u32, rng: &mut CounterRng) -> Stroke {
     }
 }
 
-/// The direction in which the cue ball meets a ball: in its middle for 0, on its right edge for 1.
+/// Direction in rad in which the cue ball hits a ball: full for a `thin` of 0, at its right edge for 1.
 fn towards(cue: DVec2, target: DVec2, reach: f64, thin: f64) -> f64 {
     let way = target - cue;
+    // Half the angle that the circle of contact subtends at the cue ball.
     let half = asin(reach / way.length().max(reach));
-    // At the full angle the balls only touch in passing, and rounding would decide whether they do.
+    // At the full angle the balls just graze, and rounding would decide whether they touch.
     angle_of(way) - 0.97 * thin * half
 }
 
-/// Hard and full where a break should spread the balls, soft and thin where it should not.
+/// Candidates for a break: hard and full where it should spread the balls, soft and thin where it
+/// should not.
 fn breaks(
     position: &Position,
     cue: DVec2,
@@ -123,7 +125,7 @@ fn breaks(
         .collect()
 }
 
-/// More find nothing better, and each takes memory.
+/// Maximum number of candidates: more find nothing better, and each takes memory.
 const HITS_MAX: u32 = 5000;
-/// A break is dear to simulate.
+/// Maximum number of candidates for a break, which is expensive to simulate.
 const BREAKS_MAX: u32 = 24;

@@ -1,12 +1,12 @@
-//! The worth of a shot to the player who makes it.
+//! The value of a shot to its player.
 
 use super::{Position, pot_candidates::pot_candidates, skill::Skill};
 use crate::physics::{Shot, Stroke};
 use crate::rules::{BallPositions, Call, PlacementArea, Referee, RuleSet, Verdict, apply_moves};
 use crate::shot_report::report;
 
-/// What a shot is worth, about −1 (all is lost) to 1 (all is won): what the referee makes of it, and
-/// what the table then offers to whoever is next.
+/// Value of a shot, about −1 (lost) to 1 (won): of the referee's verdict, and of the chance that the
+/// table then offers to the next player.
 pub(crate) fn evaluate(
     position: &Position,
     stroke: &Stroke,
@@ -24,7 +24,7 @@ pub(crate) fn evaluate(
     let positions = apply_moves(&report.after, &verdict.moves);
     let gained = gain(&position.referee, &verdict);
     let mine = referee.turn() == player;
-    // After an attempt of a drill other balls are laid, whatever is left of these.
+    // After an attempt of a drill the balls are laid anew, so that the ones left offer nothing.
     let is_laid_anew = referee.rules().is_drill() && !verdict.goes_on;
     let offered = match is_laid_anew {
         true => 0.0,
@@ -41,7 +41,7 @@ pub(crate) fn evaluate(
         - if verdict.is_foul() { FOUL } else { 0.0 }
 }
 
-/// Whether the shot won a rack, frame or match, or lost one; none if it goes on.
+/// Whether the shot won a rack, frame or match, or lost one; none if neither.
 fn rack_won(before: &Referee, after: &Referee, player: usize) -> Option<bool> {
     // Nobody wins a drill, and its score is not the rack's.
     if before.rules().is_drill() {
@@ -50,6 +50,7 @@ fn rack_won(before: &Referee, after: &Referee, player: usize) -> Option<bool> {
     if let Some(winner) = after.winner() {
         return Some(winner == player);
     }
+    // Games for points have no racks to win.
     let is_points = before.info().unit == "points";
     let other = (player + 1) % before.scores().len();
     let rose = |who: usize| after.scores()[who] > before.scores()[who];
@@ -61,7 +62,7 @@ fn rack_won(before: &Referee, after: &Referee, player: usize) -> Option<bool> {
     }
 }
 
-/// What the shot itself brought.
+/// Value of the verdict itself.
 fn gain(referee: &Referee, verdict: &Verdict) -> f64 {
     match referee.rules() {
         RuleSet::Snooker => {
@@ -82,7 +83,7 @@ fn gain(referee: &Referee, verdict: &Verdict) -> f64 {
     }
 }
 
-/// The chance that whoever is at the table makes the next shot.
+/// Chance that the player at the table makes the next shot.
 fn offer(position: &Position, referee: &Referee, positions: &BallPositions, skill: &Skill) -> f64 {
     if referee.ball_in_hand_area() == Some(PlacementArea::Anywhere) && !referee.is_break() {
         return IN_HAND;
@@ -95,7 +96,8 @@ fn offer(position: &Position, referee: &Referee, positions: &BallPositions, skil
     found.first().map_or(0.0, |line| line.chance)
 }
 
-/// Of a carom that was not made: how much of it was there.
+/// Value of the balls that the cue ball touched, so that a near miss of a carom counts more than a wide
+/// one.
 fn nearness(report: &crate::rules::ShotReport) -> f64 {
     let mut balls: Vec<u8> = report.contacts().collect();
     balls.sort_unstable();
@@ -103,8 +105,9 @@ fn nearness(report: &crate::rules::ShotReport) -> f64 {
     0.1 * balls.len() as f64
 }
 
-/// The next shot is worth this much at most.
+/// Maximum weight of the next shot.
 const OFFER: f64 = 0.5;
+/// Cost of a foul.
 const FOUL: f64 = 0.3;
-/// With the cue ball in hand there is nearly always a pot.
+/// Chance with the cue ball in hand anywhere: there is nearly always a pot.
 const IN_HAND: f64 = 0.95;

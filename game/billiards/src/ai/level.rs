@@ -1,4 +1,4 @@
-//! The computer's strengths, by name.
+//! The computer's levels of strength, by name.
 
 use carom_text::text;
 use serde::{Deserialize, Serialize};

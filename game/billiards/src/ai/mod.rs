@@ -1,13 +1,13 @@
-//! The computer as a player: it strikes through the same calls as a person, and errs as one.
+//! Computer players: they strike through the same calls as people, and make errors as people do.
 //!
 //! ```text
 //! Position ─► lines (pots by geometry) ─┐
 //!          ─► hits (thin, full, by cushions) ─► strokes ─► simulated, judged, worth ─► the best few
 //!                                                          again under the level's error ─► Decision
 //! ```
-//! It knows the rules only through the [`Referee`]: a stroke is worth what the verdict on it says and
-//! what the table then offers to whoever is next. Thinking is bounded by a number of simulated shots
-//! and takes everything in a fixed order, so that the same position and seed give the same decision.
+//! They know the rules only through the [`Referee`]: the value of a stroke is that of its verdict and
+//! of what the table then offers to the next player. The search is bounded by a number of simulated
+//! shots and proceeds in a fixed order, so that the same position and seed give the same decision.
 
 mod ball_placement;
 mod contact_candidates;
@@ -27,7 +27,7 @@ use crate::physics::World;
 use crate::rules::{BallPositions, Referee, TableLayout};
 use crate::shot_report::ball_positions;
 
-/// What the computer looks at: the table, and where the match stands.
+/// Input of the search: the table, and the state of the match.
 #[derive(Clone, Debug)]
 pub struct Position {
     /// The marks of the table.

@@ -1,4 +1,4 @@
-//! Straight pots: from the cue ball by a ghost ball to a pocket, and how likely each is.
+//! Straight pots: cue ball to ghost ball and object ball to pocket, with the chance of each.
 
 use glam::DVec2;
 
@@ -6,7 +6,7 @@ use super::skill::Skill;
 use crate::deterministic_math::{angle_of, exp};
 use crate::rules::{BallPosition, TableLayout, place_of};
 
-/// A straight way from the cue ball by an object ball to a pocket, clear of other balls.
+/// A straight path from the cue ball via an object ball to a pocket, clear of other balls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PotCandidate {
     pub(crate) ball: u8,
@@ -15,15 +15,15 @@ pub(crate) struct PotCandidate {
     pub(crate) bearing_rad: f64,
     /// Unit vector from the object ball to the pocket.
     pub(crate) to_pocket: DVec2,
-    /// By how much the object ball's way turns for a turn of the cue's.
+    /// Change of the object ball's direction per change of the cue's.
     pub(crate) lever: f64,
-    /// How far the balls go together, in m.
+    /// Sum of the paths of both balls, in m.
     pub(crate) length_m: f64,
-    /// The chance to pot it, by geometry and the player's error of direction.
+    /// Chance of the pot, from the geometry and the player's error of direction.
     pub(crate) chance: f64,
 }
 
-/// The straight pots of `targets`, likeliest first.
+/// The straight pots of `targets`, by falling chance.
 pub(crate) fn pot_candidates(
     layout: &TableLayout,
     positions: &[BallPosition],
@@ -64,13 +64,13 @@ fn pot_candidate(
     if cos_cut < COS_CUT_MIN {
         return None;
     }
-    // Cheap tests first: whether the way is clear looks at every ball.
+    // Cheap tests first: whether the paths are clear depends on every ball.
     let half_m = opening_m(layout, hole, to_pocket)?;
     let others = |ball: u8| ball != 0 && ball != object.ball;
     let is_clear = layout.is_clear(positions, (cue, ghost), layout.cue_radius_m, others)
         && layout.is_clear(positions, (object.at, hole), layout.radius_m, others);
-    // A turn δ of the cue moves the cue ball sideways by L·δ at the ghost ball, where that turns the line
-    // of centres by L·δ over the radii and the cosine of the cut.
+    // A turn δ of the cue moves the cue ball sideways by L·δ at the ghost ball, which turns the line of
+    // centres by L·δ over the sum of the radii and the cosine of the cut.
     let lever = to_ghost.length() / (reach * cos_cut);
     let off_m = skill.direction_rad() * lever * way.length();
     is_clear.then(|| PotCandidate {
@@ -84,8 +84,8 @@ fn pot_candidate(
     })
 }
 
-/// By how much a ball's centre may be off when it comes to a pocket, in m: less for a side pocket that
-/// is not approached straight; none where it would meet the cushion first.
+/// Tolerance of a ball's centre at a pocket, in m: less for a side pocket that is not approached
+/// straight; none where the ball would meet the cushion first.
 fn opening_m(layout: &TableLayout, hole: DVec2, to_pocket: DVec2) -> Option<f64> {
     let is_side = hole.x.abs() < 0.2 * layout.length_m;
     let straight = if is_side {
@@ -108,8 +108,8 @@ fn opening_m(layout: &TableLayout, hole: DVec2, to_pocket: DVec2) -> Option<f64>
     (cos > least).then_some(mouth * layout.radius_m * cos)
 }
 
-/// The share of a normal distribution within so many deviations of its mean: erf(x/√2), by the
-/// approximation of Winitzki (2008), off by less than 0.00012.
+/// Share of a normal distribution within this many deviations of its mean: erf(x/√2), by the
+/// approximation of Winitzki (2008), with an error below 0.00012.
 fn within(deviations: f64) -> f64 {
     let square = 0.5 * deviations * deviations;
     let a = 0.147;
@@ -117,11 +117,12 @@ fn within(deviations: f64) -> f64 {
     (1.0 - exp(inner)).max(0.0).sqrt()
 }
 
-/// Cuts of more than 80° are left out.
+/// Cosine of the largest cut angle: about 80°.
 const COS_CUT_MIN: f64 = 0.17;
+/// Cosines of the largest angles of approach of side and corner pockets: 60° and about 46°.
 const COS_SIDE_MIN: f64 = 0.5;
 const COS_CORNER_MIN: f64 = 0.7;
-/// Between the balls of snooker, 26.25 mm, and those of pool.
+/// Ball radius that separates snooker, 26.25 mm, from pool.
 const SNOOKER_RADIUS_M: f64 = 0.0275;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The search for a shot: from a position to what the computer does.
+//! The search for a shot: from a position to the computer's decision.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -17,29 +17,29 @@ use crate::physics::{AimContact, Stroke, predict};
 use crate::rng::CounterRng;
 use crate::rules::{Call, Calls, Choice, RuleSet};
 
-/// What the computer does, in this order.
+/// The computer's decision; its parts are carried out in this order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decision {
-    /// What it decides, if there was a choice; after [`Choice::Return`] and the like the other player
-    /// is at the table and the rest does not count.
+    /// Its choice, if there was one to make; after [`Choice::Return`] and the like the other player is
+    /// at the table and the rest does not count.
     pub choice: Option<Choice>,
-    /// Where it puts the cue ball, if it is in hand and does not stay.
+    /// Place of the cue ball, if it is in hand and moved.
     pub place: Option<DVec2>,
-    /// What it says.
+    /// Its call.
     pub call: Option<Call>,
-    /// What the stroke is for, also where the rules ask for no call: a pot with its pocket, or a safety;
+    /// Purpose of the stroke, also where the rules ask for no call: a pot with its pocket, or a safety;
     /// none for a break or a carom.
     pub aim: Option<Call>,
-    /// How it means to strike: [`Skill::add_error`] makes of it what it does.
+    /// Intended stroke; [`Skill::add_error`] turns it into the actual one.
     pub stroke: Stroke,
-    /// What it hopes for, about −1 to 1.
+    /// Expected value of the shot, about −1 to 1.
     pub worth: f64,
-    /// Shots that were simulated, in whole or up to the first contact.
+    /// Number of simulated shots, whole or up to the first contact.
     pub simulated: u32,
 }
 
-/// Thinks. `seed` draws what is tried; the same position and seed give the same decision. Ends early,
-/// with the best so far, once `stop` is set.
+/// Searches for a decision. `seed` draws the candidates; the same position and seed give the same
+/// decision. Ends early, with the best so far, once `stop` is set.
 pub fn think(position: &Position, skill: &Skill, seed: u32, stop: &AtomicBool) -> Decision {
     let mut position = position.clone();
     let choice = decide(&mut position, skill);
@@ -80,7 +80,8 @@ pub fn think(position: &Position, skill: &Skill, seed: u32, stop: &AtomicBool) -
     }
 }
 
-/// Plays on where there is a fair pot; else lets the other player, or takes what is offered.
+/// Makes the choice that is offered: plays on where there is a fair pot, otherwise returns the turn or
+/// takes what is offered.
 fn decide(position: &mut Position, skill: &Skill) -> Option<Choice> {
     let options = position.referee.options().to_vec();
     if options.is_empty() {
@@ -101,7 +102,7 @@ fn decide(position: &mut Position, skill: &Skill) -> Option<Choice> {
         .choose(&position.layout, &positions, choice)
     {
         for p in &verdict.moves {
-            // A ball that finds no room stays: the match says so when it comes to it.
+            // A ball that has no room stays where it is: the match reports that.
             let _ = position.world.place(p.ball, p.at.x, p.at.y);
         }
     }
@@ -126,7 +127,7 @@ struct ShotSearch<'a> {
 }
 
 impl ShotSearch<'_> {
-    /// Straight pots, likeliest first, each with several touches.
+    /// Considers straight pots by falling chance, each with several speeds and heights of the tip.
     fn pots(&mut self) {
         if self.position.referee.is_break() {
             return;
@@ -140,6 +141,7 @@ impl ShotSearch<'_> {
                 if self.left <= reserve {
                     return;
                 }
+                // Heuristic: longer paths need more speed.
                 let speed_m_s = (stretch * (0.9 + 0.75 * line.length_m)).clamp(0.8, 6.0);
                 let stroke = Stroke {
                     vertical,
@@ -156,7 +158,7 @@ impl ShotSearch<'_> {
         }
     }
 
-    /// Breaks, safeties, escapes, caroms.
+    /// Considers breaks, safeties, escapes and caroms.
     fn others(&mut self) {
         // A drill asks for pots: luck and safeties are no answer to it.
         if self.position.referee.rules().is_drill() && !self.found.is_empty() {
@@ -165,6 +167,7 @@ impl ShotSearch<'_> {
         let trials = self.skill.trials;
         let kept = (trials.0 as u32 * trials.1).min(self.left / 2);
         let good = self.found.iter().any(|found| found.worth > GOOD);
+        // With a good pot a third of the budget is enough to look for something better.
         let count = (self.left - kept) / if good { 3 } else { 1 };
         let referee = &self.position.referee;
         let is_carom = referee.rules() == RuleSet::ThreeCushion;
@@ -178,7 +181,7 @@ impl ShotSearch<'_> {
         }
     }
 
-    /// The best few again, as the player would really strike them.
+    /// Evaluates the best few again, as the mean over strokes with the player's own error.
     fn weigh(&mut self) {
         self.sort();
         let (count, trials) = self.skill.trials;
@@ -188,11 +191,13 @@ impl ShotSearch<'_> {
         }
         for index in 0..self.found.len() {
             let found = self.found[index];
-            // Common draws: what differs is the stroke, not the luck.
+            // Common random numbers: each stroke has the same errors, which lowers the variance of
+            // their differences.
             let mut rng = CounterRng::new(trials, WEIGH);
             let (mut sum, mut tried) = (0.0, 0.0);
             for _ in 0..trials {
-                // A stroke that is good only if struck exactly loses here against one that forgives.
+                // A stroke that is good only if played exactly loses here against one that tolerates
+                // errors.
                 let strayed = self.skill.add_error(found.stroke, &mut rng);
                 if let Some(worth) = self.simulated(strayed, found.call) {
                     sum += worth;
@@ -231,8 +236,8 @@ impl ShotSearch<'_> {
         Some(evaluate(self.position, &stroke, &shot, call, self.skill) - cost)
     }
 
-    /// The stroke turned until the object ball leaves for the pocket: throw, squirt and swerve are in
-    /// the simulation.
+    /// Turns the stroke until the object ball leaves towards the pocket: the simulation includes throw,
+    /// squirt and swerve.
     fn aimed(&mut self, line: &PotCandidate, mut stroke: Stroke) -> Option<Stroke> {
         for _ in 0..CORRECTIONS {
             if !self.counts() {
@@ -255,9 +260,9 @@ impl ShotSearch<'_> {
             if off.abs() < AIMED_RAD {
                 break;
             }
-            // A cue turned to the left meets the ball more on its left and sends it to the right.
-            // A secant step whose slope is known from geometry. The clamp keeps thin cuts, of large
-            // levers, from losing the ball.
+            // Newton's step with the slope −lever from geometry: a cue turned to the left meets the
+            // ball more on its left and sends it to the right. The clamp keeps thin cuts, whose levers
+            // are large, from missing the ball.
             stroke.direction_rad += (off / line.lever).clamp(-0.2, 0.2);
         }
         Some(stroke)
@@ -279,13 +284,13 @@ impl ShotSearch<'_> {
         self.position.referee.info().calls
     }
 
-    /// What is left for other strokes and for trials.
+    /// Number of simulations reserved for other strokes and for the re-evaluation.
     fn reserve(&self) -> u32 {
         let (count, trials) = self.skill.trials;
         (count as u32 * trials).min(self.skill.shots / 2) + self.skill.shots / 6
     }
 
-    /// Whether one more simulation is allowed; it then counts.
+    /// Whether one more simulation is allowed; if so, counts it.
     fn counts(&mut self) -> bool {
         let allowed = self.left > 0 && !self.stop.load(Ordering::Relaxed);
         self.left -= u32::from(allowed);
@@ -293,7 +298,7 @@ impl ShotSearch<'_> {
     }
 }
 
-/// How much harder than needed, and where the tip goes: follow, stun and draw.
+/// Factors of the speed and vertical offsets of the tip: follow, stun and draw.
 const TOUCHES: [(f64, f64); 6] = [
     (1.0, 0.0),
     (1.0, 0.3),
@@ -303,14 +308,14 @@ const TOUCHES: [(f64, f64); 6] = [
     (1.6, 0.35),
 ];
 const LINES_MAX: usize = 8;
-/// Predictions to aim one stroke.
+/// Maximum number of predictions to aim one stroke.
 const CORRECTIONS: u32 = 3;
-/// 3 mm off after 2 m.
+/// Tolerance of the aim: 3 mm after 2 m.
 const AIMED_RAD: f64 = 1.5e-3;
-/// A pot that is worth trying.
+/// Chance above which a pot is worth trying.
 const FAIR: f64 = 0.35;
-/// Worth more than any safety.
+/// Value above that of any safety.
 const GOOD: f64 = 0.3;
-/// Streams of draws.
+/// Random streams of the search and of its re-evaluation.
 const THINK: u32 = 0x7468_696e;
 const WEIGH: u32 = 0x7765_6967;

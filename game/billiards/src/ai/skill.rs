@@ -1,29 +1,30 @@
-//! The skill of a level: how far its strokes are off, and how long it thinks.
+//! Skill of a level: the errors of its strokes, and the extent of its search.
 
 use super::Level;
 use crate::physics::Stroke;
 use crate::rng::CounterRng;
 
-/// What makes a level.
+/// Parameters of a level.
 ///
-/// The errors are normal, and in the proportion in which the programs at the Computer Olympiad's pool
-/// tournaments erred: 0.125° of direction, 0.1° of elevation, 0.5 mm of the tip each way (Stanford's
-/// FastFiz, `GaussianNoise`, at magnitude 1). Its 0.075 m/s of speed are here a share of the speed, as
-/// much as at 2 m/s: people control a soft stroke better than a hard one.
+/// The errors are normally distributed, in the proportion of the errors at the Computer Olympiad's pool
+/// tournaments: 0.125° of direction, 0.1° of elevation, 0.5 mm of the tip each way (Stanford's FastFiz,
+/// `GaussianNoise`, at magnitude 1). Its 0.075 m/s of speed are here a share of the speed, equal at 2
+/// m/s: people control a soft stroke better than a hard one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Skill {
-    /// Multiples of the tournament's error. Higher: misses more.
+    /// Standard deviations in multiples of the tournament's. Higher: misses more.
     pub error: f64,
-    /// Shots to simulate before a stroke. Higher: finds better strokes, thinks longer; a shot takes
-    /// about 0.1 to 1 ms.
+    /// Number of shots to simulate before a stroke. Higher: finds better strokes, takes longer; a shot
+    /// takes about 0.1 to 1 ms.
     pub shots: u32,
-    /// Strokes that are tried again under the player's own error, and how often each. Higher: takes
-    /// fewer risks.
+    /// Number of strokes that are evaluated again under the player's own error, and trials of each.
+    /// Higher: takes fewer risks.
     pub trials: (usize, u32),
-    /// How much the next shot counts, 0 to 1.
+    /// Weight of the next shot, 0 to 1.
     pub foresight: f64,
-    /// What a stroke of 10 m/s that is no break costs, in the worth of a shot, and as much a tip a radius off
-    /// the middle; others by their squares. Higher: plays softer and plainer, as a teacher would.
+    /// Cost of a stroke that is no break, in the value of a shot: this much at 10 m/s, and as much for
+    /// a tip offset of one radius, each in proportion to its square. Higher: plays softer and plainer,
+    /// as a teacher would.
     pub effort: f64,
 }
 
@@ -46,7 +47,7 @@ impl From<Level> for Skill {
 }
 
 impl Skill {
-    /// The stroke that comes of an intended one.
+    /// The actual stroke of an intended one: with random errors.
     pub fn add_error(&self, stroke: Stroke, rng: &mut CounterRng) -> Stroke {
         let mut off = |deviation: f64| self.error * deviation * rng.normal();
         let strayed = Stroke {
@@ -58,7 +59,7 @@ impl Skill {
             elevation_rad: (stroke.elevation_rad + off(ELEVATION_RAD))
                 .clamp(0.0, Stroke::ELEVATION_MAX_RAD),
         };
-        // Nobody aims so far out that the tip would slip.
+        // Errors do not make the tip slip: the offset stays below the miscue limit.
         let share = (TIP_RADII_MAX / strayed.offset()).min(1.0);
         Stroke {
             side: strayed.side * share,

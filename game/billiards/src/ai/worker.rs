@@ -1,4 +1,4 @@
-//! Thinking beside the window, which never waits for it.
+//! The computer player's search on a thread of its own, so that the window never waits for it.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,7 +13,7 @@ use super::{
     skill::Skill,
 };
 
-/// A decision in the making, on a thread of its own. Dropped, it stops within a simulated shot.
+/// A running search on a thread of its own. Dropped, it stops within a simulated shot.
 #[derive(Debug)]
 pub struct AiWorker {
     decision: Receiver<Decision>,
@@ -21,16 +21,16 @@ pub struct AiWorker {
 }
 
 impl AiWorker {
-    /// Begins.
+    /// Starts the search.
     ///
     /// # Errors
-    /// [`Error::NoThread`] if the system gives none.
+    /// [`Error::NoThread`] if the system cannot start a thread.
     pub fn start(position: Position, skill: Skill, seed: u32) -> Result<Self> {
         let (sender, decision) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let run = move || {
-            // Nobody waits any more once the receiver is gone.
+            // Sending fails only if the receiver was dropped and nobody waits any more.
             let _ = sender.send(think(&position, &skill, seed, &stopped));
         };
         thread::Builder::new()
@@ -52,7 +52,7 @@ impl AiWorker {
         }
     }
 
-    /// Wants the best of what was found so far.
+    /// Ends the search with the best decision found so far.
     pub fn finish_now(&self) {
         self.stop.store(true, Ordering::Relaxed);
     }

@@ -1,4 +1,5 @@
-//! Decisions of the computer in words, as a player's hint or as what it is about to do, and carried out.
+//! Decisions of the computer: described in words, as a player's hint or as its own intention, and
+//! carried out.
 //!
 //! ```text
 //! Match ── start_hint ─► AiWorker ─► Decision ── hint_text, intention_text ─► a sentence
@@ -15,10 +16,10 @@ use crate::rules::{self, Call, Choice, RuleSet};
 use crate::{Result, RuleFault};
 
 impl Match {
-    /// The level at which the computer plays for a person.
+    /// Level of the computer when it plays for a person.
     pub const HINT_LEVEL: Level = Level::Hard;
 
-    /// How the computer plays when it plays for a person.
+    /// Skill of the computer when it plays for a person.
     pub fn hint_skill() -> Skill {
         Skill {
             effort: EFFORT,
@@ -26,8 +27,8 @@ impl Match {
         }
     }
 
-    /// Looks for a good shot of the player at the table, beside the window. Its decision holds until
-    /// the match changes. On the free table the cue ball stays where it is.
+    /// Starts the search for a good shot of the player at the table, on a thread of its own. Its
+    /// decision is valid until the match changes. On the free table the cue ball stays where it is.
     ///
     /// # Errors
     /// [`RuleFault::NothingToSuggest`] once the match is over, [`crate::Error::NoThread`].
@@ -59,8 +60,8 @@ impl Match {
         sentence(&parts)
     }
 
-    /// What the computer is about to do, in the place of the player at the table, as a sentence for the
-    /// position that the decision was made in: ball and pocket, a safety, the break.
+    /// Sentence that says what the computer is about to do for the player at the table, for the
+    /// position in which the decision was made: ball and pocket, a safety, the break.
     pub fn intention_text(&self, decision: &Decision) -> String {
         let player = self.at_table().filter(|player| player.level().is_some());
         let name = player.map_or(Player::Computer(Self::HINT_LEVEL).name(), Player::name);
@@ -77,7 +78,7 @@ impl Match {
         }
     }
 
-    /// What the stroke is for, as a verb with its object.
+    /// Purpose of the stroke, as a verb with its object.
     fn target_text(&self, decision: &Decision) -> String {
         if let Some(call @ (Call::Pot { .. } | Call::PushOut)) = decision.aim {
             return text!("hint-play", call = self.call_text(call));
@@ -87,7 +88,7 @@ impl Match {
         }
         let is_safety = decision.aim == Some(Call::Safety);
         let mut world = self.world().clone();
-        // Where that is not possible the mark cannot be shown either, and the words stay true.
+        // Where the placement fails the mark cannot be shown either, and the words stay true.
         let placed = decision
             .place
             .is_none_or(|at| world.place(0, at.x, at.y).is_ok());
@@ -105,12 +106,12 @@ impl Match {
         }
     }
 
-    /// Does what was decided: chooses, places the cue ball, calls, and strikes with the error of
-    /// `skill`. The shot is to be shown and then given to [`Match::finish`]; None if the choice gave
+    /// Carries out a decision: chooses, places the cue ball, calls, and strikes with the error of
+    /// `skill`. The shot is to be shown and then given to [`Match::finish`]; none if the choice gave
     /// the table to the other player.
     ///
     /// # Errors
-    /// Whatever of the decision cannot be carried out: it was made for another position.
+    /// The part of the decision that cannot be carried out: it was made for another position.
     pub fn carry_out(
         &mut self,
         decision: &Decision,
@@ -128,7 +129,7 @@ impl Match {
         self.call(decision.call);
         let mut rng = CounterRng::new(self.draw_seed(), STRAY);
         let strayed = skill.add_error(decision.stroke, &mut rng);
-        // A stray stroke that cannot be played is played as it was meant.
+        // If the stroke with errors is not valid, the intended one is played.
         let strike = |stroke| self.strike(stroke).map(|shot| Some((stroke, shot)));
         strike(strayed).or_else(|_| strike(decision.stroke))
     }
@@ -138,7 +139,7 @@ fn gives_away(choice: Choice) -> bool {
     matches!(choice, Choice::Return | Choice::RerackReturn)
 }
 
-/// How the tip meets the ball, and how hard.
+/// Position of the tip on the ball, and speed, in words.
 fn tip_text(stroke: &Stroke) -> String {
     let side = |value: f64, words: [&'static str; 3]| match value {
         v if v < -TOUCH_MIN => words[0],
@@ -160,11 +161,11 @@ fn sentence(parts: &[String]) -> String {
     rules::capital(&parts.join("; "))
 }
 
-/// A stroke of 8 m/s then has to gain a pot's worth over one of 2 m/s.
+/// With it a stroke of 8 m/s has to gain a pot's value over one of 2 m/s.
 const EFFORT: f64 = 0.5;
-/// Nearer to the middle, in radii, nobody sees a difference.
+/// Offset in radii below which the tip counts as in the middle: nobody sees the difference.
 const TOUCH_MIN: f64 = 0.04;
-/// How strokes go astray, apart from other draws.
+/// Random stream of strokes' errors, apart from other draws.
 const STRAY: u32 = 0x7374_7261;
 
 #[cfg(test)]

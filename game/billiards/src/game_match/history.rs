@@ -1,15 +1,16 @@
-//! The shots of a match as a recording: to be watched again, kept and shared.
+//! The shots of a match as a recording, for replay and sharing.
 
 use super::{Match, TurnRecord};
 use crate::Result;
 use crate::physics::{Clip, Recording, TITLE_BYTES_MAX};
 
 impl Match {
-    /// All shots, those that were taken back too, each with who played it and what came of it. They are struck
-    /// again, which gives the same shots and takes a few milliseconds each.
+    /// All shots, also those that were taken back, each with the player and the outcome. They are
+    /// simulated again, which gives the same shots and takes a few milliseconds each, seconds with
+    /// particles.
     ///
     /// # Errors
-    /// Those of [`crate::physics::World::strike`], which the match has had none of.
+    /// Those of [`crate::physics::World::strike`], which did not occur in the match.
     pub fn recording(&self) -> Result<Recording> {
         let undone = self.undone.iter().map(|undone| (&undone.turn, " (undone)"));
         let mut turns: Vec<_> = self
@@ -65,7 +66,8 @@ mod tests {
         assert!(recording.clips[0].title.starts_with("1. Computer (easy)"));
         let last = &recording.clips[recording.clips.len() - 1];
         let cue_ball = |balls: &[crate::physics::BallState]| balls[0].position;
-        // What fell is put back after a shot: a ball that stayed lies where the shot left it.
+        // Potted balls are spotted after a shot: a ball that was not potted lies where the shot left
+        // it.
         let after = game.world().balls();
         let stayed = last
             .shot

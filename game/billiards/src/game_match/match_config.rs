@@ -5,20 +5,20 @@ use crate::Result;
 use crate::physics::{Engine, Table};
 use crate::rules::RuleSet;
 
-/// What a match is begun with.
+/// Configuration of a new match.
 #[derive(Clone, Debug)]
 pub struct MatchConfig {
     /// The game.
     pub rules: RuleSet,
-    /// Who plays: as many as the game's [`crate::rules::RuleInfo::players`] allows.
+    /// The players: as many as the game's [`crate::rules::RuleInfo::players`] allows.
     pub players: Vec<Player>,
     /// Racks, frames or points to win; 0 for the game's own.
     pub target: u32,
-    /// Draws the racks.
+    /// Seed of the racks.
     pub seed: u32,
     /// The table; usually the one that the game's row names.
     pub table: Table,
-    /// What moves the balls.
+    /// The simulation engine.
     pub engine: Engine,
 }
 

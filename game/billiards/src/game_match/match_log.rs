@@ -1,4 +1,4 @@
-//! The log of a match: who played, what was called, what fell, what came of it, and whose turn it is.
+//! The log of a match: player, call, potted balls, outcome and next turn of each shot.
 
 use carom_text::text;
 
@@ -34,7 +34,7 @@ impl Match {
         self.log_choice(player, verdict);
     }
 
-    /// Adds what a verdict means for the match to the log.
+    /// Adds the sentences of a verdict and the next turn to the log.
     pub(super) fn log_choice(&mut self, player: usize, verdict: &Verdict) {
         let sentences = self.verdict_text(player, verdict);
         self.now.log.extend(sentences.iter().cloned());
@@ -48,7 +48,7 @@ impl Match {
         self.now.log.drain(..extra);
     }
 
-    /// A verdict's lines as whole sentences: those about the player who played begin with the name.
+    /// A verdict's lines as whole sentences: those about the player of the shot begin with the name.
     pub(super) fn verdict_text(&self, player: usize, verdict: &Verdict) -> Vec<String> {
         let name = &self.players[player];
         let sentence = |line: &String| match line.starts_with(char::is_lowercase) {
@@ -59,9 +59,9 @@ impl Match {
     }
 }
 
-/// What the log's message takes for no call, or no ball.
+/// Argument of the log's message for no call, or no ball.
 const NONE: &str = "none";
-/// As many lines as anyone would scroll through.
+/// Maximum number of lines: as many as anyone would scroll through.
 const LOG_MAX: usize = 4000;
 
 #[cfg(test)]

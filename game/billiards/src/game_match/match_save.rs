@@ -1,11 +1,12 @@
-//! A match as a file: what it was begun with and what was done. It is played again to where it stood,
-//! shot by shot, by the physics that gives the same bits on every machine.
+//! Saved matches: a file stores the configuration and the actions of a match. It is replayed to its
+//! state shot by shot, by the physics that gives the same bits on every machine.
 //!
 //! ```text
-//! "carom match" 0x0A | version u16 | postcard: game, players, seed, table, deeds
+//! "carom match" 0x0A | version u16 | postcard: game, players, target, seed, table, actions
 //! ```
-//! A shot through particles is not struck again, which would take seconds, but holds where balls came to lie. While
-//! particles lie on the table the version is 2, and behind the deeds the table follows as it is.
+//! A shot through particles is not replayed, which would take seconds: the final places of the balls
+//! are stored. While particles lie on the table the version is 2, and the state of the table follows
+//! the actions.
 
 use std::{fs, path::Path, sync::Arc};
 
@@ -19,7 +20,7 @@ use super::{Match, MatchConfig, Player};
 use crate::physics::{BedSave, Engine, Phase, Stroke, Table, World};
 use crate::rules::{Call, Choice, RuleSet};
 
-/// All that makes a match what it is.
+/// All that determines a match.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MatchSave {
     rules: RuleSet,
@@ -28,7 +29,7 @@ pub struct MatchSave {
     seed: u32,
     table: String,
     actions: Vec<MatchAction>,
-    /// A table with particles, as it is after the last of them.
+    /// State of a table with particles after the last action.
     #[serde(skip)]
     particles: Option<ParticleTable>,
 }
@@ -48,10 +49,10 @@ struct BallAmongParticles {
     orientation: DQuat,
 }
 
-/// Something that a player did and that counts.
+/// An action of a player that changes the match.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum MatchAction {
-    /// A stroke, with the call that was said and the place of a cue ball that was in hand.
+    /// A stroke, with the call and the place of a cue ball that was in hand.
     Shot {
         place: Option<DVec2>,
         call: Option<Call>,
@@ -62,12 +63,12 @@ pub(super) enum MatchAction {
     Layout(Vec<(u8, DVec2)>),
     /// A choice.
     Choice(Choice),
-    /// Giving up.
+    /// Concession of the match.
     Concede,
 }
 
 impl MatchSave {
-    /// Of a match as it stands.
+    /// Save of a match in its current state.
     pub fn of(game: &Match) -> Self {
         Self {
             rules: game.referee().rules(),
@@ -80,10 +81,10 @@ impl MatchSave {
         }
     }
 
-    /// Plays it again.
+    /// Replays the match.
     ///
     /// # Errors
-    /// [`Error::Replay`] and others if it is no match: then nothing of it can be used.
+    /// [`Error::Replay`] and others if it is not a valid match: then no part of it can be used.
     pub fn play(&self) -> Result<Match> {
         let table =
             Table::named(&self.table).ok_or_else(|| TableFault::Unnamed(self.table.clone()))?;
@@ -145,7 +146,7 @@ impl MatchSave {
         Self::decode(bytes).map_err(Error::MatchBytes)
     }
 
-    /// Writes a file: whole, or not at all.
+    /// Writes a file atomically.
     ///
     /// # Errors
     /// [`Error::MatchFile`].
@@ -164,7 +165,7 @@ impl MatchSave {
         })
     }
 
-    /// Reads a file; nothing if there is none.
+    /// Reads a file; none if it does not exist.
     ///
     /// # Errors
     /// [`Error::MatchFile`], for the reasons of [`MatchSave::from_bytes`].
@@ -172,7 +173,7 @@ impl MatchSave {
         if !path.is_file() {
             return Ok(None);
         }
-        // With the larger of both bounds: which of the two it is, its bytes tell.
+        // Read with the larger of the two size limits: the bytes tell which format it is.
         let read = PARTICLES_FORMAT.read(path);
         let read = read.and_then(|bytes| Self::decode(&bytes));
         read.map(Some).map_err(|fault| Error::MatchFile {
@@ -184,7 +185,7 @@ impl MatchSave {
 }
 
 impl ParticleTable {
-    /// Of a table that has particles.
+    /// State of a table that has particles.
     fn of(world: &World) -> Option<Self> {
         let bed = BedSave::of(world.particles()?);
         let balls = world.balls().into_iter();
@@ -200,7 +201,7 @@ impl ParticleTable {
         })
     }
 
-    /// Lays them on a table with the same balls.
+    /// Restores them on a table with the same balls.
     fn lay(&self, world: &mut World) -> Result<()> {
         let mut balls = world.balls();
         for ball in &mut balls {
@@ -225,7 +226,7 @@ impl ParticleTable {
 }
 
 impl Match {
-    /// Does what was done before.
+    /// Repeats an action.
     fn replay_action(&mut self, action: &MatchAction) -> Result<()> {
         match action {
             MatchAction::Shot {
@@ -265,15 +266,15 @@ const FORMAT: FileFormat = FileFormat {
     version: 1,
     bytes_max: BYTES_MAX,
 };
-/// Of a match on a table with particles: behind it the table.
+/// Format of a match on a table with particles: the state of the table follows.
 const PARTICLES_FORMAT: FileFormat = FileFormat {
     version: 2,
     bytes_max: PARTICLES_BYTES_MAX,
     ..FORMAT
 };
-/// With 32,000 particles of 110 bytes, and room.
+/// Maximum size with particles: 32,000 of 110 bytes, with a margin.
 const PARTICLES_BYTES_MAX: u64 = 8 << 20;
-/// A shot takes about 60 bytes: more shots than anyone plays in a match.
+/// Maximum size without particles: at about 60 bytes a shot, more shots than anyone plays in a match.
 const BYTES_MAX: u64 = 4 << 20;
 
 #[cfg(test)]
@@ -287,7 +288,7 @@ mod tests {
         for (angle, speed) in [(0.0, 8.0), (0.7, 3.0), (2.0, 4.0), (-1.0, 2.0)] {
             if game.ball_in_hand_area().is_some() {
                 let at = game.table_layout().head_spot() + DVec2::new(-0.1, 0.02);
-                // Where it may not lie it stays.
+                // Stays where it is if the place is not allowed.
                 let _ = game.place(at);
             }
             let stroke = Stroke::straight(angle, speed);

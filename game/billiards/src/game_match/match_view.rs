@@ -1,69 +1,69 @@
-//! The view of a match: everything that is shown of it.
+//! The view of a match: everything that a screen shows of it.
 
 use carom_text::text;
 
 use super::Match;
 use crate::rules::{BallGroup, Call, Choice, PlacementArea, RuleSet};
 
-/// Everything that is shown of a match, for a screen to draw as it likes.
+/// Everything that is shown of a match, in any arrangement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MatchView {
     /// The game.
     pub rules: RuleSet,
     /// The game's name.
     pub title: &'static str,
-    /// What it is played to: "first to 3 racks", "one rack".
+    /// Goal of the match: "first to 3 racks", "one rack".
     pub goal: String,
     /// The players, in the order of their turns.
     pub players: Vec<PlayerView>,
-    /// The most points of a drill; none in a match.
+    /// Maximum points of a drill; none in a match.
     pub points_max: Option<u32>,
     /// Index of the player at the table.
     pub turn: usize,
-    /// What the player at the table is to do, a sentence.
+    /// Instruction for the player at the table, a sentence.
     pub prompt: String,
-    /// What the last shot came to, until the next stroke.
+    /// Outcome of the last shot, until the next stroke.
     pub banner: Option<String>,
-    /// Whether the banner tells of a foul.
+    /// Whether the banner reports a foul.
     pub is_foul: bool,
-    /// What was called; none if nothing was.
+    /// The call, if any.
     pub call: Option<CallView>,
     /// Whether ball and pocket are to be called.
     pub wants_call: bool,
     /// Whether the shot may be called a push-out.
     pub may_push_out: bool,
-    /// What the player may decide before the shot; nothing, usually. The first is what a stroke
-    /// means without a choice.
+    /// Choices of the player before the shot; usually none. The first is what a stroke means without a
+    /// choice.
     pub options: Vec<OptionView>,
-    /// Where the cue ball is in hand.
+    /// Area in which the cue ball is in hand.
     pub hand: Option<PlacementArea>,
     /// The balls that the cue ball may hit first: others may be drawn dimmed.
     pub on: Vec<u8>,
-    /// What was said, in order.
+    /// Lines of the log, in order.
     pub log: Vec<String>,
     /// Index of the player who has won.
     pub winner: Option<usize>,
-    /// How many shots can be taken back.
+    /// Number of shots that can be taken back.
     pub undo: usize,
 }
 
 impl MatchView {
-    /// Whether shots of a match were played, and it is not over.
+    /// Whether shots of a match with rules were played, and it is not over.
     pub fn is_unfinished(&self) -> bool {
         self.rules != RuleSet::Free && self.winner.is_none() && self.undo > 0
     }
 }
 
-/// A player's side of the board.
+/// A player's part of the scoreboard.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlayerView {
-    /// For the player to read.
+    /// Display name.
     pub name: String,
     /// Whether the computer plays.
     pub is_computer: bool,
     /// Racks, frames or points.
     pub score: i32,
-    /// What else there is to say: a group and its sign, a break, fouls in a row. May be empty.
+    /// Further state: a group and its symbol, a break, fouls in a row. May be empty.
     pub state: String,
     /// The group, in 8-ball.
     pub group: Option<BallGroup>,
@@ -74,18 +74,18 @@ pub struct PlayerView {
 /// A call.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CallView {
-    /// As it was said.
+    /// The call itself.
     pub call: Call,
     /// In words: "the 5 in the left side pocket".
     pub words: String,
 }
 
-/// Something to decide.
+/// A choice that is offered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptionView {
-    /// For [`Match::choose`].
+    /// The argument of [`Match::choose`].
     pub choice: Choice,
-    /// For a button.
+    /// Label of its button.
     pub words: &'static str,
 }
 
@@ -161,7 +161,7 @@ impl Match {
         }
     }
 
-    /// How the match ended, a sentence: who won, or the score of a drill.
+    /// Sentence on the end of the match: the winner, or the score of a drill.
     pub(super) fn result_text(&self, winner: usize) -> String {
         let name = self.players[winner].name();
         let score = self.referee().scores()[winner];

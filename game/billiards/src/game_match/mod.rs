@@ -1,12 +1,12 @@
-//! A match: players, a table, the rules, and what has happened so far.
+//! A match: players, a table, the rules, and the history so far.
 //!
 //! ```text
-//! Setup ─► Match ── strike(Stroke) ─► Shot ──(it is watched)──► finish ─► Verdict
-//!            │  ▲                                                 │
-//!            │  └── call, place, choose, undo ◄── the player ◄────┘
-//!            └─► View: everything that is shown of it
+//! MatchConfig ─► Match ── strike(Stroke) ─► Shot ──(it is watched)──► finish ─► Verdict
+//!                  │  ▲                                                 │
+//!                  │  └── call, place, choose, undo ◄── the player ◄────┘
+//!                  └─► MatchView: everything that is shown of it
 //! ```
-//! No window, no clock: the same setup, strokes and choices give the same match.
+//! It uses no window and no clock: the same configuration, strokes and choices give the same match.
 
 mod hints;
 mod history;
@@ -46,18 +46,18 @@ use crate::{PlacementFault, Result, RuleFault};
 pub struct Match {
     layout: TableLayout,
     players: Vec<Player>,
-    /// What the match was begun with.
+    /// Seed of the configuration.
     seed: u32,
     now: Snapshot,
     past: Vec<TurnRecord>,
     /// Shots that were taken back, in that order.
     undone: Vec<UndoneTurn>,
-    /// How many of the last of them can be played again.
+    /// Number of the last of them that can be redone.
     redoable: usize,
     actions: Vec<MatchAction>,
 }
 
-/// All that a shot or a choice may change.
+/// The state that a shot or a choice may change.
 #[derive(Clone, Debug)]
 struct Snapshot {
     world: World,
@@ -67,7 +67,7 @@ struct Snapshot {
     call: Option<Call>,
     log: Vec<String>,
     banner: Option<String>,
-    /// Shots played so far, for what is drawn.
+    /// Number of shots played so far, for the seeds of random draws.
     shots: u32,
 }
 
@@ -76,20 +76,20 @@ struct Snapshot {
 pub struct TurnRecord {
     before: Snapshot,
     actions_before: usize,
-    /// Among all shots that were struck, those that were taken back too.
+    /// Number among all shots that were struck, also those that were taken back.
     number: usize,
-    /// Who played it.
+    /// Index of the player.
     pub player: usize,
-    /// How.
+    /// The stroke.
     pub stroke: Stroke,
-    /// What was called, in words or by what was obvious.
+    /// The call, made by the player or inferred from the aim.
     pub call: Option<Call>,
-    /// What came of it.
+    /// The verdict.
     pub verdict: Verdict,
 }
 
 impl TurnRecord {
-    /// The table as it was before the stroke: struck again, it gives the same shot.
+    /// The table before the stroke: simulating the stroke on it gives the same shot.
     pub fn world(&self) -> &World {
         &self.before.world
     }
@@ -140,10 +140,11 @@ impl Match {
         })
     }
 
-    /// Another match of the same players, on the same table and to the same target; the other breaks.
+    /// Another match of the same players, on the same table and to the same target; the other player
+    /// breaks.
     ///
     /// # Errors
-    /// Those of [`Match::new`], which this one has passed.
+    /// Those of [`Match::new`], which did not occur for this match.
     pub fn rematch(&self, seed: u32) -> Result<Self> {
         let mut players = self.players.clone();
         players.rotate_left(1);
@@ -162,7 +163,7 @@ impl Match {
         &self.now.world
     }
 
-    /// What a computer looks at.
+    /// Input of a computer player.
     pub fn position(&self) -> Position {
         Position {
             layout: self.layout.clone(),
@@ -171,13 +172,13 @@ impl Match {
         }
     }
 
-    /// Draws what a computer tries and how it errs: another number for each shot.
+    /// Seed of a computer's search and errors: different for each shot.
     pub fn draw_seed(&self) -> u32 {
         let shots = self.now.shots.wrapping_mul(SHOT_STEP);
         self.now.referee.seed().wrapping_add(shots)
     }
 
-    /// The rules' side of the match.
+    /// The referee of the match.
     pub fn referee(&self) -> &Referee {
         &self.now.referee
     }
@@ -187,7 +188,7 @@ impl Match {
         &self.layout
     }
 
-    /// Who plays.
+    /// The players.
     pub fn players(&self) -> &[Player] {
         &self.players
     }
@@ -203,7 +204,7 @@ impl Match {
         &self.past
     }
 
-    /// What was said, in order.
+    /// Lines of the log, in order.
     pub fn log(&self) -> &[String] {
         &self.now.log
     }
@@ -229,7 +230,8 @@ impl Match {
                 engine: self.now.world.engine().to_string(),
             });
         } else {
-            // Saves hold no particles, without which the stroke would be another: they hold where balls came to lie.
+            // Saves do not hold the particles before a stroke, without which it would differ: they hold
+            // the final places of the balls.
             let lying = shot.final_states().into_iter();
             let lying = lying.filter(|ball| ball.phase.is_on_table());
             let places = lying.map(|ball| (ball.number, ball.position.truncate()));
@@ -259,28 +261,28 @@ impl Match {
         &self.past[self.past.len() - 1].verdict
     }
 
-    /// Says what the next shot is to do; nothing takes the call back.
+    /// Calls the next shot; none takes the call back.
     pub fn call(&mut self, call: Option<Call>) {
         self.now.call = call;
     }
 
-    /// What was said.
+    /// The call of the next shot.
     pub fn called(&self) -> Option<Call> {
         self.now.call
     }
 
-    /// How much was done, strokes and choices: it differs whenever the match has changed.
+    /// Number of actions, strokes and choices: it differs whenever the match has changed.
     pub fn action_count(&self) -> usize {
         self.actions.len()
     }
 
-    /// Where the cue ball lies that is in hand, if it is.
+    /// Position of the cue ball if it is in hand.
     pub fn cue_ball_in_hand(&self) -> Option<DVec2> {
         self.ball_in_hand_area()?;
         place_of(&self.ball_positions(), 0)
     }
 
-    /// The call that counts for a stroke: what was said, or what is obvious from the aim.
+    /// The call that counts for a stroke: the one made, or the one that is obvious from the aim.
     pub fn call_for(&self, stroke: Stroke) -> Option<Call> {
         self.now.call.or_else(|| self.inferred(stroke))
     }
@@ -305,7 +307,7 @@ impl Match {
         }
     }
 
-    /// Where the cue ball is in hand, if it is.
+    /// Area in which the cue ball is in hand, if it is.
     pub fn ball_in_hand_area(&self) -> Option<PlacementArea> {
         self.now.referee.ball_in_hand_area()
     }
@@ -313,13 +315,13 @@ impl Match {
     /// Whether the cue ball may be put at a place.
     ///
     /// # Errors
-    /// [`PlacementFault`] with the reason why not.
+    /// [`PlacementFault`] with the reason.
     pub fn may_place(&self, at: DVec2) -> Result<(), PlacementFault> {
         let area = self.ball_in_hand_area().ok_or(PlacementFault::NotInHand)?;
         self.layout.may_place(&self.ball_positions(), at, area)
     }
 
-    /// Puts the cue ball there.
+    /// Places the cue ball.
     ///
     /// # Errors
     /// As [`Match::may_place`]; it stays where it was.
@@ -329,7 +331,8 @@ impl Match {
         placed.map_err(|_| PlacementFault::NotOnCloth.into())
     }
 
-    /// The player at the table decides. A stroke without a choice plays the balls as they lie.
+    /// Makes a choice for the player at the table. A stroke without a choice plays the balls as they
+    /// lie.
     ///
     /// # Errors
     /// [`RuleFault::NoSuchChoice`] if it is not offered now.
@@ -343,7 +346,7 @@ impl Match {
         Ok(())
     }
 
-    /// The player at the table gives up.
+    /// Concedes the match for the player at the table.
     pub fn concede(&mut self) {
         let player = self.now.referee.turn();
         let verdict = self.now.referee.concede();
@@ -351,12 +354,12 @@ impl Match {
         self.log_choice(player, &verdict);
     }
 
-    /// Lets something else move the balls from the next stroke on.
+    /// Sets the engine from the next stroke on.
     pub fn set_engine(&mut self, engine: Engine) {
         self.now.world.set_engine(engine);
     }
 
-    /// Adds what was done; what was taken back before is not played again after it.
+    /// Adds an action, after which shots that were taken back cannot be redone.
     fn act(&mut self, action: MatchAction) {
         self.redoable = 0;
         self.actions.push(action);
@@ -368,9 +371,9 @@ impl Match {
     }
 }
 
-/// An odd number: draws of one shot are apart from those of the next.
+/// Odd, so that the seeds of all shots differ.
 const SHOT_STEP: u32 = 0x9e37_79b1;
-/// Far more shots than a match has that anyone would take back.
+/// Maximum number of stored shots: far more than anyone would take back.
 const TURNS_MAX: usize = 2000;
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::PlayersFault;
 use crate::ai::Level;
 
-/// Someone who plays.
+/// A player of a match.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Player {
@@ -25,7 +25,7 @@ impl Player {
         Self::Human(text!("player-you").to_owned())
     }
 
-    /// For the player to read.
+    /// Display name.
     pub fn name(&self) -> String {
         match self {
             Self::Human(name) => name.clone(),
@@ -42,11 +42,11 @@ impl Player {
     }
 
     /// Reads the players of a match: a number of people (`2`), or names separated by commas, of which
-    /// `ai`, `ai:easy`, `ai:medium`, `ai:hard` and `ai:expert` are the computer. One computer alone
-    /// plays against a person.
+    /// `ai`, `ai:easy`, `ai:medium`, `ai:hard` and `ai:expert` are the computer and `me` is the person
+    /// at the screen. One computer alone plays against that person.
     ///
     /// # Errors
-    /// What is wrong.
+    /// The fault of the list.
     pub fn list(text: &str) -> Result<Vec<Self>, PlayersFault> {
         if let Ok(people) = text.parse::<usize>() {
             return match people {

@@ -1,4 +1,4 @@
-//! Racking: fresh racks, balls that are put back, the cue balls of carom that change places.
+//! Racking: fresh racks, spotted balls, and the exchange of the cue balls in carom.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use crate::rules::{self, BallPosition, BallPositions, RuleSet, Verdict};
 use crate::{Result, RuleFault};
 
 impl Match {
-    /// Puts the balls of a free table so, among particles or without any.
+    /// Lays the balls of a free table, with particles or without any.
     ///
     /// # Errors
     /// [`crate::Error::Layout`] if they cannot lie like this, [`RuleFault::NotFreeTable`] in a game with
@@ -37,7 +37,7 @@ impl Match {
         Ok(())
     }
 
-    /// Puts the balls where the verdict wants them.
+    /// Carries out a verdict's racks and moves of balls.
     pub(super) fn apply_verdict(&mut self, verdict: &Verdict) {
         if let Some(seed) = verdict.rack {
             let rules = self.now.referee.rules();
@@ -55,7 +55,7 @@ impl Match {
     }
 
     fn place_balls(&mut self, verdict: &Verdict) {
-        // A ball may be put where another is about to leave.
+        // A ball may be placed where another has yet to leave: tried again until no more can move.
         let mut left: Vec<BallPosition> = verdict.moves.clone();
         for _ in 0..=verdict.moves.len() {
             let world = &mut self.now.world;
@@ -67,7 +67,7 @@ impl Match {
         }
     }
 
-    /// In carom the cue ball of the player at the table is 0.
+    /// Exchanges balls 0 and 1: in carom the cue ball of the player at the table is 0.
     fn swap_cue_balls(&mut self) {
         let world = &self.now.world;
         let mut balls = world.balls();
@@ -88,7 +88,7 @@ impl Match {
     }
 }
 
-/// A fresh table.
+/// A table with these balls at rest, in random orientations.
 pub(super) fn racked_world(
     table: &Table,
     engine: Engine,
@@ -107,5 +107,5 @@ pub(super) fn racked_world(
     Ok(world)
 }
 
-/// Keeps how balls are turned apart from other draws of the same seed.
+/// Random stream of the balls' orientations, apart from other draws with the same seed.
 const TURNED: u32 = 0x7475_726e;

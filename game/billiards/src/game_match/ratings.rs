@@ -1,9 +1,9 @@
-//! Ratings of computer players from matches of each against each.
+//! Ratings of computer players from round-robin matches.
 //!
-//! By the Bradley–Terry model ("Rank analysis of incomplete block designs", Biometrika 39, 1952) on Elo's
-//! scale: a player rated 400 points higher wins ten times as often as the other. The ratings are those that
-//! make the results likeliest, and their errors are those of the information in the matches (the
-//! Cramér–Rao bound).
+//! By the Bradley–Terry model ("Rank analysis of incomplete block designs", Biometrika 39, 1952) on
+//! Elo's scale: a player rated 400 points higher wins ten times as often as the other. The ratings are
+//! the maximum-likelihood estimates, and their errors follow from the Fisher information of the matches
+//! (the Cramér–Rao bound).
 
 use std::fmt::Write as _;
 
@@ -14,27 +14,27 @@ use crate::Result;
 use crate::ai::Level;
 use crate::rules::RuleSet;
 
-/// Matches of each level against each other.
+/// A round robin: matches of each level against each other.
 #[derive(Clone, Debug)]
 pub struct RoundRobin {
     /// The game.
     pub rules: RuleSet,
     /// The levels, two or more.
     pub levels: Vec<Level>,
-    /// Matches of each pair.
+    /// Number of matches of each pair.
     pub games: u32,
     /// Racks, frames or points that win a match; 0 for the game's own.
     pub target: u32,
-    /// Draws the racks and the errors: the same seed gives the same matches.
+    /// Seed of the racks and the errors: the same seed gives the same matches.
     pub seed: u32,
 }
 
-/// What matches of each against each came to.
+/// Result of a round robin.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RoundRobinResult {
-    /// Of each pair.
+    /// Results of each pair.
     pub pairs: Vec<TournamentResult>,
-    /// Of each level, in the order given.
+    /// Ratings of the levels, in the order given.
     pub ratings: Vec<LevelRating>,
 }
 
@@ -43,15 +43,15 @@ pub struct RoundRobinResult {
 pub struct LevelRating {
     /// The level.
     pub name: String,
-    /// How much it is.
+    /// Its rating.
     #[serde(flatten)]
     pub rating: Rating,
 }
 
-/// A rating on Elo's scale, over that of the first player.
+/// A rating on Elo's scale, relative to that of the first player.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Rating {
-    /// In points.
+    /// Rating in points.
     pub points: f64,
     /// Standard error of the points.
     pub error: f64,
@@ -94,7 +94,7 @@ impl RoundRobin {
 }
 
 impl RoundRobinResult {
-    /// For people to read.
+    /// Formats the result as a table of text.
     pub fn table(&self) -> String {
         let mut table = String::new();
         for pair in &self.pairs {
@@ -115,8 +115,9 @@ impl RoundRobinResult {
     }
 }
 
-/// Ratings over the first player's; `wins[i][j]` are the matches that player i has won against player j.
-/// Each pair counts half a match more for either, so that a player who lost all has a rating too.
+/// Ratings relative to the first player's; `wins[i][j]` are the matches that player i has won against
+/// player j. Half a match is added to the wins of either player of a pair, so that a player who lost
+/// all has a finite rating.
 fn ratings(wins: &[Vec<u32>]) -> Vec<Rating> {
     let count = wins.len();
     let won = |i: usize, j: usize| f64::from(wins[i][j]) + 0.5;
@@ -128,6 +129,8 @@ fn ratings(wins: &[Vec<u32>]) -> Vec<Rating> {
         for i in 0..count {
             for j in (0..count).filter(|&j| j != i) {
                 let matches = won(i, j) + won(j, i);
+                // The model's probability that i beats j; gradient and information are those of a
+                // binomial likelihood.
                 let share = 1.0 / (1.0 + libm::exp((points[j] - points[i]) * PER_POINT));
                 gradient[i] += PER_POINT * (won(i, j) - matches * share);
                 let weight = PER_POINT * PER_POINT * matches * share * (1.0 - share);
@@ -135,9 +138,8 @@ fn ratings(wins: &[Vec<u32>]) -> Vec<Rating> {
                 information[i][j] -= weight;
             }
         }
-        // Only differences count: the first player's rating is fixed.
-        // The information is the Hessian of the logarithm of the likelihood, negated: this is Newton's
-        // method.
+        // Only differences of ratings are determined: the first is fixed. The information is the
+        // negated Hessian of the log-likelihood, so that this is Newton's method.
         inverse = inverse_without_first(&information);
         for i in 1..count {
             let step: f64 = (1..count).map(|j| inverse[i][j] * gradient[j]).sum();
@@ -153,7 +155,7 @@ fn ratings(wins: &[Vec<u32>]) -> Vec<Rating> {
 }
 
 /// The inverse of a positive definite matrix without its first row and column, whose places hold zeros:
-/// by Gauss and Jordan, with the inverse growing to the right of the matrix.
+/// Gauss–Jordan elimination on the matrix augmented by the identity.
 fn inverse_without_first(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let count = matrix.len();
     let beside = |(i, row): (usize, &Vec<f64>)| -> Vec<f64> {
@@ -176,11 +178,11 @@ fn inverse_without_first(matrix: &[Vec<f64>]) -> Vec<Vec<f64>> {
     rows.into_iter().map(|row| row[count..].to_vec()).collect()
 }
 
-/// ln 10 / 400.
+/// Change of the log-odds of a win per point: ln 10 / 400.
 const PER_POINT: f64 = std::f64::consts::LN_10 / 400.0;
-/// Far more than it takes: each doubles the digits.
+/// Number of Newton steps, far more than needed: near the optimum each doubles the digits.
 const NEWTON_STEPS: u32 = 100;
-/// In points, so that the first steps cannot overshoot.
+/// Largest step in points, so that the first steps cannot overshoot.
 const STEP_MAX: f64 = 200.0;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Series of matches of computers against each other.
+//! Series of matches between computer players.
 
 use std::fmt::Write as _;
 use std::sync::atomic::AtomicBool;
@@ -15,22 +15,22 @@ use crate::{Result, RuleFault};
 pub struct Tournament {
     /// The game.
     pub rules: RuleSet,
-    /// The levels of the two; they take turns to begin.
+    /// Levels of the two; they alternate in beginning.
     pub levels: [Level; 2],
-    /// Matches to play.
+    /// Number of matches.
     pub games: u32,
     /// Racks, frames or points that win a match; 0 for the game's own.
     pub target: u32,
-    /// Draws the racks and the errors: the same seed gives the same matches.
+    /// Seed of the racks and the errors: the same seed gives the same matches.
     pub seed: u32,
 }
 
-/// What a series of matches came to.
+/// Result of a series of matches.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TournamentResult {
     /// The game.
     pub rules: RuleSet,
-    /// The players' side of it.
+    /// Results of each player.
     pub players: Vec<PlayerTally>,
     /// Matches without an end within [`SHOTS_MAX`] shots.
     pub unfinished: u32,
@@ -38,18 +38,18 @@ pub struct TournamentResult {
     pub shots: u32,
 }
 
-/// One player's side of a series.
+/// Result of one player in a series.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlayerTally {
-    /// Who.
+    /// Name of the level.
     pub name: String,
     /// Matches won.
     pub wins: u32,
     /// Shots played.
     pub shots: u32,
-    /// Of those, fouls.
+    /// Number of fouls among them.
     pub fouls: u32,
-    /// Balls potted as the rules want it; points by caroms.
+    /// Legally potted balls; in carom, points.
     pub pots: u32,
 }
 
@@ -85,7 +85,7 @@ impl Tournament {
     }
 }
 
-/// Lets the computers play until the match is over, or for so many shots.
+/// Lets the computers play until the match is over, for at most `shots_max` shots.
 ///
 /// # Errors
 /// [`RuleFault::PersonsTurn`] if a person is to play.
@@ -103,7 +103,7 @@ pub fn play_out(game: &mut Match, shots_max: u32) -> Result<()> {
 }
 
 impl Match {
-    /// Thinks for the player at the table and plays what comes of it, errors included: one shot, or a
+    /// Searches for the player at the table and carries the decision out, with errors: one shot, or a
     /// choice that gives the table to the other.
     ///
     /// # Errors
@@ -159,7 +159,7 @@ impl TournamentResult {
         }
     }
 
-    /// For people to read.
+    /// Formats the result as a table of text.
     pub fn table(&self) -> String {
         let mut table = format!(
             "{}\n{:<8} {:>5} {:>7} {:>7} {:>9}\n",
@@ -184,9 +184,9 @@ impl TournamentResult {
     }
 }
 
-/// A match that lasts longer has no end: the longest seen has about 600 shots.
+/// Maximum number of shots, after which a match counts as unfinished: the longest seen has about 600.
 const SHOTS_MAX: u32 = 3000;
-/// Keeps the racks of one match apart from those of the next.
+/// Difference of the seeds of consecutive matches, which keeps their racks apart.
 const SEED_STEP: u32 = 7919;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Shots taken back and played again.
+//! Undo and redo of shots.
 
 use super::{Match, MatchAction, Snapshot, TURNS_MAX, TurnRecord};
 
@@ -11,7 +11,7 @@ pub(super) struct UndoneTurn {
 }
 
 impl Match {
-    /// Takes the last shot back, with what was chosen since. False if there is none, or in a drill, whose
+    /// Takes the last shot back, with the choices since. False if there is none, or in a drill, whose
     /// attempts count.
     pub fn undo(&mut self) -> bool {
         if self.undo_count() == 0 {
@@ -34,7 +34,7 @@ impl Match {
         true
     }
 
-    /// How many shots can be taken back.
+    /// Number of shots that can be taken back.
     pub(super) fn undo_count(&self) -> usize {
         match self.referee().rules().is_drill() {
             true => 0,
@@ -42,7 +42,7 @@ impl Match {
         }
     }
 
-    /// Takes the last undo back. False if there is none, or something was done since.
+    /// Reverts the last undo. False if there is none, or if something was done since.
     pub fn redo(&mut self) -> bool {
         if self.redoable == 0 {
             return false;

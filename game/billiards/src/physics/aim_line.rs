@@ -1,4 +1,4 @@
-//! The aim line: a stroke up to its first contact, by the code that plays it.
+//! Aim line: a stroke simulated up to its first contact, by the code that plays it.
 
 use glam::DVec3;
 
@@ -12,17 +12,17 @@ use super::{
     world::World,
 };
 
-/// The way of the cue ball to its first contact.
+/// Path of the cue ball to its first contact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AimLine {
     /// Centres of the cue ball, from the stroke to the contact, to the edge of particles or to rest, in m: curved by
     /// spin and squirt as the shot itself will be.
     pub path: Vec<DVec3>,
-    /// What it meets.
+    /// First contact of the cue ball.
     pub contact: AimContact,
 }
 
-/// What the cue ball meets first. A direction is a unit vector, or zero for a ball that stops.
+/// First contact of the cue ball. A direction is a unit vector, or zero for a ball that stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AimContact {
     /// Nothing: it comes to rest.
@@ -35,16 +35,16 @@ pub enum AimContact {
         ghost: DVec3,
         /// Centre of the other ball, in m.
         object: DVec3,
-        /// Where the other ball goes, with throw.
+        /// Direction of the other ball after the contact, with throw.
         object_direction: DVec3,
-        /// Where the cue ball goes.
+        /// Direction of the cue ball after the contact.
         cue_direction: DVec3,
     },
     /// A cushion or a jaw.
     Cushion {
         /// Centre of the cue ball at the contact, in m.
         ghost: DVec3,
-        /// Where the cue ball goes.
+        /// Direction of the cue ball after the contact.
         cue_direction: DVec3,
     },
     /// A pocket: a scratch.
@@ -52,7 +52,7 @@ pub enum AimContact {
         /// Index into the table's pockets.
         pocket: usize,
     },
-    /// Particles: how it goes on among them takes seconds to simulate.
+    /// Particles: the path among them takes seconds to simulate, and is not predicted.
     Particles,
 }
 
@@ -118,5 +118,5 @@ fn first_contact(shot: &Shot) -> AimContact {
     }
 }
 
-/// Enough for a masse's curve to look smooth.
+/// Pieces of the path: enough for a massé's curve to look smooth.
 const PATH_PIECES: u32 = 48;

@@ -1,4 +1,4 @@
-//! A ball: its body, its pose and how it moves at one instant.
+//! A ball: body, pose, and state of motion at one instant.
 
 use crate::LayoutFault;
 use glam::{DQuat, DVec3};
@@ -27,6 +27,8 @@ impl BallBody {
         radius_m: 0.028_575,
     };
 
+    /// Checks mass and radius; `number` names the ball in the error.
+    ///
     /// # Errors
     /// [`LayoutFault::Body`] for a mass or radius that is not positive and finite.
     pub(crate) fn validate(&self, number: u8) -> Result<(), LayoutFault> {
@@ -50,18 +52,19 @@ impl BallBody {
     }
 }
 
-/// How a ball touches the cloth, or where it went.
+/// State of contact of a ball with the cloth, or how it left the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
     /// At rest on the cloth.
     Resting,
-    /// In place, turning about the vertical.
+    /// Spinning in place about the vertical.
     Spinning,
-    /// The point that touches the cloth is at rest.
+    /// Rolling: the contact point is at rest.
     Rolling,
-    /// The point that touches the cloth slips.
+    /// Sliding: the contact point slips.
     Sliding,
-    /// Off the cloth: after a jump, over the rim of a pocket, off the table, or carried by particles, at rest too.
+    /// Off the cloth: after a jump, over the rim of a pocket, off the table, or carried by particles,
+    /// also at rest.
     Airborne,
     /// In a pocket: no longer part of the table.
     Pocketed,
@@ -85,13 +88,13 @@ pub struct BallState {
     pub body: BallBody,
     /// The centre, in m.
     pub position: DVec3,
-    /// In m/s.
+    /// Velocity in m/s.
     pub velocity: DVec3,
     /// Angular velocity in rad/s, right-handed.
     pub spin: DVec3,
-    /// `world_from_ball`: turns the ball's own axes (its number, its stripe) into the table's.
+    /// `world_from_ball`: rotates the ball's own axes (its number, its stripe) into the table's.
     pub orientation: DQuat,
-    /// How it touches the cloth.
+    /// State of contact with the cloth.
     pub phase: Phase,
 }
 
@@ -109,7 +112,7 @@ impl BallState {
         }
     }
 
-    /// Where it is drawn.
+    /// The pose in which it is drawn.
     pub fn pose(&self) -> BallPose {
         BallPose {
             number: self.number,
@@ -120,12 +123,12 @@ impl BallState {
     }
 }
 
-/// Where a ball is drawn.
+/// The pose in which a ball is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BallPose {
     /// 0 is the cue ball.
     pub number: u8,
-    /// The centre, in m: where it was last for a ball that left the table.
+    /// The centre, in m: its last position for a ball that left the table.
     pub position: DVec3,
     /// `world_from_ball`, a unit quaternion.
     pub rotation: DQuat,

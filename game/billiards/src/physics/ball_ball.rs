@@ -17,9 +17,9 @@ pub struct BallBallLaw {
     pub restitution: f64,
     /// Friction at high slip speed (a); default 0.009951.
     pub friction_fast: f64,
-    /// What is added to it at no slip (b); default 0.108.
+    /// Additional friction at no slip (b); default 0.108.
     pub friction_slow_extra: f64,
-    /// How fast that fades (c), in s/m; default 1.088.
+    /// Decay constant of that with slip speed (c), in s/m; default 1.088.
     pub friction_fade_s_m: f64,
 }
 
@@ -41,9 +41,9 @@ pub(crate) struct Twist {
     pub(crate) spin: DVec3,
 }
 
-/// Approach below this speed ends in separation at this speed: without it the balls of a frozen
-/// cluster exchange ever smaller contacts without end. It adds at most ½ of the reduced mass times
-/// its square to a contact: about 1 µJ for two pool balls ([`CLUSTER_ENERGY_J`]).
+/// Speed in m/s at which balls separate that approach more slowly than it: without it the balls of a
+/// frozen cluster exchange ever smaller impulses without end. It adds at most ½ of the reduced mass
+/// times its square to a contact: about 1 µJ for two pool balls ([`CLUSTER_ENERGY_J`]).
 pub const CLUSTER_SPEED_M_S: f64 = 5e-3;
 
 /// The most energy that [`CLUSTER_SPEED_M_S`] can add to one contact between two pool balls.
@@ -83,8 +83,8 @@ impl BallBallLaw {
         let friction =
             self.friction_fast + self.friction_slow_extra * exp(-self.friction_fade_s_m * speed);
         let drag = if speed > 0.0 {
-            // 7/2 = 1 + 5/2: an impulse across a solid sphere changes its surface's velocity by that over
-            // the mass, one part from its centre and 5/2 from its spin.
+            // 7/2 = 1 + 5/2: a tangential impulse changes the surface velocity of a solid sphere by 7/2
+            // of impulse over mass, one part from translation and 5/2 from spin.
             -(friction * push.abs()).min(reduced_kg * speed / 3.5) / speed * slip
         } else {
             DVec3::ZERO

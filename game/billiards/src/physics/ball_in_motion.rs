@@ -1,4 +1,4 @@
-//! One ball in the midst of a shot.
+//! State of one ball during a shot.
 
 use glam::DVec3;
 
@@ -14,17 +14,17 @@ use super::{
     trajectory::{Segment, Trajectory},
 };
 
-/// A ball in the midst of a shot.
+/// A ball during a shot.
 pub(crate) struct BallInMotion {
     pub(crate) number: u8,
     pub(crate) body: BallBody,
     /// The centre now, in m.
     pub(crate) position: DVec3,
     pub(crate) motion: Motion,
-    /// When the motion began.
+    /// Start of the motion, in s.
     pub(crate) since_secs: f64,
     pub(crate) on_table: bool,
-    /// When it last touched what does not move, what that was, and the way out.
+    /// Last contact with an obstacle: time in s, obstacle, and direction away from it.
     pub(crate) touched: Option<(f64, Obstacle, DVec3)>,
     trajectory: Trajectory,
 }
@@ -71,15 +71,15 @@ impl BallInMotion {
         }
     }
 
-    /// Moves the centre on by a step from `now`.
+    /// Advances the centre by `step` from `now`.
     pub(crate) fn advance(&mut self, now: f64, step: f64) {
         if !self.is_moving() {
             return;
         }
         let t = now - self.since_secs;
-        // The velocity in the middle of a step is its mean, so that the sum of steps is as exact as
-        // `position_at`. It is not the same to the last bit, and stored matches rest on the bits of
-        // the sum: a break makes millimetres of one.
+        // The velocity at the middle of a step is its mean, so that the sum of steps is as exact as
+        // `position_at`. The two differ in the last bit, and stored matches depend on the bits of the
+        // sum: a break amplifies one bit to millimetres.
         self.position = if step < STEP_LEAST_SECS {
             self.motion.position_at(t + step)
         } else {
@@ -105,12 +105,12 @@ impl BallInMotion {
         self.trajectory.finish(end_secs)
     }
 
-    /// Whether anything will happen to it if nothing touches it.
+    /// Whether its state changes without a contact.
     pub(crate) fn is_moving(&self) -> bool {
         self.motion.is_moving()
     }
 
-    /// Whether it touches others: not once it is gone or falls to the floor.
+    /// Whether it can touch others: not once it is removed or falls to the floor.
     pub(crate) fn is_in_play(&self) -> bool {
         self.on_table && self.motion.end != MotionEnd::HitsFloor
     }
@@ -125,7 +125,7 @@ impl BallInMotion {
         QuadraticPath::after(&self.motion, now - self.since_secs)
     }
 
-    /// How long the motion lasts from now on.
+    /// Remaining duration of the motion, in s.
     pub(crate) fn rest_of_motion(&self, now: f64) -> f64 {
         (self.since_secs + self.motion.duration_secs - now).max(0.0)
     }
@@ -139,9 +139,9 @@ impl BallInMotion {
     }
 }
 
-/// A centre higher than this many radii is not over the cloth: rails are about as high as a ball's
-/// centre.
+/// Height of the centre in radii above which a ball is not on the cloth: rails are about as high as a
+/// ball's centre.
 pub(crate) const ON_RAIL_RADII: f64 = 1.5;
-/// Over a shorter step a mean velocity would say nothing that the motion does not: a ball moves 20 nm
-/// in this time at the fastest.
+/// Step in s below which the position is evaluated from the motion itself: the cue ball of the
+/// strongest stroke, at 31 m/s, moves 31 nm in this time.
 const STEP_LEAST_SECS: f64 = 1e-9;

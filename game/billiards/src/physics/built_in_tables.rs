@@ -21,20 +21,20 @@ pub enum PocketSize {
     Wide,
 }
 
-/// What can be chosen of a table that ships with the game. The table's name tells it, so that the files of
-/// matches and shots do too.
+/// Options of a table that ships with the game. They are part of the table's name, and so of the files
+/// of matches and shots.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TableOptions {
-    /// Its pockets; nothing on a table that has none.
+    /// Size of the pockets; without effect on a table that has none.
     pub pockets: PocketSize,
-    /// Its cloth.
+    /// Speed of the cloth.
     pub speed: TableSpeed,
 }
 
 impl PocketSize {
     const ALL: [Self; 3] = [Self::Tight, Self::Standard, Self::Wide];
 
-    /// Over the standard width.
+    /// Width relative to the standard.
     fn factor(self) -> f64 {
         match self {
             Self::Tight => 0.93,
@@ -53,7 +53,7 @@ impl TableOptions {
         })
     }
 
-    /// What the options add to a table's name.
+    /// Suffix of the options in a table's name.
     fn suffix(self) -> String {
         let pockets = match self.pockets {
             PocketSize::Tight => ", tight pockets",
@@ -73,7 +73,7 @@ impl Table {
     /// A table that ships with the game, by the name of its file in `assets/tables`.
     ///
     /// # Errors
-    /// [`crate::Error::Table`] with the names there are, for another one.
+    /// [`crate::Error::Table`] with the existing names, for an unknown one.
     pub fn built_in(name: &str) -> Result<Self> {
         match BUILT_IN.iter().find(|(known, _)| *known == name) {
             Some((_, json)) => Self::parse(json),
@@ -88,7 +88,7 @@ impl Table {
         }
     }
 
-    /// The table that ships with the game under this name for the player, which tells its options too.
+    /// The table that ships with the game under this display name, which includes its options.
     pub fn named(name: &str) -> Option<Self> {
         specs().find_map(|spec| {
             let suffix = name.strip_prefix(&spec.name)?;
@@ -98,7 +98,7 @@ impl Table {
         })
     }
 
-    /// This table with other options; as it is where it does not ship with the game.
+    /// This table with other options; unchanged if it does not ship with the game.
     pub fn with_options(&self, options: TableOptions) -> Self {
         let spec = specs().find(|spec| {
             let suffix = self.name().strip_prefix(&spec.name);
@@ -120,7 +120,7 @@ impl Table {
 }
 
 impl TableSpec {
-    /// The table with options, under a name that tells them.
+    /// Builds the table with options, which become part of its name.
     fn build_with(mut self, mut options: TableOptions) -> Result<Table> {
         if self.corner_pockets.is_none() {
             options.pockets = PocketSize::Standard;
@@ -138,7 +138,7 @@ impl TableSpec {
     }
 }
 
-/// Of the tables that ship with the game.
+/// Specifications of the tables that ship with the game.
 fn specs() -> impl Iterator<Item = TableSpec> {
     let tables = BUILT_IN.iter();
     tables.filter_map(|(_, json)| TableSpec::parse(json).ok())

@@ -1,9 +1,10 @@
-//! The first touch of something that goes on beyond its ends in the equations, as a line does of
-//! which a nose is only a part.
+//! First contact with a bounded part of a surface whose equation is unbounded, as a nose is a part of a
+//! line.
 //!
-//! Where the first touch of the whole is beyond the ends, the course is cut where it crosses what
-//! bounds the part, and the touch is sought in each piece that runs within. A ball that comes into
-//! such a piece already nearer than a touch, and still closes in, touches as it comes in.
+//! If the first contact with the unbounded surface lies outside the part, the path is split where it
+//! crosses the boundaries of the part, and the contact is sought in each piece inside. A ball that
+//! enters such a piece already nearer than contact distance, and still approaching, touches at the
+//! entry.
 
 use glam::{DVec2, DVec3};
 
@@ -12,9 +13,9 @@ use super::{
     table::Pocket,
 };
 
-/// When a course touches a part within a horizon. `touch` finds the first touch of the whole, `is_there`
-/// tells whether the part is where a ball with its centre here would touch it, and `borders` crosses
-/// all that bounds the places where it is.
+/// First time at which a path touches a part within a horizon. `touch` finds the first contact with the
+/// unbounded surface, `is_there` tells whether a ball with its centre at a place would touch the part,
+/// and `borders` adds the crossings of all that bounds these places.
 pub(crate) fn first_touch(
     (path, horizon): (&QuadraticPath, f64),
     touch: impl Fn(&QuadraticPath, f64) -> Option<f64>,
@@ -34,7 +35,7 @@ pub(crate) fn first_touch(
     times.sort_by(f64::total_cmp);
     times.windows(2).find_map(|piece| {
         let (from, to) = (piece[0], piece[1]);
-        // No border is crossed within a piece, so that its middle speaks for all of it.
+        // No border is crossed within a piece, so that its midpoint decides for all of it.
         let runs_within = to > from && is_there(path.at(0.5 * (from + to)));
         let touches = || touch(&path.from(from), to - from);
         runs_within
@@ -44,20 +45,20 @@ pub(crate) fn first_touch(
     })
 }
 
-/// When a course crosses borders.
+/// Times at which a path crosses borders.
 pub(crate) struct Crossings {
     path: QuadraticPath,
-    /// From 0 to the horizon, which are the first two.
+    /// The first two are 0 and the horizon.
     times: Vec<f64>,
 }
 
 impl Crossings {
-    /// The upright plane over a line through `point`.
+    /// The vertical plane over a line through `point`.
     pub(crate) fn line(&mut self, point: DVec2, normal: DVec2) {
         self.plane(point.extend(0.0), normal.normalize_or_zero().extend(0.0));
     }
 
-    /// The upright planes at the ends of a line.
+    /// The vertical planes at the ends of a line.
     pub(crate) fn ends(&mut self, from: DVec2, to: DVec2) {
         self.line(from, to - from);
         self.line(to, to - from);
@@ -67,12 +68,12 @@ impl Crossings {
         self.plane(height * DVec3::Z, DVec3::Z);
     }
 
-    /// The upright cylinder over a circle.
+    /// The vertical cylinder over a circle.
     pub(crate) fn circle(&mut self, center: DVec2, radius: f64) {
         self.around(|path| path.flat_from(center), radius);
     }
 
-    /// Where a course that is made of this one has a distance from the origin.
+    /// The sphere of `radius` about the origin, as crossed by a path derived from this one.
     pub(crate) fn around(&mut self, seen: impl Fn(&QuadraticPath) -> QuadraticPath, radius: f64) {
         let (seen, horizon) = (seen(&self.path), self.times[1]);
         let crossings = [
@@ -82,7 +83,7 @@ impl Crossings {
         self.times.extend(crossings.into_iter().flatten());
     }
 
-    /// The sides of a pocket's mouth.
+    /// The two vertical planes at the sides of a pocket's mouth.
     pub(crate) fn mouth(&mut self, pocket: &Pocket) {
         let across = (1.0 - OPEN_COS * OPEN_COS).sqrt() * pocket.mouth.perp();
         for side in [across, -across] {
@@ -93,7 +94,8 @@ impl Crossings {
     /// The plane through a point with a unit normal.
     pub(crate) fn plane(&mut self, point: DVec3, normal: DVec3) {
         let horizon = self.times[1];
-        // A parabola crosses a plane at most twice, once each way, and only falls through it are found.
+        // A parabola crosses a plane at most once in each direction, and `reaches_plane` finds the
+        // crossing in one.
         for normal in [normal, -normal] {
             let crossing = reaches_plane(&self.path, (point, normal), 0.0, horizon);
             self.times.extend(crossing);

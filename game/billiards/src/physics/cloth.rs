@@ -1,10 +1,10 @@
 //! Ball on cloth: Coulomb friction of a sphere on a plane, in closed form.
 //!
-//! A sliding ball is slowed by a force of constant direction until its lowest point stops (for a
+//! A sliding ball is decelerated by a force of constant direction until its lowest point stops (for a
 //! ball without spin at 5/7 of its speed), then rolls against a small constant resistance until it
-//! rests; spin about the vertical decays at a constant rate beside it. Each phase has constant
-//! accelerations, so a [`Motion`] is exact at every instant of its duration. Laws: Marlow, "The
-//! Physics of Pocket Billiards", 1995; constants: Alciatore, "Physical properties".
+//! rests; spin about the vertical decays at a constant rate independently. Each phase has constant
+//! accelerations, so a [`Motion`] is exact at every instant of its duration. Laws: Marlow, "The Physics
+//! of Pocket Billiards", 1995; constants: Alciatore, "Physical properties".
 
 use glam::DVec3;
 
@@ -21,9 +21,9 @@ pub struct Cloth {
     pub sliding_friction: f64,
     /// Deceleration while rolling, over g; default 0.01, measured 0.005–0.015.
     pub rolling_friction: f64,
-    /// Friction against turning in place, as the arm in m at which the ball's
-    /// weight would act: spin about the vertical decays by 5/2 · this · g/R². Default 0.36 mm,
-    /// which is 10.9 rad/s² for a pool ball; measured 5–15.
+    /// Friction against spin about the vertical, as the lever arm in m of the ball's weight: the spin
+    /// decays by 5/2 · this · g/R². Default 0.36 mm, which is 10.9 rad/s² for a pool ball; measured
+    /// 5–15.
     pub spin_friction_m: f64,
     /// Gravity in m/s²; default 9.81.
     pub gravity_m_s2: f64,
@@ -82,8 +82,9 @@ impl Cloth {
         let spin_decay = 2.5 * self.spin_friction_m * self.gravity_m_s2 / body.radius_m.powi(2);
         let (phase, acceleration, duration, end) = if slip.length() > SLIP_LEAST_M_S {
             let deceleration = self.sliding_friction * self.gravity_m_s2;
-            // Friction slows the centre by μg and, through its torque, the lowest point by 5/2 μg more.
-            // Both act along the slip, whose direction so never turns: the motion is one parabola.
+            // Friction decelerates the centre by μg and, through its torque, the lowest point by 5/2 μg
+            // more. Both act along the slip, whose direction is therefore constant: the motion is one
+            // parabola.
             let duration = slip.length() / (3.5 * deceleration);
             (
                 Phase::Sliding,
@@ -115,8 +116,7 @@ impl Cloth {
             end,
         };
         match phase {
-            // Set anew, so that round-off of the slide does not leave a slip that would begin another
-            // one.
+            // Recomputed, so that round-off of the slide leaves no slip that would begin another one.
             Phase::Rolling => motion.spin = rolling_spin(velocity, spin.z, body.radius_m),
             Phase::Resting => {
                 motion.velocity = DVec3::ZERO;
@@ -130,8 +130,8 @@ impl Cloth {
 }
 
 impl Motion {
-    /// Adds the decay of spin about the vertical, which ends the motion where the spin ends: beyond
-    /// that instant its acceleration would be another one.
+    /// Adds the decay of spin about the vertical, and ends the motion where that spin ends: beyond, its
+    /// acceleration would be another.
     fn decay_spin(&mut self, decay: f64) {
         if self.spin.z.abs() <= SPIN_LEAST_RAD_S {
             self.spin.z = 0.0;
@@ -149,8 +149,8 @@ impl Motion {
     }
 }
 
-/// Angular acceleration that goes with the horizontal acceleration: the friction's own torque
-/// while sliding, whatever keeps it rolling while rolling.
+/// Angular acceleration that belongs to a horizontal acceleration: friction's own torque while sliding,
+/// whatever keeps the ball rolling while rolling.
 fn torque_spin(phase: Phase, acceleration: DVec3, radius_m: f64) -> DVec3 {
     match phase {
         // Torque over inertia: (−R z) × (m a) / (2/5 m R²).
@@ -160,9 +160,9 @@ fn torque_spin(phase: Phase, acceleration: DVec3, radius_m: f64) -> DVec3 {
     }
 }
 
-/// Below this slip a ball counts as rolling: far under what a millisecond of friction changes.
+/// Slip below which a ball counts as rolling: far below what a millisecond of friction changes.
 const SLIP_LEAST_M_S: f64 = 1e-10;
-/// Below this speed a rolling ball counts as resting: it would go another 5e-18 m.
+/// Speed below which a rolling ball counts as resting: it would roll another 5e-18 m.
 const SPEED_LEAST_M_S: f64 = 1e-9;
-/// Below this spin about the vertical a ball counts as without it.
+/// Spin about the vertical below which a ball counts as without it.
 const SPIN_LEAST_RAD_S: f64 = 1e-9;

@@ -1,4 +1,4 @@
-//! Contacts in the midst of a shot: whom each is between, its law, and what is reported.
+//! Contacts during a shot: the bodies, the law and the reported event of each.
 
 use glam::DVec3;
 
@@ -16,7 +16,7 @@ use super::{
 };
 
 impl EventEngine<'_> {
-    /// A ball touches what does not move.
+    /// Resolves the contact of a ball with an obstacle that does not move.
     pub(super) fn touch(&mut self, ball: usize, obstacle: Obstacle) {
         let BallInMotion { number, body, .. } = self.balls[ball];
         let before = self.balls[ball].twist(self.now);
@@ -65,15 +65,14 @@ impl EventEngine<'_> {
                 .cushion
                 .rebound(&body, (away, nose_height_m), before)
         };
-        // Round-off must not leave a velocity into what was touched: the same contact would be found
-        // again at once.
+        // Round-off must not leave a velocity into the obstacle: the same contact would be found again
+        // at once.
         after.velocity = if cushion {
             kept_apart(away, before.velocity, after.velocity)
         } else {
             skimmed(away, before.velocity, after.velocity)
         };
-        // Between two upright edges contacts would come ever faster, and infinitely many in a finite
-        // time.
+        // Between two vertical edges the contacts would accumulate, infinitely many in a finite time.
         if let Some(opposite) = self.opposite(ball, obstacle, away) {
             after.velocity = wedged([away, opposite], after.velocity);
         }
@@ -82,8 +81,8 @@ impl EventEngine<'_> {
         self.set_off(ball, after);
     }
 
-    /// The way out of the contact opposite, for a ball between the upright edge of a facing and that: it
-    /// would go to and fro in ever shorter ways.
+    /// Direction away from the previous contact, for a ball caught between that and the vertical edge
+    /// of a facing: it would move to and fro over ever shorter distances.
     fn opposite(&self, ball: usize, obstacle: Obstacle, away: DVec3) -> Option<DVec3> {
         let is_corner = |obstacle| matches!(obstacle, Obstacle::Corner(_));
         let (time, other, out) = self.balls[ball].touched?;
@@ -94,7 +93,7 @@ impl EventEngine<'_> {
         is_opposite.then_some(out)
     }
 
-    /// A ball falls onto a level surface: the cloth, or a rail.
+    /// Resolves the fall of a ball onto a level surface: the cloth, or a rail.
     pub(super) fn land(&mut self, ball: usize, before: Twist) {
         let BallInMotion { number, body, .. } = self.balls[ball];
         let height = self.balls[ball].position.z;
@@ -129,7 +128,8 @@ impl EventEngine<'_> {
         self.set_off(second, other);
     }
 
-    /// Reports that two balls meet; the way from the first to the second, and both after the blow.
+    /// Reports the contact of two balls; returns the normal from the first to the second, and both
+    /// twists after it.
     pub(super) fn meet(&mut self, first: usize, second: usize) -> (DVec3, [Twist; 2]) {
         let bodies = [first, second].map(|ball| self.balls[ball].body);
         let normal = direction(self.balls[first].position, self.balls[second].position);
@@ -145,14 +145,14 @@ impl EventEngine<'_> {
         (normal, [one, other])
     }
 
-    /// Whether a pair approaches fast enough not to be a matter of the rule for clusters.
+    /// Whether a pair approaches faster than [`CLUSTER_SPEED_M_S`].
     pub(super) fn meets_fast(&self, (first, second): (usize, usize)) -> bool {
         let normal = direction(self.balls[first].position, self.balls[second].position);
         let [one, other] = [first, second].map(|ball| self.balls[ball].twist(self.now).velocity);
         (one - other).dot(normal) > CLUSTER_SPEED_M_S
     }
 
-    /// Contacts at the same instant that share balls.
+    /// Resolves simultaneous contacts that share balls.
     pub(super) fn collide_together(&mut self, pairs: &[(usize, usize)]) {
         let mut balls: Vec<_> = pairs.iter().flat_map(|&(a, b)| [a, b]).collect();
         balls.sort_unstable();
@@ -188,8 +188,9 @@ impl EventEngine<'_> {
     }
 }
 
-/// A ball that goes from one contact to the one opposite in less time has nowhere to go.
+/// Time in s between opposite contacts below which a ball is wedged between them.
 const CAUGHT_SECS: f64 = 1e-4;
-/// A ball that comes onto the flat rail from beside it, lower than this, is thrown up as by a cushion's
-/// slope: to lift it would be a gift of energy.
+/// Depth below the rail's level up to which a contact with its top is a landing. A ball that comes from
+/// the side and is lower is thrown up as by a cushion's slope: lifting it to the level would add
+/// energy.
 const LANDING_SLACK_M: f64 = 1e-6;

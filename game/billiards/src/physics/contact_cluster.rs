@@ -1,12 +1,11 @@
 //! Contacts of several balls at the same instant.
 //!
-//! Taken one after the other they would break the symmetry of a rack: the first would leave the
-//! second less to do. Together they are Moreau's law of impact: the velocities nearest to those
-//! before, in the metric of kinetic energy, at which no pair approaches, are where the balls would
-//! stay if nothing bounced; restitution goes on beyond them by e times as much again (Moreau,
-//! "Unilateral contact and dry friction in finite freedom dynamics", 1988). It is Newton's law for
-//! one contact, keeps momentum, and gains no energy for e ≤ 1. Which contact is first decides
-//! nothing but round-off.
+//! Resolved one after the other they would break the symmetry of a rack, as the first would change the
+//! approach of the second. Resolved together they follow Moreau's law of impact: the velocities nearest
+//! to those before, in the metric of kinetic energy, at which no pair approaches, are the inelastic
+//! result; restitution goes beyond it by e times the same change (Moreau, "Unilateral contact and dry
+//! friction in finite freedom dynamics", 1988). It is Newton's law for one contact, conserves momentum,
+//! and gains no energy for e ≤ 1. The order of the contacts decides nothing but round-off.
 
 use glam::DVec3;
 
@@ -16,7 +15,7 @@ use super::{
 };
 use crate::deterministic_math::exp;
 
-/// Two balls in touch, by their place in a list of twists.
+/// A contact of two balls, by their indices in a list of twists.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClusterContact {
     pub(crate) first: usize,
@@ -47,16 +46,16 @@ impl BallBallLaw {
                     bodies,
                     touch,
                     twists,
-                    // Friction is bounded by the whole impulse along the normal: of compression, and e
-                    // times as much.
+                    // Coulomb's limit is that of the whole normal impulse: of compression, and e times
+                    // as much.
                     (1.0 + self.restitution) * push,
                     count,
                 )
             })
             .collect();
         for (touch, drag) in touches.iter().zip(drags) {
-            // A solid ball's moment of inertia is ⅖ m r². The spins of both change alike, as the arm and
-            // the impulse have opposite signs at either.
+            // A solid ball's moment of inertia is ⅖ m r². The spins of both change in the same sense,
+            // as arm and impulse both have opposite signs.
             let turn = 2.5 * touch.normal.cross(drag);
             for (ball, way) in [(touch.first, 1.0), (touch.second, -1.0)] {
                 let BallBody { mass_kg, radius_m } = bodies[ball];
@@ -66,9 +65,9 @@ impl BallBallLaw {
         }
     }
 
-    /// Impulse of friction on the first ball of a touch. Each of `count` touches takes at most its
-    /// share of what would stop its slip, so that all of them together gain no energy: they are the
-    /// mean of changes that gain none.
+    /// Impulse of friction on the first ball of a contact. Each of `count` contacts takes at most its
+    /// share of what would stop its slip. All of them together are then the mean of changes that gain
+    /// no energy, and so gain none (kinetic energy is convex).
     fn drag(
         &self,
         bodies: &[BallBody],
@@ -89,7 +88,7 @@ impl BallBallLaw {
         }
         let friction =
             self.friction_fast + self.friction_slow_extra * exp(-self.friction_fade_s_m * speed);
-        // An impulse changes a ball's slip by 1/m through its centre and by 5/2 · 1/m through its turn.
+        // An impulse changes a ball's slip by 1/m through its centre and by 5/2 · 1/m through its spin.
         let stops = speed / (3.5 * lightness(bodies, touch) * count);
         -(friction * push).min(stops) / speed * slip
     }
@@ -108,8 +107,8 @@ fn inelastic(bodies: &[BallBody], touches: &[ClusterContact], twists: &mut [Twis
                 normal,
             } = *touch;
             let approach = (twists[first].velocity - twists[second].velocity).dot(normal);
-            // The impulse so far is kept from being a pull, not the step: a sweep may take back what one
-            // before it gave too much, without which the result would depend on the order.
+            // The accumulated impulse is clamped, not the increment: a sweep may take back what an
+            // earlier one gave in excess, otherwise the result would depend on the order.
             let next = (*push + approach / lightness(bodies, touch)).max(0.0);
             let by = next - *push;
             *push = next;
@@ -124,12 +123,12 @@ fn inelastic(bodies: &[BallBody], touches: &[ClusterContact], twists: &mut [Twis
     pushes
 }
 
-/// 1/m of the first ball and of the second.
+/// Sum of 1/m of the two balls.
 fn lightness(bodies: &[BallBody], touch: &ClusterContact) -> f64 {
     1.0 / bodies[touch.first].mass_kg + 1.0 / bodies[touch.second].mass_kg
 }
 
-/// A rack of fifteen converges in a few hundred.
+/// Maximum sweeps: a rack of fifteen converges in a few hundred.
 const SWEEPS_MAX: u32 = 5_000;
-/// Relative change of every impulse in a sweep.
+/// Largest relative change of an impulse in a sweep at convergence.
 const CONVERGED: f64 = 1e-14;

@@ -24,7 +24,7 @@ pub(crate) struct QuadraticPath {
 }
 
 impl QuadraticPath {
-    /// The course of a motion, counted from `t` after its start.
+    /// The path of a motion, with its time origin `t` after the motion's start.
     pub(crate) fn after(motion: &Motion, t: f64) -> Self {
         Self {
             position: motion.position_at(t),
@@ -33,7 +33,7 @@ impl QuadraticPath {
         }
     }
 
-    /// The rest of it from a time on.
+    /// The same path with its time origin at `t`.
     pub(crate) fn from(&self, t: f64) -> Self {
         Self {
             position: self.at(t),
@@ -50,7 +50,7 @@ impl QuadraticPath {
         }
     }
 
-    /// The course over the cloth, seen from a fixed point of it.
+    /// The horizontal part of the path, relative to a fixed point.
     pub(crate) fn flat_from(&self, point: DVec2) -> Self {
         Self {
             position: (self.position.truncate() - point).extend(0.0),
@@ -59,13 +59,13 @@ impl QuadraticPath {
         }
     }
 
-    /// The course in the plane across an edge through `point`, along two unit vectors: first coordinate
-    /// the distance in front of the edge, second the height over it.
+    /// The path in the plane across an edge through `point`, along two unit vectors: the first
+    /// coordinate is the distance in front of the edge, the second the height above it.
     pub(crate) fn across_edge(&self, point: DVec3, [across, up]: [DVec3; 2]) -> Self {
         self.mapped(point, |v| DVec3::new(across.dot(v), up.dot(v), 0.0))
     }
 
-    /// The course as a linear map shows it, seen from a fixed point.
+    /// The path relative to a fixed point, under a linear map.
     pub(crate) fn mapped(&self, point: DVec3, project: impl Fn(DVec3) -> DVec3) -> Self {
         Self {
             position: project(self.position - point),
@@ -83,16 +83,16 @@ impl QuadraticPath {
     }
 
     /// Whether it can come within `distance` of the origin before `horizon`, by the triangle
-    /// inequality: most pairs end here.
+    /// inequality: most pairs are rejected here.
     fn can_reach(&self, distance: f64, horizon: f64) -> bool {
         let reach = horizon * (self.velocity.length() + horizon * self.half_acceleration.length());
         self.position.length() <= distance + reach
     }
 }
 
-/// First time in [0, `horizon`] at which the course, seen from a point it moves relative to, comes
-/// within `distance` of it. Serves ball–ball (relative course, sum of radii), jaws, edges and
-/// pockets. A course that is already within and still closing in touches at 0.
+/// First time in [0, `horizon`] at which the path, relative to a point, comes within `distance` of it.
+/// Serves ball–ball (relative path, sum of radii), jaws, edges and pockets. A path that is already
+/// within and still approaching touches at 0.
 pub(crate) fn reaches_point(path: &QuadraticPath, distance: f64, horizon: f64) -> Option<f64> {
     if !path.can_reach(distance, horizon) {
         return None;
@@ -100,8 +100,8 @@ pub(crate) fn reaches_point(path: &QuadraticPath, distance: f64, horizon: f64) -
     squared_distance(path, distance).first_fall_below_zero(horizon, f64::INFINITY)
 }
 
-/// First time in [0, `horizon`] at which the course, seen from a point, comes out to `distance`
-/// from it, or goes on outwards from beyond.
+/// First time in [0, `horizon`] at which the path, relative to a point, reaches `distance` from it
+/// outwards, or continues outwards from beyond.
 pub(crate) fn leaves_circle(path: &QuadraticPath, distance: f64, horizon: f64) -> Option<f64> {
     let inside = Quartic(squared_distance(path, distance).0.map(|c| -c));
     inside.first_fall_below_zero(horizon, f64::INFINITY)
@@ -116,7 +116,7 @@ fn squared_distance(path: &QuadraticPath, distance: f64) -> Quartic {
     } = *path;
     let gap = p.length() - distance;
     Quartic([
-        // p² - d² in factors: near a touch the squares agree in nearly all of their digits.
+        // p² − d² factorised: near a contact the two squares agree in nearly all of their digits.
         gap * (p.length() + distance),
         2.0 * p.dot(v),
         v.dot(v) + 2.0 * p.dot(a),
@@ -125,8 +125,8 @@ fn squared_distance(path: &QuadraticPath, distance: f64) -> Quartic {
     ])
 }
 
-/// First time in [0, `horizon`] at which the course comes down to a plane through `point` with the
-/// unit `normal`, from above or from within `depth` below it.
+/// First time in [0, `horizon`] at which the path comes down to a plane through `point` with the unit
+/// `normal`, from above or from within `depth` below it.
 pub(crate) fn reaches_plane(
     path: &QuadraticPath,
     (point, normal): (DVec3, DVec3),
@@ -150,14 +150,14 @@ pub(crate) fn reaches_nose(
     radius: f64,
     horizon: f64,
 ) -> Option<f64> {
-    // The centre's plane; the normal is level, so that heights do not count.
+    // The plane of the centre at contact; the normal is horizontal, so that heights do not count.
     let touching = nose.from() + radius * nose.normal();
     let plane = (touching.extend(0.0), nose.normal().extend(0.0));
     let t = reaches_plane(path, plane, radius, horizon)?;
     nose.spans(path.at(t).truncate()).then_some(t)
 }
 
-/// First time in [0, `horizon`] at which the course crosses the outline of the table.
+/// First time in [0, `horizon`] at which the path crosses the outline of the table.
 pub(crate) fn leaves_outline(
     path: &QuadraticPath,
     (low, high): (DVec2, DVec2),
@@ -170,14 +170,13 @@ pub(crate) fn leaves_outline(
         (DVec3::NEG_Y, high),
     ];
     let crossings = sides.into_iter().filter_map(|(inward, corner)| {
-        // However far outside it is already: a centre beyond the outline that goes on outwards leaves at
-        // once.
+        // At any depth: a centre beyond the outline that continues outwards leaves at once.
         reaches_plane(path, (corner.extend(0.0), inward), f64::INFINITY, horizon)
     });
     crossings.min_by(f64::total_cmp)
 }
 
-/// First time in [0, `horizon`] at which the course comes from outside into a rectangle.
+/// First time in [0, `horizon`] at which the path enters a rectangle from outside.
 pub(crate) fn enters_rectangle(
     path: &QuadraticPath,
     (low, high): (DVec2, DVec2),
@@ -199,11 +198,11 @@ pub(crate) fn enters_rectangle(
     crossings.min_by(f64::total_cmp)
 }
 
-/// First time in [0, `horizon`] at which the course comes within `distance` of a level circle.
+/// First time in [0, `horizon`] at which the path comes within `distance` of a horizontal circle.
 ///
-/// The distance to a circle is no polynomial of low degree. Each step goes to where the distance
-/// cannot have fallen to the bound yet: its second derivative is bounded below by the
-/// acceleration and by how the circle curves away, so that steps grow with the gap and the last
+/// The distance to a circle is no polynomial of low degree. Conservative advancement: each step ends
+/// where the distance cannot have fallen to the bound yet. Its second derivative is bounded below by
+/// the acceleration and by the curvature of the circle, so that steps grow with the gap and the last
 /// ones converge as Newton's do.
 pub(crate) fn reaches_ring(
     path: &QuadraticPath,
@@ -216,6 +215,7 @@ pub(crate) fn reaches_ring(
         let seen = path.at(t) - center;
         let velocity = path.velocity_at(t);
         let from_axis = seen.truncate().length();
+        // In the half-plane of the axis and the ball the ring is a point.
         let offset = DVec2::new(from_axis - ring_radius, seen.z);
         let gap = offset.length() - distance;
         let outward = seen.truncate().normalize_or_zero();
@@ -227,7 +227,8 @@ pub(crate) fn reaches_ring(
         let speed = velocity.length() + 2.0 * path.half_acceleration.length() * RING_STEP_SECS;
         // The distance from anything changes no faster than the ball moves.
         let by_speed = gap.max(0.0) / speed.max(f64::MIN_POSITIVE);
-        // While it stays at least half as far from the axis, the distance curves by no more.
+        // As long as the distance from the axis stays above half of its present value, `curving` bounds
+        // the distance's second derivative.
         let calm = (0.5 * from_axis / speed.max(f64::MIN_POSITIVE)).min(RING_STEP_SECS);
         let curving = 2.0 * path.half_acceleration.length()
             + 2.0 * speed * speed / from_axis.max(f64::MIN_POSITIVE);
@@ -240,7 +241,8 @@ pub(crate) fn reaches_ring(
             (root - closing) / curving
         };
         let step = by_speed.min(RING_STEP_SECS).max(by_curve.min(calm));
-        // From a touch that parts again the search has to get away; towards one it must not rush.
+        // The search has to leave a contact that separates again, but must not pass one that
+        // approaches.
         let least = if gap <= RING_TOUCH_M {
             RING_STEP_LEAST_SECS
         } else {
@@ -272,18 +274,18 @@ impl Quartic {
     /// below but by no more than `depth`, and falling, that is at once: a contact that round-off
     /// placed a little inside must not be missed.
     fn first_fall_below_zero(&self, end: f64, depth: f64) -> Option<f64> {
-        // The degree falls with each derivative, so that the recursion ends at a straight line after
+        // Each derivative has one degree less, so that the recursion ends at a straight line after
         // three.
         let extrema = self.derivative().roots(end);
         let mut start = (0.0, self.at(0.0));
         for &t in extrema.as_slice().iter().chain([&end]) {
             let stop = (t, self.at(t));
-            // Monotone between extrema: it falls through zero here if its ends lie on both sides.
+            // Monotone between extrema: it falls through zero here if the ends have opposite signs.
             if stop.1 < start.1 && stop.1 < 0.0 {
                 if start.1 > 0.0 {
                     return Some(self.refine(start, stop));
                 }
-                // It began at or a little below zero: a touch, unless it rises first and parts.
+                // It began at or slightly below zero: a contact, unless it rises first and separates.
                 if start.1 >= -depth {
                     return Some(start.0);
                 }
@@ -321,7 +323,7 @@ impl Quartic {
         let slope = self.derivative();
         let falls = start.1 > stop.1;
         let (mut low, mut high) = (start.0, stop.0);
-        // Begun where the chord crosses zero; the clamp is for differences that round to 0.
+        // Starts where the chord crosses zero; the clamp is for differences that round to 0.
         let mut t = low + (high - low) * (start.1 / (start.1 - stop.1)).clamp(0.0, 1.0);
         for _ in 0..REFINEMENTS_MAX {
             let value = self.at(t);
@@ -351,7 +353,7 @@ impl Quartic {
     }
 }
 
-/// Up to four roots, without an allocation.
+/// Up to four roots, without allocation.
 #[derive(Clone, Copy, Debug, Default)]
 struct Roots {
     times: [f64; 4],
@@ -379,15 +381,15 @@ pub(crate) fn direction(from: DVec3, to: DVec3) -> DVec3 {
     (to - from).try_normalize().unwrap_or(DVec3::X)
 }
 
-/// What round-off may place on the wrong side of a boundary.
+/// Tolerance in m for round-off at a boundary.
 const JOINT_M: f64 = 1e-6;
-/// This near the ring counts as touching.
+/// Gap in m below which a ring is touched.
 pub(crate) const RING_TOUCH_M: f64 = 1e-11;
-/// A step along a course near a ring is at most this long, and out of a touch at least that: a ball
-/// sinks into the ring by less than the bound of a touch in it.
+/// Longest step along a path near a ring.
 const RING_STEP_SECS: f64 = 0.02;
+/// Shortest step out of a contact: in it a ball sinks into the ring by less than [`RING_TOUCH_M`].
 pub(crate) const RING_STEP_LEAST_SECS: f64 = 1e-7;
-/// Bounds the search near a grazed ring: as many of the longest steps are 80 s.
+/// Maximum steps near a grazed ring: as many of the longest steps are 80 s.
 pub(crate) const RING_STEPS_MAX: u32 = 4096;
 
 #[cfg(test)]

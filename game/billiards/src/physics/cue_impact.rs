@@ -1,9 +1,10 @@
-//! Tip against ball: an instantaneous blow at a point, with squirt from the end mass of the cue.
+//! Impact of the cue's tip on the ball: an instantaneous impulse at a point, with squirt from the end
+//! mass of the cue.
 //!
 //! Speed and spin: Alciatore, TP A-30 (elastic tip, no slip up to the miscue limit). Squirt, the
-//! sideways deflection by the mass of the cue's end: TP A-31. Beyond the limit, where the blow would
-//! leave the cone of friction about the normal, the tip slips off: the impulse stays on the cone's
-//! edge and shrinks with how squarely the tip meets the ball, down to nothing at the rim.
+//! sideways deflection by the mass of the cue's end: TP A-31. Beyond the limit, where the impulse would
+//! leave the friction cone about the normal, the tip slips off: the impulse stays on the cone's edge
+//! and shrinks with the cosine between cue and inward normal, to zero at the rim.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -13,29 +14,29 @@ use crate::{Result, StrokeFault};
 use super::{ball::BallBody, ball_ball::Twist};
 use crate::deterministic_math::{atan2, hypot, sin_cos, turned};
 
-/// The player's blow to the cue ball.
+/// The player's stroke on the cue ball.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stroke {
     /// Direction of the cue seen from above, in rad anticlockwise from +x.
     pub direction_rad: f64,
-    /// Speed of the cue at the blow, in m/s: over 0, at most [`Stroke::SPEED_MAX_M_S`].
+    /// Speed of the cue at the impact, in m/s: over 0, at most [`Stroke::SPEED_MAX_M_S`].
     pub speed_m_s: f64,
     /// Sideways offset of the tip in ball radii, positive to the right of the aim (right english).
     pub side: f64,
     /// Vertical offset of the tip in ball radii, positive above the centre (follow).
     pub vertical: f64,
     /// Elevation of the cue in rad, 0 to [`Stroke::ELEVATION_MAX_RAD`]. The downward part of the
-    /// blow drives the ball into the slate, off which it jumps; with side it curves (massé).
+    /// impulse drives the ball into the slate, off which it jumps; with side it curves (massé).
     pub elevation_rad: f64,
 }
 
 impl Stroke {
-    /// Half as fast again as the strongest measured break.
+    /// Highest speed of the cue in m/s: 1.5 times that of the strongest measured break.
     pub const SPEED_MAX_M_S: f64 = 20.0;
-    /// The farthest from the centre, in radii, that a stroke can be aimed. The tip slips off
-    /// before: beyond [`Cue::miscue_offset`].
+    /// Largest offset from the centre, in ball radii, at which a stroke can be aimed. The tip slips off
+    /// earlier: beyond [`Cue::miscue_offset`].
     pub const OFFSET_MAX: f64 = 0.9;
-    /// 85 degrees.
+    /// Largest elevation in rad: 85 degrees.
     pub const ELEVATION_MAX_RAD: f64 = 85.0 * std::f64::consts::PI / 180.0;
 
     /// A stroke through the centre of the ball.
@@ -49,11 +50,13 @@ impl Stroke {
         }
     }
 
-    /// From the ball's centre to the tip, across the cue, in ball radii.
+    /// Distance of the tip from the ball's centre perpendicular to the cue, in ball radii.
     pub fn offset(&self) -> f64 {
         hypot(self.side, self.vertical)
     }
 
+    /// Checks that all values are finite and in range.
+    ///
     /// # Errors
     /// [`crate::Error::Stroke`] for numbers that are not finite or out of range.
     pub fn validate(&self) -> Result<()> {
@@ -85,12 +88,12 @@ impl Stroke {
 /// The cue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cue {
-    /// Its mass in kg; default 0.567 (20 oz).
+    /// Mass in kg; default 0.567 (20 oz).
     pub mass_kg: f64,
-    /// The part of its end that moves sideways with the tip, in kg: more gives more squirt.
-    /// Default 0.0056699 (a thirtieth of the ball: 1.9 degrees at half a radius).
+    /// Effective mass in kg of the cue's end, which moves sideways with the tip: more gives more
+    /// squirt. Default 0.0056699 (a thirtieth of the ball: 1.9 degrees at an offset of half a radius).
     pub end_mass_kg: f64,
-    /// Friction of chalked tip and ball; default 0.6 (Alciatore, "Physical properties").
+    /// Friction coefficient of chalked tip and ball; default 0.6 (Alciatore, "Physical properties").
     pub tip_friction: f64,
 }
 
@@ -110,7 +113,7 @@ impl Cue {
         self.tip_friction / hypot(self.tip_friction, 1.0)
     }
 
-    /// Velocity and spin of a resting ball after a valid stroke, before the slate answers.
+    /// Velocity and spin of a ball at rest after a valid stroke, before the reaction of the slate.
     pub(crate) fn strike(&self, body: &BallBody, stroke: &Stroke) -> Twist {
         let (sin_aim, cos_aim) = sin_cos(stroke.direction_rad);
         let forward = DVec3::new(cos_aim, sin_aim, 0.0);
@@ -120,7 +123,7 @@ impl Cue {
         let up = sin_elevation * forward + cos_elevation * DVec3::Z;
 
         let offset = stroke.offset();
-        // Offsets end at 0.9 radii, where the tip still meets the ball.
+        // Offsets are at most 0.9 radii, where the tip still meets the ball.
         let depth = (1.0 - offset * offset).sqrt();
         let tip = stroke.side * right + stroke.vertical * up - depth * axis;
         let CueImpact {
@@ -129,9 +132,9 @@ impl Cue {
             strength,
         } = self.impact(axis, tip, offset);
         let reach = along.dot(axis);
-        // TP A-30: an elastic blow of two bodies of which the ball resists with its mass and, on an arm,
-        // with its inertia (5/2 of the arm's square). Only the part of the impulse along the cue slows
-        // the cue.
+        // TP A-30: an elastic collision of the cue with the ball, whose inverse effective mass at an
+        // arm of b radii is (1 + 5/2 b²)/m (I = 2/5 m R²). Only the impulse component along the cue
+        // slows the cue.
         let speed = 2.0 * strength * reach * stroke.speed_m_s
             / (1.0 + reach * reach * body.mass_kg / self.mass_kg + 2.5 * arm * arm);
         Twist {
@@ -151,8 +154,9 @@ impl Cue {
         }
         let inward = -tip;
         let squarely = axis.dot(inward);
+        // On the cone's edge in the plane of the cue's axis and the normal.
         let across = (axis - squarely * inward).normalize_or_zero();
-        // `limit` is sin(atan μ), so that these are sine and cosine of the cone's half angle.
+        // `limit` is sin(atan μ): `cos_limit` and `limit` are cosine and sine of the cone's half angle.
         let cos_limit = (1.0 - limit * limit).sqrt();
         CueImpact {
             along: cos_limit * inward + limit * across,
@@ -165,18 +169,18 @@ impl Cue {
     fn squirt_rad(&self, body: &BallBody, side: f64) -> f64 {
         let across = 1.0 - side * side;
         let mass_ratio = body.mass_kg / self.end_mass_kg;
-        // TP A-31, in which only the end mass is carried sideways by the turning ball.
+        // TP A-31: only the end mass is carried sideways by the turning ball.
         atan2(2.5 * side * across.sqrt(), 1.0 + mass_ratio + 2.5 * across)
     }
 }
 
-/// How the tip pushes a ball of radius 1.
+/// Impulse of the tip on a ball of radius 1.
 struct CueImpact {
-    /// The direction of the impulse.
+    /// Unit vector of the impulse.
     along: DVec3,
-    /// From its line to the centre.
+    /// Lever arm: distance of the impulse's line from the centre, in ball radii.
     arm: f64,
-    /// The impulse over that of an elastic blow.
+    /// Ratio of the impulse to that of an elastic impact.
     strength: f64,
 }
 

@@ -1,15 +1,15 @@
 //! Ball against cushion: a compliant contact with restitution and Coulomb friction.
 //!
-//! The model of Stronge, "Impact Mechanics" (2000), chapter 5, for a sphere on a half-space: the
-//! normal contact is a spring that gives back e² of its energy, the tangential contact a spring
-//! that holds while its force stays within Coulomb's limit μN and slips where it does not. Within
-//! the contact the ball's surface sticks, slips, or slips and sticks and slips again; a spinning
-//! ball can leave with more tangential speed than a rigid law allows.
+//! The model of Stronge, "Impact Mechanics" (2000), chapter 5, for a sphere on a half-space: the normal
+//! contact is a spring that returns e² of its energy, the tangential contact a spring that sticks while
+//! its force stays within Coulomb's limit μN and slips beyond. Within a contact the ball's surface
+//! sticks, slips, or slips, sticks and slips again; a spinning ball can leave with more tangential
+//! speed than a rigid law allows.
 //!
 //! The nose is above the centre of a ball on the cloth, so that the normal, from the nose to the
-//! centre, points down into the slate, which takes up that part of the impulse: on the cloth the
-//! vertical velocity is dropped. In the air the normal is that of the place where the ball touches,
-//! and nothing is dropped.
+//! centre, points down into the slate, which absorbs that part of the impulse: on the cloth the
+//! vertical velocity is dropped. In the air the normal is that of the point of contact, and nothing is
+//! dropped.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -52,7 +52,7 @@ impl CushionLaw {
         let above = nose_height_m / body.radius_m - 1.0;
         let normal = (away - above * DVec3::Z).normalize();
         let mut after = self.resolve(body, normal, twist);
-        // The slate takes up what the tilted normal has pushed down.
+        // The slate absorbs what the tilted normal has pushed down.
         after.velocity.z = 0.0;
         after.velocity = kept_apart(away, twist.velocity, after.velocity);
         after
@@ -70,6 +70,7 @@ impl CushionLaw {
         let mut velocity = twist.velocity + (1.0 + self.restitution) * approach * normal;
         let mut spin = twist.spin;
         if speed > 0.0 {
+            // The centre takes 2/7 of the change of the surface's speed, the spin the rest.
             let change = (self.slip_after(speed, approach) - speed) / MASS_RATIO;
             let kick = change / speed * slip;
             velocity += kick;
@@ -81,18 +82,21 @@ impl CushionLaw {
     /// Tangential speed of the ball's surface after the contact, positive along the speed before;
     /// `slip` and `approach` are the tangential and normal speeds before, both positive.
     ///
-    /// Time is counted in the normal spring's: compression lasts π/2, restitution e·π/2 more.
+    /// The unit of time is that of the normal spring: compression lasts π/2, restitution e·π/2 more.
     fn slip_after(&self, slip: f64, approach: f64) -> f64 {
         let e = self.restitution;
         let limit = self.friction * approach;
         // Deflection of the tangential spring at Coulomb's limit, per sin(phase).
         let stretch = limit * MASS_RATIO / self.frequency_ratio.powi(2);
         let pull = limit * MASS_RATIO;
-        // Still slips when the cushion lets go: Coulomb's impulse of the whole contact, μ(1 + e) over the
-        // approach, times 7/2. The last term is what the spring could still hold as the limit falls to 0.
+        // Slip throughout: the surface still slips at the end of the contact. Coulomb's impulse of the
+        // whole contact per mass is μ(1 + e) times the approach, and changes the slip by 7/2 of that.
+        // The last term is the slip that the spring could still hold as the limit falls to 0.
         if slip >= pull * (1.0 + e) - stretch / e {
             return slip - pull * (1.0 + e);
         }
+        // At first touch the spring's force and Coulomb's limit grow from 0 together: a surface slower
+        // than `stretch` sticks at once.
         let stick = if slip < stretch {
             StickPhase {
                 from: 0.0,
@@ -104,16 +108,17 @@ impl CushionLaw {
             self.slip_until_stick(slip, stretch, pull)
         };
         let release = self.slip_again(&stick, stretch);
-        // What Coulomb's friction adds from there to the end, now the other way.
+        // From `release` to the end Coulomb's friction acts in the opposite direction.
         stick.speed_at(release) + pull * e * (1.0 + cos(phase(release, e)))
     }
 
-    /// The surface slips until its speed is that at which Coulomb's limit lets the spring move.
+    /// State at the end of the first slip, when the slip speed has fallen to the rate at which
+    /// Coulomb's limit lets the spring deflect.
     fn slip_until_stick(&self, slip: f64, stretch: f64, pull: f64) -> StickPhase {
         let e = self.restitution;
-        // It sticks when the slip speed has fallen to that at which the limit moves, stretch · d
-        // sin(phase)/dt. In compression slip − pull (1 − cos t) = stretch cos t; in restitution both
-        // cosines change by e and 1/e.
+        // It sticks when the slip speed has fallen to the rate of the spring's deflection at the limit,
+        // stretch · d sin(phase)/dt. In compression slip − pull (1 − cos t) = stretch cos t; in
+        // restitution the two cosines have factors e and 1/e.
         let from = if slip <= pull {
             acos(((slip - pull) / (stretch - pull)).clamp(-1.0, 1.0))
         } else {
@@ -130,8 +135,8 @@ impl CushionLaw {
         }
     }
 
-    /// When the spring, swung back, reaches Coulomb's limit on the other side. The limit falls to
-    /// zero at the end of the contact, so that it happens by then.
+    /// Time at which the spring, having reversed, reaches Coulomb's limit on the other side. The limit
+    /// falls to zero at the end of the contact, so that it is reached by then.
     fn slip_again(&self, stick: &StickPhase, stretch: f64) -> f64 {
         let e = self.restitution;
         let mut holds = stick.from.max(FRAC_PI_2);
@@ -150,7 +155,7 @@ impl CushionLaw {
     }
 }
 
-/// The tangential spring while the surface sticks.
+/// State of the tangential spring while the surface sticks.
 #[derive(Clone, Copy, Debug)]
 struct StickPhase {
     from: f64,
@@ -171,7 +176,7 @@ impl StickPhase {
     }
 }
 
-/// Phase of the normal spring, 0 at first touch, π/2 at full compression, π at parting.
+/// Phase of the normal spring: 0 at first touch, π/2 at full compression, π at separation.
 fn phase(t: f64, restitution: f64) -> f64 {
     if t <= FRAC_PI_2 {
         t
@@ -180,10 +185,10 @@ fn phase(t: f64, restitution: f64) -> f64 {
     }
 }
 
-/// Change of a solid sphere's surface speed over that of its centre, for one tangential impulse:
+/// Ratio of a solid sphere's change of surface speed to that of its centre, for one tangential impulse:
 /// 1 + m R²/I.
 const MASS_RATIO: f64 = 3.5;
-/// Halves π to below its last bit.
+/// Bisections that narrow an interval of π to below its last bit.
 const BISECTIONS: u32 = 56;
 
 #[cfg(test)]

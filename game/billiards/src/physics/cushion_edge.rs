@@ -4,21 +4,21 @@ use glam::DVec3;
 
 use super::table::{JOINT_SLACK_M, Nose};
 
-/// An edge, with the unit vectors by which places are seen from it.
+/// An edge with an orthonormal frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CushionEdge {
     pub(crate) from: DVec3,
     pub(crate) to: DVec3,
-    /// From one end to the other.
+    /// From `from` to `to`.
     pub(crate) along: DVec3,
-    /// Level, towards the balls.
+    /// Horizontal, towards the balls.
     pub(crate) across: DVec3,
-    /// Upwards, square to both.
+    /// Upwards, perpendicular to both.
     pub(crate) up: DVec3,
 }
 
 impl CushionEdge {
-    /// The edge over a nose or facing, where noses are so high over the cloth.
+    /// The edge above a nose or facing, for noses at `nose_height_m` above the cloth.
     pub(crate) fn over(nose: &Nose, nose_height_m: f64) -> Self {
         let [first, last] = nose.rises_m();
         let from = nose.from().extend(nose_height_m + first);
@@ -39,24 +39,25 @@ impl CushionEdge {
         }
     }
 
-    /// Over the level plane across it, in m.
+    /// Signed distance along `up` from the plane of `along` and `across`, in m.
     pub(crate) fn height_over(&self, place: DVec3) -> f64 {
         self.up.dot(place - self.from)
     }
 
-    /// Before the upright plane through it, in m.
+    /// Signed distance in front of the vertical plane through the edge, in m.
     pub(crate) fn distance_before(&self, place: DVec3) -> f64 {
         self.across.dot(place - self.from)
     }
 
-    /// Whether its nearest point to a place is not beyond its ends.
+    /// Whether the nearest point of the edge's line lies between its ends.
     pub(crate) fn spans(&self, place: DVec3) -> bool {
         let t = self.along.dot(place - self.from);
         let length = self.from.distance(self.to);
         (-JOINT_SLACK_M..=length + JOINT_SLACK_M).contains(&t)
     }
 
-    /// The unit vector from it to a place over it; none for a place that is before the face below.
+    /// Unit vector from the edge's line to a place above it; none for a place below, in front of the
+    /// face.
     pub(crate) fn out_to(&self, place: DVec3) -> Option<DVec3> {
         let height = self.height_over(place);
         let out = self.distance_before(place) * self.across + height * self.up;

@@ -1,47 +1,47 @@
-//! The engines that move the balls: the laws from event to event, or rapier alone at a fixed step.
+//! Simulation engines: event-driven with the billiards laws, or rapier alone at a fixed step.
 
 use crate::{EngineFault, Error};
 use std::{fmt, str::FromStr};
 
-/// What moves the balls of a world.
+/// Simulation engine of a world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Engine {
-    /// From event to event, by the billiards laws: the default.
+    /// Event-driven, with the billiards laws: the default.
     #[default]
     Exact,
     /// Rapier's own contacts and solver at a fixed step.
     Rapier(Rapier),
 }
 
-/// How plain rapier is set. `carom-bench physics` prints what each knob costs and gains.
+/// Settings of plain rapier. `carom-bench physics` prints the cost and the gain of each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rapier {
     /// Steps per simulated second, [`Rapier::STEPS_PER_SEC_MIN`] to [`Rapier::STEPS_PER_SEC_MAX`].
-    /// The only real lever: the error of a cut shot falls, and the time rises, with it.
+    /// The only setting of much effect: with it the error of a cut shot falls, and the time rises.
     pub steps_per_sec: u32,
     /// Whether balls may turn by more than 45° a step. Without it a stun shot at 60 steps per
     /// second ends 41 % too slow.
     pub fast_rotation: bool,
-    /// Whether the cue ball is swept along its way. Without it fast balls pass through others at 60
-    /// steps per second. Sweeping both balls of a pair does not help: rapier sweeps none against
-    /// another that is swept.
+    /// Whether the cue ball has continuous collision detection. Without it fast balls pass through
+    /// others at 60 steps per second. It does not help for both balls of a pair: rapier sweeps no body
+    /// against another that is swept.
     pub sweep_cue_ball: bool,
-    /// Whether a contact's normal is kept while the bodies move by up to 50 mm: rapier's default,
-    /// which bends every cut by degrees at any step.
+    /// Whether a contact's normal is kept while the bodies move by up to 50 mm: rapier's default, which
+    /// deflects every cut by degrees at any step.
     pub recycle_contacts: bool,
     /// Iterations of the contact solver, 1 to [`Rapier::ITERATIONS_MAX`]; rapier's default is 4.
     pub solver_iterations: u32,
 }
 
 impl Rapier {
-    /// Fewer and a hard break crosses half the table in a step.
+    /// Minimum step rate: at fewer steps a hard break crosses half the table in one.
     pub const STEPS_PER_SEC_MIN: u32 = 30;
-    /// More would cost seconds a shot.
+    /// Maximum step rate: more would cost seconds a shot.
     pub const STEPS_PER_SEC_MAX: u32 = 10_000;
-    /// Far more than changes anything.
+    /// Maximum solver iterations: far more than has any effect.
     pub const ITERATIONS_MAX: u32 = 64;
 
-    /// The best of plain rapier at so many steps per second.
+    /// The best settings of plain rapier at this step rate.
     pub fn at(steps_per_sec: u32) -> Self {
         Self {
             steps_per_sec,
@@ -52,6 +52,8 @@ impl Rapier {
         }
     }
 
+    /// Checks that all settings are in range.
+    ///
     /// # Errors
     /// [`Error::Engine`] for a number out of range.
     pub fn validate(&self) -> Result<(), Error> {
@@ -103,7 +105,7 @@ impl FromStr for Engine {
 }
 
 impl fmt::Display for Engine {
-    /// As read by `from_str`; knobs that are not those of [`Rapier::at`] are named behind.
+    /// As read by `from_str`; settings that differ from those of [`Rapier::at`] are appended.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self::Rapier(rapier) = self else {
             return f.write_str("exact");

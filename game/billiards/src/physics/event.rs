@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// One thing that happened, in the order of time.
+/// An event of a shot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Event {
     /// Since the stroke, in s.
@@ -12,7 +12,7 @@ pub struct Event {
     pub kind: EventKind,
 }
 
-/// What happened to which ball (by number).
+/// Kind of an event, with the balls by number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum EventKind {
     /// The tip struck the cue ball.
@@ -22,7 +22,7 @@ pub enum EventKind {
     },
     /// The tip slipped off the ball.
     Miscue {
-        /// From the ball's centre to where it struck, in ball radii.
+        /// Distance from the ball's centre to the tip, in ball radii.
         offset: f64,
     },
     /// Two balls met.
@@ -31,7 +31,7 @@ pub enum EventKind {
         first: u8,
         /// The second ball.
         second: u8,
-        /// Where they touched.
+        /// Point of contact, in m.
         point: DVec3,
         /// Speed of approach along the line of centres, in m/s.
         speed_m_s: f64,
@@ -40,7 +40,7 @@ pub enum EventKind {
     Cushion {
         /// The ball.
         ball: u8,
-        /// Where it touched.
+        /// Point of contact, in m.
         point: DVec3,
         /// Speed into the cushion, in m/s.
         speed_m_s: f64,
@@ -58,9 +58,9 @@ pub enum EventKind {
     Bounces {
         /// The ball.
         ball: u8,
-        /// What it touched.
+        /// The surface.
         surface: Surface,
-        /// Where it touched.
+        /// Point of contact, in m.
         point: DVec3,
         /// Speed into the surface, in m/s.
         speed_m_s: f64,
@@ -80,15 +80,15 @@ pub enum EventKind {
     LeftTable {
         /// The ball.
         ball: u8,
-        /// Where its centre was, in m.
+        /// Position of its centre, in m.
         point: DVec3,
-        /// How fast it was, in m/s.
+        /// Speed in m/s.
         speed_m_s: f64,
     },
 }
 
 impl EventKind {
-    /// Whether it is the end of an aim line: the cue ball touched something or is gone.
+    /// Whether it ends an aim line: the cue ball touched something or is gone.
     pub(crate) fn stops_aim_line(&self) -> bool {
         match *self {
             Self::BallBall { first, second, .. } => first == 0 || second == 0,
@@ -104,7 +104,7 @@ impl EventKind {
     }
 }
 
-/// What a ball bounces off, other than balls and cushions.
+/// A surface off which a ball bounces, other than balls and cushions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Surface {
     /// The cloth over the slate.

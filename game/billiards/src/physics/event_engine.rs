@@ -6,7 +6,8 @@
 //!       └──── contact times of the balls that changed ◄──────┘
 //! ```
 //! Events at the same instant are taken in a fixed order: phase changes and cushions by ball, then
-//! pairs, those that share balls together. Nothing else decides, so that a shot has the same bits on every run.
+//! pairs, of which those that share balls are solved together. Nothing else decides, so that a shot has
+//! the same bits on every run.
 
 use glam::DVec3;
 
@@ -25,7 +26,7 @@ use super::{
     trajectory::Trajectory,
 };
 
-/// When the simulation ends.
+/// Condition at which the simulation ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Until {
     /// All balls are at rest.
@@ -34,11 +35,10 @@ pub(crate) enum Until {
     CueBallContact,
 }
 
-/// What is told how far a simulation has come, in seconds of the shot: it runs between two events and
-/// changes nothing.
+/// Progress callback with the simulated time in s. It is called between two events and changes nothing.
 pub(crate) type OnProgress<'a> = &'a mut dyn FnMut(f64);
 
-/// What came out of a simulation.
+/// Result of a simulation.
 pub(crate) struct SimulatedShot {
     pub(crate) trajectories: Vec<Trajectory>,
     pub(crate) events: Vec<Event>,
@@ -50,7 +50,7 @@ pub(crate) struct EventEngine<'a> {
     pub(super) laws: &'a Laws,
     pub(super) now: f64,
     pub(super) balls: Vec<BallInMotion>,
-    /// Landings on a level surface that are slower are not reported.
+    /// Landings on a level surface below this speed are not reported.
     pub(super) quiet_m_s: f64,
     queue: EventQueue,
     events: Vec<Event>,
@@ -80,7 +80,7 @@ impl<'a> EventEngine<'a> {
         simulation
     }
 
-    /// Simulates to the end.
+    /// Simulates until the end that `until` names.
     ///
     /// # Errors
     /// [`Error::Endless`] beyond [`SHOT_EVENTS_MAX`] or [`SHOT_SECS_MAX`].
@@ -92,7 +92,7 @@ impl<'a> EventEngine<'a> {
         while let Some((time, next)) = self.queue.earliest() {
             on_progress(time);
             self.play_event(time, next)?;
-            // A ball that the slate throws back at the cue ball touches it again at the same instant.
+            // A ball that the slate reflects onto the cue ball touches it again at the same instant.
             let after = self.queue.earliest();
             let is_over = after.is_none_or(|(time, _)| time > self.now);
             if until == Until::CueBallContact && self.cue_ball_touched && is_over {
@@ -102,7 +102,7 @@ impl<'a> EventEngine<'a> {
         Ok(self.finish())
     }
 
-    /// Simulates to a time, at which the balls may be pushed.
+    /// Simulates up to `end_secs`, at which the caller may change the balls' velocities.
     ///
     /// # Errors
     /// Those of [`EventEngine::run`].
@@ -137,7 +137,7 @@ impl<'a> EventEngine<'a> {
         match next {
             NextEvent::Ball(ball, event) => self.event(ball, event),
             NextEvent::Pair(first, second) => {
-                // Contacts of a rack at one instant are solved together: one after the other, the result
+                // Simultaneous contacts of a rack are solved together: one after the other, the result
                 // would depend on the order of the balls' numbers.
                 let pairs = self.queue.together(first, second, time + INSTANT_SECS);
                 let pairs: Vec<_> = pairs
@@ -145,7 +145,7 @@ impl<'a> EventEngine<'a> {
                     .filter(|&pair| self.meets_fast(pair))
                     .collect();
                 match pairs.as_slice() {
-                    // The law of two balls parts pairs that hardly approach as well.
+                    // The law of two balls also separates pairs whose approach is slow.
                     [] | [_] => self.collide(first, second),
                     pairs => self.collide_together(pairs),
                 }
@@ -156,7 +156,7 @@ impl<'a> EventEngine<'a> {
 
     fn advance_to(&mut self, time: f64) {
         let step = time - self.now;
-        // Events of one instant may come with times that differ in the last bit, and none goes back.
+        // Times of simultaneous events may differ in the last bit: time never goes back.
         if step > 0.0 {
             for ball in &mut self.balls {
                 ball.advance(self.now, step);
@@ -165,7 +165,7 @@ impl<'a> EventEngine<'a> {
         }
     }
 
-    /// The law of the event sets the ball's twist.
+    /// Applies the law of an event of one ball.
     fn event(&mut self, ball: usize, event: BallEvent) {
         match event {
             BallEvent::PhaseEnds => self.end_phase(ball),
@@ -206,6 +206,7 @@ impl<'a> EventEngine<'a> {
             Phase::Rolling if ended.phase == Phase::Sliding => {
                 self.report(EventKind::Rolls { ball: number });
             }
+            // A ball that comes to rest on a rail is out of play.
             Phase::Resting if self.balls[ball].is_on_rail() => {
                 self.report_leaving(ball);
                 self.take_away(ball, Phase::OffTable);
@@ -215,15 +216,15 @@ impl<'a> EventEngine<'a> {
         }
     }
 
-    /// Begins a ball's motion after a blow. What lies stays down unless the blow, or the slate's
-    /// answer to it, makes it hop.
+    /// Begins a ball's motion after an impulse. A ball on the cloth stays down unless the impulse, or
+    /// the slate's reflection of its downward part, makes it hop.
     pub(super) fn set_off(&mut self, ball: usize, mut after: Twist) {
         let BallInMotion { body, motion, .. } = &self.balls[ball];
         let hop = self.hop_speed_m_s();
         if motion.phase == Phase::Airborne {
             return self.fly(ball, after);
         }
-        // A blow from above drives the ball into the slate, which answers at once.
+        // The slate reflects the downward part of an impulse at the same instant.
         if -self.laws.slate.restitution * after.velocity.z >= hop {
             after = self.laws.slate.resolve(body, DVec3::Z, after);
         }
@@ -234,8 +235,7 @@ impl<'a> EventEngine<'a> {
         }
     }
 
-    /// Begins the motion of a ball that lies on a level surface: what is left of vertical speed
-    /// is lost.
+    /// Begins the motion of a ball on a level surface; its vertical speed is dropped.
     pub(super) fn lie(&mut self, ball: usize, mut twist: Twist) {
         twist.velocity.z = 0.0;
         let position = self.balls[ball].position;
@@ -252,7 +252,7 @@ impl<'a> EventEngine<'a> {
         self.begin(ball, motion);
     }
 
-    /// A ball that something else carries stays where it is until it is pushed.
+    /// Freezes a ball in the air, carried by something else, until it is pushed.
     pub(super) fn hover(&mut self, ball: usize) {
         let twist = Twist {
             velocity: DVec3::ZERO,
@@ -291,7 +291,7 @@ impl<'a> EventEngine<'a> {
         self.take_away(ball, Phase::Pocketed);
     }
 
-    /// A ball passes the outer edge: from a flat table it is gone, from a real one it falls.
+    /// A ball passes the outer edge: without rails it is removed, otherwise it falls to the floor.
     fn leave_table(&mut self, ball: usize) {
         self.report_leaving(ball);
         if self.table.rails().is_none() {
@@ -324,7 +324,7 @@ impl<'a> EventEngine<'a> {
         });
     }
 
-    /// Plans anew for a ball whose motion changed.
+    /// Recomputes the coming events of a ball whose motion changed.
     fn predict_events(&mut self, ball: usize) {
         self.queue
             .predict_events(ball, &self.balls, self.table, self.now);
@@ -343,12 +343,12 @@ impl<'a> EventEngine<'a> {
     }
 }
 
-/// Contacts this close count as one: sound crosses a ball in ten thousand times as long.
+/// Contacts within this time are simultaneous: sound takes ten thousand times as long to cross a ball.
 const INSTANT_SECS: f64 = 1e-9;
-/// More events than this for every sixteen balls are an error: a break has a few hundred.
+/// Maximum number of events for every sixteen balls; more are an error. A break has a few hundred.
 pub const SHOT_EVENTS_MAX: u32 = 200_000;
-/// With the cue ball.
+/// Balls of a rack with the cue ball, to which [`SHOT_EVENTS_MAX`] refers.
 const RACK_BALLS: usize = 16;
-/// Longer shots are an error: on an endless cloth a ball of 100 m/s rolls for 730 s, and one of
-/// 10⁴ rad/s turns in place for 920 s.
+/// Maximum duration of a shot in s; longer ones are an error. On an endless cloth a ball of 100 m/s
+/// rolls for 730 s, and one of 10⁴ rad/s turns in place for 920 s.
 pub const SHOT_SECS_MAX: f64 = 3600.0;

@@ -1,9 +1,9 @@
 //! The queue of coming events, of each ball and of each pair of balls.
 //!
-//! A time stays valid until one of the balls it is about changes its motion; only then is it
-//! computed anew. Each ball keeps the first of its contacts with the balls before it, so that an
-//! event takes time linear in the number of balls: 1,000 of them are feasible (`carom-bench physics
-//! --part crowd`).
+//! A time stays valid until one of its balls changes its motion; only then is it recomputed. Each ball
+//! keeps the first of its contacts with balls of lower index, so that an event takes time linear in the
+//! number of balls: 1,000 of them are feasible
+//! (`carom-bench physics --part crowd`).
 
 use super::{
     ball::Phase,
@@ -13,12 +13,12 @@ use super::{
     table::{Pocket, Table},
 };
 
-/// What happens to a ball without another ball.
+/// An event of one ball without another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum BallEvent {
-    /// The motion's law changes, as from sliding to rolling or where it lands.
+    /// The law of motion changes, as from sliding to rolling or where the ball lands.
     PhaseEnds,
-    /// It touches what does not move.
+    /// It touches an obstacle.
     Touches(Obstacle),
     /// Its centre passes the rim of a pocket, by its index in the table.
     Pocket(usize),
@@ -28,7 +28,7 @@ pub(crate) enum BallEvent {
     LeavesTable,
 }
 
-/// What happens next, by the balls' indices.
+/// The next event, by the balls' indices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum NextEvent {
     Ball(usize, BallEvent),
@@ -38,10 +38,10 @@ pub(crate) enum NextEvent {
 /// The next event of each ball and each pair.
 pub(crate) struct EventQueue {
     ball_events: Vec<(f64, BallEvent)>,
-    /// Of balls i < j at [`pair`]`(i, j)`; infinite for none.
+    /// Contact times of balls i < j at [`pair`]`(i, j)`; infinite for none.
     pairs: Vec<f64>,
-    /// Of each ball the earliest contact with a ball before it, and that ball: of several at the
-    /// same time the first.
+    /// For each ball the time of the earliest contact with a ball of lower index, and that ball: the
+    /// first of several at the same time.
     firsts: Vec<(f64, usize)>,
 }
 
@@ -54,7 +54,7 @@ impl EventQueue {
         }
     }
 
-    /// Computes anew what happens to a ball whose motion changed.
+    /// Recomputes the events of a ball whose motion changed.
     pub(crate) fn predict_events(
         &mut self,
         ball: usize,
@@ -84,7 +84,7 @@ impl EventQueue {
         }
     }
 
-    /// The earliest contact of a ball with one before it.
+    /// The earliest contact of a ball with one of lower index.
     fn first_contact(&self, ball: usize) -> (f64, usize) {
         let mut first = (f64::INFINITY, 0);
         let row = ball * ball.saturating_sub(1) / 2;
@@ -96,7 +96,8 @@ impl EventQueue {
         first
     }
 
-    /// The pair and all that meet until `time` and hang together with it, in a fixed order.
+    /// The pair and all pairs that meet until `time` and are connected to it by shared balls, in a
+    /// fixed order.
     pub(crate) fn together(&self, first: usize, second: usize, time: f64) -> Vec<(usize, usize)> {
         let mut pairs = vec![(first, second)];
         let mut next = 0;
@@ -116,11 +117,11 @@ impl EventQueue {
         pairs
     }
 
-    /// What happens first and when; of things at the same instant, changes by ball and then pairs.
+    /// The first event and its time; of simultaneous ones, those of single balls by index, then pairs.
     pub(crate) fn earliest(&self) -> Option<(f64, NextEvent)> {
         let mut first = (f64::INFINITY, NextEvent::Pair(0, 0));
         for (ball, &(time, event)) in self.ball_events.iter().enumerate() {
-            // Strictly: of equal times the lower index stays, and balls come before pairs.
+            // A strict comparison: of equal times the lower index stays, and balls come before pairs.
             if time < first.0 {
                 first = (time, NextEvent::Ball(ball, event));
             }
@@ -139,8 +140,8 @@ fn contact_time(one: &BallInMotion, other: &BallInMotion, now: f64) -> f64 {
     if !in_play || !(one.is_moving() || other.is_moving()) {
         return f64::INFINITY;
     }
-    // Beyond it one of the accelerations is another one. That ball's phase change is an event itself,
-    // after which the pair is looked at again.
+    // Beyond the horizon one of the accelerations is another. That phase change is an event itself,
+    // after which the pair is predicted again.
     let horizon = one.rest_of_motion(now).min(other.rest_of_motion(now));
     let path = one.path(now).relative_to(&other.path(now));
     let touching = one.body.radius_m + other.body.radius_m;
@@ -168,8 +169,8 @@ fn next_ball_event(ball: &BallInMotion, table: &Table, now: f64) -> (f64, BallEv
             first.consider(edge, BallEvent::RailEnds);
             first.consider_pockets(&path, table, Pocket::bore_radius_m);
         } else {
-            // Each search has the earliest event so far as its horizon, so that the later ones mostly end
-            // at their bounds.
+            // The horizon of each search is the earliest event so far, so that later ones mostly end at
+            // their bounds.
             first.consider_cushions(&path, table, radius_m);
             first.consider_pockets(&path, table, |pocket| pocket.radius_m);
         }
@@ -179,7 +180,7 @@ fn next_ball_event(ball: &BallInMotion, table: &Table, now: f64) -> (f64, BallEv
     (now + first.time, first.event)
 }
 
-/// What comes first.
+/// The earliest event found so far.
 struct EarliestEvent {
     time: f64,
     event: BallEvent,

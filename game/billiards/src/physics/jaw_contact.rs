@@ -1,6 +1,6 @@
-//! A rounded jaw: an upright cylinder that is cut off by its cushion's sloping top and by the level of
-//! the flat rail behind. What is left is convex, so that a ball's distance from it never curves
-//! downwards by more than the ball's own acceleration: [`JawSolid::reached`] rests on that.
+//! Contact with a rounded jaw: a vertical cylinder cut off by its cushion's sloping top and by the
+//! plane of the flat rail behind. The solid is convex, so that the second derivative of a ball's
+//! distance from it is never below minus the ball's acceleration: [`JawSolid::reached`] relies on that.
 
 use glam::{DVec2, DVec3};
 
@@ -10,15 +10,15 @@ use super::{
     table::{Circle, JOINT_SLACK_M, Table},
 };
 
-/// A jaw under its tops.
+/// The solid of a jaw below its two top planes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JawSolid {
     circle: Circle,
-    /// The sloping one, and the flat one.
+    /// Sloping top and flat top.
     tops: [TopPlane; 2],
 }
 
-/// A plane over a circle, by its height over the centre and its gradient.
+/// A top plane: height over the circle's centre, and gradient.
 #[derive(Clone, Copy, Debug)]
 struct TopPlane {
     height_m: f64,
@@ -26,10 +26,11 @@ struct TopPlane {
 }
 
 impl JawSolid {
-    /// A jaw of a table.
+    /// The solid of a table's jaw.
     pub(crate) fn of(table: &Table, index: usize) -> Self {
         let (circle, slope) = (table.jaws()[index], table.jaw_slopes()[index]);
-        // The circle touches the nose line, where the top begins to rise.
+        // The circle touches the nose line, where the top begins to rise, so that its centre is one
+        // radius further up the slope.
         let height_m = table.nose_height_m() + circle.radius_m * slope.length();
         let flat = TopPlane {
             height_m: table.rail_height_m(),
@@ -41,9 +42,10 @@ impl JawSolid {
         }
     }
 
-    /// The nearest point to a place outside, and whether it is on a top, not at its edge. Where the
-    /// tops meet at the edge it is that of the farther top: a ball may sink in there by the square of
-    /// the slope's angle over 8 in radii, 0.1 mm.
+    /// Nearest point of the solid to a place outside, and whether it lies on a top face, not on an edge
+    /// or the side. It is the farther of the nearest points of the two cylinders with one top each;
+    /// where both tops meet at the edge this is inexact, and a ball can sink in by angle²/8 radii, 0.1
+    /// mm.
     pub(crate) fn nearest(&self, place: DVec3) -> (DVec3, bool) {
         let [sloping, flat] = self.tops.map(|top| top.nearest(self.circle, place));
         if flat.0.distance_squared(place) > sloping.0.distance_squared(place) {
@@ -53,10 +55,10 @@ impl JawSolid {
         }
     }
 
-    /// First time in [0, `horizon`] at which a course comes within `distance` of it.
+    /// First time in [0, `horizon`] at which a path comes within `distance` of it.
     ///
-    /// Each step goes to where the distance cannot have fallen to the bound yet, and the last ones
-    /// converge as Newton's do.
+    /// Conservative advancement: each step ends where the distance cannot have fallen to the bound yet.
+    /// The last steps converge quadratically, as Newton's do.
     pub(crate) fn reached(&self, path: &QuadraticPath, distance: f64, horizon: f64) -> Option<f64> {
         let acceleration = (2.0 * path.half_acceleration.length()).max(f64::MIN_POSITIVE);
         let reach = distance + horizon * (path.velocity.length() + 0.5 * horizon * acceleration);
@@ -73,8 +75,9 @@ impl JawSolid {
                 return Some(t);
             }
             let gap = gap.max(0.0);
-            // To a convex body the distance curves downwards by no more than the ball accelerates: where
-            // the parabola with that curvature comes to the bound, the distance itself has not yet.
+            // The second derivative of the distance to a convex body is at least −acceleration: the
+            // distance reaches the bound no earlier than gap − closing·t − ½·acceleration·t² does. The
+            // root is taken in the form that does not cancel for the sign of `closing`.
             let root = (2.0 * gap * acceleration + closing * closing).sqrt();
             let (step, least) = if closing > 0.0 {
                 (2.0 * gap / (root + closing), f64::EPSILON)
@@ -89,7 +92,7 @@ impl JawSolid {
         None
     }
 
-    /// Where a course crosses from over its tops to over their edges.
+    /// Adds the times at which the nearest point may change between a top face and its edge.
     pub(crate) fn borders(&self, crossings: &mut Crossings) {
         let Circle { center, radius_m } = self.circle;
         for top in self.tops {
@@ -103,16 +106,18 @@ impl JawSolid {
 }
 
 impl TopPlane {
-    /// The nearest point of the cylinder below it, and whether it is on the plane itself.
+    /// Nearest point of the cylinder below this plane, and whether it lies on the plane.
     fn nearest(&self, circle: Circle, place: DVec3) -> (DVec3, bool) {
         let axis = circle.center.extend(self.height_m);
         let (seen, radius) = (place - axis, circle.radius_m);
         let from_axis = seen.truncate().length();
         let out = seen.truncate().normalize_or(DVec2::X);
         let side = radius * out;
+        // Beside the cylinder and below the top's edge there: on the side.
         if from_axis >= radius && seen.z <= self.slope.dot(side) {
             return (axis + side.extend(seen.z), false);
         }
+        // Over the top's ellipse: on its face; otherwise on its edge.
         let foot = self.foot(seen);
         if foot.length() < radius - JOINT_SLACK_M {
             let height = self.slope.dot(foot).min(seen.z);
@@ -122,19 +127,22 @@ impl TopPlane {
         (axis + edge.extend(self.slope.dot(edge)), false)
     }
 
-    /// The place square below another on the plane, both seen from over the axis.
+    /// Horizontal coordinates of the orthogonal projection onto the plane, relative to the axis as
+    /// `seen` is.
     fn foot(&self, seen: DVec3) -> DVec2 {
         let over = seen.z - self.slope.dot(seen.truncate());
         seen.truncate() + over / (1.0 + self.slope.length_squared()) * self.slope
     }
 
-    /// The direction from the axis in which the edge, an ellipse, is nearest: by Newton's steps from a
-    /// direction nearby.
+    /// Direction from the axis to the nearest point of the edge, an ellipse: Newton's method from a
+    /// nearby direction.
     fn edge_towards(&self, seen: DVec3, (mut out, radius): (DVec2, f64)) -> DVec2 {
         for _ in 0..NEWTON_STEPS_MAX {
             let along = out.perp();
             let below = radius * self.slope.dot(out) - seen.z;
             let (climb, rise) = (self.slope.dot(along), self.slope.dot(out));
+            // First and second derivative of half the squared distance by the angle, both over the
+            // radius.
             let tangent = below * climb - seen.truncate().dot(along);
             let bend = seen.truncate().dot(out) + radius * climb * climb - below * rise;
             let turn = tangent / bend;
@@ -147,9 +155,9 @@ impl TopPlane {
     }
 }
 
-/// Each doubles the digits, from a start that is right to the slope's square.
+/// Each step doubles the digits, from a start that is right to second order in the slope.
 const NEWTON_STEPS_MAX: u32 = 8;
-/// The distance errs by its square.
+/// Smallest Newton step: the error of the distance is quadratic in that of the angle.
 const TURN_LEAST_RAD: f64 = 1e-10;
 
 #[cfg(test)]
@@ -158,7 +166,7 @@ mod tests {
 
     use super::*;
 
-    /// Of a place, over points all over the post's surface.
+    /// Distance of a place from sample points all over the surface.
     fn sampled_distance(solid: &JawSolid, place: DVec3) -> f64 {
         let Circle { center, radius_m } = solid.circle;
         let height = |at: DVec2| {

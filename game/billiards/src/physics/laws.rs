@@ -1,4 +1,4 @@
-//! All constants of a game of billiards in one place.
+//! All physical constants of a game of billiards in one place.
 
 use std::ops::Range;
 
@@ -48,6 +48,8 @@ impl Laws {
         laws
     }
 
+    /// Checks that each constant is in the range in which its law holds.
+    ///
     /// # Errors
     /// [`Error::Laws`] for a constant outside of the range in which its law holds.
     pub fn validate(&self) -> Result<()> {
@@ -67,14 +69,14 @@ impl Laws {
         let any = || 0.0..f64::MAX;
         let over_zero = || f64::MIN_POSITIVE..f64::MAX;
         let ratio = || f64::MIN_POSITIVE..1.0 + f64::EPSILON;
-        // A bounce without loss would go on for ever.
+        // Lossless bounces would go on without end.
         let lossy = || 0.0..0.99;
         let (balls, cushion) = (&self.ball_ball, &self.cushion);
         vec![
             ("mass of the cue", self.cue.mass_kg, over_zero()),
             ("end mass of the cue", self.cue.end_mass_kg, over_zero()),
             ("friction of the tip", self.cue.tip_friction, any()),
-            // Without friction of its own each of these would go on for ever.
+            // Without friction each of these motions would go on without end.
             ("sliding friction", self.cloth.sliding_friction, over_zero()),
             ("rolling friction", self.cloth.rolling_friction, over_zero()),
             ("spin friction", self.cloth.spin_friction_m, over_zero()),

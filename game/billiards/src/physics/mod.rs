@@ -5,14 +5,14 @@
 //!                         ▲                          │ ── events() ─────► rules, sound
 //!                         └───────── adopt ◄─────────┘
 //! ```
-//! A shot is simulated as a whole at the stroke, which takes milliseconds, from event to event:
-//! between two of them every ball moves with constant acceleration, known in closed form
-//! ([`Cloth`]), and the laws set velocities at the events.
-//! The simulation knows no clock, no frame rate and no randomness: the same world and stroke give
-//! the same bits on every run, in every build, on every machine; where plain rapier plays
-//! ([`Engine::Rapier`]) its solver promises that for one build on one machine.
+//! A shot is simulated as a whole at the stroke, which takes milliseconds, from event to event: between
+//! two events every ball moves with constant acceleration, known in closed form ([`Cloth`]), and at the
+//! events the laws set the velocities.
+//! The simulation knows no clock, no frame rate and no randomness: the same world and stroke give the
+//! same bits on every run, in every build, on every machine. With plain rapier ([`Engine::Rapier`])
+//! this holds for one build on one machine, as its solver promises no more.
 //!
-//! A ball that is struck or knocked upwards flies: contacts in the air obey the same laws in three
+//! A ball that is struck or knocked upwards flies. Contacts in the air obey the same laws in three
 //! dimensions, at times that are as exact, because a parabola has a constant acceleration too.
 //!
 //! ```

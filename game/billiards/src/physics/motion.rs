@@ -1,4 +1,4 @@
-//! A ball's way through one phase: constant accelerations, exact at every instant.
+//! Motion of one ball within one phase: constant accelerations, evaluated in closed form.
 
 use glam::DVec3;
 
@@ -7,23 +7,23 @@ use super::ball::Phase;
 /// What ends a [`Motion`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MotionEnd {
-    /// The lowest point slips no more: it rolls.
+    /// The contact point stops slipping: the ball rolls.
     SlipStops,
-    /// It rolls no more.
+    /// Rolling stops.
     RollStops,
-    /// It turns about the vertical no more.
+    /// Spin about the vertical stops.
     SpinStops,
-    /// It falls onto the cloth.
+    /// The ball lands on the cloth.
     Lands,
-    /// It has fallen into the pocket of this index.
+    /// The ball has fallen into the pocket of this index.
     Sinks(usize),
-    /// It has fallen to the floor of the room.
+    /// The ball has fallen to the floor of the room.
     HitsFloor,
-    /// It rests.
+    /// The ball is at rest: the motion has no end.
     Never,
 }
 
-/// A ball's way through one phase: exact for 0 ≤ t ≤ `duration_secs`, meaningless after.
+/// Motion of a ball within one phase: exact for 0 ≤ t ≤ `duration_secs`, meaningless after.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion {
     pub(crate) phase: Phase,
@@ -65,12 +65,12 @@ impl Motion {
         }
     }
 
-    /// Whether anything changes as long as nothing touches the ball.
+    /// Whether the state changes without a contact.
     pub(crate) fn is_moving(&self) -> bool {
         self.end != MotionEnd::Never
     }
 
-    /// The ball is taken out of play where it is.
+    /// Sets all rates to zero, so that the ball stays at `position` without end.
     pub(crate) fn freeze(&mut self) {
         self.velocity = DVec3::ZERO;
         self.spin = DVec3::ZERO;

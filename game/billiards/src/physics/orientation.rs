@@ -1,9 +1,9 @@
 //! The orientation of a ball while its angular velocity changes linearly, as it does within a phase.
 //!
-//! The rotation over a short time is the fourth-order Magnus expansion of q' = ½ ω q: exact where
-//! the axis is fixed (every ball that rolls without sidespin), with an error below 1e-6 rad per
-//! turn else. A phase stores the orientation at equal intervals, and any instant is one step from
-//! the last of them: continuous, and independent of how the shot is sampled.
+//! The rotation over a short time is the fourth-order Magnus expansion of q' = ½ ω q: exact where the
+//! axis is fixed (every ball that rolls without sidespin), otherwise with an error below 1e-6 rad per
+//! turn. A phase stores the orientation at equal intervals, and any instant is one step from the
+//! preceding one: continuous, and independent of how the shot is sampled.
 
 use glam::{DQuat, DVec3};
 
@@ -19,7 +19,7 @@ pub(crate) struct RotationIntegral {
 }
 
 impl RotationIntegral {
-    /// From `start` at time 0 for `duration_secs`.
+    /// Integrates from `start` at time 0 for `duration_secs`.
     pub(crate) fn new(
         start: DQuat,
         spin: DVec3,
@@ -32,6 +32,7 @@ impl RotationIntegral {
             interval_secs: f64::INFINITY,
             knots: vec![start],
         };
+        // About a fixed axis one step is exact for the whole phase.
         let tilt = spin.cross(spin_acceleration).length();
         let speed_max = spin
             .length()
@@ -54,7 +55,7 @@ impl RotationIntegral {
         integral
     }
 
-    /// The orientation at time 0, as it was given.
+    /// The orientation at time 0, bit for bit as given.
     pub(crate) fn start(&self) -> DQuat {
         self.knots[0]
     }
@@ -62,12 +63,14 @@ impl RotationIntegral {
     /// The orientation at a time within the phase.
     pub(crate) fn at(&self, t: f64) -> DQuat {
         let knot = ((t / self.interval_secs) as usize).min(self.knots.len() - 1);
+        // The interval may be infinite, and 0 · ∞ is NaN.
         let start = if knot == 0 {
             0.0
         } else {
             knot as f64 * self.interval_secs
         };
         let step = self.step(start, t - start);
+        // Bit for bit as stored, without another normalisation.
         if step == DQuat::IDENTITY {
             return self.knots[knot];
         }
@@ -85,9 +88,9 @@ impl RotationIntegral {
 
 /// Sine of the angle between spin and its change below which the axis counts as fixed.
 const FIXED_AXIS: f64 = 1e-12;
-/// The ball turns by this between knots.
+/// Rotation between two knots.
 const KNOT_ANGLE_RAD: f64 = 0.25;
-/// Bounds memory; reached only by absurd spins.
+/// Bounds the memory; reached only by absurd spins.
 const KNOTS_MAX: f64 = 65_536.0;
 
 #[cfg(test)]

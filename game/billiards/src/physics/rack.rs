@@ -7,7 +7,7 @@ use glam::DVec2;
 use super::{ball::BallState, table::Table};
 use crate::{deterministic_math::unit_at, rng::CounterRng};
 
-/// The balls of a game and where they lie.
+/// The balls of a game and their positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BallLayout {
     /// All at rest; numbers are unique.
@@ -36,6 +36,7 @@ impl Table {
                             f64::from(row) * 0.75f64.sqrt(),
                             f64::from(place) - 0.5 * f64::from(row),
                         );
+                // Up to a quarter of the mean gap each, so that gaps range from 20 to 60 µm.
                 let offset = 0.25 * RACK_GAP_M * unit_at(TAU * rng.unit());
                 let place = spot + rng.unit() * offset;
                 balls.push(turned(self.resting_ball(number, place), &mut rng));
@@ -72,9 +73,9 @@ fn turned(ball: BallState, rng: &mut CounterRng) -> BallState {
     }
 }
 
-/// Keeps these numbers apart from others drawn with the same seed.
+/// Random stream of racks, apart from others with the same seed.
 const RACK_STREAM: u32 = 0x7261_636b;
-/// A rack's own, on whose bits pictures and measured breaks rest.
+/// Random domain of racks; reference pictures and measured breaks depend on its bits.
 const RACK_DOMAIN: u32 = 0;
-/// The mean gap between neighbours.
+/// Mean gap between neighbours.
 const RACK_GAP_M: f64 = 40e-6;

@@ -1,10 +1,10 @@
-//! The simulation of one shot by rapier alone, at a fixed step: cloth, cushions and balls are
-//! rigid bodies with restitution and Coulomb friction, and rapier's solver does the contacts.
+//! The simulation of one shot by rapier alone, at a fixed step: cloth, cushions and balls are rigid
+//! bodies with restitution and Coulomb friction, and rapier's solver resolves the contacts.
 //!
-//! It is the other end of the trade between speed and accuracy, and what a game gets from a
-//! general engine. What it cannot do stays wrong (the contact normal of a fast cut, throw, frozen
-//! racks). Two things are added, without which no shot would ever end, for the engine knows
-//! neither: the resistance to rolling and the friction against turning in place.
+//! It is the other end of the trade between speed and accuracy, and what a game gets from a general
+//! engine. What such an engine cannot do is left wrong (the contact normal of a fast cut, throw, frozen
+//! racks). Two forces that it lacks are added, as no shot would end without them: rolling resistance
+//! and the friction against spin about the vertical.
 
 use std::collections::BTreeSet;
 
@@ -37,9 +37,9 @@ pub(crate) struct RapierEngine<'a> {
     step_secs: f64,
     steps: u64,
     steps_max: u64,
-    /// Steps between two legs of a track.
+    /// Steps per segment of a trajectory.
     stride: u64,
-    /// Pairs of things in touch: balls by index, cushions by [`CUSHION`].
+    /// Pairs in contact: balls by index, cushions by [`CUSHION`].
     touching: BTreeSet<(usize, usize)>,
     events: Vec<Event>,
     cue_ball_touched: bool,
@@ -51,11 +51,11 @@ struct RigidBall {
     handle: RigidBodyHandle,
     on_table: bool,
     trajectory: Trajectory,
-    /// When and where the leg that is not yet in the track began.
+    /// Start time and position of the segment that is not recorded yet.
     segment_start: (f64, DVec3),
-    /// Whether the last leg in the track is one of rest.
+    /// Whether the last recorded segment is one of rest.
     still: bool,
-    /// Where, how fast and with which spin it was before the step.
+    /// Position and velocity before the step.
     before: (DVec3, DVec3),
 }
 
@@ -95,7 +95,7 @@ impl<'a> RapierEngine<'a> {
         }
     }
 
-    /// Simulates to the end.
+    /// Simulates until the end that `until` names.
     ///
     /// # Errors
     /// [`Error::Endless`] beyond [`SHOT_SECS_MAX`].
@@ -113,7 +113,7 @@ impl<'a> RapierEngine<'a> {
         Ok(self.finish())
     }
 
-    /// Simulated seconds so far.
+    /// Simulated time in s.
     pub(crate) fn now(&self) -> f64 {
         self.steps as f64 * self.step_secs
     }
@@ -153,12 +153,12 @@ impl<'a> RapierEngine<'a> {
         }
     }
 
-    /// Rolling resistance and spin friction over the step to come, and rest below what a step of
-    /// them takes away. False if nothing moves.
+    /// Applies rolling resistance and spin friction of the coming step, and stops balls that are slower
+    /// than what a step takes away. Returns whether any ball moves.
     fn resist(&mut self) -> bool {
         let Laws { cloth, .. } = self.laws;
         let slower = cloth.rolling_friction * cloth.gravity_m_s2 * self.step_secs;
-        // What a step of sliding takes from the slip: the solver leaves less, but leaves some.
+        // Slip that one step of sliding friction removes: the solver leaves a residue below this.
         let rolls =
             (3.5 * cloth.sliding_friction * cloth.gravity_m_s2 * self.step_secs).max(ROLLS_M_S);
         let upright = LIES_M_S + 2.0 * cloth.gravity_m_s2 * self.step_secs;
@@ -197,13 +197,14 @@ impl<'a> RapierEngine<'a> {
         moves
     }
 
-    /// Events for pairs that the solver pushed apart in this step and not in the one before.
+    /// Reports events of pairs that the solver pushed apart in this step and not in the one before.
     fn report_contacts(&mut self) {
         let mut touching = BTreeSet::new();
         for pair in self.world.narrow_phase.contact_pairs() {
             let [a, b] = [pair.collider1, pair.collider2]
                 .map(|handle| self.world.colliders[handle].user_data as usize);
             let key = (a.min(b), a.max(b));
+            // `CLOTH` and `CUSHION` are greater than the index of any ball.
             if key.1 == CLOTH {
                 continue;
             }
@@ -214,6 +215,7 @@ impl<'a> RapierEngine<'a> {
         }
         let begun: Vec<_> = touching.difference(&self.touching).copied().collect();
         for (low, high) in begun {
+            // From before the step, as the solver has changed the velocities already.
             let (position, velocity) = self.balls[low].before;
             let kind = if high == CUSHION {
                 let change = self.velocity(low) - velocity;
@@ -238,7 +240,7 @@ impl<'a> RapierEngine<'a> {
         self.touching = touching;
     }
 
-    /// Takes balls away whose way over this step led into a pocket or off the table.
+    /// Removes balls whose path over this step led into a pocket or off the table.
     fn take_away_lost(&mut self) {
         for index in 0..self.balls.len() {
             let RigidBall {
@@ -294,7 +296,7 @@ impl<'a> RapierEngine<'a> {
         }
     }
 
-    /// The straight leg from where the last one ended to here.
+    /// Records the straight segment from the end of the last one to the current position.
     fn record_ball(&mut self, index: usize) {
         let now = self.now();
         let ball = &mut self.balls[index];
@@ -335,6 +337,7 @@ impl<'a> RapierEngine<'a> {
 }
 
 fn insert_table(world: &mut PhysicsWorld, table: &Table, laws: &Laws) {
+    // Maximum and minimum, so that the table's coefficients hold, not means with the balls'.
     let cloth = ColliderBuilder::new(SharedShape::halfspace(DVec3::Z))
         .friction(laws.cloth.sliding_friction)
         .friction_combine_rule(CoefficientCombineRule::Max)
@@ -440,30 +443,32 @@ fn nearest_to_origin(from: DVec2, to: DVec2) -> f64 {
     (from + s * along).length()
 }
 
-/// Tracks are straight over this time, or a step if that is longer.
+/// Duration of a straight segment, or one step if that is longer.
 const SEGMENT_SECS: f64 = 5e-3;
-/// Less in a leg is no movement.
+/// Movement within a segment below which it counts as at rest.
 const STILL_M: f64 = 1e-9;
-/// In place of a ball's index.
+/// Stands for cushions in place of a ball's index.
 const CUSHION: usize = usize::MAX - 1;
+/// Stands for the cloth in place of a ball's index.
 const CLOTH: usize = usize::MAX;
-/// A push that changes a ball's speed by less is no event: balls that lie in touch.
+/// Change of a ball's speed below which a push is no event, as between balls that lie in contact.
 const CONTACT_M_S: f64 = 5e-3;
-/// Seen from above a cushion gives back this share of its restitution, for its nose is above the
-/// ball's centre: 0.72 to 0.75 of 0.85 with the default law.
+/// Share of its restitution that a cushion has seen from above, as its nose is above the ball's centre:
+/// 0.72 to 0.75 of 0.85 with the default law.
 const LEVEL_RESTITUTION: f64 = 0.87;
-/// Slip below which a ball rolls, at the least.
+/// Minimum of the slip below which a ball rolls.
 const ROLLS_M_S: f64 = 0.01;
-/// Slower is rest.
+/// Speed below which a ball is at rest.
 const REST_M_S: f64 = 1e-3;
 const SLEEP_M_S: f64 = 1e-4;
-/// At long steps a fast ball sinks into the cloth, and rolls on a radius so much smaller.
+/// Relative slip of a ball that still rolls: at long steps a fast ball sinks into the cloth, and rolls
+/// on a radius smaller by as much.
 const SUNK: f64 = 0.15;
 /// A ball lies on the cloth if its centre is no higher than this over its radius, ...
 const LIES_M: f64 = 2e-3;
 /// ... and rises or falls no faster than this and what gravity does in two steps.
 const LIES_M_S: f64 = 0.05;
-/// Behind its nose a cushion is a block of twice this depth.
+/// Half the depth of the block that a cushion is behind its nose.
 const CUSHION_HALF_DEPTH_M: f64 = 0.005;
 
 #[cfg(test)]

@@ -1,17 +1,17 @@
-//! The least speed at which a ball leaves what it has touched.
+//! The minimum speed at which a ball leaves an obstacle.
 
 use glam::DVec3;
 
-/// Approach to a cushion below this speed ends in a rebound at this speed at least, so that a ball
-/// that its spin or weight presses against it bounces a bounded number of times per second. It adds
-/// at most ½ m (5 mm/s)², about 2 µJ ([`REBOUND_ENERGY_J`]).
+/// Minimum speed in m/s after an approach to a cushion that is slower than it, so that a ball that its
+/// spin or weight presses against the cushion bounces a bounded number of times per second. It adds at
+/// most ½ m (5 mm/s)², about 2 µJ ([`REBOUND_ENERGY_J`]).
 pub const REBOUND_SPEED_M_S: f64 = 5e-3;
 
 /// The most energy that [`REBOUND_SPEED_M_S`] can add to one contact of a pool ball.
 pub const REBOUND_ENERGY_J: f64 = 0.5 * 0.170_097 * 5e-3 * 5e-3;
 
-/// Velocity after a contact, parting from it along `away` at [`REBOUND_SPEED_M_S`] at least if it
-/// came slower than that, and in any case not going on into it.
+/// Velocity after a contact, away from it along `away` at [`REBOUND_SPEED_M_S`] at least if the
+/// approach was slower than that, and in any case not into it.
 pub(crate) fn kept_apart(away: DVec3, before: DVec3, after: DVec3) -> DVec3 {
     let least = if -before.dot(away) < REBOUND_SPEED_M_S {
         REBOUND_SPEED_M_S
@@ -21,9 +21,9 @@ pub(crate) fn kept_apart(away: DVec3, before: DVec3, after: DVec3) -> DVec3 {
     after + (least - after.dot(away)).max(0.0) * away
 }
 
-/// Velocity of a ball between two surfaces that push it along `aways`, against each other. What leads along
-/// both stays, so that nothing holds a ball that can roll out between them. Between upright surfaces it
-/// falls; where one bears it, it hops away from both at [`REBOUND_SPEED_M_S`].
+/// Velocity of a ball wedged between two surfaces that push it along opposed `aways`. The component
+/// tangential to both is kept, so that a ball can roll out between them. Between vertical surfaces it
+/// keeps its vertical velocity only; otherwise it hops away from both at [`REBOUND_SPEED_M_S`].
 pub(crate) fn wedged(aways: [DVec3; 2], after: DVec3) -> DVec3 {
     let [one, other] = aways;
     if one.z == 0.0 && other.z == 0.0 {

@@ -1,13 +1,14 @@
-//! Shots as a file, to be watched again, shared or played on from: the trajectories themselves, so
-//! that they stay what they were when the physics changes.
+//! Recordings: files of shots for replay, sharing and playing on. They store the trajectories
+//! themselves, and so do not change with the physics.
 //!
 //! ```text
-//! "carom shot" 0x0A | version u16 | postcard: table, takes (title, duration, legs of each ball, events)
+//! "carom shot" 0x0A | version u16 | postcard: table, clips (title, duration, segments of each ball,
+//! events)
 //! ```
-//! One shot, a whole match, or a layout, which is a shot that nobody struck: its balls lie still.
-//! Between two events a ball has constant accelerations, so that its legs are all there is to know:
-//! a break takes about 60 kB, a layout 3 kB, and the shot that is read back has the bits of the one
-//! that was written. On a table with particles the version is 3, and their tracks follow.
+//! A recording holds one shot, a whole match, or a layout, which is a shot without a stroke whose balls
+//! are at rest. Between two events a ball has constant accelerations, so that its segments determine it
+//! fully: a break takes about 60 kB, a layout 3 kB, and a shot that is read has the bits of the one
+//! that was written. On a table with particles the version is 3, and the particles' tracks follow.
 
 use std::path::Path;
 
@@ -32,21 +33,21 @@ use super::{
 pub struct Recording {
     /// Name of the table.
     pub table: String,
-    /// What happened on it: 1 to [`CLIPS_MAX`].
+    /// The shots: 1 to [`CLIPS_MAX`].
     pub clips: Vec<Clip>,
 }
 
 /// A recorded shot.
 #[derive(Clone, Debug)]
 pub struct Clip {
-    /// For people: who played it, and what came of it. At most [`TITLE_BYTES_MAX`].
+    /// Title for display: the player and the outcome. At most [`TITLE_BYTES_MAX`] bytes.
     pub title: String,
-    /// What happened.
+    /// The shot.
     pub shot: Shot,
 }
 
 impl Recording {
-    /// Of one shot.
+    /// Recording of one shot.
     pub fn of(table: &Table, title: impl Into<String>, shot: Shot) -> Self {
         let title = title.into();
         Self {
@@ -58,8 +59,8 @@ impl Recording {
     /// The bytes of a file.
     ///
     /// # Errors
-    /// [`Error::Recording`] for no takes or too many, a title that is too long, too much motion, or more
-    /// than [`BYTES_MAX`].
+    /// [`Error::Recording`] for no clips or too many, a title that is too long, too much motion, or
+    /// more than [`BYTES_MAX`].
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let written = RecordingFile::of(self);
         let tracks = self
@@ -67,7 +68,7 @@ impl Recording {
             .iter()
             .map(|clip| clip.shot.particles().map(|track| &**track));
         let tracks: Vec<Option<&ParticleTrack>> = tracks.collect();
-        // What could not be read back is not written.
+        // Contents that could not be read back are not written.
         let bytes = written
             .validate()
             .and_then(|()| match tracks.iter().all(Option::is_none) {
@@ -80,8 +81,8 @@ impl Recording {
     /// Reads what [`Recording::to_bytes`] wrote.
     ///
     /// # Errors
-    /// [`Error::Recording`] with what is wrong: another kind of file, another version, a file that
-    /// was cut off, or numbers that no shot has.
+    /// [`Error::Recording`] for another kind of file, another version, a truncated file, or numbers
+    /// that no shot has.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         Self::decode(bytes).map_err(Error::Recording)
     }
@@ -103,7 +104,7 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Writes a file: whole, or not at all.
+    /// Writes a file atomically.
     ///
     /// # Errors
     /// [`Error::Recording`] with the path.
@@ -122,7 +123,7 @@ impl Recording {
     }
 }
 
-/// What a file holds. How a ball turns within a leg follows from how it is turned at its start.
+/// Contents of a file. A ball's rotation within a segment follows from its orientation at the start.
 #[derive(Serialize, Deserialize)]
 struct RecordingFile {
     table: String,
@@ -162,7 +163,7 @@ impl RecordingFile {
         }
     }
 
-    /// Whether simulations may have made it.
+    /// Checks that simulations can have produced it.
     fn validate(&self) -> Result<(), FileFault> {
         check_clips(self.clips.iter().map(|take| take.title.as_str()))?;
         let mut turns = 0.0;
@@ -208,7 +209,7 @@ impl ClipFile {
         }
     }
 
-    /// How often its balls turn.
+    /// Checks the clip; returns the number of turns of its balls.
     fn validate(&self) -> Result<f64, FileFault> {
         let duration_secs = self.duration_secs;
         if !(0.0..=SHOT_SECS_MAX).contains(&duration_secs) {
@@ -226,7 +227,7 @@ impl ClipFile {
 }
 
 impl TrajectoryFile {
-    /// How often the ball turns.
+    /// Checks the trajectory; returns the number of turns of its ball.
     fn validate(&self, duration_secs: f64) -> Result<f64, FileFault> {
         let reject = |fault| {
             Err(FileFault::Path {
@@ -262,7 +263,7 @@ impl TrajectoryFile {
                 return reject("has a number that is not finite, or too large");
             }
             let secs = end - segment.start_secs;
-            // Never exceeded within the segment: an upper bound of what the ball turns by.
+            // Never exceeded within the segment: an upper bound of the rotation.
             let spin = segment.spin.length() + secs * segment.spin_acceleration.length();
             turns += secs * spin / std::f64::consts::TAU;
         }
@@ -312,19 +313,20 @@ const FORMAT: FileFormat = FileFormat {
     version: 2,
     bytes_max: BYTES_MAX,
 };
-/// Of shots on tables with particles: behind the clips an `Option` of their track for each.
+/// Format of shots on tables with particles: the clips are followed by an `Option` of the track of
+/// each.
 const PARTICLES_FORMAT: FileFormat = FileFormat {
     version: 3,
     ..FORMAT
 };
-/// Hundreds of times a break.
+/// Maximum size of a file: hundreds of breaks.
 pub const BYTES_MAX: u64 = 16 << 20;
-/// As many shots as a match keeps.
+/// Maximum number of clips: as many shots as a match keeps.
 pub const CLIPS_MAX: usize = 2000;
-/// A line.
+/// Maximum length of a title in bytes: one line.
 pub const TITLE_BYTES_MAX: usize = 400;
-/// In SI units: over anything that a ball does.
+/// Largest magnitude of a number in SI units: beyond anything that a ball reaches.
 const NUMBER_MAX: f64 = 1e9;
-/// Of all balls together: each turn takes up to half a kilobyte once a shot is read. Sixteen balls
-/// that turn at 300 rad/s for five minutes each.
+/// Maximum turns of all balls together: each takes up to half a kilobyte of memory once a shot is read.
+/// Sixteen balls at 300 rad/s for five minutes each.
 const TURNS_MAX: f64 = 230_000.0;

@@ -1,4 +1,4 @@
-//! A shot that has been simulated: where every ball is at each instant.
+//! A simulated shot: the state of every ball at each instant.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ pub struct Shot {
     events: Vec<Event>,
     duration_secs: f64,
     particles: Option<Arc<ParticleTrack>>,
-    /// The particles when all is over; none of a shot that was read.
+    /// The particles at the end; none for a shot that was read from a file.
     bed: Option<Arc<ParticleBed>>,
 }
 
@@ -41,7 +41,7 @@ impl Shot {
         }
     }
 
-    /// The same with particles on the table, which lie in the end as in `bed`.
+    /// The same shot with particles, which at the end are those of `bed`.
     pub(crate) fn with_particles(self, track: ParticleTrack, bed: Option<ParticleBed>) -> Self {
         Self {
             particles: Some(Arc::new(track)),
@@ -50,7 +50,7 @@ impl Shot {
         }
     }
 
-    /// Where particles are, on a table that has some.
+    /// Track of the particles, on a table that has some.
     pub fn particles(&self) -> Option<&Arc<ParticleTrack>> {
         self.particles.as_ref()
     }
@@ -59,8 +59,8 @@ impl Shot {
         self.bed.as_ref()
     }
 
-    /// What balls in motion do on a table, until all are at rest: [`super::World::release`] for
-    /// fields of balls that no world holds, with numbers that repeat.
+    /// Simulates moving balls on a table until all are at rest: [`super::World::release`] for sets of
+    /// balls that no world holds, with repeated numbers.
     ///
     /// # Errors
     /// [`crate::Error::Endless`] if they do not come to rest.
@@ -74,7 +74,7 @@ impl Shot {
         &self.trajectories
     }
 
-    /// When the last ball came to rest, in s.
+    /// Time at which the last ball came to rest, in s.
     pub fn duration_secs(&self) -> f64 {
         self.duration_secs
     }
@@ -96,7 +96,7 @@ impl Shot {
             .collect()
     }
 
-    /// The balls when all is over.
+    /// States of the balls at the end.
     pub fn final_states(&self) -> Vec<BallState> {
         self.states_at(self.duration_secs)
     }
@@ -109,7 +109,7 @@ impl Shot {
         })
     }
 
-    /// What happened, in the order of time.
+    /// The events, in the order of time.
     pub fn events(&self) -> &[Event] {
         &self.events
     }

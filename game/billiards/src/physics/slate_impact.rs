@@ -1,8 +1,8 @@
-//! Ball against what does not move and does not give: the slate, a rail's top, a pocket's rim.
+//! Impact of a ball on a rigid surface that does not move: the slate, a rail's top, a pocket's rim.
 //!
-//! An instantaneous impulse with restitution; Coulomb friction acts on the slip of the touching
-//! point and at most stops it, which turns speed into spin and spin into speed. Restitution and
-//! friction of ball and slate: Alciatore, "Physical properties" (e 0.5, μ 0.2).
+//! An instantaneous impulse with restitution. Coulomb friction acts on the slip of the contact point
+//! and at most stops it, which exchanges translation and spin. Restitution and friction of ball and
+//! slate: Alciatore, "Physical properties" (e 0.5, μ 0.2).
 
 use glam::DVec3;
 
@@ -28,15 +28,15 @@ impl BounceLaw {
         friction: 0.2,
     };
 
-    /// Ball on a pocket's leather or plastic, which takes up most of a blow: chosen so that a
-    /// hard shot into the middle of a pocket stays in it.
+    /// Ball on a pocket's leather or plastic, which absorbs most of an impact: chosen so that a hard
+    /// shot into the middle of a pocket stays in it.
     pub const POCKET: Self = Self {
         restitution: 0.2,
         friction: 0.2,
     };
 
-    /// A surface that takes up whatever presses against it and leaves the rest alone: balls never
-    /// hop off it. With it as the slate's law the table is that of a flat simulator.
+    /// A surface that absorbs the normal velocity and has no friction: balls never hop off it. As the
+    /// slate's law it makes the table that of a flat simulator.
     pub const FLAT: Self = Self {
         restitution: 0.0,
         friction: 0.0,
@@ -53,8 +53,8 @@ impl BounceLaw {
         let slip = contact + approach * normal;
         let speed = slip.length();
         let drag = if speed > 0.0 {
-            // An impulse changes the slip by 1 + 5/2 times its own over the mass, through the centre and
-            // through the turn: more than that share would turn the slip round.
+            // An impulse J changes the slip by 7/2 J/m, 1 from translation and 5/2 from spin: more than
+            // slip/3.5 would reverse the slip.
             -(self.friction * push).min(speed / 3.5) / speed * slip
         } else {
             DVec3::ZERO
@@ -66,11 +66,10 @@ impl BounceLaw {
     }
 }
 
-/// Velocity after a contact with a curved surface, parting from it along `away` at
-/// [`SKIM_SHARE`] of the ball's speed at least, for a ball that runs along it: round the wall of a
-/// pocket, or over its rim: it moves in hops
-/// of about six degrees of the wall instead of ever smaller ones. The energy of a hop is taken from
-/// the rest of the motion, but for what [`kept_apart`] may add.
+/// Velocity after a contact with a curved surface, for a ball that runs along it (the wall of a pocket,
+/// or its rim): it leaves along `away` at [`SKIM_SHARE`] of its speed at least, and so moves in hops of
+/// about six degrees of the wall instead of ever smaller ones. The energy of a hop is taken from the
+/// rest of the motion, except what [`kept_apart`] may add.
 pub(crate) fn skimmed(away: DVec3, before: DVec3, after: DVec3) -> DVec3 {
     let speed = after.length();
     let least = SKIM_SHARE * speed;
@@ -81,7 +80,7 @@ pub(crate) fn skimmed(away: DVec3, before: DVec3, after: DVec3) -> DVec3 {
     (speed / hopping.length()).min(1.0) * hopping
 }
 
-/// The part of its speed with which a ball hops along a curved surface.
+/// Minimum share of its speed with which a ball leaves a curved surface.
 const SKIM_SHARE: f64 = 0.05;
 
 #[cfg(test)]

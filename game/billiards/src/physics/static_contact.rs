@@ -1,10 +1,10 @@
-//! Contacts of a ball in the air with what does not move: when, and in which direction it is pushed.
+//! Contacts of a ball in the air with obstacles that do not move: their times and normals.
 //!
-//! The cushions are solid up to their noses; a ball over the nose meets its edge, and behind it the
-//! top that slopes up to the flat rail, at which the facings and jaws of the pockets end (`cushion_edge.rs`,
-//! `jaw_contact.rs`). A pocket has a rounded rim, where a slow ball tips over, and a wall. All distances are
-//! exact for the parabola on which the ball moves: polynomials, and for rims and jaws steps that
-//! cannot rush past the touch ([`reaches_ring`], `JawSolid::reached`).
+//! The cushions are solid up to their noses. A ball above the nose meets its edge, and behind it the
+//! top that slopes up to the flat rail, which also bounds the facings and jaws of the pockets
+//! (`cushion_edge.rs`, `jaw_contact.rs`). A pocket has a rounded rim, where a slow ball tips over, and
+//! a wall. All distances are exact for the parabola on which the ball moves: polynomials, and for rims
+//! and jaws steps that cannot pass a contact ([`reaches_ring`], `JawSolid::reached`).
 
 use glam::{DVec2, DVec3};
 
@@ -20,10 +20,10 @@ use super::{
 };
 use crate::deterministic_math::hypot;
 
-/// A part of the table that does not move, by its index in the table.
+/// A part of the table that a ball can touch, by its index in the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Obstacle {
-    /// A nose: its face below, its edge above.
+    /// A nose: its face below the nose's height, its edge above.
     Nose(usize),
     /// A jaw likewise.
     Jaw(usize),
@@ -33,7 +33,7 @@ pub(crate) enum Obstacle {
     Wall(usize),
     /// The edge where that wall meets the flat rail.
     Lip(usize),
-    /// The upright edge at the back of a facing: twice the cushion's index, and one more at its far end.
+    /// The vertical edge at the back of a facing: twice the cushion's index, plus one at its far end.
     Corner(usize),
     /// The sloping top of a cushion.
     Slope(usize),
@@ -44,7 +44,7 @@ pub(crate) enum Obstacle {
 }
 
 impl Obstacle {
-    /// What it is made of.
+    /// Surface that it belongs to.
     pub(crate) fn surface(self) -> Surface {
         match self {
             Self::Rim(_) | Self::Wall(_) | Self::Lip(_) | Self::Corner(_) => Surface::Pocket,
@@ -53,13 +53,13 @@ impl Obstacle {
     }
 }
 
-/// How an obstacle pushes a ball. Both are unit vectors.
+/// Directions in which an obstacle pushes a ball. Both are unit vectors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ContactNormal {
     /// From the place of contact to the ball's centre.
     pub(crate) normal: DVec3,
-    /// Where the ball gets free. Noses and pockets' walls count as upright where they lean, so
-    /// that it differs there.
+    /// Direction in which the ball separates. It differs from `normal` for noses and walls of pockets,
+    /// which count as vertical here though their normals lean.
     pub(crate) away: DVec3,
 }
 
@@ -71,7 +71,7 @@ pub(crate) struct ContactFinder<'a> {
 }
 
 impl ContactFinder<'_> {
-    /// The first obstacle that is touched, and when, within `horizon`.
+    /// The first obstacle that is touched, and its time, within `horizon`.
     pub(crate) fn first_obstacle(
         &self,
         path: &QuadraticPath,
@@ -112,9 +112,11 @@ impl ContactFinder<'_> {
         first
     }
 
-    /// Where a ball that touches an obstacle is pushed.
+    /// Directions in which an obstacle pushes a ball that touches it.
     pub(crate) fn contact_normal(&self, obstacle: Obstacle, center: DVec3) -> ContactNormal {
         let normal = self.normal(obstacle, center);
+        // The minimum speed of separation acts along `away`: along a nose's leaning normal it would
+        // push the ball into the slate.
         let upright = match obstacle {
             Obstacle::Nose(_) | Obstacle::Jaw(_) => center.z < self.table.nose_height_m(),
             Obstacle::Wall(_) => true,
@@ -184,8 +186,8 @@ impl ContactFinder<'_> {
         }
     }
 
-    /// Below the nose's height the ball touches its line from below, as the law of cushions on
-    /// the cloth has it; over it, up to the edge of a facing, from beside.
+    /// Normal from the nose line to the centre: below the nose's height it points down, as in the law
+    /// of cushions on the cloth; above, up to the edge of a facing, it is horizontal.
     fn off_face(&self, away: DVec2, height: f64) -> DVec3 {
         let above = (height - self.table.nose_height_m()).min(0.0);
         (self.radius_m * away)
@@ -212,6 +214,7 @@ impl ContactFinder<'_> {
     fn edge(&self, path: &QuadraticPath, nose: &Nose, horizon: f64) -> Option<f64> {
         let edge = CushionEdge::over(nose, self.table.nose_height_m());
         let rails = self.table.rails();
+        // Farther behind the nearest point is on the sloping top.
         let behind = rails.map_or(0.0, |rails| self.radius_m * slope_sin(rails));
         first_touch(
             (path, horizon),
@@ -237,6 +240,8 @@ impl ContactFinder<'_> {
         let jaw = self.table.jaws()[index];
         let nose_height_m = self.table.nose_height_m();
         let reach = self.radius_m + jaw.radius_m;
+        // Below the nose's height a jaw is a vertical cylinder, as for a ball on the cloth; above it is
+        // the solid under its tops, of which the faces belong to the slope and the rail.
         let side = first_touch(
             (path, horizon),
             |path, horizon| reaches_point(&path.flat_from(jaw.center), reach, horizon),
@@ -260,6 +265,8 @@ impl ContactFinder<'_> {
         if pocket.depth_m == 0.0 {
             return None;
         }
+        // The rounded edge is the inner upper quarter of a torus, between the level cloth and the bore: a
+        // ball touches it at `distance` from the ring at its core.
         let edge = pocket.center.extend(-pocket.rim_radius_m);
         let distance = self.radius_m + pocket.rim_radius_m;
         first_touch(
@@ -284,7 +291,7 @@ impl ContactFinder<'_> {
         let rail_height_m = self.table.rail_height_m();
         first_touch(
             (path, horizon),
-            // From within: the centre has the bore less the ball's radius for itself.
+            // From inside: the centre can move within the bore's radius less the ball's.
             |path, horizon| leaves_circle(&path.flat_from(pocket.center), room, horizon),
             |place| {
                 let is_near = place.truncate().distance(pocket.center) <= pocket.radius_m;
@@ -302,6 +309,7 @@ impl ContactFinder<'_> {
 
     fn lip(&self, path: &QuadraticPath, pocket: &Pocket, horizon: f64) -> Option<f64> {
         let height = self.table.rails().map(|_| self.table.rail_height_m())?;
+        // A sharp edge, which a ball touches at its radius from the ring.
         let ring = (pocket.center.extend(height), pocket.bore_radius_m());
         first_touch(
             (path, horizon),
@@ -320,6 +328,7 @@ impl ContactFinder<'_> {
 
     fn corner(&self, path: &QuadraticPath, place: DVec2, horizon: f64) -> Option<f64> {
         let top = self.table.rail_height_m();
+        // Below the rail's top the edge is a vertical line, at the top its end is a point.
         let side = first_touch(
             (path, horizon),
             |path, horizon| reaches_point(&path.flat_from(place), self.radius_m, horizon),
@@ -354,6 +363,7 @@ impl ContactFinder<'_> {
         first_touch(
             (path, horizon),
             |path, horizon| reaches_plane(path, (line + to_center, normal), self.radius_m, horizon),
+            // The point of contact, not the centre, must lie on the cushion.
             |place| cushion.covers((place - to_center).truncate()),
             |crossings| {
                 for (from, to) in cushion.sides() {
@@ -372,6 +382,8 @@ impl ContactFinder<'_> {
         let across = self.table.noses()[cushion.nose].normal();
         let [_, _, first, last] = cushion.corners;
         let edge = first.extend(self.table.rail_height_m());
+        // Between the normals of the slope and of the flat top; farther in front the ball touches the
+        // slope.
         let steep = self.radius_m * slope_sin(rails);
         let in_front = |place: DVec3| across.dot(place.truncate() - first);
         first_touch(
@@ -382,7 +394,7 @@ impl ContactFinder<'_> {
             },
             |place| {
                 let foot = place.truncate() - in_front(place) * across;
-                // Beside the cushion, in the throat of a pocket, nothing slopes up to the edge.
+                // Beside the cushion, in the throat of a pocket, no slope leads up to the edge.
                 let most = if cushion.covers(foot) {
                     steep
                 } else {
@@ -435,7 +447,7 @@ impl ContactFinder<'_> {
     }
 }
 
-/// Whether a ball is on the side of a pocket where it has no wall over the cloth.
+/// Whether a centre is on the side of a pocket where it has no wall over the cloth.
 fn is_open(pocket: &Pocket, place: DVec3) -> bool {
     let out = (place.truncate() - pocket.center).normalize_or_zero();
     out.dot(pocket.mouth) > OPEN_COS
@@ -445,6 +457,6 @@ fn is_open(pocket: &Pocket, place: DVec3) -> bool {
 fn slope_sin(rails: Rails) -> f64 {
     rails.rise_m / hypot(rails.rise_m, rails.cushion_width_m)
 }
-/// Over the cloth a pocket's wall leans in, so that it drives balls down: sine of 15°, the steepest
-/// vertical pocket angle of WPA's specifications.
+/// Above the cloth a pocket's wall leans inwards, so that it deflects balls downwards: sine of 15°, the
+/// steepest vertical pocket angle of WPA's specifications.
 const LEAN_SIN: f64 = 0.258_819_045_102_520_76;

@@ -22,6 +22,8 @@ pub struct Nose {
 }
 
 impl Nose {
+    /// A nose line between two ends, in m.
+    ///
     /// # Errors
     /// [`crate::Error::Table`] for ends that coincide or are not finite.
     pub fn new(from: DVec2, to: DVec2) -> Result<Self> {
@@ -37,12 +39,12 @@ impl Nose {
         }
     }
 
-    /// One end, in m.
+    /// Start, in m.
     pub fn from(&self) -> DVec2 {
         self.from
     }
 
-    /// The other end, in m.
+    /// End, in m.
     pub fn to(&self) -> DVec2 {
         self.to
     }
@@ -52,8 +54,8 @@ impl Nose {
         self.normal
     }
 
-    /// How much higher than the cushions' noses its edge is at its ends, in m: over 0 for the facing of
-    /// a pocket, which the cushion's top ends at as it rises.
+    /// Rise of its edge above the noses' height at its two ends, in m: positive for the facing of a
+    /// pocket, which ends at the cushion's rising top.
     pub(crate) fn rises_m(&self) -> [f64; 2] {
         self.rises_m
     }
@@ -62,6 +64,7 @@ impl Nose {
     pub(crate) fn spans(&self, point: DVec2) -> bool {
         let along = self.to - self.from;
         let t = (point - self.from).dot(along);
+        // `t` is a length times that of the nose.
         let slack = JOINT_SLACK_M * along.length();
         t >= -slack && t <= along.length_squared() + slack
     }
@@ -70,26 +73,27 @@ impl Nose {
 /// A circle seen from above: a rounded jaw, or the rim of a pocket.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circle {
-    /// In m.
+    /// Centre, in m.
     pub center: DVec2,
-    /// In m.
+    /// Radius, in m.
     pub radius_m: f64,
 }
 
 /// A hole in the slate, and how a ball falls into it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pocket {
-    /// In m.
+    /// Centre, in m.
     pub center: DVec2,
-    /// Where the level cloth ends, in m: a ball whose centre is farther in has lost its support.
+    /// Radius in m at which the level cloth ends: a ball whose centre is farther in has lost its
+    /// support.
     pub radius_m: f64,
-    /// The unit vector from the centre to the mouth. On the other sides the pocket has a wall, as
-    /// high as the rails; under the cloth all around.
+    /// Unit vector from the centre to the mouth. On the other sides the pocket has a wall as high as
+    /// the rails; below the cloth, all around.
     pub mouth: DVec2,
     /// Radius in m of the slate's rounded edge, over which a slow ball tips.
     pub rim_radius_m: f64,
-    /// How far a ball's centre falls below the cloth before it is gone, in m. With 0 a ball is
-    /// gone as soon as its centre passes the rim.
+    /// Depth in m to which a ball's centre falls below the cloth before it is removed. With 0 a ball is
+    /// removed as soon as its centre passes the rim.
     pub depth_m: f64,
 }
 
@@ -113,11 +117,11 @@ impl Pocket {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rails {
-    /// From the nose line to the back of the cushion, over which its top rises, in m.
+    /// Distance in m from the nose line to the back of the cushion, over which its top rises.
     pub cushion_width_m: f64,
-    /// How much higher the flat top is than the nose, in m.
+    /// Height of the flat top above the nose, in m.
     pub rise_m: f64,
-    /// From the nose line to the table's outer edge, in m.
+    /// Distance in m from the nose line to the table's outer edge.
     pub width_m: f64,
 }
 
@@ -129,7 +133,7 @@ pub struct Cushion {
     /// Its corners anticlockwise, in m: the ends of the nose line with the jaws not rounded, then
     /// the ends of its back. The sides between are the facings of the pockets.
     pub corners: [DVec2; 4],
-    /// What rounds the first and the second corner; none where the cushion is mitred.
+    /// Roundings of the first and the second corner; none where the cushion is mitred.
     pub jaws: [Option<Circle>; 2],
 }
 
@@ -147,13 +151,13 @@ impl Cushion {
         (0..4).map(|i| (self.corners[i], self.corners[(i + 1) % 4]))
     }
 
-    /// Where its facings end, at the back of the first and of the far end; none where it is mitred.
+    /// Ends of its facings, at the first and the second corner of its back; none where it is mitred.
     pub(crate) fn facing_backs(&self) -> [Option<DVec2>; 2] {
         let [_, _, first, last] = self.corners;
         [self.jaws[1].map(|_| first), self.jaws[0].map(|_| last)]
     }
 
-    /// Whether a point between the unrounded tips and their sides is beyond the roundings.
+    /// Whether a point of the quadrilateral is cut off by the rounding of a corner.
     fn is_rounded_off(&self, point: DVec2) -> bool {
         let [to, from, first_back, last_back] = self.corners;
         [(to, from, last_back), (from, to, first_back)]
@@ -161,6 +165,7 @@ impl Cushion {
             .zip(self.jaws)
             .any(|((tip, other, back), jaw)| {
                 jaw.is_some_and(|jaw| {
+                    // In the sector between its tangent points the circle is the outline.
                     let seen = point - jaw.center;
                     let ahead = seen.dot(tip - other) > 0.0 && seen.dot(tip - back) > 0.0;
                     ahead && seen.length() > jaw.radius_m + JOINT_SLACK_M
@@ -190,10 +195,11 @@ pub struct Table {
     high: DVec2,
 }
 
-/// The parts of a flat [`Table`]: balls that are taken by a pocket or fly over a cushion are gone.
+/// The parts of a flat [`Table`], from which balls that enter a pocket or fly over a cushion are
+/// removed.
 #[derive(Clone, Debug)]
 pub struct TableParts {
-    /// For the player.
+    /// Display name.
     pub name: String,
     /// Playing surface from nose to nose along x, in m.
     pub length_m: f64,
@@ -203,8 +209,8 @@ pub struct TableParts {
     pub nose_height_m: f64,
     /// Ends of the straight cushions: balls touch them from the left of the first to the second.
     pub noses: Vec<[DVec2; 2]>,
-    /// Rounded ends of cushions. A ball touches the whole circle; what of it lies behind a nose
-    /// is out of reach.
+    /// Rounded ends of cushions. A ball touches the whole circle; what lies behind a nose is out of
+    /// reach.
     pub jaws: Vec<Circle>,
     /// A ball whose centre enters the circle is pocketed.
     pub pockets: Vec<Circle>,
@@ -297,18 +303,21 @@ impl Table {
         raised
     }
 
-    /// With another cloth.
+    /// The same table with another cloth.
     pub(crate) fn with_speed(self, speed: TableSpeed) -> Self {
         Self { speed, ..self }
     }
 
-    /// Lets facings and jaws end at the tops of their cushions, which rise behind the noses.
+    /// Sets the heights of facings and jaws to those of their cushions' tops, which rise behind the
+    /// noses.
     fn slant(&mut self, steepness: f64) {
         for (index, cushion) in self.cushions.iter().enumerate() {
             let line = self.noses[cushion.nose];
             let next = self.cushions.get(index + 1);
             let end = next.map_or(self.noses.len(), |next| next.nose);
+            // `TableSpec` pushes the facings of a cushion between its nose and the next cushion's.
             for facing in &mut self.noses[cushion.nose + 1..end] {
+                // A cushion's top rises in proportion to the distance behind its nose line.
                 facing.rises_m = [facing.from, facing.to]
                     .map(|tip| steepness * line.normal.dot(line.from - tip));
             }
@@ -320,7 +329,7 @@ impl Table {
         }
     }
 
-    /// For the player.
+    /// Display name.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -350,7 +359,7 @@ impl Table {
         &self.jaws
     }
 
-    /// How steeply the cushions' tops rise over the jaws: gradients of their heights.
+    /// Gradients of the heights of the cushions' tops over the jaws.
     pub(crate) fn jaw_slopes(&self) -> &[DVec2] {
         &self.jaw_slopes
     }
@@ -376,7 +385,7 @@ impl Table {
         self.rails
     }
 
-    /// Height over the cloth of the flat top of the rails, in m: of the noses on a flat table.
+    /// Height of the rails' flat top above the cloth, in m; of the noses on a flat table.
     pub fn rail_height_m(&self) -> f64 {
         self.nose_height_m + self.rails.map_or(0.0, |rails| rails.rise_m)
     }
@@ -392,7 +401,7 @@ impl Table {
         self.rails.is_some() && !inside && self.contains(point) && !self.pockets.iter().any(in_hole)
     }
 
-    /// Lowest and highest corner of the rectangle inside of which there are cushions and cloth.
+    /// Lowest and highest corner of the rectangle of cloth and cushions within the flat rails.
     pub(crate) fn inside_of_rails(&self) -> (DVec2, DVec2) {
         let half = 0.5 * DVec2::new(self.length_m, self.width_m)
             + self.rails.map_or(0.0, |rails| rails.cushion_width_m);
@@ -404,17 +413,17 @@ impl Table {
         self.bed_height_m
     }
 
-    /// What the game on it is played with.
+    /// Body of the object balls.
     pub fn ball(&self) -> BallBody {
         self.ball
     }
 
-    /// The cue ball, which may be larger than the others.
+    /// Body of the cue ball, which may be larger than the others.
     pub fn cue_ball(&self) -> BallBody {
         self.cue_ball
     }
 
-    /// What the ball of this number is: the cue ball is 0.
+    /// Body of the ball of this number: the cue ball is 0.
     pub fn body_of(&self, number: u8) -> BallBody {
         match number {
             0 => self.cue_ball,
@@ -427,17 +436,17 @@ impl Table {
         BallState::at_rest(number, at.x, at.y, &self.body_of(number))
     }
 
-    /// How far a ball rolls on its cloth.
+    /// Speed of its cloth.
     pub fn speed(&self) -> TableSpeed {
         self.speed
     }
 
-    /// Where the cue ball starts: a quarter of the length from the head cushion, at −x.
+    /// Start of the cue ball: a quarter of the length from the head cushion, at −x.
     pub fn head_spot(&self) -> DVec2 {
         DVec2::new(-0.25 * self.length_m, 0.0)
     }
 
-    /// Where the apex of a rack lies: a quarter of the length from the foot cushion, at +x.
+    /// Apex of a rack: a quarter of the length from the foot cushion, at +x.
     pub fn foot_spot(&self) -> DVec2 {
         DVec2::new(0.25 * self.length_m, 0.0)
     }
@@ -453,8 +462,8 @@ impl Table {
     }
 }
 
-/// Noses reach this far over their ends, so that no ball slips between a nose and the jaw that
+/// Extension of noses beyond their ends in m, so that no ball slips between a nose and the jaw that
 /// continues it.
 pub(crate) const JOINT_SLACK_M: f64 = 1e-9;
-/// 30 inches, as WPA's specifications allow at most 31.
+/// Default height of the bed: 30 inches; WPA's specifications allow at most 31.
 const BED_HEIGHT_M: f64 = 0.762;

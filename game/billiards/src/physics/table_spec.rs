@@ -1,4 +1,5 @@
-//! A table as data: the dimensions that specifications give, and the shape that follows.
+//! Specification of a table: the dimensions of equipment standards, and the construction of its shape
+//! from them.
 //!
 //! ```text
 //!            back                 The facing turns away from the nose line by 180° − cut angle;
@@ -23,13 +24,13 @@ use super::{
 };
 use crate::deterministic_math::{sin_cos, tan};
 
-/// The dimensions of a table, as its file holds them.
+/// The dimensions of a table, as its file stores them.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSpec {
-    /// For the player.
+    /// Display name.
     pub name: String,
-    /// Where the figures come from.
+    /// Source of the figures.
     pub source: String,
     /// Playing surface from nose to nose along x, in m.
     pub length_m: f64,
@@ -39,15 +40,15 @@ pub struct TableSpec {
     pub bed_height_m: f64,
     /// Height of the noses over the cloth, in m: over a ball's radius, under its diameter.
     pub nose_height_m: f64,
-    /// Cushions' tops and what is around them.
+    /// Tops of the cushions, and rails around them.
     pub rails: Rails,
     /// The pockets in the corners; none on a carom table.
     pub corner_pockets: Option<PocketSpec>,
     /// The pockets in the middle of the long sides; only with corner pockets.
     pub side_pockets: Option<PocketSpec>,
-    /// The balls.
+    /// Body of the object balls.
     pub ball: BallBody,
-    /// The cue ball, if it differs.
+    /// Body of the cue ball, if it differs.
     pub cue_ball: Option<BallBody>,
 }
 
@@ -55,19 +56,20 @@ pub struct TableSpec {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PocketSpec {
-    /// Between the tips of the cushions, in m.
+    /// Distance between the tips of the cushions, in m.
     pub mouth_m: f64,
-    /// Between nose line and facing inside of the cushion, in degrees, 90 to 179.
+    /// Angle between nose line and facing inside the cushion, in degrees, 90 to 179.
     pub cut_deg: f64,
     /// Radius of the rounded jaws, in m.
     pub jaw_radius_m: f64,
-    /// From the mouth to where the level cloth ends, in m; negative if the hole reaches out.
+    /// Distance from the mouth to where the level cloth ends, in m; negative if the hole reaches beyond
+    /// the mouth.
     pub shelf_m: f64,
     /// Radius of the hole where the level cloth ends, in m.
     pub radius_m: f64,
     /// Radius of the slate's rounded edge, in m.
     pub rim_radius_m: f64,
-    /// How far a ball falls before it is gone, in m.
+    /// Depth to which a ball falls before it is removed, in m.
     pub depth_m: f64,
 }
 
@@ -90,6 +92,8 @@ impl TableSpec {
         Ok(serde_json::from_str(json).map_err(TableFault::Json)?)
     }
 
+    /// Builds the table with these dimensions.
+    ///
     /// # Errors
     /// [`crate::Error::Table`] for a dimension out of its range, or pockets that leave no cushion.
     pub fn build(&self) -> Result<Table> {
@@ -123,7 +127,7 @@ impl TableSpec {
         ))
     }
 
-    /// The cushions of one side, which runs with the balls on its left.
+    /// Lays the cushions of one side, with the balls on its left.
     fn lay_side(&self, outlines: &mut CushionOutlines, from: DVec2, to: DVec2) {
         let along = (to - from).normalize();
         let corner = self.corner_pockets.map(|pocket| CushionEnd {
@@ -145,7 +149,7 @@ impl TableSpec {
         }
     }
 
-    /// Where the nose lines meet, anticlockwise from −x, −y.
+    /// Intersections of the nose lines, anticlockwise from −x, −y.
     fn corners(&self) -> [DVec2; 4] {
         let half = 0.5 * DVec2::new(self.length_m, self.width_m);
         [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| half * DVec2::new(x, y))
@@ -164,7 +168,8 @@ impl TableSpec {
                 };
                 let Some(spec) = spec else { continue };
                 let outward = DVec2::new(along, across).normalize();
-                // The mouth of a corner lies half its width inside of the corner.
+                // In a corner's right angle the middle of the mouth, the hypotenuse, is half its length
+                // away.
                 let inset = if along == 0.0 {
                     0.0
                 } else {
@@ -264,15 +269,15 @@ impl TableSpec {
     }
 }
 
-/// Where a pocket ends a cushion.
+/// End of a cushion at a pocket.
 #[derive(Clone, Copy)]
 struct CushionEnd {
     pocket: PocketSpec,
-    /// From where the side begins, or the pocket's middle, to the unrounded tip.
+    /// Distance in m from the corner, or from the pocket's middle, to the unrounded tip.
     inset_m: f64,
 }
 
-/// What the cushions are made of.
+/// Parts of the cushions under construction.
 #[derive(Default)]
 struct CushionOutlines {
     cushion_width_m: f64,
@@ -282,7 +287,7 @@ struct CushionOutlines {
 }
 
 impl CushionOutlines {
-    /// A cushion between two stations of a side; without a pocket it is mitred.
+    /// Lays a cushion between two points of a side; an end without a pocket is mitred.
     fn lay_cushion(
         &mut self,
         (start, opens): (DVec2, Option<CushionEnd>),
@@ -293,8 +298,8 @@ impl CushionOutlines {
         let inset = |tip: Option<CushionEnd>| tip.map_or(0.0, |tip| tip.inset_m);
         let (from, to) = (start + inset(opens) * along, stop - inset(ends) * along);
         let nose = self.noses.len();
-        // Before its facings, which follow it up to the next cushion's nose: by this order `Table::slant`
-        // finds them.
+        // Pushed before its facings, which follow it up to the next cushion's nose: `Table::slant`
+        // relies on this order.
         self.noses.push([from, to]);
         let (first_back, first_jaw) = self.lay_end(from, -along, inward, opens);
         let (last_back, last_jaw) = self.lay_end(to, along, inward, ends);
@@ -307,7 +312,7 @@ impl CushionOutlines {
         });
     }
 
-    /// Jaw and facing at an end whose unrounded `tip` points along `outward`; returns where the
+    /// Lays jaw and facing at an end whose unrounded `tip` points along `outward`; returns where the
     /// facing meets the back, and the jaw.
     fn lay_end(
         &mut self,
@@ -324,6 +329,7 @@ impl CushionOutlines {
         let length = self.cushion_width_m / sin;
         let tangent = pocket.tangent_m();
         let back = tip + length * facing;
+        // Otherwise the rounding takes up the whole facing.
         if length > tangent {
             let ends = [tip + tangent * facing, back];
             // Balls are on the left of a line: at the far end that is from the tip backwards.
@@ -345,9 +351,9 @@ impl PocketSpec {
         (180.0 - self.cut_deg).to_radians()
     }
 
-    /// From the unrounded tip to where the rounding begins.
+    /// Distance in m from the unrounded tip to where the rounding begins.
     fn tangent_m(&self) -> f64 {
-        // Of a circle that touches both lines.
+        // r·tan(turn/2): a circle tangent to both lines.
         self.jaw_radius_m * tan(0.5 * self.turn_rad())
     }
 }

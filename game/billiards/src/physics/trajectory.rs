@@ -1,4 +1,4 @@
-//! The trajectory of one ball over a shot: its motions one after the other.
+//! The trajectory of one ball over a shot: its consecutive motions.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
@@ -9,14 +9,14 @@ use super::{
     orientation::RotationIntegral,
 };
 
-/// The course of one ball over a shot, exact between events.
+/// Trajectory of one ball over a shot, exact between events.
 #[derive(Clone, Debug)]
 pub(crate) struct Trajectory {
     number: u8,
     body: BallBody,
-    /// Ascending starts; the last lasts to the end.
+    /// By ascending start; the last extends to `end_secs`.
     segments: Vec<OrientedSegment>,
-    /// When the last leg ends.
+    /// End of the last segment, in s.
     end_secs: f64,
     gone: Option<(f64, Phase)>,
 }
@@ -67,7 +67,7 @@ impl Segment {
         }
     }
 
-    /// All its numbers but the time.
+    /// All numbers except the time.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = f64> {
         let vectors = [
             self.position,
@@ -103,7 +103,7 @@ struct OrientedSegment {
 }
 
 impl OrientedSegment {
-    /// A piece whose end is not known yet: how the ball turns is filled in when it is.
+    /// A segment whose end is not known yet; [`OrientedSegment::close`] computes its rotation.
     fn open(segment: Segment, orientation: DQuat) -> Self {
         Self {
             segment,
@@ -131,22 +131,21 @@ impl Trajectory {
 
     /// Ends the current segment and begins the next.
     pub(crate) fn push(&mut self, segment: Segment) {
-        // A ball's turning is integrated once its segment's length is known, and carried on from one to
-        // the next.
+        // The rotation is integrated once the segment's length is known, and carried over to the next.
         let orientation = match self.segments.last_mut() {
             Some(last) => last.close(segment.start_secs),
             None => DQuat::IDENTITY,
         };
         let is_same_instant =
             |last: &mut OrientedSegment| last.segment.start_secs == segment.start_secs;
-        // Several events at one instant leave segments without duration; only the last of them is ever
-        // shown.
+        // Several events at one instant leave segments of no duration; only the last of them is
+        // visible.
         self.segments.pop_if(is_same_instant);
         self.segments
             .push(OrientedSegment::open(segment, orientation));
     }
 
-    /// The ball is no longer on the table from now on.
+    /// Marks the ball as no longer on the table from `now` on.
     pub(crate) fn leave(&mut self, now: f64, phase: Phase) {
         self.gone = Some((now, phase));
     }
@@ -160,34 +159,35 @@ impl Trajectory {
         self
     }
 
-    /// Its legs, and how the ball is turned at the start of each.
+    /// Segments, with the orientation at the start of each.
     pub(crate) fn segments(&self) -> impl Iterator<Item = (Segment, DQuat)> {
         self.segments
             .iter()
             .map(|piece| (piece.segment, piece.rotation.start()))
     }
 
-    /// When its last leg ends.
+    /// End of the last segment, in s.
     pub(crate) fn end_secs(&self) -> f64 {
         self.end_secs
     }
 
-    /// Of the ball.
+    /// Number of the ball.
     pub(crate) fn number(&self) -> u8 {
         self.number
     }
 
-    /// Of the ball.
+    /// Body of the ball.
     pub(crate) fn body(&self) -> BallBody {
         self.body
     }
 
-    /// When and how the ball went out of play.
+    /// Time in s and phase in which the ball went out of play.
     pub(crate) fn gone(&self) -> Option<(f64, Phase)> {
         self.gone
     }
 
-    /// A track of what [`Trajectory::segments`] gave: one leg at least, in the order of time.
+    /// Rebuilds a trajectory from what [`Trajectory::segments`] gave: at least one segment, in the
+    /// order of time.
     pub(crate) fn from_segments(
         (number, body): (u8, BallBody),
         segments: &[(Segment, DQuat)],
@@ -254,6 +254,7 @@ impl Trajectory {
     }
 
     fn segment_at(&self, t: f64) -> (&OrientedSegment, f64) {
+        // A ball that is gone keeps its last position.
         let t = self.gone.map_or(t, |(at, _)| t.min(at)).max(0.0);
         let next = self
             .segments

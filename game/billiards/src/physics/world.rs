@@ -94,28 +94,28 @@ impl World {
         &self.laws
     }
 
-    /// What moves the balls.
+    /// The simulation engine.
     pub fn engine(&self) -> Engine {
         self.engine
     }
 
-    /// Lets something else move the balls from the next stroke on. A [`super::Rapier`] out of range
-    /// makes the strokes fail.
+    /// Sets the engine from the next stroke on. A [`super::Rapier`] out of range makes the strokes
+    /// fail.
     pub fn set_engine(&mut self, engine: Engine) {
         self.engine = engine;
     }
 
-    /// The particles on the table, if there are some.
+    /// The particles on the table, if any.
     pub fn particles(&self) -> Option<&Arc<ParticleBed>> {
         self.particles.as_ref()
     }
 
-    /// Lays particles on the table, or takes them away.
+    /// Lays particles on the table, or removes them.
     pub fn set_particles(&mut self, particles: Option<Arc<ParticleBed>>) {
         self.particles = particles;
     }
 
-    /// The same table as if there were no particles: for predictions, which are to take no time.
+    /// The same table without particles: for predictions, which must be fast.
     #[must_use]
     pub fn without_particles(&self) -> Self {
         Self {
@@ -124,8 +124,8 @@ impl World {
         }
     }
 
-    /// Simulates the whole shot that a stroke begins. The world itself stays as it is until
-    /// [`World::adopt`]. With particles that takes up to seconds, and [`Engine::Exact`] moves the balls.
+    /// Simulates the whole shot that a stroke begins. The world itself does not change until
+    /// [`World::adopt`]. With particles this takes up to seconds, and always uses [`Engine::Exact`].
     ///
     /// # Errors
     /// [`crate::Error::Stroke`] for a stroke out of range or without a cue ball on the table;
@@ -156,7 +156,7 @@ impl World {
         })
     }
 
-    /// The balls lie as a shot left them.
+    /// Takes over the final state of a shot.
     pub fn adopt(&mut self, shot: &Shot) {
         self.balls = shot.final_states();
         if let Some(bed) = shot.bed() {
@@ -191,8 +191,8 @@ impl World {
         Ok(self.with_strike(outcome, stroke))
     }
 
-    /// As [`World::strike`], calling `each` after every `frame_secs` of the shot: for those who
-    /// have other things to do between. The shot is the same whatever the frames.
+    /// As [`World::strike`], calling `each` after every `frame_secs` of the shot, so that the caller
+    /// can do other work in between. The shot does not depend on the frames.
     ///
     /// # Errors
     /// As [`World::strike`].
@@ -221,7 +221,7 @@ impl World {
         Ok(Shot::new(self.with_strike(outcome, stroke)))
     }
 
-    /// The balls right after the blow.
+    /// States of the balls right after the stroke's impulse.
     fn struck(&self, stroke: Stroke) -> Result<Vec<BallState>> {
         stroke.validate()?;
         let mut balls = self.balls.clone();
@@ -233,6 +233,7 @@ impl World {
         };
         let body = cue_ball.body;
         let blow = self.laws.cue.strike(&body, &stroke);
+        // A ball that particles carry has no slate under it.
         let is_carried = cue_ball.phase == Phase::Airborne && self.particles.is_some();
         let mut twist = match is_carried {
             true => blow,
@@ -240,8 +241,8 @@ impl World {
         };
         let jumps = is_carried || twist.velocity.z >= hop_speed_m_s(self.laws.cloth.gravity_m_s2);
         if !jumps {
-            // Too slow to hop: the ball lies, and must lie exactly, as its height is compared with its
-            // radius.
+            // Below the hop speed the ball stays on the cloth, with a vertical speed of exactly 0:
+            // other code compares its height with its radius for equality.
             twist.velocity.z = 0.0;
         }
         *cue_ball = BallState {
@@ -368,7 +369,7 @@ impl World {
     }
 }
 
-/// A frame lasts so long at least.
+/// Minimum duration of a frame in s.
 const FRAME_SECS_MIN: f64 = 1e-7;
 /// Balls that overlap by less count as touching.
 const OVERLAP_MAX_M: f64 = 1e-7;

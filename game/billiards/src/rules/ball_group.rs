@@ -21,7 +21,7 @@ impl BallGroup {
         }
     }
 
-    /// The other.
+    /// The other group.
     #[must_use]
     pub fn other(self) -> Self {
         match self {
@@ -38,7 +38,7 @@ impl BallGroup {
         }
     }
 
-    /// A shape that stands for it: a full disc, or a disc with a band.
+    /// Its symbol: a full disc, or a disc with a band.
     pub fn glyph(self) -> &'static str {
         match self {
             Self::Solids => "●",

@@ -1,4 +1,4 @@
-//! Calls: what a player says before a shot.
+//! Calls: the announcement of a player before a shot.
 
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::layout::TableLayout;
 use crate::deterministic_math::{angle_between, atan};
 
-/// What a player says before a shot.
+/// The announcement of a player before a shot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Call {
@@ -24,7 +24,7 @@ pub enum Call {
 }
 
 /// The call that is obvious from the aim (WPA 1.6): the first ball, which lies at `at` and will leave
-/// along `direction`, and the pocket that it makes for; none if it makes for none.
+/// along `direction`, and the pocket towards which it leaves; none without such a pocket.
 pub fn infer(layout: &TableLayout, ball: u8, at: DVec2, direction: DVec2) -> Option<Call> {
     let off = |center: &DVec2| angle_between(direction, *center - at).abs();
     let straight = |center: &DVec2| {
@@ -41,5 +41,6 @@ pub fn infer(layout: &TableLayout, ball: u8, at: DVec2, direction: DVec2) -> Opt
     })
 }
 
-/// Half a pocket's mouth in ball radii, and some: what passes so near was meant for it.
+/// Half a pocket's mouth in ball radii, with a margin: a ball that passes this near is meant for the
+/// pocket.
 const MOUTH_RADII: f64 = 3.5;

@@ -37,7 +37,7 @@ impl RuleSet {
 }
 
 impl Referee {
-    /// The most points of a drill; none in a match.
+    /// Maximum points of a drill; none in a match.
     pub fn points_max(&self) -> Option<u32> {
         match self.rules() {
             RuleSet::LineUp => Some(u32::from(LINE_BALLS) * self.target()),
@@ -117,7 +117,7 @@ pub(crate) fn drill_layout(
     }
 }
 
-/// From before the middle to before the foot cushion.
+/// Balls in a line from before the middle of the table to before the foot cushion.
 fn line_up(layout: &TableLayout) -> BallPositions {
     let place = |ball: u8| {
         let share = f64::from(ball - 1) / f64::from(LINE_BALLS - 1);
@@ -137,7 +137,7 @@ fn spot_shot(layout: &TableLayout, rng: &mut CounterRng) -> BallPositions {
         .to_vec()
 }
 
-/// Balls that lie at random, away from cushions and from each other.
+/// Balls at random places, away from cushions and from each other.
 fn apart(
     layout: &TableLayout,
     balls: impl IntoIterator<Item = u8>,
@@ -158,8 +158,8 @@ fn apart(
     positions
 }
 
-/// Whether ball 1 goes into some pocket straight from the cue ball: neither way is blocked, the cut is
-/// [`CUT_RAD_MAX`] at most, and neither is longer than half the table.
+/// Whether ball 1 can be potted straight from the cue ball: neither path is blocked, the cut is
+/// [`CUT_RAD_MAX`] at most, and neither path is longer than half the table.
 fn has_plain_pot(layout: &TableLayout, positions: &BallPositions) -> bool {
     let (Some(cue), Some(object)) = (place_of(positions, 0), place_of(positions, 1)) else {
         return false;
@@ -168,7 +168,7 @@ fn has_plain_pot(layout: &TableLayout, positions: &BallPositions) -> bool {
     layout.pockets.iter().any(|&pocket| {
         let way = (pocket - object).normalize_or_zero();
         let ghost = object - way * (layout.radius_m + layout.cue_radius_m);
-        // A side pocket takes balls from before it only.
+        // A side pocket accepts balls only from in front of it.
         let is_side = pocket.x.abs() < 0.2 * layout.length_m;
         let is_open = !is_side || way.y.abs() > SIDE_COS;
         is_open
@@ -180,18 +180,18 @@ fn has_plain_pot(layout: &TableLayout, positions: &BallPositions) -> bool {
 }
 
 const LINE_BALLS: u8 = 10;
-/// In table lengths from the middle.
+/// Ends of the line of balls, in table lengths from the middle.
 const LINE_FROM: f64 = -0.15;
 const LINE_TO: f64 = 0.42;
 const POSITION_BALLS: u8 = 3;
-/// With three in the way.
+/// Object balls of a daily shot: three are in the way.
 const DAILY_BALLS: u8 = 4;
-/// Between the centres of balls, and to cushions.
+/// Minimum distance in ball radii between the centres of balls, and to cushions.
 const CLEAR_RADII: f64 = 4.0;
 const CUT_RAD_MAX: f64 = 0.7;
-/// Cosine of 30°: from farther aside a side pocket is narrow.
+/// Cosine of 30°: approached from farther aside a side pocket is narrow.
 const SIDE_COS: f64 = 0.866;
-/// One draw in a dozen is such a layout.
+/// Maximum number of draws: one in a dozen is such a layout.
 const DRAWS_MAX: u32 = 1000;
 
 #[cfg(test)]

@@ -34,7 +34,7 @@ impl Eight {
         if own.is_empty() { vec![8] } else { own }
     }
 
-    /// What is on, in words.
+    /// The balls on, in words.
     pub(crate) fn legal_targets_text(self, positions: &BallPositions, player: usize) -> String {
         match self.group(player) {
             None => text!("on-any-but-8").to_owned(),
@@ -78,7 +78,7 @@ impl Referee {
         }
     }
 
-    /// The called ball decides, whatever else fell (WPA 3.4).
+    /// Assigns the groups: the called ball decides, whatever else fell (WPA 3.4).
     fn settle_groups(&mut self, ball: u8, verdict: &mut Verdict) {
         let Some(own) = BallGroup::of(ball) else {
             return;
@@ -97,7 +97,7 @@ impl Referee {
         report.potted().contains(&8) || report.off_table().any(|ball| ball == 8)
     }
 
-    /// The 8 left the table, not on a break (WPA 3.8).
+    /// Judges a shot that removed the 8 from the table, not on a break (WPA 3.8).
     fn judge_the_eight(&mut self, was_on: bool, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let player = self.turn();
         let lost = if shot.report.off_table().any(|ball| ball == 8) {
@@ -126,7 +126,7 @@ impl Referee {
         }
     }
 
-    /// WPA 3.3.
+    /// Judges a break (WPA 3.3).
     fn judge_eight_break(&mut self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let report = shot.report;
         let potted = report.potted();
@@ -174,7 +174,7 @@ impl Referee {
         };
     }
 
-    /// What is a foul on the break: no ball need be hit first, none be called (WPA 3.3).
+    /// Fouls on the break: no ball need be hit first, none be called (WPA 3.3).
     fn break_fouls(&self, shot: &JudgedShot<'_>) -> Vec<Foul> {
         let all: Vec<u8> = (1..=15).collect();
         let mut fouls = self.standard_fouls(shot, &all, text!("on-any"));
@@ -182,7 +182,7 @@ impl Referee {
         fouls
     }
 
-    /// Why a shot without a foul does not go on, where that may surprise.
+    /// Adds the reason why the turn passes without a foul, where that may surprise.
     pub(crate) fn say_why_turn_passes(&self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         if verdict.is_foul() || shot.report.potted().is_empty() {
             return;

@@ -1,10 +1,10 @@
-//! Fouls, in words with the reason, and those that games have in common.
+//! Fouls, with their reasons in words.
 
 use carom_text::text;
 
 use super::ruleset::RuleSet;
 
-/// What a player did wrong, and by which ball.
+/// A foul, and the ball that it concerns.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Foul {
     /// The cue ball fell into a pocket (WPA 6.1).
@@ -17,7 +17,7 @@ pub enum Foul {
     WrongBall {
         /// The ball.
         hit: u8,
-        /// What was on, in words, to follow "legal was".
+        /// The balls on, in words, to follow "legal was".
         on: String,
     },
     /// No ball was driven to a cushion after the contact (WPA 6.3).
@@ -31,9 +31,9 @@ pub enum Foul {
     BehindHeadString(u8),
     /// The break drove too few balls to cushions (WPA 2.3, 4.3).
     WeakBreak {
-        /// How many object balls were driven to a cushion.
+        /// Number of object balls that were driven to a cushion.
         driven: usize,
-        /// How many it takes.
+        /// Number that is needed.
         needed: usize,
     },
     /// A ball that was not on was potted (WPBSA 10).
@@ -47,7 +47,7 @@ pub enum Foul {
 }
 
 impl Foul {
-    /// That this ball left the table.
+    /// The foul of driving this ball off the table.
     pub(crate) fn off_table(ball: u8) -> Self {
         match ball {
             0 => Self::CueBallOff,

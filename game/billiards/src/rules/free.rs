@@ -41,7 +41,7 @@ impl Referee {
     }
 }
 
-/// A sentence's beginning.
+/// The words with a capital first letter.
 pub(crate) fn capital(words: &str) -> String {
     let mut letters = words.chars();
     letters.next().map_or(String::new(), |first| {

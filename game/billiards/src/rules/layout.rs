@@ -18,7 +18,7 @@ pub struct BallPosition {
 /// The balls that lie on the table.
 pub type BallPositions = Vec<BallPosition>;
 
-/// Where this ball lies, if it is on the table.
+/// Position of this ball, if it is on the table.
 pub(crate) fn place_of(positions: &[BallPosition], ball: u8) -> Option<DVec2> {
     positions.iter().find(|p| p.ball == ball).map(|p| p.at)
 }
@@ -29,7 +29,7 @@ pub(crate) fn object_balls(positions: &[BallPosition]) -> Vec<u8> {
     balls.filter(|&ball| ball != 0).collect()
 }
 
-/// Where a player may put the cue ball.
+/// Area in which a player may place the cue ball.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlacementArea {
     /// Anywhere on the table.
@@ -51,16 +51,16 @@ impl PlacementArea {
     }
 }
 
-/// What of a table concerns the rules.
+/// The properties of a table that concern the rules.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TableLayout {
     /// From nose to nose along x, in m.
     pub length_m: f64,
     /// From nose to nose along y, in m.
     pub width_m: f64,
-    /// Of an object ball, in m.
+    /// Radius of an object ball, in m.
     pub radius_m: f64,
-    /// Of the cue ball, in m.
+    /// Radius of the cue ball, in m.
     pub cue_radius_m: f64,
     /// Centres of the pockets, in m.
     pub pockets: Vec<DVec2>,
@@ -77,13 +77,13 @@ impl TableLayout {
         DVec2::new(0.25 * self.length_m, 0.0)
     }
 
-    /// The middle of snooker's baulk line, 737 mm (29 in) from the baulk cushion on a table of full
-    /// size (WPBSA section 1, 1 (e)), in proportion on others.
+    /// The middle of snooker's baulk line, 737 mm (29 in) from the baulk cushion on a full-size table
+    /// (WPBSA section 1, 1 (e)), in proportion on others.
     pub fn baulk_spot(&self) -> DVec2 {
         DVec2::new((BAULK_SHARE - 0.5) * self.length_m, 0.0)
     }
 
-    /// Radius of snooker's D: 292 mm on a table of full size.
+    /// Radius of snooker's D: 292 mm on a full-size table.
     pub fn d_radius_m(&self) -> f64 {
         D_SHARE * self.length_m
     }
@@ -113,8 +113,8 @@ impl TableLayout {
         }
     }
 
-    /// The place for a cue ball in hand from which a player may move it: the middle of the area's
-    /// line, or the free place that is nearest.
+    /// Initial place of a cue ball in hand, from which a player may move it: the middle of the area's
+    /// line, or the nearest free place.
     pub fn place_in_hand(&self, positions: &[BallPosition], area: PlacementArea) -> DVec2 {
         let home = match area {
             PlacementArea::D => self.baulk_spot() - DVec2::new(0.0, 0.5 * self.d_radius_m()),
@@ -123,7 +123,7 @@ impl TableLayout {
         let step = 0.5 * self.cue_radius_m;
         let ring = |i: u32| {
             let angle = f64::from(i % 16) * std::f64::consts::TAU / 16.0;
-            // Rounded up: place 0 is home itself, and from place 1 on each ring has sixteen.
+            // Rounded up: place 0 is `home` itself, and from place 1 on each ring has sixteen.
             home + unit_at(angle) * (step * f64::from(i.div_ceil(16)))
         };
         (0..16 * RINGS)
@@ -150,19 +150,19 @@ impl TableLayout {
         at.abs().cmple(half).all() && !self.pockets.iter().any(in_hole)
     }
 
-    /// Whether a ball could lie at a spot without touching another.
+    /// Whether a ball can lie at a spot without touching another.
     pub fn is_free(&self, positions: &[BallPosition], spot: DVec2) -> bool {
         positions
             .iter()
             .all(|p| p.at.distance(spot) >= self.radius_m + self.radius_of(p.ball))
     }
 
-    /// Where a ball is spotted: on the spot, or on the line through it along the table, as near as
-    /// can be: first towards the foot cushion, if there is no room towards the head (WPA 1.4; WPBSA
-    /// 7). It may touch an object ball, never the cue ball.
+    /// Place at which a ball is spotted: the spot, or on the line through it along the table as near as
+    /// possible, first towards the foot cushion, and towards the head if there is no room (WPA 1.4;
+    /// WPBSA 7). It may touch an object ball, never the cue ball.
     pub fn spotted(&self, positions: &[BallPosition], spot: DVec2) -> DVec2 {
-        // What other balls leave free of the line are intervals: the nearest free place is the spot or an
-        // end of one.
+        // The other balls leave intervals of the line free: the nearest free place is the spot or an
+        // end of an interval.
         let mut places: Vec<f64> = vec![spot.x];
         for p in positions {
             let gap = if p.ball == 0 { CUE_GAP_M } else { SPOT_GAP_M };
@@ -196,8 +196,8 @@ impl TableLayout {
         }
     }
 
-    /// Whether the way of the cue ball from `from` to `to` is clear of the balls of `positions` that
-    /// `blocks` names.
+    /// Whether the straight path of a ball of radius `moving_radius_m` from `from` to `to` is clear of
+    /// the balls of `positions` that `blocks` names.
     pub fn is_clear(
         &self,
         positions: &[BallPosition],
@@ -229,18 +229,19 @@ impl TableLayout {
     }
 }
 
-/// 737 mm of 3569 mm.
+/// Distance of the baulk line over the length: 737 mm of 3569 mm.
 const BAULK_SHARE: f64 = 0.737 / 3.569;
-/// 292 mm of 3569 mm.
+/// Radius of the D over the length: 292 mm of 3569 mm.
 const D_SHARE: f64 = 0.292 / 3.569;
-/// A place this near a line is on it.
+/// Distance in m within which a place is on a line.
 const LINE_M: f64 = 1e-6;
-/// A ball in hand keeps this from others.
+/// Minimum gap in m between a ball in hand and others.
 const TOUCH_M: f64 = 1e-4;
-/// A spotted ball all but touches an object ball, and keeps a little more from the cue ball.
+/// Gap in m between a spotted ball and an object ball, which it all but touches; that to the cue ball
+/// is larger.
 const SPOT_GAP_M: f64 = 1e-6;
 const CUE_GAP_M: f64 = 1e-3;
-/// A ball whose centre is nearer to that of a pocket hangs over its edge.
+/// Distance from a pocket's centre, in ball radii, within which a ball hangs over the pocket's edge.
 const HOLE_RADII: f64 = 2.2;
-/// Rings of places around the first that are tried: over the whole table.
+/// Rings of places around the first that are tried: they cover the whole table.
 const RINGS: u32 = 200;

@@ -6,13 +6,13 @@
 //! RuleInfo (the game's row of the table of rules) ───────────────┘   (turn,      (fouls, words, balls to
 //!                                                                     scores)     be put back, next turn)
 //! ```
-//! What the games have in common is a table with a row for each ([`RuleInfo`]); each game's own file
-//! holds what is left. Sources: "WPA" is The Rules of Play of the World Pool-Billiard Association,
+//! The common part of the games is a table with a row for each ([`RuleInfo`]); each game's own file
+//! holds the rest. Sources: "WPA" is The Rules of Play of the World Pool-Billiard Association,
 //! effective 15 March 2016; "WPBSA" the Official Rules of the Game of Snooker, section 3; "UMB" the
 //! World Rules of Carom Billiard of the Union Mondiale de Billard, 1 January 1989. They are cited by
 //! section.
 //!
-//! What asks for an arbiter's opinion is left out: a deliberate foul, snooker's "miss", slow play.
+//! Rules that need an arbiter's opinion are left out: a deliberate foul, snooker's "miss", slow play.
 
 mod ball_group;
 mod call;

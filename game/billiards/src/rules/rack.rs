@@ -15,7 +15,7 @@ use super::{
 };
 
 /// The balls of a game at its start, the cue ball last. The seed draws what the rules leave open, and
-/// gaps of 20 to 60 µm between racked balls, as real racks have: they decide how a rack breaks.
+/// gaps of 20 to 60 µm between racked balls, as real racks have: they decide the outcome of a break.
 ///
 /// 8-ball: WPA 3.2; 9-ball: 2.2; straight pool: 4.2; snooker: WPBSA 3.2; three-cushion: UMB 23.
 pub fn rack(rules: RuleSet, layout: &TableLayout, seed: u32) -> BallPositions {
@@ -70,7 +70,8 @@ pub(crate) fn is_in_rack(layout: &TableLayout, at: DVec2, radius_m: f64) -> bool
     let depth = 4.0 * pitch * ROW;
     let along = at.x - layout.foot_spot().x;
     let across = at.y.abs();
-    // The triangle through the centres of the corner balls, grown by a ball and the one in question.
+    // The triangle through the centres of the corner balls, grown by the radii of a ball of the rack
+    // and of this ball.
     let grown = radius_m + layout.radius_m;
     let slope = 0.5 / ROW;
     let side = (across - along * slope) / (1.0 + slope * slope).sqrt();
@@ -98,7 +99,7 @@ fn carom(layout: &TableLayout) -> BallPositions {
         .to_vec()
 }
 
-/// Rows of so many balls each, from the apex towards the foot.
+/// Balls in rows of these lengths, from the apex towards the foot.
 fn triangle(
     layout: &TableLayout,
     apex: DVec2,
@@ -127,7 +128,8 @@ fn triangle(
         .collect()
 }
 
-/// The 8 in the middle, a ball of each group in the far corners, the rest as it falls.
+/// Order of the balls by place: the 8 in the middle, a ball of each group in the far corners, the rest
+/// at random.
 fn order_eight(rng: &mut CounterRng) -> Vec<u8> {
     let mut solids = [1, 2, 3, 4, 5, 6, 7];
     let mut stripes = [9, 10, 11, 12, 13, 14, 15];
@@ -146,9 +148,9 @@ fn order_eight(rng: &mut CounterRng) -> Vec<u8> {
 }
 
 const TRIANGLE: [u8; 5] = [1, 2, 3, 4, 5];
-/// From row to row, in pitches: half the root of 3.
+/// Distance between rows, in pitches: half the root of 3.
 const ROW: f64 = 0.866_025_403_784_438_6;
-/// The mean gap between neighbours.
+/// Mean gap between neighbours.
 const GAP_M: f64 = 40e-6;
-/// Keeps these draws apart from others of the same seed.
+/// Random stream of racks, apart from others with the same seed.
 const RACK: u32 = 0x7261_636b;

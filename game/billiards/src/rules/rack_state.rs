@@ -1,31 +1,31 @@
-//! The state of a rack or frame that only one game has, beside what the referee keeps for all.
+//! The state of a rack or frame that only one game has, in addition to what the referee stores for all.
 
 use super::ball_group::BallGroup;
 
-/// What 8-ball remembers of a rack.
+/// State of a rack of 8-ball.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Eight {
     /// The group of player 0, once the table is no longer open.
     pub(crate) first: Option<BallGroup>,
 }
 
-/// What 9-ball remembers of a rack.
+/// State of a rack of 9-ball.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Nine {
     /// Whether the next shot may be a push-out: it is the first after a legal break.
     pub(crate) may_push: bool,
 }
 
-/// What straight pool remembers.
+/// State of straight pool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Straight {
-    /// Balls of the run that is on.
+    /// Number of balls of the current run.
     pub(crate) run: u32,
-    /// Racks of fourteen so far: each is drawn anew.
+    /// Number of racks of fourteen so far: each is drawn anew.
     pub(crate) racks: u32,
 }
 
-/// What snooker remembers of a frame.
+/// State of a frame of snooker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Snooker {
     /// Whether a colour is on, after a red.
@@ -34,15 +34,15 @@ pub(crate) struct Snooker {
     pub(crate) free_ball: bool,
     /// Points of both players in this frame.
     pub(crate) points: [i32; 2],
-    /// Points of the break that is on.
+    /// Points of the current break.
     pub(crate) run: i32,
     /// Whether the black was spotted again after a tie.
     pub(crate) tied: bool,
 }
 
-/// What a drill remembers.
+/// State of a drill.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Drill {
-    /// Attempts that are over.
+    /// Number of completed attempts.
     pub(crate) attempts: u32,
 }

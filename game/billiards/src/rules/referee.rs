@@ -1,4 +1,4 @@
-//! The referee: whose turn it is, what counts, what follows from a shot.
+//! The referee: turns, scores, and the consequences of a shot.
 
 use carom_text::text;
 use glam::DVec2;
@@ -15,7 +15,7 @@ use super::{
     verdict::{Choice, Verdict},
 };
 
-/// The state of a match: everything that the rules remember.
+/// State of a match, as far as the rules depend on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Referee {
     rules: RuleSet,
@@ -32,7 +32,7 @@ pub struct Referee {
     game: Game,
 }
 
-/// What a game remembers beside.
+/// State that only one game has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Game {
     Free,
@@ -66,12 +66,12 @@ pub(crate) struct JudgedShot<'a> {
     pub(crate) layout: &'a TableLayout,
     pub(crate) report: &'a ShotReport,
     pub(crate) call: Option<Call>,
-    /// Where the cue ball was in hand before the stroke.
+    /// Area in which the cue ball was in hand before the stroke.
     pub(crate) hand: Option<PlacementArea>,
 }
 
 impl JudgedShot<'_> {
-    /// The ball that fell as it was called.
+    /// The ball that was potted as called.
     pub(crate) fn called_pot(&self) -> Option<u8> {
         let Some(Call::Pot { ball, pocket }) = self.call else {
             return None;
@@ -82,8 +82,8 @@ impl JudgedShot<'_> {
 }
 
 impl Referee {
-    /// A match of `players` to a target of racks, frames or points, 1 to [`Referee::TARGET_MAX`]; 0 is
-    /// the game's own. Player 0 breaks; in later racks they take turns (WPA Regulation 15). The seed
+    /// A match of `players` to a target of racks, frames or points, 1 to [`Referee::TARGET_MAX`], or 0
+    /// for the game's own. Player 0 breaks; in later racks they alternate (WPA Regulation 15). The seed
     /// draws the racks.
     ///
     /// # Errors
@@ -121,7 +121,7 @@ impl Referee {
         })
     }
 
-    /// Points of straight pool's and three-cushion's longest matches are far below.
+    /// Largest target: the longest matches of straight pool and three-cushion are far below.
     pub const TARGET_MAX: u32 = 1000;
 
     /// The game.
@@ -134,12 +134,12 @@ impl Referee {
         self.rules.info()
     }
 
-    /// What the match is played to.
+    /// Target of the match.
     pub fn target(&self) -> u32 {
         self.target
     }
 
-    /// The seed of the rack that is on.
+    /// Seed of the current rack.
     pub fn seed(&self) -> u32 {
         self.seed
     }
@@ -154,12 +154,12 @@ impl Referee {
         self.is_break
     }
 
-    /// Where the cue ball is in hand, if it is.
+    /// Area in which the cue ball is in hand, if it is.
     pub fn ball_in_hand_area(&self) -> Option<PlacementArea> {
         self.hand
     }
 
-    /// What the player at the table may decide before the shot; nothing, usually.
+    /// Choices of the player at the table before the shot; usually none.
     pub fn options(&self) -> &[Choice] {
         &self.options
     }
@@ -174,7 +174,7 @@ impl Referee {
         &self.fouls_in_row
     }
 
-    /// Who has won the match.
+    /// Winner of the match.
     pub fn winner(&self) -> Option<usize> {
         self.winner
     }
@@ -201,7 +201,7 @@ impl Referee {
         }
     }
 
-    /// What is on, in words.
+    /// The balls on, in words.
     pub fn legal_targets_text(&self, positions: &BallPositions) -> String {
         match self.game {
             Game::Eight(eight) if !self.is_break => eight.legal_targets_text(positions, self.turn),
@@ -216,7 +216,7 @@ impl Referee {
         }
     }
 
-    /// What there is to say of a player besides the score; may be empty.
+    /// Description of a player's state besides the score; may be empty.
     pub fn state_text(&self, player: usize) -> String {
         let mut words = Vec::new();
         if let Some(group) = self.group(player) {
@@ -290,7 +290,7 @@ impl Referee {
         verdict
     }
 
-    /// The player at the table decides.
+    /// Carries out a choice of the player at the table.
     ///
     /// # Errors
     /// [`RuleFault::NoSuchChoice`] if it is not offered now.
@@ -352,7 +352,7 @@ impl Referee {
         self.turn = self.other();
     }
 
-    /// The cue ball is played from where it lies, in hand or not.
+    /// Leaves the cue ball where it lies: it is not in hand.
     pub(crate) fn keep_cue_ball(&mut self) {
         self.hand = None;
     }
@@ -369,7 +369,7 @@ impl Referee {
         self.hand = Some(area);
     }
 
-    /// The balls are racked, and the player at the table breaks.
+    /// Racks the balls again; the player at the table breaks.
     pub(crate) fn rack_again(&mut self, verdict: &mut Verdict) {
         self.seed = self.seed.wrapping_add(1);
         self.is_break = true;
@@ -381,7 +381,7 @@ impl Referee {
         verdict.moves.clear();
     }
 
-    /// A rack, frame or match is won.
+    /// Counts a won rack or frame, and the match if its target is reached.
     pub(crate) fn win_rack(&mut self, player: usize, verdict: &mut Verdict) {
         self.scores[player] += 1;
         if self.scores[player] >= self.target as i32 {
@@ -393,7 +393,8 @@ impl Referee {
         self.rack_again(verdict);
     }
 
-    /// Counts a foul in a row, or the end of them. Whether it was one too many.
+    /// Counts a foul in a row, or resets the count. Returns whether the number that is punished is
+    /// reached.
     pub(crate) fn count_foul(&mut self, is_foul: bool, verdict: &mut Verdict) -> bool {
         let count = &mut self.fouls_in_row[self.turn];
         *count = if is_foul { *count + 1 } else { 0 };
@@ -411,7 +412,7 @@ impl Referee {
         punished
     }
 
-    /// Points of a game that is played for points.
+    /// Adds points in a game that is played for points.
     pub(crate) fn add_points(&mut self, player: usize, points: i32, verdict: &mut Verdict) {
         self.scores[player] += points;
         if self.scores[player] >= self.target as i32 {
@@ -420,31 +421,31 @@ impl Referee {
         }
     }
 
-    /// Points of a drill, which end nothing.
+    /// Adds points of a drill, which do not end it.
     pub(crate) fn add_drill_points(&mut self, points: i32) {
         self.scores[self.turn] += points;
     }
 
-    /// The last attempt of a drill is over.
+    /// Ends a drill after its last attempt.
     pub(crate) fn end_drill(&mut self) {
         self.winner = Some(self.turn);
     }
 
-    /// The balls of a drill are laid for the next attempt: others, or as before.
+    /// Lays the balls of a drill for the next attempt: drawn anew, or as before.
     pub(crate) fn lay_drill(&mut self, anew: bool, verdict: &mut Verdict) {
         self.seed = self.seed.wrapping_add(u32::from(anew));
         self.hand = self.info().start;
         verdict.rack = Some(self.seed);
     }
 
-    /// Puts an object ball back.
+    /// Spots an object ball.
     pub(crate) fn spot(&self, shot: &JudgedShot<'_>, verdict: &mut Verdict, ball: u8, spot: DVec2) {
         let positions = apply_moves(&shot.report.after, &verdict.moves);
         let at = shot.layout.spotted(&positions, spot);
         verdict.moves.push(BallPosition { ball, at });
     }
 
-    /// A cue ball that is gone, or lies outside of where it is in hand, is put there.
+    /// Places a cue ball that is gone, or lies outside the area in which it is in hand.
     fn put_cue_ball(
         &mut self,
         layout: &TableLayout,
@@ -475,7 +476,7 @@ impl Referee {
     }
 }
 
-/// The balls after some were put elsewhere.
+/// The positions after `moves`.
 pub fn apply_moves(positions: &[BallPosition], moves: &[BallPosition]) -> BallPositions {
     let stays = |p: &&BallPosition| !moves.iter().any(|moved| moved.ball == p.ball);
     let mut positions: BallPositions = positions.iter().filter(stays).copied().collect();
@@ -483,7 +484,7 @@ pub fn apply_moves(positions: &[BallPosition], moves: &[BallPosition]) -> BallPo
     positions
 }
 
-/// A sentence's beginning, where it does not begin one.
+/// The words with a small first letter.
 fn uncapital(words: &str) -> String {
     let mut letters = words.chars();
     letters.next().map_or(String::new(), |first| {

@@ -2,7 +2,7 @@
 
 use super::layout::BallPositions;
 
-/// One thing that happened. The cue ball of the player at the table is 0.
+/// An event of a shot. The cue ball of the player at the table is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShotEvent {
     /// Two balls met.
@@ -32,10 +32,10 @@ pub enum ShotEvent {
     },
 }
 
-/// A whole shot.
+/// Report of a whole shot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ShotReport {
-    /// What happened, in the order of time.
+    /// The events, in the order of time.
     pub events: Vec<ShotEvent>,
     /// The balls on the table before the stroke.
     pub before: BallPositions,
@@ -45,11 +45,11 @@ pub struct ShotReport {
     pub frozen: Vec<u8>,
     /// Whether the tip slipped off the ball. No foul by itself.
     pub miscue: bool,
-    /// The ball that was too near for the tip not to meet the cue ball twice, if there was one.
+    /// The ball that was so near that the tip met the cue ball twice, if any.
     pub double_hit: Option<u8>,
     /// A ball that the cue ball flew over before it had touched any.
     pub jumped: Option<u8>,
-    /// The greatest x that the cue ball's centre had until its first contact with a ball, in m.
+    /// Largest x of the cue ball's centre until its first contact with a ball, in m.
     pub reach_x_m: f64,
 }
 
@@ -117,7 +117,7 @@ impl ShotReport {
         })
     }
 
-    /// How many object balls were driven to a cushion, fell, or left the table.
+    /// Number of object balls that were driven to a cushion, fell, or left the table.
     pub fn balls_to_rails(&self) -> usize {
         let mut balls: Vec<u8> = self
             .events

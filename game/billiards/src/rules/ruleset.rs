@@ -33,7 +33,7 @@ pub enum RuleSet {
     DailyShot,
 }
 
-/// What must be said before a shot.
+/// What must be called before a shot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Calls {
     /// Nothing.
@@ -47,31 +47,32 @@ pub enum Calls {
 /// A game's row of the table of rules.
 #[derive(Clone, Debug)]
 pub struct RuleInfo {
-    /// For the player.
+    /// Display name.
     pub name: &'static str,
-    /// Where the rules are written.
+    /// Source of the rules.
     pub source: &'static str,
-    /// The table that it is meant for: a name for [`crate::physics::Table::built_in`].
+    /// The table that it is meant for, by its name for [`crate::physics::Table::built_in`].
     pub table: &'static str,
-    /// How many may play.
+    /// Possible numbers of players.
     pub players: std::ops::RangeInclusive<usize>,
-    /// Where the cue ball is in hand for the break.
+    /// Area in which the cue ball is in hand for the break.
     pub start: Option<PlacementArea>,
-    /// Where it is in hand after it was lost.
+    /// Area in which it is in hand after it was lost.
     pub after_loss: PlacementArea,
-    /// Where it is in hand after any foul.
+    /// Area in which it is in hand after any foul.
     pub after_foul: Option<PlacementArea>,
     /// Whether a ball must reach a cushion after the contact.
     pub needs_rail: bool,
-    /// How many object balls a break must drive to cushions, if it pots none.
+    /// Number of object balls that a break must drive to cushions, if it pots none.
     pub break_rails: usize,
-    /// What is called.
+    /// What a player must call.
     pub calls: Calls,
-    /// How many fouls in a row are punished.
+    /// Number of fouls in a row that is punished.
     pub fouls_in_row: Option<u8>,
-    /// What a match is played to, unless a player says otherwise.
+    /// Default target of a match.
     pub target: u32,
-    /// What is counted: `racks`, `frames`, `points` or `attempts`, of which the texts `goal-…` and `target-…` are.
+    /// Unit of the target, `racks`, `frames`, `points` or `attempts`, which is part of the names of the
+    /// texts `goal-…` and `target-…`.
     pub unit: &'static str,
 }
 

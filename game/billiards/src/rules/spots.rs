@@ -1,4 +1,4 @@
-//! Spots of balls that have one of their own.
+//! Spots of balls that have their own.
 
 use glam::DVec2;
 
@@ -19,5 +19,5 @@ pub(crate) fn own_spot(rules: RuleSet, layout: &TableLayout, ball: u8) -> DVec2 
     }
 }
 
-/// The black's spot is 324 mm from the top cushion.
+/// Distance of the black's spot from the top cushion, 324 mm, over the length.
 const BLACK_SHARE: f64 = 0.324 / 3.569;

@@ -73,16 +73,16 @@ impl Referee {
         self.rack_fourteen(straight, shot, verdict);
     }
 
-    /// An opening break drives the cue ball and two object balls to cushions, or pots a called ball
-    /// (WPA 4.3).
+    /// Whether an opening break is weak: it must drive the cue ball and two object balls to cushions,
+    /// or pot a called ball (WPA 4.3).
     fn is_weak_opening(&self, shot: &JudgedShot<'_>) -> bool {
         let rails = shot.report.balls_to_rails();
         let cue_ball = shot.report.cue_ball_to_rail() || shot.report.lost_cue_ball();
         rails < self.info().break_rails || !cue_ball
     }
 
-    /// A foul costs a point, a weak break two, the third in a row fifteen more (WPA 4.9, 4.10). A
-    /// weak break does not count towards the three. Whether this was the third.
+    /// Charges a foul: it costs a point, a weak break two, the third in a row fifteen more (WPA 4.9,
+    /// 4.10). A weak break does not count towards the three. Returns whether this was the third.
     fn charge(&mut self, weak: bool, verdict: &mut Verdict) -> bool {
         let is_weak_only = weak && verdict.fouls.len() == 1;
         if is_weak_only {
@@ -109,8 +109,9 @@ impl Referee {
         }
     }
 
-    /// With the cue ball in hand behind the head string and all balls there, the one nearest to the
-    /// string may be spotted (WPA 1.5): it is, since no other shot is legal without a cushion first.
+    /// Spots the ball nearest to the head string if the cue ball is in hand behind it and all balls are
+    /// there. The player may ask for this (WPA 1.5); it is always done, as no other shot is legal
+    /// without a cushion first.
     fn spot_nearest(&self, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let positions = apply_moves(&shot.report.after, &verdict.moves);
         let head_x = shot.layout.head_spot().x;
@@ -123,8 +124,8 @@ impl Referee {
         }
     }
 
-    /// When one ball is left, or none, the others are racked again with the apex open (WPA 4.4), and
-    /// what is in the way goes where the table of 4.8 says.
+    /// Racks the others again with the apex open when one ball is left, or none (WPA 4.4); balls in the
+    /// way go to the places of the table of 4.8.
     fn rack_fourteen(&mut self, straight: Straight, shot: &JudgedShot<'_>, verdict: &mut Verdict) {
         let positions = apply_moves(&shot.report.after, &verdict.moves);
         let mut left = positions.iter().filter(|p| p.ball != 0);
@@ -166,8 +167,8 @@ enum CuePlace {
     At(DVec2),
 }
 
-/// The table of WPA 4.8: where the fifteenth ball goes, if it moves, and the cue ball. A ball is "on"
-/// a spot if one that is put there would touch it.
+/// The table of WPA 4.8: the places of the fifteenth ball, if it moves, and of the cue ball. A ball is
+/// "on" a spot if one that is spotted there would touch it.
 fn special_places(
     layout: &TableLayout,
     last: Option<DVec2>,
@@ -290,7 +291,7 @@ mod tests {
         assert_eq!(scene.referee.turn(), 1);
     }
 
-    /// Where balls 15 and 0 lie after the fourteenth fell.
+    /// A table with balls 15 and 0 after the fourteenth was potted.
     fn after_fourteen(last: Option<(f64, f64)>, cue: (f64, f64)) -> (TestTable, Verdict) {
         let mut scene = opened();
         scene.keep(&[14, 15]);

@@ -1,4 +1,4 @@
-//! Shots told by what happened in them, for the tests of the games.
+//! Shots described by their events, for the tests of the games.
 
 use glam::DVec2;
 

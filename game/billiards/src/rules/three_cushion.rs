@@ -70,7 +70,7 @@ impl Referee {
         }
     }
 
-    /// Balls that touch the cue ball, and it, go to their spots.
+    /// Spots the cue ball and the balls that touch it.
     pub(crate) fn spot_touching(
         layout: &TableLayout,
         positions: &BallPositions,
@@ -92,7 +92,7 @@ impl Referee {
     }
 }
 
-/// Where a ball is set up: its own spot, or that of the ball that is in the way (UMB 28).
+/// Spot of a ball: its own, or that of the ball that is in the way (UMB 28).
 fn carom_spot(layout: &TableLayout, positions: &BallPositions, ball: u8) -> DVec2 {
     let rules = RuleSet::ThreeCushion;
     let spot = own_spot(rules, layout, ball);
@@ -112,8 +112,8 @@ fn touching(layout: &TableLayout, positions: &BallPositions, cue_ball: u8) -> Ve
     positions.iter().filter(touches).map(|p| p.ball).collect()
 }
 
-/// The ball that touched the cue ball and into which it was played (UMB 27): their contact is the
-/// first thing that happens.
+/// The ball that was in contact with the cue ball and into which it was played (UMB 27): their contact
+/// is the first event.
 fn pushed_ball(report: &ShotReport) -> Option<u8> {
     let first = report.events.first()?;
     let hit = report.first_hit()?;
@@ -121,8 +121,8 @@ fn pushed_ball(report: &ShotReport) -> Option<u8> {
     (is_contact && report.frozen.contains(&hit)).then_some(hit)
 }
 
-/// How many cushions the cue ball had touched when it first touched the second ball; none if it
-/// touched fewer than two balls.
+/// Number of cushions that the cue ball had touched at its first contact with the second ball; none if
+/// it touched fewer than two balls.
 fn cushions_before_second(report: &ShotReport) -> Option<usize> {
     let mut first = None;
     let mut cushions = 0;
@@ -144,7 +144,7 @@ fn cushions_before_second(report: &ShotReport) -> Option<usize> {
 }
 
 const CUSHIONS: usize = 3;
-/// A tenth of a millimetre.
+/// Gap below which balls touch: a tenth of a millimetre.
 const TOUCH_M: f64 = 1e-4;
 
 #[cfg(test)]

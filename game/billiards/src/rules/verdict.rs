@@ -5,13 +5,13 @@ use serde::{Deserialize, Serialize};
 
 use super::{foul::Foul, layout::BallPositions};
 
-/// What a referee says after a shot, or after a choice.
+/// Verdict of a referee on a shot, or on a choice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// What was wrong, the gravest first.
+    /// The fouls, the gravest first.
     pub fouls: Vec<Foul>,
-    /// What happened and what it means, a sentence each, in order. One that begins with a small letter
-    /// is about the player who played, whose name comes before it.
+    /// The course of the shot and its consequences, a sentence each, in order. One that begins with a
+    /// small letter is about the player of the shot, whose name goes before it.
     pub lines: Vec<String>,
     /// Balls to be put on the table, in this order: spotted balls, the cue ball in hand.
     pub moves: BallPositions,
@@ -39,7 +39,7 @@ impl Verdict {
     }
 }
 
-/// What the player at the table may decide in place of simply playing on.
+/// A choice of the player at the table in place of simply playing on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Choice {
@@ -58,7 +58,7 @@ pub enum Choice {
 }
 
 impl Choice {
-    /// For a button.
+    /// Label of its button.
     pub fn display_text(self) -> &'static str {
         match self {
             Self::Accept => text!("choice-accept"),

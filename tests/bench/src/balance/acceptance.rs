@@ -1,4 +1,4 @@
-//! Acceptance criteria of hedged water-filling, beside what it reaches.
+//! Acceptance criteria of hedged water-filling, with the measured values.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use carom_testkit::simulator::{Network, Score};
 use super::BalanceRun;
 use crate::met;
 
-/// Something that shall be at most so much.
+/// An upper bound on a measured value.
 struct Criterion {
     what: &'static str,
     came: f64,
@@ -29,7 +29,7 @@ impl fmt::Display for Criterion {
     }
 }
 
-/// Prints a line for each kind of farm that hedged water-filling has been run on, all its seeds together.
+/// Prints a line for each kind of farm on which hedged water-filling has been run, over all its seeds.
 pub(super) fn print(runs: &[BalanceRun]) {
     let asked = |run: &&BalanceRun| run.balancing == Balancing::default();
     let runs: Vec<&BalanceRun> = runs.iter().filter(asked).collect();
@@ -51,8 +51,8 @@ pub(super) fn print(runs: &[BalanceRun]) {
     }
 }
 
-/// Of all frames that have settled, and the worst run. Without any settled frame nothing is met; an event
-/// after which there is no optimum says nothing.
+/// Criteria over all settled frames, and over the worst run. Without a settled frame none is met; an
+/// event after which there is no optimum does not count.
 fn measures(runs: &[&BalanceRun], nodes: usize, network: Network) -> Vec<Criterion> {
     let scores = || runs.iter().map(|run| &run.score);
     let mut ratios: Vec<f64> = scores().flat_map(|score| score.settled.clone()).collect();
@@ -83,7 +83,7 @@ fn measures(runs: &[&BalanceRun], nodes: usize, network: Network) -> Vec<Criteri
         measure("recovery in frames", most(recovery), 10.0, 0),
         measure("traced twice in percent", most(twice), 2.0, 2),
     ];
-    // Of two nodes one is left after the death.
+    // Of two nodes only one is left after the death.
     if nodes >= 5 {
         let death_max = if nodes < 64 { 3.0 } else { 2.0 };
         let death = most(|score| score.worst_after_death);

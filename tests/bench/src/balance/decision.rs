@@ -1,4 +1,4 @@
-//! CPU time of the client for dividing one frame among the nodes.
+//! CPU time of the client to divide one frame among the nodes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ pub(super) struct DivisionCost {
     pub(super) micros: f64,
 }
 
-/// Lets a coordinator divide frames among nodes of known, unequal speeds.
+/// Times a coordinator that divides frames among nodes of known, unequal speeds.
 pub(super) fn measure(balancing: Balancing) -> DivisionCost {
     let mut coordinator = Coordinator::new(balancing);
     let scene = Scene::from_json(SCENE).expect("the built-in scene is right");
@@ -57,7 +57,7 @@ pub(super) fn measure(balancing: Balancing) -> DivisionCost {
     }
 }
 
-/// Submits a frame and answers it; the microseconds that the submission took.
+/// Submits a frame and answers its requests; returns the time of the submission in µs.
 fn divide(coordinator: &mut Coordinator, scene: &Arc<EncodedScene>, frame: u64) -> f64 {
     let now = Duration::from_secs(frame + 1);
     let spec = FrameSpec {
@@ -74,7 +74,7 @@ fn divide(coordinator: &mut Coordinator, scene: &Arc<EncodedScene>, frame: u64) 
     micros
 }
 
-/// Answers what the nodes are asked, in the order of time, until the frame is there.
+/// Answers the nodes' requests in the order of time, until the frame is complete.
 fn answer_all(coordinator: &mut Coordinator, mut now: Duration) {
     let mut asked: BTreeMap<(Duration, RequestId), (NodeIndex, Box<TraceRequest>)> =
         BTreeMap::new();
@@ -100,7 +100,7 @@ fn answer_all(coordinator: &mut Coordinator, mut now: Duration) {
     }
 }
 
-/// How long a node works on a request; the first is a hundred times as fast as the last.
+/// Time that a node works on a request; the first node is a hundred times as fast as the last.
 fn busy(node: NodeIndex, request: &TraceRequest) -> Duration {
     let pace_secs = 1e-5 * 100f64.powf(node.0 as f64 / NODES as f64);
     Duration::from_secs_f64(pace_secs * f64::from(request.tiles.count))

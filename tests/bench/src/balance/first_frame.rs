@@ -1,5 +1,5 @@
 //! The first frame of a farm in which the slowest node is ready first, and one of a hundred times its
-//! speed joins: nothing may be left to the slow one that the fast one would be through with.
+//! speed joins: no work may be left to the slow one that the fast one would have finished.
 
 use carom_farm::Algorithm;
 use carom_testkit::simulator::{self, FarmPlan, NodeChange, NodePlan};
@@ -7,17 +7,17 @@ use serde::Serialize;
 
 use crate::met;
 
-/// One run.
+/// Result of one run.
 #[derive(Serialize)]
 pub(super) struct FirstFrame {
-    /// When the fast node joins.
+    /// Time at which the fast node joins.
     joins_ms: f64,
     first_frame_ms: f64,
-    /// Over the time of both nodes from when the fast one is there.
+    /// Ratio to the time that both nodes need together from when the fast one has joined.
     ratio: f64,
 }
 
-/// The fast node joins at once, and up to half a second late.
+/// Runs in which the fast node joins at once, and up to half a second late.
 pub(super) fn measure() -> Vec<FirstFrame> {
     [0.0, 0.02, 0.1, 0.5].map(simulate).into()
 }
@@ -45,7 +45,7 @@ fn simulate(joins_secs: f64) -> FirstFrame {
     }
 }
 
-/// A line beside the other criteria.
+/// Prints a line with the criterion.
 pub(super) fn print(frames: &[FirstFrame]) {
     let met = met(frames.iter().all(|frame| frame.ratio <= RATIO_MAX));
     let ratio = |frame: &FirstFrame| format!("{:.2} after {:.0} ms", frame.ratio, frame.joins_ms);
@@ -57,10 +57,10 @@ pub(super) fn print(frames: &[FirstFrame]) {
     );
 }
 
-/// Million samples a second of the slow node, and how many times as fast the other is.
+/// Speed of the slow node in million samples a second, and ratio of the fast node's speed to it.
 const SLOW: f64 = 0.02;
 const SPREAD: f64 = 100.0;
-/// When the simulator submits the first frame.
+/// Time at which the simulator submits the first frame.
 const START_SECS: f64 = 0.5;
 const RATIO_MAX: f64 = 2.0;
 const SECS_MAX: f64 = 600.0;

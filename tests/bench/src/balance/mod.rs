@@ -73,7 +73,7 @@ fn submission_mode(text: &str) -> Result<SubmissionMode, ValueError> {
     found.ok_or(ValueError::Form("closed or pipelined"))
 }
 
-/// A run that is over.
+/// A completed run.
 struct BalanceRun {
     balancing: Balancing,
     scenario: Scenario,
@@ -88,7 +88,7 @@ struct BalanceReport {
     decisions: Vec<decision::DivisionCost>,
 }
 
-/// Times are multiples of the optimum's; absent where there is none, as when the farm is too slow
+/// Times are multiples of the optimum's; absent where there is no optimum, as when the farm is too slow
 /// for 60 frames a second.
 #[derive(Serialize)]
 struct BalanceRow {
@@ -155,7 +155,7 @@ fn algorithms(args: &Args) -> Vec<Balancing> {
     }
 }
 
-/// A thousand nodes on all networks would take most of the time and tell little more.
+/// The scenarios to run. A thousand nodes on all networks would take most of the time and add little.
 fn scenarios(args: &Args) -> Vec<Scenario> {
     let mut scenarios = Vec::new();
     for nodes in args.nodes.iter().copied().map(usize::from) {
@@ -226,7 +226,7 @@ twice             tiles that were traced more than once
 dev ms            deviation of the nodes' response times
 lost              frames that did not come or were not submitted";
 
-/// More virtual time than any run needs that does not hang.
+/// More virtual time than any run needs that does not hang, in seconds.
 const SECS_MAX: f64 = 1e4;
 
 fn row(run: &BalanceRun) -> BalanceRow {

@@ -1,9 +1,9 @@
-//! Balancer from outside: the file that `build.rs` has copied, an example of the farm or what
+//! A user's balancer: the file that `build.rs` has copied, an example of the farm or the one that
 //! `CAROM_BALANCER` names.
 
 use carom_farm::balancer::Balancer;
 
-/// A new one, that has learned nothing.
+/// A new balancer, without any measurements yet.
 pub(super) fn balancer() -> Box<dyn Balancer + Send> {
     Box::new(file::MyBalancer::default())
 }

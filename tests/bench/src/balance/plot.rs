@@ -62,10 +62,10 @@ pub(super) fn write(folder: &Path, runs: &[BalanceRun]) -> std::io::Result<()> {
     Ok(())
 }
 
-/// What a chart shows of a frame, in seconds.
+/// The value of a frame that a chart shows, in seconds.
 type FrameValue = fn(&FrameStats) -> f64;
 
-/// Frame and milliseconds, each the mean of [`WINDOW`] frames.
+/// Points of frame and milliseconds, each the mean of [`WINDOW`] frames.
 fn line(run: &BalanceRun, value: FrameValue) -> Vec<(f64, f64)> {
     let milliseconds = |frame: &Frame| 1e3 * value(&frame.stats);
     let values: Vec<f64> = run.report.frames.iter().map(milliseconds).collect();
@@ -77,7 +77,7 @@ fn line(run: &BalanceRun, value: FrameValue) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Frames of which the mean is shown.
+/// Length of the moving average in frames.
 const WINDOW: usize = 8;
-/// Milliseconds below which all is the same.
+/// Minimum in milliseconds of the drawn values.
 const LOWEST: f64 = 0.01;

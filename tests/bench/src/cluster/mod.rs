@@ -1,5 +1,5 @@
-//! The bench of the balancing algorithms on real processes of one machine, beside the simulation of
-//! the same farm.
+//! The bench of the balancing algorithms on real processes of one machine, compared with the simulation
+//! of the same farm.
 
 mod player;
 pub(crate) mod process;
@@ -88,7 +88,7 @@ struct ClusterReport {
     runs: Vec<ClusterRow>,
 }
 
-/// A node as it was measured by itself.
+/// A node as measured by itself.
 #[derive(Clone, Copy, Serialize)]
 struct NodeAlone {
     share: f64,
@@ -101,7 +101,7 @@ struct ClusterRow {
     algorithm: Balancing,
     measured: ClusterFigures,
     simulated: ClusterFigures,
-    /// Frames whose pixels are not those of one tracer.
+    /// Number of frames whose pixels differ from those of one tracer.
     wrong_frames: u64,
 }
 
@@ -159,7 +159,7 @@ fn algorithms(args: &Args) -> Vec<Balancing> {
     }
 }
 
-/// Those asked for, or the usual ones.
+/// The requested changes, or the usual ones.
 fn changes(args: &Args) -> Result<Vec<ScheduledAction>, BenchError> {
     let changes = if args.change.is_empty() && !args.calm {
         usual_changes(&args.node, args.frames)?
@@ -215,7 +215,7 @@ fn usual_changes(nodes: &[NodeSpec], frames: u64) -> Result<Vec<ScheduledAction>
     Ok((1..).zip(events).map(change).collect())
 }
 
-/// Whether a node is not there from the start.
+/// Whether a node is not present from the start.
 fn joins(changes: &[ScheduledAction], node: usize) -> bool {
     let mut changes = changes.iter();
     changes.any(|change| change.node == node && change.action == NodeAction::Join)
@@ -285,7 +285,7 @@ impl ClusterBench<'_> {
         Ok(player)
     }
 
-    /// Each node by itself: the middle of what frames took.
+    /// Measures each node by itself: medians over frames.
     fn measure_alone(&self) -> Result<Vec<NodeAlone>, BenchError> {
         let mut nodes = self.nodes()?;
         let pace = SubmissionPace {
@@ -310,7 +310,7 @@ impl ClusterBench<'_> {
         (0..self.args.node.len()).map(alone).collect()
     }
 
-    /// The algorithm on processes of its own, and on a simulation of them.
+    /// Runs the algorithm on processes of its own, and on a simulation of them.
     fn compare(&self, balancing: Balancing, alone: &[NodeAlone]) -> Result<ClusterRow, BenchError> {
         let mut nodes = self.nodes()?;
         let first = (0..nodes.len()).filter(|node| !joins(&self.changes, *node));
@@ -337,8 +337,8 @@ impl ClusterBench<'_> {
         }
     }
 
-    /// The same farm on virtual time, with what happened when it happened. Its picture is of one
-    /// sample a pixel.
+    /// The same farm on virtual time, with the changes at the frames at which they took effect. Its
+    /// picture has one sample per pixel.
     fn plan(
         &self,
         balancing: Balancing,
@@ -462,7 +462,7 @@ fn print_row(row: &ClusterRow) {
     }
 }
 
-/// Until a node is known.
+/// Number of frames until a node's speed is known.
 const ALONE_FRAMES: u64 = 32;
-/// More virtual time than any run needs that does not hang.
+/// More virtual time than any run needs that does not hang, in seconds.
 const SIMULATED_SECS_MAX: f64 = 1e5;

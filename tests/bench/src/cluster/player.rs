@@ -1,4 +1,4 @@
-//! The client of a farm of processes, to which things happen while it asks for frames.
+//! The client of a farm of processes, which are changed while it asks for frames.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -11,10 +11,11 @@ use super::process::{NodeAction, NodeProcess, ScheduledAction};
 use crate::wait::WaitArgs;
 use crate::{BenchError, scenes};
 
-/// Frames in a row differ, so that none costs less for being like the one before.
+/// Number of different frames: consecutive ones differ, so that none costs less for being like the one
+/// before.
 const SEEDS: u64 = 4;
 
-/// What is asked, and what it should look like.
+/// Requested frames, and their expected pixels.
 pub(super) struct ExpectedFrames {
     size: ImageSize,
     samples: u32,
@@ -22,7 +23,7 @@ pub(super) struct ExpectedFrames {
 }
 
 impl ExpectedFrames {
-    /// Traces them with `farm`.
+    /// Traces the expected pixels with `farm`.
     pub(super) fn new(
         farm: &mut Farm,
         size: ImageSize,
@@ -60,12 +61,12 @@ pub(super) struct ClusterPlayer<'a> {
     pub(super) wait: WaitArgs,
 }
 
-/// How the frames are asked for.
+/// Rate of the requests for frames.
 #[derive(Clone, Copy)]
 pub(super) struct SubmissionPace {
     pub(super) frames: u64,
     pub(super) frames_in_flight: usize,
-    /// Between submissions; absent: as soon as there is room.
+    /// Interval between submissions; absent: as soon as there is room.
     pub(super) period: Option<Duration>,
 }
 
@@ -91,7 +92,7 @@ impl ClusterPlayer<'_> {
         Ok(())
     }
 
-    /// Plays; the report, and at which frames the changes took effect.
+    /// Plays the frames; returns the report, and the changes with the frames at which they took effect.
     pub(super) fn play(
         &mut self,
         pace: SubmissionPace,
@@ -131,7 +132,7 @@ impl ClusterPlayer<'_> {
         Ok((report, happened))
     }
 
-    /// Takes a frame, if one comes until `next`, when another one is to be submitted.
+    /// Takes a frame, if one arrives until `next`, when another one is to be submitted.
     fn take(
         &mut self,
         next: Option<Instant>,
@@ -162,7 +163,7 @@ impl ClusterPlayer<'_> {
         frame.pixels = Pixels::Linear(Vec::new());
         let tiles: u32 = frame.stats.tiles_by_node.iter().sum();
         report.tiles_per_frame = tiles;
-        // What came twice was traced twice; what was cancelled in time was not.
+        // Tiles that arrived twice were traced twice; those that were cancelled in time were not.
         report.tiles_traced += u64::from(tiles + frame.stats.duplicate_tiles);
         report.frames.push(frame);
     }
@@ -184,7 +185,8 @@ impl ClusterPlayer<'_> {
         Ok(())
     }
 
-    /// A node joins when it is ready, which is a few round trips after it has been called.
+    /// Records nodes that have joined: a node joins when it is ready, a few round trips after it has
+    /// been called.
     fn note_joins(
         &self,
         frame: u64,

@@ -14,16 +14,16 @@ use tempfile::TempDir;
 
 use crate::{BenchError, ValueError};
 
-/// What a node is to be.
+/// Specification of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct NodeSpec {
-    /// Of one thread of this machine, above 0 and at most 1.
+    /// Share of one thread of this machine, above 0 and at most 1.
     pub(crate) share: f64,
-    /// Seconds of a round trip without jitter.
+    /// Round trip without jitter, in seconds.
     pub(crate) round_trip_secs: f64,
 }
 
-/// `SHARE@MS`.
+/// Reads `SHARE@MS`.
 impl FromStr for NodeSpec {
     type Err = ValueError;
 
@@ -43,22 +43,22 @@ impl FromStr for NodeSpec {
     }
 }
 
-/// What happens to a node.
+/// A change of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum NodeAction {
-    /// Its process ends at once, without a word.
+    /// Its process ends at once, without a message.
     Kill,
-    /// Its process is held, and its connection stays.
+    /// Its process is stopped, and its connection stays.
     Stop,
-    /// It goes on.
+    /// Its process continues.
     Go,
-    /// It traces in another share of the time.
+    /// It traces in another share of its thread's time.
     Throttle(f64),
-    /// It is called for the first time.
+    /// The client calls it for the first time.
     Join,
 }
 
-/// What happens to which node when a frame is submitted.
+/// A change of a node at the submission of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ScheduledAction {
     pub(crate) frame: u64,
@@ -66,7 +66,7 @@ pub(crate) struct ScheduledAction {
     pub(crate) action: NodeAction,
 }
 
-/// `FRAME:NODE:ACTION`.
+/// Reads `FRAME:NODE:ACTION`.
 impl FromStr for ScheduledAction {
     type Err = ValueError;
 
@@ -105,7 +105,7 @@ fn checked_share(share: f64) -> Result<f64, ValueError> {
     fits.then_some(share).ok_or(ValueError::Share { share })
 }
 
-/// A farm's certificates; gone when dropped.
+/// Folder with a farm's certificates; deleted when dropped.
 pub(crate) fn farm_folder() -> Result<TempDir, BenchError> {
     let folder = tempfile::tempdir().context("a folder for certificates")?;
     create_farm(folder.path())?;
@@ -119,8 +119,8 @@ pub(crate) struct RunningProcess {
 }
 
 impl RunningProcess {
-    /// Starts the node `index` with so many threads and a share of their time, with certificates of the
-    /// farm in `folder`.
+    /// Starts the node `index` with this many threads and a share of their time, with certificates of
+    /// the farm in `folder`.
     pub(crate) fn start(
         folder: &Path,
         index: usize,
@@ -156,15 +156,15 @@ impl Drop for RunningProcess {
     }
 }
 
-/// A node and the way to it.
+/// A node and the emulated link to it.
 pub(crate) struct NodeProcess {
     node: RunningProcess,
     proxy: UdpProxy,
 }
 
 impl NodeProcess {
-    /// Starts the node `index` with one thread, with certificates of the farm in `folder`, over a
-    /// path like `path` but for the delay.
+    /// Starts the node `index` with one thread, with certificates of the farm in `folder`, over a link
+    /// as in `path` except for the delay.
     pub(crate) fn start(
         folder: &Path,
         index: usize,
@@ -190,12 +190,12 @@ impl NodeProcess {
         })
     }
 
-    /// Where it is called.
+    /// Address at which it is called.
     pub(crate) fn address(&self) -> String {
         self.proxy.local_addr().to_string()
     }
 
-    /// Does to it what can be done to a process; [`NodeAction::Join`] is the client's.
+    /// Applies a change to the process; [`NodeAction::Join`] is up to the client.
     pub(crate) fn act(&mut self, action: NodeAction) -> anyhow::Result<()> {
         match action {
             NodeAction::Kill => self.node.process.kill().context("ending a node"),

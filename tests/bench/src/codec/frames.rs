@@ -1,5 +1,5 @@
 //! The frames of `carom-bench codec`: the pool table with six balls rolling, or seen from a turning
-//! camera, traced once and kept.
+//! camera, traced once and cached.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use glam::{Quat, Vec3};
 use crate::BenchError;
 use crate::scenes;
 
-/// How a frame is made.
+/// Quality of a frame.
 #[derive(Clone, Copy)]
 pub(super) struct FrameQuality {
     samples: u32,
@@ -25,23 +25,23 @@ pub(super) struct FrameQuality {
 }
 
 impl FrameQuality {
-    /// Of so many samples per pixel.
+    /// Traced with this many samples per pixel.
     pub(super) fn traced(samples: u32) -> Self {
         let denoise = false;
         Self { samples, denoise }
     }
 
-    /// The same, with the noise filtered.
+    /// Traced with this many samples per pixel and denoised.
     pub(super) fn denoised(samples: u32) -> Self {
         let denoise = true;
         Self { samples, denoise }
     }
 }
 
-/// A name, frames, and whether each is told from the one before.
+/// A name, frames, and whether each is encoded relative to the one before.
 pub(super) type Motion = (&'static str, Vec<Arc<RadianceImage>>, bool);
 
-/// Traces frames, or finds those that have been traced.
+/// Traces frames, or reads cached ones.
 pub(super) struct TestFrames {
     size: ImageSize,
     tracer: Arc<dyn Tracer>,
@@ -72,7 +72,8 @@ impl TestFrames {
         })
     }
 
-    /// The same seed throughout: a pixel whose paths meet nothing that has moved stays as it is.
+    /// The sequences of frames. All have the same seed: a pixel whose paths meet nothing that has moved
+    /// does not change.
     pub(super) fn motions(&self, picture: FrameQuality) -> Result<Vec<Motion>, BenchError> {
         let start = self.frame(picture, 0, 0)?;
         let frames = |balls: [u32; 2], turns: [u32; 2]| -> Result<Vec<_>, BenchError> {
@@ -91,7 +92,8 @@ impl TestFrames {
         ])
     }
 
-    /// The picture `balls` frames after the balls began to roll, and `turns` after the camera did.
+    /// The picture `balls` frames after the balls began to roll, and `turns` frames after the camera
+    /// began to turn.
     fn frame(
         &self,
         picture: FrameQuality,
@@ -125,7 +127,7 @@ impl TestFrames {
         self.folder.join(name)
     }
 
-    /// A frame that has been traced before, if a tile in its middle comes out the same today.
+    /// A cached frame, if a row in its middle is traced with the same result now.
     fn kept(
         &self,
         path: &Path,
@@ -180,7 +182,7 @@ impl TestFrames {
         }
     }
 
-    /// The object called `ball0`, `ball1` and so on, and where it lies.
+    /// Index of the object `ball0`, `ball1` and so on, and its position.
     fn ball(&self, number: u32) -> (u32, Vec3) {
         let name = format!("ball{number}");
         let mut objects = self.scene.objects.iter().zip(0..);
@@ -194,9 +196,9 @@ impl TestFrames {
 
 const FRAME_SECS: f32 = 1.0 / 60.0;
 const BALL_RADIUS: f32 = 0.028_575;
-/// A slow look around.
+/// Speed of the camera: a slow look around.
 const TURN_DEG_PER_SEC: f32 = 20.0;
-/// Speed of each ball in m/s and where to, in degrees: as after a soft break. None meets another
+/// Speed of each ball in m/s and its direction in degrees: as after a soft break. None meets another
 /// within two frames.
 const BALLS: [[f32; 2]; 6] = [
     [2.0, 20.0],

@@ -70,9 +70,9 @@ struct CodecRow {
     mbit_per_second: f64,
     encode_mb_per_second: f64,
     decode_mb_per_second: f64,
-    /// Absent where each pixel is exact.
+    /// Absent where all pixels are exact.
     psnr_db: Option<f64>,
-    /// 0 where each pixel is exact.
+    /// 0 where all pixels are exact.
     flip: f64,
 }
 
@@ -122,15 +122,15 @@ struct CodecTotals {
     frames: u32,
     pixel_bytes: usize,
     message_bytes: usize,
-    /// CPU seconds of each message's encoder and decoder.
+    /// CPU time in seconds of each message's encoder and decoder.
     secs: Vec<[f64; 2]>,
     squared_error: u64,
-    /// Of the last frame.
+    /// FLIP of the last frame.
     flip: f64,
 }
 
 impl CodecTotals {
-    /// The same messages once more: the quicker time of each counts.
+    /// Merges a repetition of the same messages: the minimum time of each counts.
     fn repeat(&mut self, other: &Self) {
         for (secs, other) in self.secs.iter_mut().zip(&other.secs) {
             *secs = [0, 1].map(|end| secs[end].min(other[end]));
@@ -162,7 +162,7 @@ impl CodecTotals {
 
 type ReferenceTiles = Vec<Option<Arc<ReferenceTile>>>;
 
-/// Encodes and decodes all frames of a sequence but the first, which is what the client holds, several
+/// Encodes and decodes all frames of a sequence but the first, which the client holds already, several
 /// times.
 fn measure(
     sequence: &[Arc<RadianceImage>],
@@ -183,7 +183,7 @@ fn measure(
     Ok(measured)
 }
 
-/// What a sequence comes to, from new coders on, and its last frame as the client has it.
+/// Totals of a sequence with new coders, and its last frame as decoded by the client.
 fn play(
     sequence: &[Arc<RadianceImage>],
     told: bool,
@@ -222,12 +222,12 @@ struct CodecPair {
     encoder: Encoder,
     decoder: Decoder,
     range: PrecisionRange,
-    /// The last frame, as the client has it.
+    /// The last frame, as decoded by the client.
     come: Vec<[u8; 3]>,
 }
 
 impl CodecPair {
-    /// One message there and back; `sent` and `held` are what node and client remember.
+    /// Encodes and decodes one message; `sent` and `held` are the references of node and client.
     fn message(
         &mut self,
         sums: &mut CodecTotals,
@@ -291,7 +291,7 @@ impl CodecPair {
     }
 }
 
-/// Bytes of the whole message, with numbers as they are after a while of play.
+/// Size of the whole message in bytes, with numbers as large as after some time of play.
 fn message_bytes(tiles: TileRange, pixels: Vec<u8>) -> Result<usize, BenchError> {
     let message = ToClient::Tiles(TilesDone {
         request: RequestId(10_000),
@@ -305,7 +305,7 @@ fn message_bytes(tiles: TileRange, pixels: Vec<u8>) -> Result<usize, BenchError>
     Ok(bytes.len())
 }
 
-/// CPU seconds of a call, and what it gave.
+/// CPU time of a call in seconds, and its result.
 fn timed<T>(work: impl FnOnce() -> T) -> (f64, T) {
     let start = ThreadTime::now();
     let result = work();
@@ -338,7 +338,7 @@ fn print_row(row: &CodecRow) {
     );
 }
 
-/// What is asked of the codec, with what it does.
+/// Prints the acceptance bars with the measured values.
 fn print_bars(rows: &[CodecRow]) {
     println!();
     for (picture, motion, precision, most) in BARS {
@@ -365,7 +365,7 @@ fn print_bars(rows: &[CodecRow]) {
     }
 }
 
-/// Most Mbit/s of 720p at 60 frames per second.
+/// Maximum Mbit/s of 720p at 60 frames per second.
 const BARS: [(&str, &str, PixelPrecision, f64); 5] = [
     ("denoised", "cut", PixelPrecision::Exact, 255.0),
     ("denoised", "cut", PixelPrecision::Within2, 146.0),
@@ -374,6 +374,6 @@ const BARS: [(&str, &str, PixelPrecision, f64); 5] = [
     ("noisy", "six balls", PixelPrecision::Within1, 30.0),
 ];
 const FRAMES_PER_SECOND: f64 = 60.0;
-/// The farm's own tiles.
+/// Edge of a tile, as in the farm.
 const TILE_EDGE: u16 = 32;
 const EXPOSURE: f32 = 1.0;

@@ -1,4 +1,5 @@
-//! Convergence of the material point method: a standing wave in a bar of jelly, at grids of several cells.
+//! Convergence of the material point method: a standing wave in a bar of jelly, at several resolutions
+//! of the grid.
 
 use std::f64::consts::PI;
 use std::path::PathBuf;
@@ -59,8 +60,8 @@ pub(super) fn run(args: &ConvergenceArgs) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// A free bar in its first longitudinal vibration, after 1.3 periods: places at rest in m, and by how much particles
-/// have moved from there, of the amplitude, by place.
+/// A free bar in its first longitudinal vibration, after 1.3 periods: rest positions in m and
+/// displacements over the amplitude, by position.
 fn displacements(cells: u32) -> carom_mpm::Result<Vec<(f64, f64)>> {
     let cell = LENGTH_M / cells as f32;
     let mut simulation = Simulation::new(Settings {
@@ -89,7 +90,7 @@ fn displacements(cells: u32) -> carom_mpm::Result<Vec<(f64, f64)>> {
     Ok(moved)
 }
 
-/// x of all particles, by their numbers.
+/// x of all particles, in the order of their ids.
 fn places(simulation: &Simulation) -> Vec<f64> {
     let mut particles: Vec<_> = simulation.particles().collect();
     particles.sort_by_key(|particle| particle.id);
@@ -97,12 +98,13 @@ fn places(simulation: &Simulation) -> Vec<f64> {
     places.collect()
 }
 
-/// What linear theory says of a place, of the amplitude.
+/// Displacement at a place by linear theory, over the amplitude.
 fn exact(x: f64) -> f64 {
     (omega() * duration_secs()).sin() * phase(x).cos()
 }
 
-/// The mean displacement of the slice of particles that is nearest to a place, between the two around it.
+/// Displacement at a place, interpolated between the mean displacements of the two nearest slices of
+/// particles.
 fn at(finer: &[(f64, f64)], x: f64) -> f64 {
     let above = finer.partition_point(|&(place, _)| place < x);
     let (below, above) = (above.max(1) - 1, above.min(finer.len() - 1));
@@ -145,5 +147,5 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 const CELLS: [u32; 4] = [8, 16, 32, 64];
 const FINER: u32 = 8;
 const LENGTH_M: f32 = 0.4;
-/// The greatest speed at the start: the bar is stretched by two thousandths.
+/// Largest initial speed: the bar is strained by two thousandths.
 const SPEED_M_S: f64 = 0.05;

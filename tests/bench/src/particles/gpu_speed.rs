@@ -9,10 +9,10 @@ use carom_tracer::glam::{DVec3, Vec3};
 use super::speed::materials;
 use crate::BenchError;
 
-/// Particles where none are asked for.
+/// Default numbers of particles.
 const COUNTS: [u32; 2] = [100_000, 1_000_000];
 
-/// Wall-clock time of a material and count, at least.
+/// Minimum wall-clock time of a measurement.
 const TIME_MIN: Duration = Duration::from_millis(500);
 
 pub(super) fn run(particles: Option<u32>) -> Result<(), BenchError> {
@@ -37,7 +37,7 @@ pub(super) fn run(particles: Option<u32>) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// Frames of a cube that falls and spreads in a box, read back but for the particles.
+/// Times frames of a cube that falls and spreads in a box; reports are read back, particles are not.
 fn time(gpu: &Gpu, name: &str, material: carom_mpm::Material, count: u32) -> carom_mpm::Result<()> {
     const FRAME_SECS: f64 = 1.0 / 60.0;
     let settings = Settings::default();

@@ -52,7 +52,7 @@ enum Part {
     Convergence,
 }
 
-/// Most particles of the wire's part.
+/// Maximum number of particles of the wire's part.
 const PARTICLES_ON_WIRE_MAX: u32 = 60_000;
 
 pub(crate) fn run(args: &Args) -> Result<(), BenchError> {

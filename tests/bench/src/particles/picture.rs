@@ -1,4 +1,4 @@
-//! Dust in the game's room.
+//! Cost of dust in a picture of the game's room.
 
 use carom::camera::Viewpoint;
 use carom::particles::{ChalkPuff, ParticleDetail};
@@ -60,7 +60,7 @@ pub(super) fn run(args: &PictureArgs) -> Result<(), BenchError> {
                 let tracer = opened.tracer.as_ref();
                 let mut turns = (0..=args.repetitions)
                     .map(|_| milliseconds(tracer, &scene, args.size, args.spp))
-                    // The first compiles kernels.
+                    // The first turn compiles kernels.
                     .skip(1);
                 let ms =
                     turns.try_fold(f64::INFINITY, |best, ms| Ok::<_, BenchError>(best.min(ms?)))?;

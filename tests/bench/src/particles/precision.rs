@@ -1,4 +1,5 @@
-//! The trade: how finely particles are simulated, against time, the ball's way and the surface that it leaves.
+//! The trade-off of the particles' precision: time against the ball's path and the surface that it
+//! leaves.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Instant;
@@ -54,13 +55,13 @@ pub(super) fn run() -> Result<(), BenchError> {
     Ok(())
 }
 
-/// From where the cue ball lay to where it comes to lie.
+/// Distance of the cue ball's final from its initial position, in m.
 fn way_m(shot: &Shot) -> f64 {
     let place = |secs| shot.poses_at(secs)[0].position;
     place(0.0).distance(place(shot.duration_secs()))
 }
 
-/// The mean distance of two cue balls over the first second.
+/// Mean distance of two cue balls over the first second, in m.
 fn difference_m(a: &Shot, b: &Shot) -> f64 {
     let times = (0..60).map(|step| f64::from(step) / 60.0);
     let apart = times.map(|secs| {
@@ -71,7 +72,7 @@ fn difference_m(a: &Shot, b: &Shot) -> f64 {
     apart.sum::<f64>() / 60.0
 }
 
-/// How high particles lie at the end of a shot in m, by squares of the size of a patch.
+/// Height of the particles at the end of a shot in m, by squares of the size of a patch.
 fn surface(shot: &Shot, precision: ParticlePrecision) -> BTreeMap<(i32, i32), f64> {
     let mut heights = BTreeMap::new();
     let Some(track) = shot.particles() else {
@@ -98,7 +99,7 @@ fn surface(shot: &Shot, precision: ParticlePrecision) -> BTreeMap<(i32, i32), f6
     heights
 }
 
-/// The mean difference over squares where either has particles.
+/// Mean difference in m over squares where either has particles.
 fn surface_difference_m(a: &BTreeMap<(i32, i32), f64>, b: &BTreeMap<(i32, i32), f64>) -> f64 {
     let all: BTreeSet<(i32, i32)> = a.keys().chain(b.keys()).copied().collect();
     let height = |of: &BTreeMap<(i32, i32), f64>, square| of.get(square).copied().unwrap_or(0.0);

@@ -1,4 +1,5 @@
-//! rapier's soft bodies beside the jelly: a cube of tetrahedra with as many particles, stiffness and density.
+//! rapier's soft bodies for comparison with the jelly: a cube of tetrahedra with as many particles,
+//! stiffness and density.
 
 use carom_mpm::{Jelly, Settings};
 use carom_tracer::glam::DVec3;
@@ -9,14 +10,15 @@ use rapier3d::prelude::{
 
 /// CPU time of a particle in ns.
 pub(super) struct CpuCost {
-    /// Over a substep.
+    /// Per substep.
     pub(super) ns: f64,
-    /// Over a simulated second.
+    /// Per simulated second.
     pub(super) ns_simulated_sec: f64,
 }
 
-/// CPU time of a cube that falls onto a floor, `edge` cells of the material point method wide, two particles a cell
-/// along each axis. rapier steps 240 times a second and solves elasticity as constraints (corotational cells).
+/// CPU time of a cube that falls onto a floor, `edge` cells of the material point method wide, with two
+/// particles per cell along each axis. rapier makes 240 steps a second and solves elasticity as
+/// constraints (corotational cells).
 pub(super) fn time(edge: u16) -> CpuCost {
     let cell = f64::from(Settings::default().cell_size_m);
     let jelly = Jelly::default();

@@ -1,4 +1,5 @@
-//! Speed of the material point method: each material, and a Taichi program of the same method beside it.
+//! Speed of the material point method: each material, and a Taichi program of the same method for
+//! comparison.
 
 use std::path::Path;
 use std::process::Command;
@@ -24,7 +25,7 @@ pub(super) struct SpeedArgs {
     python: String,
 }
 
-/// What `mpm_taichi.py` prints.
+/// Output of `mpm_taichi.py`.
 #[derive(Deserialize)]
 struct TaichiSpeed {
     particles: u64,
@@ -71,7 +72,7 @@ pub(super) fn materials() -> [(&'static str, Material); 4] {
     ]
 }
 
-/// A cube that falls and spreads in a box.
+/// Times a cube that falls and spreads in a box.
 fn time(name: &str, material: Material, edge: u16) -> carom_mpm::Result<CpuCost> {
     let settings = Settings {
         rest_speed_m_s: 0.0,
@@ -127,5 +128,5 @@ fn taichi(args: &SpeedArgs) -> anyhow::Result<TaichiSpeed> {
     serde_json::from_str(line).with_context(|| format!("it printed {line:?}"))
 }
 
-/// Particle-steps to time a material by.
+/// Number of particle-substeps over which a material is timed.
 const PARTICLE_STEPS: u64 = 25_000_000;

@@ -1,4 +1,4 @@
-//! Surfaces of jelly and water against the same particles as beads.
+//! Cost of the surfaces of jelly and water, compared with the same particles as beads.
 
 use anyhow::Context as _;
 use carom::camera::Viewpoint;
@@ -81,7 +81,7 @@ pub(super) fn run(args: &PictureArgs) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// The same particles as glossy balls that touch.
+/// The same particles as glossy touching balls.
 fn beads(clouds: Vec<ParticleCloud>) -> Vec<ParticleCloud> {
     let beads = clouds.into_iter().map(|cloud| ParticleCloud {
         material: Material::plastic([0.12, 0.28, 0.36]),

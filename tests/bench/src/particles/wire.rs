@@ -1,4 +1,4 @@
-//! Particles through a pair of sessions.
+//! Transfer of particles through a pair of sessions.
 
 use anyhow::Context as _;
 use carom_mpm::{Ball, Bodies, Material, Obstacle, Region, Sand, Settings, Simulation, Water};
@@ -16,7 +16,7 @@ use glam::{DVec3, Vec3};
 use crate::BenchError;
 use crate::timing::{median, ms_since};
 
-/// What a request with particles costs.
+/// Cost of a request with particles.
 struct RequestCost {
     bytes: usize,
     encode_ms: f64,
@@ -54,7 +54,7 @@ pub(super) fn run(particles: u32) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// A heap twice as wide as high, or a strip that a ball runs through, for half a second.
+/// Frames of half a second of a heap twice as wide as high, or of a strip that a ball runs through.
 fn frames(
     particles: u32,
     material: Material,
@@ -95,7 +95,7 @@ fn frames(
     Ok(frames)
 }
 
-/// All particles by their numbers, in a box around what they can reach.
+/// All particles in the order of their ids, in a box around the places that they can reach.
 fn cloud(simulation: &Simulation, size: Vec3, box_m: f32) -> ParticleCloud {
     let middle = (size / 2.0).with_z(0.0);
     let mut cloud = ParticleCloud {
@@ -112,7 +112,7 @@ fn cloud(simulation: &Simulation, size: Vec3, box_m: f32) -> ParticleCloud {
     cloud
 }
 
-/// Sends each cloud in a request of its own; what arrives is what was sent.
+/// Sends each cloud in a request of its own, and checks that it arrives unchanged.
 fn send(frames: &[ParticleCloud]) -> Result<Vec<RequestCost>, BenchError> {
     let scene = Scene::from_json(include_str!("../../../../assets/scenes/pool.json"))?;
     let device = DeviceInfo {

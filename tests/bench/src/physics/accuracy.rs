@@ -1,4 +1,4 @@
-//! Every reference shot, played and compared.
+//! Accuracy: every reference shot, simulated and compared.
 
 use std::fmt;
 
@@ -8,47 +8,47 @@ use super::deviation::Deviation;
 use super::reference::{ReferenceKind, ReferenceShot};
 use crate::timing::{best_ms, median};
 
-/// How a folder of references was met.
+/// Accuracy over a folder of references.
 #[derive(Clone, Debug, Serialize)]
 pub struct Accuracy {
-    /// By name.
+    /// The shots, by name.
     pub shots: Vec<ShotAccuracy>,
-    /// Middle of the largest distances of all shots that positions can be held to.
+    /// Median of the largest distances of all shots with comparable positions.
     pub median_max_mm: f64,
     /// Largest distance of those shots.
     pub worst_max_mm: f64,
 }
 
-/// One shot against its reference.
+/// Accuracy of one shot.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShotAccuracy {
-    /// Of the reference.
+    /// Name of the reference.
     pub name: String,
     /// Largest distance of a ball from its reference, in mm.
     pub max_mm: f64,
     /// Root of the mean square of the distances, in mm.
     pub rms_mm: f64,
-    /// To simulate the whole shot once: the best of several runs.
+    /// CPU time to simulate the whole shot once: the best of several runs.
     pub cpu_ms: f64,
     /// `shot`, `airborne` (until the first cushion), or `cluster` or `break`, whose positions are not
     /// comparable.
     pub kind: &'static str,
     /// Length of the shot, in s.
     pub duration_secs: f64,
-    /// Contacts and phase changes.
+    /// Number of contacts and phase changes.
     pub events: usize,
-    /// For a cluster: difference of velocity of the ball that takes the blow, in m/s.
+    /// For a cluster: difference of velocity of the ball that takes the impact, in m/s.
     pub fastest_off_m_s: f64,
-    /// For a cluster: the same of the ball that is farthest off.
+    /// For a cluster: largest difference of velocity of any ball, in m/s.
     pub velocity_off_m_s: f64,
-    /// When a ball is first over 1 mm off.
+    /// Time at which a ball is first over 1 mm off.
     pub parts_at_secs: Option<f64>,
-    /// Balls that were pocketed in one and not in the other.
+    /// Number of balls that were pocketed in one simulation and not in the other.
     pub pocketed_differently: usize,
 }
 
 impl Accuracy {
-    /// Plays all shots.
+    /// Simulates all shots.
     ///
     /// # Errors
     /// A sentence with the shot that cannot be played.
@@ -93,7 +93,7 @@ impl ShotAccuracy {
         })
     }
 
-    /// Whether its positions are held to the reference's.
+    /// Whether its positions are comparable to the reference's.
     pub fn is_comparable(&self) -> bool {
         !matches!(self.kind, "break" | "cluster")
     }
@@ -148,9 +148,9 @@ impl fmt::Display for Accuracy {
     }
 }
 
-/// How far the middle shot may be off.
+/// Maximum of the median distance, in mm.
 pub const MEDIAN_MAX_MM: f64 = 0.05;
-/// How far any shot may be off.
+/// Maximum distance of any shot, in mm.
 pub const WORST_MAX_MM: f64 = 1.0;
-/// The best of so many counts.
+/// Repetitions, of which the best counts.
 const RUNS: u32 = 3;

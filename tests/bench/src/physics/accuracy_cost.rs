@@ -1,4 +1,4 @@
-//! Accuracy against cost: the laws from event to event beside plain rapier at many settings.
+//! Accuracy against cost: the event-driven laws, and plain rapier at many settings.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -21,24 +21,24 @@ use carom_billiards::physics::{
     BallBallLaw, BallBody, Engine, EventKind, Laws, Rapier, Shot, Stroke, Table, World,
 };
 
-/// One setting: its errors and its costs.
+/// Errors and costs of one setting.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EngineTradeoff {
-    /// As `--physics` takes it, with the knobs that are not the usual.
+    /// Engine as in `--physics`, with the settings that are not the usual.
     pub engine: String,
-    /// Largest error of the object ball's line over [`PHASES`] starts of a 30° cut at 3 m/s.
+    /// Largest error of the object ball's direction over [`PHASES`] starts of a 30° cut at 3 m/s.
     pub cut_error_deg: f64,
-    /// Middle of the largest distances over the reference shots, in mm.
+    /// Median of the largest distances over the reference shots, in mm.
     pub median_max_mm: f64,
     /// Share of the cue ball's kinetic energy that is left 50 ms after the first contact of an
     /// eight-ball break.
     pub energy_kept: f64,
-    /// A whole eight-ball break: the dearest of [`BREAKS`] racks.
+    /// CPU time of a whole eight-ball break: the maximum of [`BREAKS`] racks.
     pub break_ms: f64,
-    /// The same per simulated second.
+    /// CPU time of a break per simulated second, the maximum of the racks.
     pub ms_per_second: f64,
-    /// The dearest 10 ms of it.
+    /// CPU time of the most expensive 10 ms of it.
     pub worst_frame_ms: f64,
 }
 
@@ -141,7 +141,7 @@ impl EngineTradeoff {
     }
 }
 
-/// From the stroke until 50 ms after the first contact.
+/// Share of the energy of the stroke that is left 50 ms after the first contact.
 fn energy_kept(shot: &Shot) -> f64 {
     let meets = |kind: &EventKind| matches!(kind, EventKind::BallBall { .. });
     let contact = first_secs(shot, meets);
@@ -156,7 +156,7 @@ fn energy_kept(shot: &Shot) -> f64 {
     energy_j(contact + 0.05) / energy_j(0.0)
 }
 
-/// Largest angle between the object ball's way and the line of centres, which is where a cut
+/// Largest angle between the object ball's direction and the line of centres, which is where a cut
 /// without friction sends it, over starts at different phases of a step.
 fn cut_error_deg(engine: Engine) -> Result<f64> {
     let laws = Laws {
@@ -175,7 +175,7 @@ fn cut_error_deg(engine: Engine) -> Result<f64> {
         let mut world = World::with_laws(infinite_table()?, laws, balls)?;
         world.set_engine(engine);
         let way = world.release()?.states_at(0.25)[1].velocity.truncate();
-        // A ball that was passed through or missed has no way at all.
+        // A ball that was passed through or missed has no direction at all.
         let error = if way == DVec2::ZERO {
             PI
         } else {
@@ -221,17 +221,18 @@ pub(super) fn charts(trades: &[EngineTradeoff]) -> Vec<Chart> {
     ]
 }
 
-/// What a break may cost: CPU ms for the whole, per simulated second, and for the dearest 10 ms.
+/// Maximum CPU times of a break in ms: for the whole, per simulated second, and for the most expensive
+/// 10 ms.
 pub const BARS_MS: [f64; 3] = [40.0, 6.0, 2.0];
-/// Steps of plain rapier that are compared.
+/// Step rates of plain rapier that are compared.
 pub const STEPS_PER_SEC: [u32; 7] = [60, 120, 240, 480, 1000, 2000, 4000];
-/// Starts of a cut, spread over the longest step.
+/// Number of starts of a cut, spread over the longest step.
 pub const PHASES: u32 = 16;
-/// Racks that are broken.
+/// Number of racks that are broken.
 pub const BREAKS: u32 = 2;
 const CUT_M_S: f64 = 3.0;
 const BREAK_M_S: f64 = 8.0;
-/// A frame's share of the shot; the first includes setting up the world.
+/// Simulated time of a frame; the first includes the setup of the world.
 const FRAME_SECS: f64 = 0.01;
-/// The best of so many counts.
+/// Repetitions, of which the best counts.
 const RUNS: u32 = 3;

@@ -1,9 +1,9 @@
-//! Balls in the air: the closed flight against rapier's solver, which, stepped, knows parabola,
-//! contact and impulse too, at its own accuracy.
+//! Balls in the air: the closed form of flight, and rapier's solver, which simulates parabola, contact
+//! and impulse in steps with an accuracy of its own.
 //!
-//! Both are held to closed forms. Gravity pulls two balls in the air alike, so that they meet where two
-//! straight ways do: at the root of a quadratic, with the line of centres known there; ideal balls of
-//! one mass exchange their speeds along it.
+//! Both are compared with closed forms. Gravity accelerates two balls in the air equally, so that they
+//! meet where two straight paths do: at the root of a quadratic, with the line of centres known there;
+//! ideal balls of equal mass exchange their speeds along it.
 
 use std::fmt;
 
@@ -21,19 +21,19 @@ use carom_billiards::physics::{
     BallBallLaw, BallBody, BallState, Engine, Laws, Phase, Rapier, Shot, World,
 };
 
-/// One way of flying: its errors and its cost.
+/// Errors and cost of one engine.
 #[derive(Clone, Debug, Serialize)]
 pub struct FlightRow {
-    /// As `--physics` takes it.
+    /// Engine as in `--physics`.
     pub engine: String,
     /// Distance from the parabola after half a second, in mm.
     pub flight_off_mm: f64,
-    /// Largest distance of two balls from where they should be 0.1 s after they met at 5 m/s, over
+    /// Largest distance of two balls from their exact positions 0.1 s after they met at 5 m/s, over
     /// [`PHASES`] starts, in mm.
     pub meeting_off_mm: f64,
-    /// Largest part of the level momentum that such a meeting loses or gains.
+    /// Largest relative change of the horizontal momentum in such a collision.
     pub momentum_off: f64,
-    /// Largest part of the energy, in the frame of both, that it loses or gains.
+    /// Largest relative change of the energy, in the frame of both balls.
     pub energy_off: f64,
     /// CPU time of such a shot per simulated second, in ms.
     pub ms_per_second: f64,
@@ -58,7 +58,7 @@ impl fmt::Display for FlightRow {
 pub const HEADING: &str = "engine                      flight    meeting    momentum      energy      CPU ms\n\
                            \u{20}                          mm off     mm off         off         off    a second";
 
-/// The closed flight, and rapier's solver at all steps.
+/// Rows of the closed flight, and of rapier's solver at all step rates.
 ///
 /// # Errors
 /// Those of the simulation.
@@ -90,7 +90,7 @@ impl FlightRow {
     }
 
     fn add_meeting(&mut self, engine: Engine, phase: f64) -> Result<()> {
-        // Apart by up to the way of the longest step more.
+        // Farther apart by up to the distance of the longest step.
         let from = -0.1 - SPEED_M_S / 60.0 * phase;
         let balls = [
             flying(0, DVec3::new(from, 0.01, 0.52), DVec3::new(4.0, 0.0, 0.5)),
@@ -145,7 +145,7 @@ fn parabola(ball: &BallState, t: f64) -> DVec3 {
     ball.position + t * ball.velocity + fallen(t)
 }
 
-/// Where two ideal balls in the air meet.
+/// Collision of two ideal balls in the air, in closed form.
 struct Collision {
     time_secs: f64,
     /// Change of the first ball's velocity; the other's is the opposite.
@@ -158,6 +158,7 @@ impl Collision {
         let touch = one.body.radius_m + other.body.radius_m;
         let (a, half_b) = (speed.length_squared(), speed.dot(way));
         let c = way.length_squared() - touch * touch;
+        // The first root of |way + t·speed| = touch: gravity cancels in the relative motion.
         let time_secs = (-half_b - (half_b * half_b - a * c).sqrt()) / a;
         let normal = (way + time_secs * speed) / touch;
         Self {
@@ -175,11 +176,11 @@ impl Collision {
     }
 }
 
-/// How far the closed flight may be off, in mm and as a part.
+/// Maximum error of the closed flight, in mm and relative.
 pub const OFF_MAX: f64 = 1e-9;
-/// In which nothing lands.
+/// Time of flight in s, in which no ball lands.
 const FLIGHT_SECS: f64 = 0.5;
-/// After a meeting.
+/// Time in s after a collision at which positions are compared.
 const AFTER_SECS: f64 = 0.1;
-/// Of approach.
+/// Speed of approach.
 const SPEED_M_S: f64 = 5.0;

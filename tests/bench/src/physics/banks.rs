@@ -1,6 +1,6 @@
-//! Bank angles. What is published about them are tendencies, for cushions differ: a fast bank is
-//! shorter than a slow one, which has the way to curve as it takes up its roll; running english
-//! makes a bank longer, reverse english shorter (Alciatore, "Banks and kicks").
+//! Bank angles. Only tendencies are published, as cushions differ: a fast bank is shorter than a slow
+//! one, which has the distance to curve as it takes up its roll; running english makes a bank longer,
+//! reverse english shorter (Alciatore, "Banks and kicks").
 
 use glam::DVec3;
 
@@ -13,22 +13,22 @@ use super::{
 use carom_billiards::Result;
 use carom_billiards::physics::{BallBody, EventKind};
 
-/// A rolling ball that goes to a cushion.
+/// A bank shot of a rolling ball.
 #[derive(Clone, Copy)]
 struct BankShot {
     name: &'static str,
     speed_m_s: f64,
-    /// Rω/v about the vertical: positive runs.
+    /// Rω/v about the vertical: positive is running english.
     english: f64,
 }
 
 impl BankShot {
-    /// Angle in degrees from the cushion's normal to where the ball is after [`WAY_M`].
+    /// Angle in degrees from the cushion's normal to the ball's position after [`WAY_M`].
     fn out_deg(&self, in_deg: f64) -> Result<f64> {
         let BallBody { radius_m, .. } = BallBody::default();
         let (sin, cos) = in_deg.to_radians().sin_cos();
         let velocity = self.speed_m_s * DVec3::new(cos, sin, 0.0);
-        // A ball that goes on to the left of a cushion ahead runs with clockwise spin.
+        // Clockwise spin is running english for a ball that continues to the left of a cushion ahead.
         let spin = DVec3::Z.cross(velocity) - self.english * self.speed_m_s * DVec3::Z;
         let shot = single_ball_from(ball(0, EDGE_M - 0.1, 0.0, velocity, spin / radius_m))?;
         let touches = |kind: &EventKind| matches!(kind, EventKind::Cushion { .. });
@@ -49,10 +49,10 @@ impl BankShot {
     }
 }
 
-/// Bank angles and how far they break the tendencies.
+/// Bank angles, and by how much they violate the tendencies.
 ///
 /// # Errors
-/// None that one ball has.
+/// None in practice for one ball.
 pub(super) fn measure() -> Result<PublishedCurve> {
     let mut series = vec![Series::line("mirror", vec![(10.0, 10.0), (70.0, 70.0)])];
     let mut outs = Vec::new();
@@ -110,10 +110,11 @@ const BANKS: [BankShot; 5] = [
         english: -0.5,
     },
 ];
-/// Of [`BANKS`], which is longer than which, up to which angle: along the cushion a ball's surface
-/// slips whatever its english, and those curves meet.
+/// Pairs of indices into [`BANKS`], of which the first is the longer, and the angle in up to which this
+/// must hold: nearly along the cushion a ball's surface slips whatever its english, and those curves
+/// meet.
 const LONGER: [(usize, usize, f64); 4] = [(0, 1, 70.0), (1, 2, 70.0), (3, 1, 40.0), (1, 4, 40.0)];
-/// From the cushion to where the angle is taken.
+/// Distance from the cushion at which the angle is taken.
 const WAY_M: f64 = 0.6;
-/// Halves a minute to a picosecond.
+/// Bisections from a minute to a picosecond.
 const BISECTIONS: u32 = 46;

@@ -1,4 +1,5 @@
-//! The agreement of a whole table of break statistics with another simulator, judged together (Šidák).
+//! Agreement of a whole table of break statistics with another simulator, corrected for multiple
+//! comparisons (Šidák).
 
 use std::fmt;
 
@@ -6,25 +7,26 @@ use serde::Serialize;
 
 use super::breaks::BreakStatistic;
 
-/// All comparisons of a table of statistics together.
+/// All comparisons of a table of statistics.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct BreakAgreement {
-    /// Statistics of which there are draws of both simulators.
+    /// Number of statistics of which there are draws of both simulators.
     pub comparisons: usize,
-    /// The smallest chance of them.
+    /// Smallest p-value of the comparisons.
     pub chance_least: f64,
-    /// How often so many comparisons of equal simulators have as small a chance among them.
+    /// Probability that as many comparisons of equal simulators have as small a p-value among them:
+    /// Šidák's correction.
     pub chance_together: f64,
-    /// Single shots of the references beside our draws.
+    /// Number of statistics of the references' single shots.
     pub shots: usize,
-    /// How many of their statistics are outside of the middle 95 % of our draws.
+    /// Number of these outside the middle 95 % of our draws.
     pub outside: usize,
-    /// How often as many or more are, of equal simulators.
+    /// Probability of as many or more, for equal simulators.
     pub outside_chance: f64,
 }
 
 impl BreakAgreement {
-    /// Over the rows of a table.
+    /// Agreement over the rows of a table.
     pub fn of(rows: &[BreakStatistic]) -> Self {
         let chances: Vec<f64> = rows
             .iter()
@@ -69,7 +71,7 @@ impl fmt::Display for BreakAgreement {
     }
 }
 
-/// The chance of `least` or more of `count` things that happen with a chance each.
+/// Binomial probability of `least` or more of `count` independent events with the probability `each`.
 fn at_least(least: usize, count: usize, each: f64) -> f64 {
     let exactly = |k: usize| {
         let ways: f64 = (0..k)
@@ -80,7 +82,7 @@ fn at_least(least: usize, count: usize, each: f64) -> f64 {
     1.0 - (0..least).map(exactly).sum::<f64>()
 }
 
-/// Tables of equal simulators are refused this often.
+/// Significance level: share of tables of equal simulators that are rejected.
 pub const CHANCE_TOGETHER_MIN: f64 = 0.01;
 
 #[cfg(test)]

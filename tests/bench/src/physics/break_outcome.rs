@@ -1,4 +1,4 @@
-//! The quantities that are counted of one break.
+//! The measured quantities of one break.
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ pub(super) struct BreakOutcome {
     pub(super) pocketed: f64,
 }
 
-/// Root of the mean square distance of the balls from their middle.
+/// Root mean square distance of the balls from their centroid.
 pub(super) fn spread_m(positions: &[DVec3]) -> f64 {
     let count = positions.len().max(1) as f64;
     let middle = positions.iter().sum::<DVec3>() / count;

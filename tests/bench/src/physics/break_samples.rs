@@ -1,9 +1,9 @@
-//! Breaks sampled by another simulator, and a test whether ours are of the same distribution.
+//! Breaks sampled by another simulator, and a test whether ours have the same distribution.
 //!
-//! Two samples are compared as a whole, not by their means: the largest distance of their cumulative
-//! distributions, and how often two samples of one lottery lie as far apart (Kolmogorov–Smirnov, with
-//! Stephens' approximation; Press et al., "Numerical Recipes", 14.3). Many comparisons bring forth
-//! small chances by themselves, so that they are judged together (Šidák).
+//! Two samples are compared as a whole, not by their means: by the largest distance of their cumulative
+//! distributions, and the probability that two samples of one distribution are as far apart
+//! (Kolmogorov–Smirnov, with Stephens' approximation; Press et al., "Numerical Recipes", 14.3). Many
+//! comparisons have small p-values among them by chance, so that they are corrected together (Šidák).
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -18,7 +18,7 @@ pub struct ReferenceBreaks {
     racks: BTreeMap<String, RackSamples>,
 }
 
-/// Of one rack, one number a draw.
+/// Samples of one rack, one number a draw.
 #[derive(Clone, Debug, Deserialize)]
 pub(super) struct RackSamples {
     pub(super) energy_kept: Vec<f64>,
@@ -55,29 +55,30 @@ impl ReferenceBreaks {
     }
 }
 
-/// The draws of another simulator beside ours.
+/// Summary of the draws of another simulator, compared with ours.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct ReferenceSample {
-    /// Draws.
+    /// Number of draws.
     pub count: usize,
-    /// Over all of them.
+    /// Mean of all draws.
     pub mean: f64,
     /// Half of the 95 % confidence interval of the mean.
     pub mean_within: f64,
-    /// How often two samples of one lottery differ as much, 0 to 1.
+    /// p-value: probability that two samples of one distribution differ as much, 0 to 1.
     pub chance: f64,
 }
 
-/// How often two samples of one lottery lie as far apart as these.
+/// Probability that two samples of one distribution are as far apart as these.
 pub(super) fn chance(one: &[f64], other: &[f64]) -> f64 {
     let counts = [one, other].map(|sample| sample.len() as f64);
     let root = (counts[0] * counts[1] / (counts[0] + counts[1])).sqrt();
+    // Stephens' correction for small samples; the series is the tail of Kolmogorov's distribution.
     let lambda = (root + 0.12 + 0.11 / root) * farthest(one, other);
     let term = |k: u32| {
         let sign = if k % 2 == 1 { 2.0 } else { -2.0 };
         sign * (-2.0 * (f64::from(k) * lambda).powi(2)).exp()
     };
-    // Near 0 the series does not converge, and the sum is 1 to all digits.
+    // Near 0 the series does not converge, and its sum is 1 to all digits.
     if lambda < 0.2 {
         1.0
     } else {
@@ -97,9 +98,9 @@ fn farthest(one: &[f64], other: &[f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Ten times the known file.
+/// Maximum size of a file: ten times the known one.
 const FILE_BYTES_MAX: u64 = 400 << 10;
-/// The approximation is good from here on.
+/// Minimum number of draws, from which on the approximation is good.
 const DRAWS_MIN: usize = 20;
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
-//! Breaks, by statistics: a break is chaotic, so that its trajectories say nothing after the first
-//! second, but what a rack does on average is a matter of the laws.
+//! Statistics of breaks: a break is chaotic, so that trajectories are not comparable after the first
+//! second, but the mean outcome of a rack depends on the laws.
 //!
-//! Each break of the references is repeated with its balls moved by some micrometres. What the
-//! reference's own simulator found is one draw of the same lottery and must lie where ours do; where
-//! it has drawn many times, its draws are compared with ours as a whole.
+//! Each break of the references is repeated with its balls displaced by some micrometres. The outcome
+//! of the reference's own simulator is one draw of the same distribution and must lie within ours;
+//! where it has drawn many times, its draws are compared with ours as a whole.
 
 use std::fmt;
 
@@ -22,24 +22,24 @@ use carom_billiards::physics::{BallState, Engine, Shot, Stroke, Table, World};
 /// One quantity of one kind of break over all seeds.
 #[derive(Clone, Debug, Serialize)]
 pub struct BreakStatistic {
-    /// Whose balls are broken.
+    /// Name of the rack.
     pub rack: String,
-    /// What is counted.
+    /// Name of the quantity.
     pub quantity: &'static str,
-    /// Seeds.
+    /// Number of seeds.
     pub count: usize,
-    /// Over all seeds.
+    /// Mean over all seeds.
     pub mean: f64,
     /// Half of the 95 % confidence interval of the mean.
     pub mean_within: f64,
-    /// The middle 95 % of the draws.
+    /// Bounds of the middle 95 % of the draws.
     pub band: [f64; 2],
-    /// Difference of the means of the even and the odd seeds, over its standard error: beyond ±3
-    /// the seeds would not be independent draws.
+    /// Difference of the means of the even and the odd seeds, over its standard error: beyond ±3 the
+    /// seeds would not be independent draws.
     pub halves_differ: f64,
     /// The reference's draw, if there is one.
     pub reference: Option<f64>,
-    /// The other simulator's own draws of the same lottery, if there are any.
+    /// The other simulator's own draws of the same distribution, if there are any.
     pub theirs: Option<ReferenceSample>,
 }
 
@@ -224,7 +224,7 @@ fn pocketed(world: &World, shot: &Shot) -> f64 {
     (lying(&world.balls()) - lying(&shot.final_states())) as f64
 }
 
-/// The world with each racked ball moved within a circle of [`SHAKE_M`], as far as there is room.
+/// The world with each racked ball displaced within a circle of [`SHAKE_M`], as far as there is room.
 fn shaken(world: &World, seed: u32) -> World {
     let mut shaken = world.clone();
     for (index, ball) in world
@@ -235,6 +235,7 @@ fn shaken(world: &World, seed: u32) -> World {
     {
         for attempt in 0..SHAKES {
             let at = |axis| unit(seed, index as u32, 2 * attempt + axis);
+            // The square root makes the displacement uniform over the disc.
             let by = SHAKE_M * at(0).sqrt() * DVec2::from_angle(std::f64::consts::TAU * at(1));
             let place = ball.position.truncate() + by;
             if shaken.place(ball.number, place.x, place.y).is_ok() {
@@ -245,7 +246,7 @@ fn shaken(world: &World, seed: u32) -> World {
     shaken
 }
 
-/// In [0, 1).
+/// Uniform in [0, 1).
 fn unit(seed: u32, ball: u32, draw: u32) -> f64 {
     let [word, ..] = pcg4d([seed, ball, draw, STREAM]);
     f64::from(word) / 2f64.powi(32)
@@ -259,7 +260,7 @@ fn moments(values: &[f64]) -> (f64, f64) {
     (mean, (square / (count - 1.0) / count).sqrt())
 }
 
-/// The middle 95 %.
+/// Bounds of the middle 95 %.
 fn band(values: &[f64]) -> [f64; 2] {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -270,11 +271,12 @@ fn band(values: &[f64]) -> [f64; 2] {
     [at(0.025), at(0.975)]
 }
 
-/// Seconds after the stroke: the rack has burst, few balls have met a second cushion.
+/// Time in s after the stroke at which the energy is taken: the rack has burst, few balls have met a
+/// second cushion.
 const ENERGY_AFTER_SECS: f64 = 0.25;
-/// How far racked balls are moved: a fifth of the gaps in the references' racks.
+/// Largest displacement of racked balls: a fifth of the gaps in the references' racks.
 const SHAKE_M: f64 = 1e-5;
-/// Places that are tried before a ball stays where it is.
+/// Number of places that are tried before a ball stays where it is.
 const SHAKES: u32 = 8;
-/// Tells these draws from the racks' own.
+/// Random stream apart from that of the racks.
 const STREAM: u32 = 0x6272_6b73;

@@ -1,4 +1,4 @@
-//! Closed forms of sliding, rolling and spinning, against the simulation.
+//! Closed forms of sliding, rolling and spinning, compared with the simulation.
 
 use std::fmt;
 
@@ -11,11 +11,11 @@ use carom_billiards::physics::{BallBody, Cloth, EventKind, Laws};
 /// One quantity, measured and in theory.
 #[derive(Clone, Debug, Serialize)]
 pub struct ClosedForm {
-    /// What it is, with the case.
+    /// Name of the quantity, with the case.
     pub name: String,
-    /// In SI units.
+    /// Simulated value, in SI units.
     pub measured: f64,
-    /// In SI units.
+    /// Theoretical value, in SI units.
     pub theory: f64,
     /// |measured − theory| / theory.
     pub error: f64,
@@ -46,7 +46,7 @@ impl fmt::Display for ClosedForm {
 /// Billiards" (1995); the 5/7 rule also in Alciatore, TP 4.1.
 ///
 /// # Errors
-/// None that the simulation of one ball on an endless cloth has.
+/// None in practice for one ball on an endless cloth.
 pub fn measure() -> anyhow::Result<Vec<ClosedForm>> {
     let mut forms = Vec::new();
     for speed in [0.01, 1.0, 3.0, 12.0] {
@@ -71,6 +71,7 @@ fn slide_to_roll(speed: f64) -> anyhow::Result<[ClosedForm; 4]> {
     let rolls = |kind: &EventKind| matches!(kind, EventKind::Rolls { .. });
     let t = first_secs(&shot, rolls);
     let then = shot.states_at(t)[0];
+    // v t − ½ μ g t² at the end of sliding, t = 2 v / (7 μ g).
     let way = 12.0 * speed * speed / (49.0 * slide * g);
     let end = shot.final_states()[0].position.x;
     let form = |what: &str, measured, theory| {
@@ -113,7 +114,7 @@ fn roll_out(speed: f64) -> anyhow::Result<[ClosedForm; 2]> {
     ])
 }
 
-/// Backspin of 5/2 v/R takes the speed and itself to zero at the same instant.
+/// Backspin of 5/2 v/R and the speed reach zero at the same instant.
 fn dead_draw(speed: f64) -> anyhow::Result<ClosedForm> {
     let cloth = Cloth::default();
     let spin = -2.5 * speed / BallBody::default().radius_m;
@@ -138,5 +139,5 @@ fn spin_decay(spin: f64) -> anyhow::Result<ClosedForm> {
     ))
 }
 
-/// How far a closed form may be missed, relatively.
+/// Maximum relative error of a closed form.
 pub const ERROR_MAX: f64 = 1e-9;

@@ -1,8 +1,8 @@
-//! Published rules and curves, against the simulation.
+//! Published rules and curves, compared with the simulation.
 //!
-//! A published formula is derived for elastic balls (and, without friction between balls, for a
-//! 90° rule that is exact). Each is therefore met twice: by the simulation with those laws, which
-//! must agree, and by the laws of the game, which show what real balls add.
+//! A published formula is derived for elastic balls (and for a 90° rule that is exact, without friction
+//! between balls). Each is therefore compared twice: with the simulation under those laws, which must
+//! agree, and with that under the laws of the game, which shows the effect of real balls.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -20,7 +20,7 @@ use carom_billiards::physics::{
 /// All curves.
 ///
 /// # Errors
-/// None that valid balls on an endless cloth have.
+/// None in practice for valid balls on an endless cloth.
 pub fn measure() -> Result<Vec<PublishedCurve>> {
     Ok(vec![
         right_angle()?,
@@ -44,7 +44,7 @@ pub fn measure() -> Result<Vec<PublishedCurve>> {
     ])
 }
 
-/// What no figures to compare with could be found for.
+/// Quantities without published figures to compare with.
 pub const UNPUBLISHED: &str = "\
 Bank angles: Alciatore publishes tendencies and films, no table or formula of angle out over angle in,
 because cushions differ from table to table; so their order is held to his words, and the angles
@@ -101,8 +101,8 @@ impl CutShot {
         Ok([states[0], states[1]])
     }
 
-    /// Angle in degrees from the line of centres to the object ball's way, positive the way that
-    /// the cue ball's surface rubs it.
+    /// Angle in degrees from the line of centres to the object ball's direction, positive in the
+    /// direction in which the cue ball's surface rubs it.
     fn throw_deg(&self, laws: Laws) -> Result<f64> {
         let line = DVec2::from_angle(-self.cut_rad);
         let [_, object] = self.after(laws)?;
@@ -125,6 +125,7 @@ impl CutShot {
             return 0.0;
         }
         let friction = a + b * (-c * slip).exp();
+        // Coulomb's limit, or 1/7 where the contact sticks: two equal solid spheres.
         let grip = (friction * v * cos / slip).min(1.0 / 7.0);
         (grip * along / (v * cos)).atan().to_degrees()
     }
@@ -179,7 +180,7 @@ fn right_angle() -> Result<PublishedCurve> {
     ))
 }
 
-/// Where a rolling cue ball goes in the end.
+/// Final direction of a rolling cue ball.
 fn natural_angle() -> Result<PublishedCurve> {
     let deflection = |laws: Laws, cut_deg: f64, speed_m_s: f64| {
         let cut = CutShot {
@@ -339,7 +340,7 @@ fn squirt() -> Result<PublishedCurve> {
         let laws = Laws {
             cue: Cue {
                 end_mass_kg: ball_kg / share,
-                // The formula knows no miscue.
+                // The formula has no miscue.
                 tip_friction: 10.0,
                 ..Cue::default()
             },
@@ -372,7 +373,7 @@ fn squirt() -> Result<PublishedCurve> {
     ))
 }
 
-/// How far a ball struck along +y leaves to the left of the aim.
+/// Angle in rad by which a ball struck along +y leaves to the left of the aim.
 fn squirt_rad(laws: Laws, side: f64) -> Result<f64> {
     let balls = vec![ball(0, 0.0, 0.0, DVec3::ZERO, DVec3::ZERO)];
     let world = World::with_laws(infinite_table()?, laws, balls)?;
@@ -384,7 +385,7 @@ fn squirt_rad(laws: Laws, side: f64) -> Result<f64> {
     Ok((-velocity.x).atan2(velocity.y))
 }
 
-/// Slow, medium and fast, as Alciatore has them: 1, 3 and 7 mph.
+/// Slow, medium and fast speeds of Alciatore: 1, 3 and 7 mph.
 const SPEEDS: [(&str, f64); 3] = [
     ("1 mph", 0.447_04),
     ("3 mph", 1.341_12),

@@ -1,28 +1,28 @@
-//! The distance of a simulated shot from its reference.
+//! Deviation of a simulated shot from its reference.
 
 use super::reference::{BallSamples, ReferenceKind, ReferenceShot};
 use carom_billiards::physics::{BallState, Shot};
 
-/// How far a shot is from its reference, over the time in which they are comparable.
+/// Deviation of a shot from its reference, over the time in which they are comparable.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Deviation {
     /// Largest distance of any ball at any sample, in m.
     pub max_m: f64,
     /// Root of the mean square of the distances, in m.
     pub rms_m: f64,
-    /// For a cluster the difference of velocity of the ball that takes the blow, once none touch
+    /// For a cluster, the difference of velocity of the ball that takes the impact, once no balls touch
     /// any more, in m/s; 0 for other kinds.
     pub fastest_m_s: f64,
-    /// The same of the ball that is farthest off.
+    /// The largest such difference of any ball.
     pub velocity_m_s: f64,
-    /// Balls that end on the table in one and in a pocket in the other.
+    /// Number of balls that end on the table in one and in a pocket in the other.
     pub pocketed_differently: usize,
     /// First sampled time at which a ball is over 1 mm off.
     pub parts_at_secs: Option<f64>,
 }
 
 impl Deviation {
-    /// Distance of a simulation of the shot from it.
+    /// Deviation of a simulation of the shot from the reference.
     pub fn between(reference: &ReferenceShot, shot: &Shot) -> Self {
         let mut deviation = Self::default();
         let (mut sum, mut count) = (0.0, 0.0f64);
@@ -54,7 +54,7 @@ impl Deviation {
     }
 }
 
-/// Difference of velocity of the fastest ball, and the largest, once a cluster has parted.
+/// Difference of velocity of the fastest ball, and the largest one, once a cluster has separated.
 fn after_cluster(reference: &ReferenceShot, shot: &Shot) -> (f64, f64) {
     let Some(sample) = reference.times.iter().position(|&t| t >= CLUSTER_SECS) else {
         return (0.0, 0.0);
@@ -84,8 +84,8 @@ fn pairs<'a>(
     })
 }
 
-/// Beyond this distance two trajectories count as parted.
+/// Distance beyond which two trajectories count as separated.
 const PART_M: f64 = 1e-3;
-/// After this time no ball of a struck cluster touches another: until then its slow balls press on each
-/// other, which is a matter of the rule for that.
+/// Time in s after which no ball of a struck cluster touches another: until then its slow balls press
+/// on each other, which depends on each simulator's rule for that.
 const CLUSTER_SECS: f64 = 0.5;

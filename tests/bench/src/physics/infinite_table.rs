@@ -1,4 +1,4 @@
-//! A table without end, and balls on it that are already in motion.
+//! An endless table, and balls on it that are already in motion.
 
 use glam::{DVec2, DVec3};
 
@@ -6,7 +6,7 @@ use carom_billiards::physics::{
     BallBody, BallState, EventKind, Laws, Shot, Table, TableParts, World,
 };
 
-/// A square of cushions, ten kilometres apart, so that none is ever reached.
+/// A table with a square of cushions, ten kilometres apart, so that none is ever reached.
 ///
 /// # Errors
 /// None: its parts are valid.
@@ -33,7 +33,7 @@ pub fn ball(number: u8, x: f64, y: f64, velocity: DVec3, spin: DVec3) -> BallSta
     }
 }
 
-/// What balls in motion do on a prairie.
+/// Simulates moving balls on the endless table.
 ///
 /// # Errors
 /// Those of the simulation.
@@ -41,7 +41,7 @@ pub fn released(laws: Laws, balls: Vec<BallState>) -> carom_billiards::Result<Sh
     World::with_laws(infinite_table()?, laws, balls)?.release()
 }
 
-/// What one ball does, from the middle on, by the default laws.
+/// Simulates one ball from the origin, with the default laws.
 ///
 /// # Errors
 /// Those of the simulation.
@@ -49,7 +49,7 @@ pub fn single_ball(velocity: DVec3, spin: DVec3) -> carom_billiards::Result<Shot
     single_ball_from(ball(0, 0.0, 0.0, velocity, spin))
 }
 
-/// What one ball does by the default laws.
+/// Simulates one ball with the default laws.
 ///
 /// # Errors
 /// Those of the simulation.
@@ -57,12 +57,12 @@ pub fn single_ball_from(ball: BallState) -> carom_billiards::Result<Shot> {
     released(Laws::default(), vec![ball])
 }
 
-/// When an event of a kind comes first; 0 if none does.
+/// Time in s of the first event of a kind; 0 if there is none.
 pub fn first_secs(shot: &Shot, is_kind: impl Fn(&EventKind) -> bool) -> f64 {
     let mut events = shot.events().iter();
     let first = events.find(|event| is_kind(&event.kind));
     first.map_or(0.0, |event| event.time_secs)
 }
 
-/// Where the cushions are: the playing surface ends at plus and minus this on both axes.
+/// Positions of the cushions: the playing surface ends at plus and minus this on both axes.
 pub const EDGE_M: f64 = 5000.0;

@@ -1,7 +1,7 @@
-//! Many more balls than any game has: the cost of an event then, and that nothing else changes.
+//! Many more balls than any game has: the cost of an event with them, and that nothing else changes.
 //!
-//! Balls are numbered by a byte, so that a world has 256 at most; the simulation knows them by their
-//! place in a list, and these fields, whose numbers repeat, are given to it directly.
+//! Balls are numbered by a byte, so that a world has at most 256. The simulation identifies them by
+//! their index, and these fields, whose numbers repeat, are given to it directly.
 
 use std::fmt;
 
@@ -19,23 +19,23 @@ use carom_billiards::physics::{
 /// A field of balls into which a fast one is shot.
 #[derive(Clone, Debug, Serialize)]
 pub struct ManyBallsRow {
-    /// With the fast one.
+    /// Number of balls, with the fast one.
     pub balls: usize,
-    /// How far neighbours are apart, in m: 0 is frozen.
+    /// Gap between neighbours, in m: 0 is frozen.
     pub gap_m: f64,
-    /// Contacts and phase changes.
+    /// Number of contacts and phase changes.
     pub events: usize,
-    /// Balls that are moved.
+    /// Number of balls that have moved.
     pub moved: usize,
-    /// Until all lie still, in s.
+    /// Time until all are at rest, in s.
     pub duration_secs: f64,
-    /// To simulate it once.
+    /// CPU time to simulate it once.
     pub cpu_ms: f64,
-    /// Of that, for one event, in µs.
+    /// CPU time per event, in µs.
     pub event_us: f64,
-    /// The most by which the energy grew at an event beyond what the rule for clusters adds, in J.
+    /// Largest growth of the energy at an event beyond what the rule for clusters adds, in J.
     pub energy_growth_j: f64,
-    /// The deepest overlap of two balls in the end, in m; negative for a gap.
+    /// Largest final overlap of two balls, in m; negative for a gap.
     pub overlap_m: f64,
 }
 
@@ -64,7 +64,7 @@ pub const HEADING: &str =
 /// Fields of up to 1,000 balls, spread and frozen.
 ///
 /// # Errors
-/// None that valid balls on an endless cloth have.
+/// None in practice for valid balls on an endless cloth.
 pub fn measure() -> Result<Vec<ManyBallsRow>> {
     let fields = [
         (16, GAP_M),
@@ -99,7 +99,7 @@ fn played(balls: usize, gap_m: f64) -> Result<ManyBallsRow> {
     })
 }
 
-/// Rows of balls, each in the gaps of the last, and one that comes from afar.
+/// A field of balls in rows, each in the gaps of the last, and one that comes from a distance.
 fn field(balls: usize, gap_m: f64) -> Vec<BallState> {
     let pitch = 2.0 * BallBody::default().radius_m + gap_m;
     let columns = (balls as f64).sqrt().ceil() as usize;
@@ -143,7 +143,7 @@ fn overlap_m(states: &[BallState]) -> f64 {
     deepest
 }
 
-/// Between neighbours, where they are not frozen.
+/// Gap between neighbours that are not frozen.
 const GAP_M: f64 = 0.01;
-/// The fastest stroke.
+/// Speed of the fast ball: that of the cue in the fastest stroke.
 const SPEED_M_S: f64 = 20.0;

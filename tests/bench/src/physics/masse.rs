@@ -1,4 +1,4 @@
-//! Massé shots: strokes with a raised cue, after which the cue ball curves.
+//! Massé shots: strokes with an elevated cue, after which the cue ball curves.
 
 use glam::{DVec2, DVec3};
 
@@ -11,11 +11,11 @@ use super::{
 use carom_billiards::Result;
 use carom_billiards::physics::{Cue, Event, EventKind, Laws, Shot, Stroke, World};
 
-/// The direction that the ball takes in the end, against Coriolis's construction: parallel to the
-/// line from where the ball touches the cloth to where the cue's line through the tip meets it.
+/// The ball's final direction, compared with Coriolis's construction: parallel to the line from the
+/// ball's contact point on the cloth to where the cue's line through the tip meets the cloth.
 ///
 /// # Errors
-/// None that one ball has.
+/// None in practice for one ball.
 pub(super) fn directions() -> Result<PublishedCurve> {
     let mut error_max = 0.0f64;
     let mut series = Vec::new();
@@ -47,10 +47,10 @@ pub(super) fn directions() -> Result<PublishedCurve> {
     ))
 }
 
-/// The ways that the ball takes, seen from above, to where it rolls straight.
+/// The ball's paths seen from above, until it rolls straight.
 ///
 /// # Errors
-/// None that one ball has.
+/// None in practice for one ball.
 pub(super) fn ways() -> Result<PublishedCurve> {
     let mut error_max = 0.0f64;
     let mut series = Vec::new();
@@ -111,7 +111,7 @@ fn played(laws: Laws, stroke: Stroke) -> Result<Shot> {
     World::with_laws(infinite_table()?, laws, balls)?.strike(stroke)
 }
 
-/// No tip slips off, as the construction assumes.
+/// Laws with a tip that never slips, as the construction assumes.
 fn unslipping() -> Laws {
     Laws {
         cue: Cue {
@@ -122,14 +122,14 @@ fn unslipping() -> Laws {
     }
 }
 
-/// The same with a cue whose end weighs nothing: without squirt.
+/// The same with a massless end of the cue: without squirt.
 fn straight() -> Laws {
     let mut laws = unslipping();
     laws.cue.end_mass_kg = 1e-15;
     laws
 }
 
-/// When the ball begins to roll for good: as its slip ends, or as it lands.
+/// Time at which the ball begins to roll for good: as its slip ends, or as it lands.
 fn rolls_secs(shot: &Shot) -> f64 {
     let rolls = |event: &&Event| {
         matches!(
@@ -141,20 +141,20 @@ fn rolls_secs(shot: &Shot) -> f64 {
     last.map_or(0.0, |event| event.time_secs)
 }
 
-/// It rolls straight on for most of the shot.
+/// Final direction in degrees, taken halfway: the ball rolls straight for most of the shot.
 fn final_deg(shot: &Shot) -> f64 {
     let way = shot.states_at(0.5 * shot.duration_secs())[0].velocity;
     (-way.y).atan2(way.x).to_degrees()
 }
 
-/// In units of the ball's radius, about its centre: the tip, the cue's direction, and where its
-/// line meets the cloth.
+/// Direction of Coriolis's construction in degrees. Lengths are in ball radii, relative to the centre.
 fn coriolis_deg(stroke: &Stroke) -> f64 {
     let (sin, cos) = stroke.elevation_rad.sin_cos();
     let cue = DVec3::new(cos, 0.0, -sin);
     let up = DVec3::new(sin, 0.0, cos);
     let depth = (1.0 - stroke.side * stroke.side - stroke.vertical * stroke.vertical).sqrt();
     let tip = stroke.side * DVec3::NEG_Y + stroke.vertical * up - depth * cue;
+    // The cloth is one radius below the centre.
     let meets = tip + (1.0 + tip.z) / sin * cue;
     let line: DVec2 = meets.truncate();
     (-line.y).atan2(line.x).to_degrees()

@@ -93,7 +93,7 @@ pub enum PhysicsPart {
     EngineTradeoff,
 }
 
-/// All that was measured.
+/// All measured results.
 #[derive(Debug, Default, Serialize)]
 struct PhysicsReport {
     #[serde(flatten)]
@@ -169,7 +169,7 @@ impl PhysicsArgs {
 }
 
 impl PhysicsReport {
-    /// With the names of their files.
+    /// The charts, with the names of their files.
     fn charts(&self) -> Vec<(String, Chart)> {
         let curves = self.curves.iter().flatten();
         let mut charts: Vec<_> = curves
@@ -249,7 +249,7 @@ fn draw(charts: &[(String, Chart)], folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Letters and digits of a chart's name.
+/// Name of a chart's file: the letters and digits of its title.
 fn file_name(name: &str) -> String {
     let name = name.replace('é', "e");
     let words = name.split(|c: char| !c.is_ascii_alphanumeric());

@@ -1,4 +1,4 @@
-//! A published rule or curve beside the simulation.
+//! A published rule or curve, compared with the simulation.
 
 use std::fmt;
 
@@ -6,24 +6,24 @@ use serde::Serialize;
 
 use crate::chart::Chart;
 
-/// A published rule or curve, and how far the simulation is from it.
+/// A published rule or curve, and the simulation's deviation from it.
 #[derive(Clone, Debug, Serialize)]
 pub struct PublishedCurve {
-    /// What it is about.
+    /// Name of the rule or curve.
     pub name: &'static str,
-    /// Author and title.
+    /// Author and title of the source.
     pub source: &'static str,
     /// Largest difference, in the unit of the chart, between the formula and the simulation with
     /// the formula's assumptions.
     pub error_max: f64,
-    /// How large that may be.
+    /// Maximum of that.
     pub bar: f64,
     #[serde(skip)]
     pub(super) chart: Chart,
 }
 
 impl PublishedCurve {
-    /// A curve that the simulation meets but for rounding.
+    /// A curve that the simulation meets except for rounding.
     pub(super) fn new(
         name: &'static str,
         source: &'static str,

@@ -1,5 +1,5 @@
-//! Reference shots in the schema `phys-ref-1`: trajectories that another simulator computed, with
-//! the table, the constants and the models that it used, so that this one can play the same shot.
+//! Reference shots in the schema `phys-ref-1`: trajectories that another simulator computed, with the
+//! table, the constants and the models that it used, so that this one can simulate the same shot.
 
 use std::{fs, path::Path};
 
@@ -15,9 +15,9 @@ use carom_billiards::physics::{BallState, Engine, Shot, Stroke, World};
 /// One reference shot.
 #[derive(Clone, Debug)]
 pub struct ReferenceShot {
-    /// Of the shot.
+    /// Name of the shot.
     pub name: String,
-    /// What can be asked of a simulation of it.
+    /// The part of a simulation of it that can be compared.
     pub kind: ReferenceKind,
     world: World,
     stroke: Option<Stroke>,
@@ -25,22 +25,22 @@ pub struct ReferenceShot {
     pub(super) balls: Vec<BallSamples>,
 }
 
-/// What a trajectory can be held to.
+/// The comparable part of a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReferenceKind {
     /// Every position at every time.
     Shot,
-    /// A rack is broken: chaotic, so that two right simulations part within a second.
+    /// A rack is broken: chaotic, so that two correct simulations diverge within a second.
     Break,
-    /// Balls touch at the start, and some press on each other after the blow, for which the file's
-    /// simulator has a rule of its own: held to the velocities with which they part.
+    /// Balls touch at the start, and some press on each other after the impact, for which the file's
+    /// simulator has a rule of its own: only the velocities after they separate are comparable.
     Cluster,
     /// The file's simulator let the ball fly, and had no cushions in the air: comparable until the
     /// first cushion.
     Airborne,
 }
 
-/// The text of a file of at most so many bytes.
+/// Reads a file of at most `bytes_max` bytes.
 pub(super) fn read_file(path: &Path, bytes_max: u64) -> anyhow::Result<String> {
     let size = fs::metadata(path)?.len();
     ensure!(
@@ -50,7 +50,7 @@ pub(super) fn read_file(path: &Path, bytes_max: u64) -> anyhow::Result<String> {
     Ok(fs::read_to_string(path)?)
 }
 
-/// The way of one ball.
+/// Samples of one ball's trajectory.
 #[derive(Clone, Debug)]
 pub(super) struct BallSamples {
     pub(super) number: u8,
@@ -70,7 +70,7 @@ impl ReferenceShot {
         read.with_context(|| format!("the reference {}", path.display()))
     }
 
-    /// Reads every reference of a folder, by name; `index.json` is none.
+    /// Reads every reference of a folder, by name; `index.json` is not one.
     ///
     /// # Errors
     /// A sentence: no folder, no reference in it, or one that cannot be read.
@@ -111,7 +111,7 @@ impl ReferenceShot {
             .iter()
             .map(|(id, ball)| Ok(ball.state(&frame, number(id)?, file.body())))
             .collect::<anyhow::Result<Vec<_>>>()?;
-        // Of contacts at the same instant those of lower numbers come first, as in the game.
+        // Simultaneous contacts are taken by ascending number, as in the game.
         states.sort_by_key(|state| state.number);
         let kind = kind(&file, &states);
         let (times, balls) = samples(&frame, &file, kind)?;
@@ -125,12 +125,12 @@ impl ReferenceShot {
         })
     }
 
-    /// Plays the shot with another engine from now on.
+    /// Sets the engine that plays the shot from now on.
     pub fn set_engine(&mut self, engine: Engine) {
         self.world.set_engine(engine);
     }
 
-    /// Plays the shot.
+    /// Simulates the shot.
     ///
     /// # Errors
     /// A sentence with the shot's name, if the simulation refuses it.
@@ -142,7 +142,8 @@ impl ReferenceShot {
         shot.with_context(|| format!("the shot {}", self.name))
     }
 
-    /// What a break came to in the file: the energy kept until then, where balls lie in the end.
+    /// Outcome of a break in the file: the energy kept after `after_secs`, and the final positions of
+    /// the balls.
     pub(super) fn outcome(&self, after_secs: f64) -> Option<BreakOutcome> {
         let states = self.world.balls();
         let energy_j = |sample: usize| -> Option<f64> {
@@ -175,7 +176,7 @@ impl ReferenceShot {
         &self.world
     }
 
-    /// The stroke, unless the balls move by themselves.
+    /// The stroke; none if the balls are in motion from the start.
     pub fn stroke(&self) -> Option<Stroke> {
         self.stroke
     }
@@ -258,7 +259,7 @@ fn samples(
     ))
 }
 
-/// A number of a ball, as its name in a file.
+/// Number of a ball from its name in a file.
 fn number(id: &str) -> anyhow::Result<u8> {
     if id == "cue" {
         return Ok(0);
@@ -268,13 +269,14 @@ fn number(id: &str) -> anyhow::Result<u8> {
 }
 
 const SCHEMA: &str = "phys-ref-1";
-/// Ten times the largest of the known files.
+/// Maximum size of a file: ten times the largest of the known ones.
 const FILE_BYTES_MAX: u64 = 4 << 20;
 /// `state` of a ball in a pocket.
 const POCKETED: u8 = 4;
-/// A nine-ball rack and a cue ball; no template has as many.
+/// Minimum number of balls of a break: a nine-ball rack and a cue ball; no other shot has as many.
 const RACK_BALLS: usize = 10;
-/// Half of the gap to which the references' simulator moves balls after a contact.
+/// Gap in m below which balls touch: half of the gap to which the references' simulator moves balls
+/// after a contact.
 const TOUCH_M: f64 = 5e-7;
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The schema `phys-ref-1` of reference shots, and its translation into the simulation's types.
 //!
-//! The files put x across the table and y along it, with the origin in a corner; everything is
-//! turned into the simulation's frame here. A cue's `a` is to the left there.
+//! The files have x across the table and y along it, with the origin in a corner; everything is
+//! converted to the simulation's frame here. A positive `a` of a cue is to the left.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use carom_billiards::physics::{
     Stroke, Table, TableParts,
 };
 
-/// From the references' frame to the simulation's: a quarter turn and a shift to the middle.
+/// Conversion from the references' frame to the simulation's: a quarter turn and a shift to the middle.
 pub(super) struct ReferenceFrame {
     pub(super) middle: DVec3,
 }
@@ -173,7 +173,7 @@ impl ReferenceFile {
             cue: Cue {
                 mass_kg: self.cue.specs.mass_kg,
                 end_mass_kg: self.cue.specs.end_mass,
-                // Their tip never slips.
+                // The references' tip never slips.
                 tip_friction: 10.0,
             },
             cloth: Cloth {
@@ -201,8 +201,8 @@ impl ReferenceFile {
     }
 }
 
-/// The references limit friction by the impulse e·m·v/2·2 = e·m·v of restitution alone, Coulomb's
-/// law by the whole impulse (1 + e)·m·v/2: their friction is ours times 2e/(1 + e).
+/// The references limit friction by the impulse e·m·v/2·2 = e·m·v of restitution alone, Coulomb's law
+/// by the whole impulse (1 + e)·m·v/2: their friction is ours times 2e/(1 + e).
 fn friction_of_references(restitution: f64) -> BallBallLaw {
     let scale = 2.0 * restitution / (1.0 + restitution);
     let law = BallBallLaw::default();
@@ -241,8 +241,8 @@ impl TableJson {
 }
 
 impl NoseJson {
-    /// The ends with the balls on the left; the side that collides is told by a flag on the line's
-    /// normal with positive y, or positive x for a line along y.
+    /// The ends with the balls on the left. The side that collides is given by a flag, relative to the
+    /// line's normal with positive y, or positive x for a line along y.
     fn ends(&self, frame: &ReferenceFrame) -> Vec<[DVec2; 2]> {
         let along = self.p2 - self.p1;
         let positive = if along.x == 0.0 {

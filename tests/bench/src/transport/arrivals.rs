@@ -14,23 +14,23 @@ use super::{
 use crate::BenchError;
 use crate::timing::quantiles;
 
-/// Messages as they came.
+/// Record of the arrived messages.
 #[derive(Default)]
 pub(super) struct Arrivals {
     pub(super) requested: Vec<Instant>,
-    /// Frame, and milliseconds.
+    /// Frame and time in milliseconds of each message.
     times: Vec<(u64, f64)>,
-    /// By frame.
+    /// Arrivals by frame.
     came: BTreeMap<u64, FrameArrivals>,
 }
 
-/// What has come of a frame.
+/// Arrived parts of a frame.
 #[derive(Default)]
 struct FrameArrivals {
     messages: u32,
     tiles: u32,
     bytes: usize,
-    /// How long it took to decode.
+    /// Time of decoding.
     decoding: Duration,
 }
 
@@ -69,7 +69,7 @@ impl Arrivals {
                 payload_bytes,
                 ..
             }) => (frame.0, tiles, payload_bytes),
-            // A frame has one request, of its number.
+            // A frame has one request, which has the frame's number.
             LinkEvent::Decoded { request, took } => {
                 self.came.entry(request.0).or_default().decoding += took;
                 return Ok(());

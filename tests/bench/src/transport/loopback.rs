@@ -1,4 +1,4 @@
-//! The floor of the transport on a loopback: a node that has its answers ready, and the same bytes
+//! Lower bounds of the transport on a loopback: a node that has its answers ready, and the same bytes
 //! over bare sockets.
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
@@ -18,7 +18,7 @@ use carom_tracer::{TileRange, Tracer};
 use crate::BenchError;
 use carom_testkit::noise_tracer::NoiseTracer;
 
-/// A session that answers each request at once, each message of tiles with the same bytes.
+/// A session that answers each request at once, with the same bytes for each message of tiles.
 pub(super) struct ReadySession {
     session: NodeSession,
     message: Vec<u8>,
@@ -92,7 +92,7 @@ impl PacketHandler for ReadySession {
     }
 }
 
-/// Milliseconds from requests of 200 bytes to answers of 64 KiB over bare sockets, `count` of them,
+/// Times in ms from requests of 200 bytes to answers of 64 KiB over bare sockets, for `count` requests,
 /// `period` apart. Those of which a packet was lost are left out.
 pub(super) fn bare_sockets(count: u64, period: Duration) -> Result<Vec<f64>, BenchError> {
     let any = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
@@ -129,8 +129,8 @@ pub(super) fn bare_sockets(count: u64, period: Duration) -> Result<Vec<f64>, Ben
     Ok(times)
 }
 
-/// As QUIC's on most paths.
+/// Size of QUIC's packets on most paths.
 const PACKET_BYTES: usize = 1252;
-/// 64 KiB.
+/// Packets of 64 KiB.
 const PACKETS: usize = 65_536_usize.div_ceil(PACKET_BYTES);
 const PATIENCE: Duration = Duration::from_secs(1);

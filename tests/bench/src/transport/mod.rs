@@ -79,14 +79,14 @@ struct TransportRow {
     precision: &'static str,
     p50_ms: f64,
     p99_ms: f64,
-    /// Of packets behind others in the queue of the path's slowest link, the 99th of 100; absent without
-    /// such a link.
+    /// 99th percentile of the waiting times of packets in the queue of the path's slowest link; absent
+    /// without such a link.
     queue_p99_ms: Option<f64>,
-    /// Frames of the first second of which a tile is missing or more than two frames late.
+    /// Number of frames of the first second of which a tile is missing or more than two frames late.
     start_slow_frames: usize,
-    /// Of messages, in percent.
+    /// Share of missing messages, in percent.
     missing_percent: f64,
-    /// Of pixels that arrived.
+    /// Rate of the pixels that arrived.
     mbit_per_second: f64,
 }
 
@@ -286,7 +286,7 @@ impl TransportSetup {
         })
     }
 
-    /// Of packets since the last call; none without a slowest link.
+    /// 99th percentile of the waiting times since the last call; none without a slowest link.
     fn queue_p99_ms(&self, case: &LinkCase) -> Option<f64> {
         let (proxy, _) = (self.node.proxy.as_ref()?, case.path?.rate?);
         let delays = proxy.take_queue_delays();
@@ -374,9 +374,9 @@ fn request(scene: SceneHash, frame: u64) -> Box<TraceRequest> {
 }
 
 const FRAMES_PER_SECOND: u64 = 60;
-/// Frames of the start.
+/// Number of frames of the start, which only the slow-start count includes.
 const START: u64 = FRAMES_PER_SECOND;
 const PERIOD: Duration = Duration::from_nanos(16_666_667);
 const FRAME_RENDER: Duration = Duration::from_millis(8);
-/// 100 ms.
+/// Frames after which a frame is cancelled: 100 ms.
 const DEADLINE_FRAMES: u64 = 6;

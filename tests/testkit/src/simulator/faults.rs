@@ -1,8 +1,8 @@
 //! Random farms with random faults, each from its seed.
 //!
 //! The first node is the client's own: slow, near, and sound, so that every frame can be traced
-//! whatever becomes of the others. What a session refuses (tiles of a wrong size or frame, or sent
-//! twice) ends the connection; `protocol/tests/wire` shows that. Here the connection ends, and the
+//! whatever happens to the others. Messages that a session refuses (tiles of a wrong size or frame, or
+//! sent twice) end the connection, as `protocol/tests/wire` shows. Here the connection ends, and the
 //! node is called again after pauses that double.
 
 use std::collections::BTreeSet;
@@ -15,30 +15,30 @@ use super::{FarmPlan, NetworkConditions, NodeChange, NodePlan, SimulationReport,
 use crate::random::SplitMix64;
 use carom_farm::{Balancing, Distribution};
 
-/// What came of a plan with faults.
+/// Result of a plan with faults.
 #[derive(Clone, Debug)]
 pub struct FaultRun {
-    /// What is wrong with it; nothing, if it is as it should be.
+    /// Violations; empty if the run is correct.
     pub wrong: Vec<String>,
-    /// Frames.
+    /// Number of complete frames.
     pub frames: usize,
-    /// In periods of 1/60 s, how much longer than nineteen of twenty frames the longest took; where
-    /// frames are shown ahead of time, in how many in a row a tile was missing. What waited for a
-    /// sleeping client does not count.
+    /// In periods of 1/60 s, how much longer the slowest frame took than the 95th percentile; where
+    /// frames are shown at their times, the largest number in a row in which a tile was missing. 0 if
+    /// the client sleeps.
     pub late_periods: f64,
-    /// Which frame that was.
+    /// The frame of [`FaultRun::late_periods`].
     pub latest: Option<FrameId>,
-    /// Nodes at the start.
+    /// Number of nodes in the plan.
     pub nodes: usize,
     /// Whether frames were submitted each 1/60 s.
     pub pipelined: bool,
-    /// Whether they were shown at their times, whole or not.
+    /// Whether they were shown at their times, complete or not.
     pub looks_ahead: bool,
     /// Whether all nodes but the client's own were lost at once.
     pub all_lost: bool,
-    /// Tiles that were missing when their frames were shown.
+    /// Number of tiles that were missing when their frames were shown.
     pub late_tiles: u64,
-    /// Tiles of all frames.
+    /// Number of tiles of all frames.
     pub tiles: u64,
 }
 
@@ -48,6 +48,7 @@ pub fn fault_plan(seed: u64, hedged: bool) -> FarmPlan {
     let mut random = SplitMix64::keyed(&[seed, 0xfa17]);
     let others = 1 + random.below(8) as usize;
     let mut nodes = vec![NodePlan::new(2e-4, 1.2)];
+    // Round trips of 0.3 to 60 ms and 0.3 to 9 million samples a second, uniform in their logarithms.
     nodes.extend((0..others).map(|_| NodePlan {
         jitter_secs: 1e-3 * random.uniform(),
         streams: random.uniform() < 0.7,
@@ -68,7 +69,7 @@ pub fn fault_plan(seed: u64, hedged: bool) -> FarmPlan {
             .for_each(|node| node.changes.push((at, NodeChange::Silent)));
     }
     for node in &mut nodes {
-        // One that joins again was there from the start.
+        // A node that joins again later is still present from the start.
         node.changes.insert(0, (0.0, NodeChange::Join));
     }
     let balancers: Vec<Balancing> = Balancing::all().collect();
@@ -134,14 +135,14 @@ fn fault(random: &mut SplitMix64, at: f64, node: &mut NodePlan) {
     }
 }
 
-/// Runs a plan and says what is wrong: frames that are missing, out of order, or not the picture.
+/// Runs a plan and lists the violations: frames that are missing, out of order, or wrong.
 pub fn run_faults(plan: &FarmPlan) -> FaultRun {
     let report = run(plan, SECS_MAX);
     let mut wrong = Vec::new();
     let sleeps = sleeps(plan);
     let whole = report.frames.iter().chain(&report.partial);
     let came: BTreeSet<FrameId> = whole.map(|frame| frame.id).collect();
-    // Frames that had to be shown while the client slept are not shown any more.
+    // Frames that were due while the client slept are not shown any more.
     if came.len() as u64 != plan.frames && !(plan.looks_ahead && sleeps) {
         wrong.push(format!("{} of {} frames came", came.len(), plan.frames));
     }
@@ -204,7 +205,7 @@ fn all_lost(plan: &FarmPlan) -> bool {
     at.any(|at| silent(first, at) && others.iter().all(|node| silent(node, at)))
 }
 
-/// The most frames in a row that were shown without the same tile, and the last of them.
+/// Largest number of consecutive frames that were shown without the same tile, and the last of them.
 fn longest_missing(plan: &FarmPlan, report: &SimulationReport) -> (f64, Option<FrameId>) {
     let columns = plan.grid().columns();
     let edge = u32::from(plan.tile_edge);
@@ -224,9 +225,9 @@ fn longest_missing(plan: &FarmPlan, report: &SimulationReport) -> (f64, Option<F
     (f64::from(longest.0), longest.1)
 }
 
-/// The frame that took longest, and how many periods longer than nineteen of twenty.
+/// The frame that took longest, and by how many periods it exceeds the 95th percentile.
 fn latest(report: &SimulationReport) -> (f64, Option<FrameId>) {
-    // The first frames are divided by guesses.
+    // The first frames are divided by guesses, before anything is measured.
     let frames = report.frames.iter().skip(WARM_UP_FRAMES);
     let mut frames: Vec<(f64, FrameId)> = frames
         .map(|frame| (frame.stats.makespan_secs, frame.id))
@@ -242,7 +243,7 @@ fn latest(report: &SimulationReport) -> (f64, Option<FrameId>) {
 const SECS_MAX: f64 = 400.0;
 /// Frames before the first fault.
 const WARM_UP_FRAMES: usize = 5;
-/// Of each pixel where they are divided among nodes.
+/// Samples of each pixel in plans that divide them among nodes.
 const SAMPLES: u32 = 5;
-/// A timer's own lateness.
+/// Lateness in s that is due to the timer itself.
 const SHOWN_LATE_SECS_MAX: f64 = 1e-6;

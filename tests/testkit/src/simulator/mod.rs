@@ -4,9 +4,9 @@
 //! Plan ─▶ [events by time] ─▶ Coordinator ─▶ commands ─▶ simulated nodes ─▶ events ─▶ … ─▶ Report
 //! ```
 //!
-//! Everything follows from the plan and its seed, so that a run that fails can be repeated, and
-//! hundreds of frames take less than a second. Each link is in order, with half of the node's
-//! round trip each way and exponential jitter; a device works on one run after the other.
+//! Everything follows from the plan and its seed, so that a failed run can be repeated, and hundreds of
+//! frames take less than a second. Each link is in order, with half of the node's round trip each way
+//! and exponential jitter; a device works on one run after the other.
 
 mod faults;
 mod node;
@@ -56,7 +56,7 @@ pub fn run(plan: &FarmPlan, secs_max: f64) -> SimulationReport {
     run_with(plan, secs_max, Extensions::default())
 }
 
-/// The same with parts of an application's own.
+/// As [`run`], with parts replaced by an application's own.
 ///
 /// # Panics
 /// As [`run`], and if a tracer or a directory of its own fails.
@@ -66,16 +66,16 @@ pub fn run_with(plan: &FarmPlan, secs_max: f64, extensions: Extensions) -> Simul
     simulation.into_report()
 }
 
-/// Parts of an application's own, in the place of the simulation's.
+/// An application's own parts, which replace the simulation's.
 #[derive(Default)]
 pub struct Extensions {
-    /// In the place of [`carom_farm::Algorithm::Own`].
+    /// Replaces [`carom_farm::Algorithm::Own`].
     pub balancer: Option<Box<dyn Balancer + Send>>,
-    /// Says who is there, in the place of joining at the start: it is asked at 0 s of virtual time and after
-    /// each of its periods. Node `i` of the plan has the address [`node_address`]`(i)`.
+    /// Lists the present nodes, which otherwise join at the start: it is queried at 0 s of virtual time
+    /// and after each of its periods. Node `i` of the plan has the address [`node_address`]`(i)`.
     pub directory: Option<Box<dyn Directory>>,
-    /// Traces the tiles of all nodes, of a ball on a plane, in the place of a test pattern. How long a node
-    /// takes is the plan's all the same.
+    /// Traces the tiles of all nodes, of a ball on a plane, instead of a test pattern. Nodes still take
+    /// the time that the plan gives.
     pub tracer: Option<Arc<dyn Tracer + Send + Sync>>,
 }
 
@@ -84,10 +84,10 @@ pub fn node_address(index: usize) -> String {
     format!("node-{index}:{NODE_PORT}")
 }
 
-/// Seconds as they are ordered: nanoseconds, and the order of scheduling where these are equal.
+/// Order of events: virtual time in nanoseconds, and the order of scheduling where these are equal.
 type At = (u64, u64);
 
-/// Something on the agenda.
+/// An event of the queue.
 struct ScheduledEvent {
     at: At,
     event: SimulationEvent,
@@ -107,7 +107,7 @@ impl PartialOrd for ScheduledEvent {
     }
 }
 
-/// The next one is the greatest, as [`BinaryHeap`] has it.
+/// Reversed, as [`BinaryHeap`] is a max-heap: the next event is the greatest.
 impl Ord for ScheduledEvent {
     fn cmp(&self, other: &Self) -> Ordering {
         other.at.cmp(&self.at)
@@ -129,17 +129,17 @@ struct FarmSimulation<'a> {
     scene: Arc<EncodedScene>,
     nodes: Vec<SimNode>,
     events: BinaryHeap<ScheduledEvent>,
-    /// Entries there have been.
+    /// Number of events scheduled so far.
     scheduled: u64,
     now: Duration,
     random: SplitMix64,
     environment: RandomEnvironment,
     submitted: u64,
-    /// Frames below this have been handed over, or will not be.
+    /// Frames below this have been delivered, or never will be.
     handed: u64,
     lead: LeadTime,
     schedule: FrameSchedule,
-    /// When frames must be shown, by their numbers.
+    /// Times in s at which frames must be shown, by their numbers.
     deadlines: Vec<f64>,
     report: SimulationReport,
     tile_source: Arc<TileSource>,
@@ -270,12 +270,13 @@ impl<'a> FarmSimulation<'a> {
                 let answers = self.nodes[node.0].step(step, self.now, &self.environment);
                 self.answer(node, answers);
             }
-            // Something of a connection that has ended.
+            // A message of a connection that has ended.
             SimulationEvent::Event(..) | SimulationEvent::Command(..) => {}
         }
     }
 
-    /// Calls the nodes that the directory lists anew; those that it no longer lists stay.
+    /// Connects to the nodes that the directory lists for the first time; those that it no longer lists
+    /// stay.
     fn ask_directory(&mut self) {
         let Some((directory, roster)) = &mut self.directory else {
             return;
@@ -330,7 +331,8 @@ impl<'a> FarmSimulation<'a> {
         }
     }
 
-    /// Whether the next frame is to be asked for; notes when it must be shown, if it must.
+    /// Whether the next frame is to be submitted; records the time at which it must be shown, if there
+    /// is one.
     fn is_time(&mut self) -> bool {
         if !self.plan.looks_ahead {
             return true;
@@ -371,7 +373,7 @@ impl<'a> FarmSimulation<'a> {
         }
     }
 
-    /// Carries out what the coordinator wants.
+    /// Carries out the coordinator's actions.
     fn act(&mut self) {
         while let Some(action) = self.coordinator.poll_action() {
             match action {
@@ -438,12 +440,12 @@ impl<'a> FarmSimulation<'a> {
         }
     }
 
-    /// Whether a connection is still the node's.
+    /// Whether a connection is the node's current one.
     fn is_current_connection(&self, node: NodeIndex, connection: u32) -> bool {
         self.nodes[node.0].connection == connection
     }
 
-    /// When a message that leaves now arrives; messages do not overtake each other.
+    /// Time of arrival of a message that is sent now; messages do not overtake each other.
     fn arrival(&mut self, index: NodeIndex, outward: bool, delay_secs: f64) -> Duration {
         let plan = &self.plan.nodes[index.0];
         let jitter = plan.jitter_secs * self.random.exponential();
@@ -454,7 +456,7 @@ impl<'a> FarmSimulation<'a> {
     }
 }
 
-/// The frame that an event is about.
+/// The frame that an event belongs to.
 fn frame_of(event: &ClientEvent) -> Option<FrameId> {
     match event {
         ClientEvent::Tiles { frame, .. }
@@ -465,7 +467,8 @@ fn frame_of(event: &ClientEvent) -> Option<FrameId> {
     }
 }
 
-/// The first frame is submitted when those nodes that are there from the start have connected.
+/// Time at which the first frame is submitted: the nodes that are present from the start have
+/// connected.
 const START: Duration = Duration::from_millis(500);
 
 fn info(index: NodeIndex) -> NodeInfo {
@@ -484,5 +487,5 @@ fn info(index: NodeIndex) -> NodeInfo {
 /// The port in [`node_address`].
 const NODE_PORT: u16 = 4433;
 
-/// Runs that a node's session would have open.
+/// The open requests of a node's session.
 type OpenRuns = BTreeSet<carom_protocol::RequestId>;

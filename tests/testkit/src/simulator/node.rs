@@ -18,13 +18,13 @@ use super::{NodePlan, OpenRuns};
 use carom_farm::NodeIndex;
 use carom_farm::link::LinkCommand;
 
-/// What a node does when something has come or been done.
+/// Reaction of a node to a message or to finished work.
 pub(super) enum NodeOutput {
-    /// Sends something.
+    /// Sends an event.
     Event(ClientEvent),
     /// Closes the connection.
     End,
-    /// Wants [`SimNode::step`] to be called.
+    /// Requests a call of [`SimNode::step`] at this time.
     StepAt(Duration, u64),
 }
 
@@ -33,41 +33,41 @@ pub(super) struct SimNode {
     pub(super) pace: f64,
     pub(super) silent: bool,
     pub(super) failing: bool,
-    /// Counts connections; what belongs to an earlier one is void.
+    /// Number of the connection; messages of an earlier one are void.
     pub(super) connection: u32,
-    /// When the last message arrived: to the client, to the node.
+    /// Time of arrival of the last message at the client, and at the node.
     pub(super) last_arrival: [Duration; 2],
     streams: bool,
     pub(super) honesty: f64,
     /// Whether it sends pixels that are not numbers.
     pub(super) poisoned: bool,
-    /// Of how many tiles it sends one that is wrong, as plausible as others.
+    /// One tile in this many is wrong, but as plausible as others.
     pub(super) forges: Option<u32>,
     scene: Option<SceneHash>,
     queue: VecDeque<QueuedRequest>,
-    /// Number of the step that is waited for.
+    /// Number of the pending step; steps of other numbers are void.
     step: u64,
-    /// What the device works on.
+    /// Request on which the device works.
     working: Option<RequestId>,
     last_run: Option<RequestId>,
-    /// As the client sees them.
+    /// Open requests, as the client sees them.
     open: OpenRuns,
-    /// The frame for which it has paused, if the weather made it.
+    /// Latest frame that it has begun, whose pause is over.
     begun_frame: Option<FrameId>,
     index: NodeIndex,
     tile_source: Arc<TileSource>,
-    /// Tiles that its device has worked on.
+    /// Number of tiles that its device has worked on.
     pub(super) tiles_traced: u64,
 }
 
 struct QueuedRequest {
     request: TraceRequest,
-    /// Tiles that have been sent, or wait for their message to be full.
+    /// Finished tiles, sent or waiting for a full message.
     tiles_done: u32,
     tiles_sent: u32,
     arrived: Duration,
     begun: Duration,
-    /// When the device began with the tiles that have not been sent.
+    /// Time at which the device began with the tiles that have not been sent.
     message_begun: Duration,
 }
 
@@ -96,7 +96,7 @@ impl SimNode {
         }
     }
 
-    /// What a session would not let the client ask.
+    /// Asserts the rules that a session enforces on the client.
     pub(super) fn check(&mut self, command: &LinkCommand) {
         if let LinkCommand::Trace(request) = command {
             assert!(request.tiles.count > 0 && request.tiles.end() <= request.grid.len());
@@ -143,7 +143,7 @@ impl SimNode {
         }
     }
 
-    /// The device is through with a piece of work.
+    /// Handles the end of a piece of the device's work.
     pub(super) fn step(
         &mut self,
         step: u64,
@@ -169,6 +169,7 @@ impl SimNode {
             let why = RefusalReason::Device("it was told to fail".into());
             return vec![self.refuse(&request, why)];
         }
+        // Ordered by frame, but never before a request that has been begun.
         let later = |job: &QueuedRequest| {
             let begun = job.tiles_done > 0 || self.working == Some(job.request.id);
             !begun && job.request.frame > request.frame
@@ -195,8 +196,8 @@ impl SimNode {
         gone.iter().map(refuse).collect()
     }
 
-    /// Begins the next piece of work, if there is any and the device is free. A piece that is
-    /// cancelled is worked on to its end.
+    /// Begins the next piece of work, if there is any and the device is free. A cancelled piece is
+    /// worked on to its end.
     fn work(&mut self, now: Duration, environment: &RandomEnvironment) -> Vec<NodeOutput> {
         let Some(job) = self.queue.front_mut().filter(|_| self.working.is_none()) else {
             return Vec::new();
@@ -224,9 +225,9 @@ impl SimNode {
         vec![NodeOutput::StepAt(done, self.step)]
     }
 
-    /// Sends what is through, in messages as full as may be.
+    /// Sends finished tiles, in messages as full as possible.
     fn finish(&mut self, now: Duration, done: Option<RequestId>) -> Vec<NodeOutput> {
-        // If the run was cancelled meanwhile, another one is at the front.
+        // If the request was cancelled meanwhile, another one is at the front.
         let front = self.queue.front_mut();
         let Some(job) = front.filter(|job| Some(job.request.id) == done) else {
             return Vec::new();
@@ -295,7 +296,7 @@ impl SimNode {
     }
 }
 
-/// What the device works on next: a tile, or all.
+/// The next piece of the device's work: one tile, or all that are left.
 fn piece(job: &QueuedRequest, streams: bool) -> TileRange {
     let left = job.request.tiles.count - job.tiles_done;
     TileRange {

@@ -1,5 +1,5 @@
-//! The clairvoyant optimum: fractional water-filling that knows this frame's delays, pauses, paces
-//! and costs beforehand. Nothing that has to guess can reach it.
+//! The clairvoyant optimum: fractional water-filling that knows each frame's delays, pauses, paces and
+//! costs beforehand. No algorithm that has to guess can reach it.
 
 use carom_protocol::FrameId;
 
@@ -8,12 +8,12 @@ use super::{FarmPlan, NodeChange, NodePlan};
 use carom_farm::NodeIndex;
 use carom_farm::balancer::{CostModel, water_fill};
 
-/// The least seconds that each frame of a plan could take; infinite where the nodes cannot do all the
-/// work at the plan's pace, or do little else: what waits there grows from frame to frame, and frames
-/// are left out.
+/// The optimal time in seconds of each frame of a plan; infinite where the nodes cannot do the work at
+/// the plan's pace, or only when nearly always busy: their queues would then grow from frame to frame,
+/// and frames would be skipped.
 ///
-/// With frames at a pace, a node begins with a frame when it is through with its part of those before:
-/// whoever divides with all this knowledge has to queue as well.
+/// At a fixed frame rate a node begins with a frame once it has finished its part of those before: any
+/// division, even with full knowledge, has to queue as well.
 pub fn optimum_secs(plan: &FarmPlan) -> Vec<f64> {
     let environment = RandomEnvironment::new(plan.seed, plan.conditions, plan.grid());
     let mut nodes: Vec<NodeForecast> = (0..plan.nodes.len())
@@ -32,7 +32,7 @@ pub fn optimum_secs(plan: &FarmPlan) -> Vec<f64> {
     (0..plan.frames).map(FrameId).map(frame).collect()
 }
 
-/// Of one frame; notes how long the nodes work for it.
+/// Optimal time of one frame; updates how long the nodes work on it.
 fn frame_secs(
     plan: &FarmPlan,
     environment: &RandomEnvironment,
@@ -60,13 +60,14 @@ fn frame_secs(
                 let answers_secs = environment.delay_secs(index, frame);
                 node.free_secs = line.fixed_secs + line.secs_per_work * share - answers_secs;
             }
+            // Relative to the submission of the next frame.
             node.free_secs -= period_secs;
         }
     }
     filling.finish_secs
 }
 
-/// Whether the nodes, all of them busy nearly all the time, can do frames of average work.
+/// Whether the nodes, each busy for [`BUSY_MAX`] of the time, can do frames of average work.
 fn holds_pace(plan: &FarmPlan, nodes: &[NodeForecast]) -> bool {
     let Some(period_secs) = plan.period_secs else {
         return true;
@@ -79,22 +80,23 @@ fn holds_pace(plan: &FarmPlan, nodes: &[NodeForecast]) -> bool {
     work <= BUSY_MAX * period_secs * speed
 }
 
-/// Share of the time from which on a farm counts as too slow for its pace.
+/// Utilisation above which a farm counts as too slow for its pace.
 const BUSY_MAX: f64 = 0.95;
 
-/// The work of each node in the optimum of a calm farm.
+/// Work of each node in the optimum of a farm without random variation.
 pub(super) fn shares(nodes: &[NodePlan], work: f64) -> Vec<f64> {
     let line = |node: &NodePlan| CostModel::new(node.round_trip_secs, 1e-6 / node.msamples_per_sec);
     let lines: Vec<CostModel> = nodes.iter().map(line).collect();
     water_fill(work, &lines).shares
 }
 
-/// What changes have made of a node.
+/// State of a node after its changes.
 #[derive(Clone, Copy)]
 struct NodeForecast {
     slowness: f64,
     there: bool,
-    /// When its next answers can begin, counted from the next frame on and without their delays.
+    /// Time in s at which its next answers can begin, relative to the next frame and without their
+    /// delays.
     free_secs: f64,
 }
 
@@ -129,6 +131,7 @@ fn line(
     let secs_per_work = 1e-6 / msamples_per_sec * state.slowness * environment.pace(node, frame);
     let begin_secs = round_trip_secs.max(state.free_secs) + environment.stall_secs(node, frame);
     let fixed_secs = begin_secs + environment.delay_secs(node, frame);
+    // Work of more than a period per frame would let the node's queue grow without bound.
     let cap = plan
         .period_secs
         .map_or(f64::INFINITY, |period| period / secs_per_work);

@@ -7,37 +7,37 @@ use super::NetworkConditions;
 use carom_farm::coordinator::SPOT_CHECK_TILES;
 use carom_farm::{Balancing, Distribution, NodeIndex};
 
-/// What to simulate.
+/// A simulation to run.
 #[derive(Clone, Debug)]
 pub struct FarmPlan {
-    /// Decides all that is random.
+    /// Seed of all randomness.
     pub seed: u64,
-    /// Divides the frames.
+    /// The algorithm that divides the frames.
     pub balancing: Balancing,
-    /// The farm.
+    /// The nodes of the farm.
     pub nodes: Vec<NodePlan>,
-    /// How many frames are submitted.
+    /// Number of frames to submit.
     pub frames: u64,
-    /// How many may be in flight.
+    /// Maximum number of frames in flight.
     pub frames_in_flight: usize,
-    /// Seconds between submissions; absent: as soon as there is room.
+    /// Interval between submissions in seconds; absent: as soon as there is room.
     pub period_secs: Option<f64>,
-    /// Whether frames must be shown at the moments that [`carom_farm::pacing::FrameSchedule`] has for 60
-    /// frames a second.
+    /// Whether frames must be shown at the times of [`carom_farm::pacing::FrameSchedule`] for 60 frames
+    /// a second.
     pub looks_ahead: bool,
-    /// The picture: its pixels times their samples are the work of a frame.
+    /// Size of the picture: its pixels times their samples are the work of a frame.
     pub size: ImageSize,
-    /// Samples of each pixel.
+    /// Samples per pixel.
     pub samples: u32,
-    /// What is divided.
+    /// Whether tiles or samples are divided.
     pub distribution: Distribution,
-    /// Pixels along a tile's edge.
+    /// Edge of a tile in pixels.
     pub tile_edge: u16,
-    /// One tile of so many is traced again by another node; 0 for none.
+    /// One tile in this many is traced again by another node; 0 for none.
     pub spot_check_tiles: u32,
-    /// How much it varies.
+    /// Random variation of the farm.
     pub conditions: NetworkConditions,
-    /// What happens to nodes when a frame is submitted.
+    /// Changes of nodes at the submission of a frame.
     pub changes: Vec<(FrameId, NodeIndex, NodeChange)>,
 }
 
@@ -50,43 +50,44 @@ pub struct NodePlan {
     pub jitter_secs: f64,
     /// Pixel samples per second, in millions.
     pub msamples_per_sec: f64,
-    /// Whether tiles come as they are finished, as from a processor, or all at the end of a run.
+    /// Whether tiles are sent as they are finished, as by a processor, or all at the end of a run.
     pub streams: bool,
-    /// What share of its true busy time it reports; 1 is honest.
+    /// Ratio of its reported to its true busy time; 1 is honest.
     pub honesty: f64,
     /// Whether it is in the client's process.
     pub is_local: bool,
-    /// What happens to it, by the second.
+    /// Changes of the node, by virtual time in seconds.
     pub changes: Vec<(f64, NodeChange)>,
 }
 
-/// What happens to a node.
+/// A change of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NodeChange {
-    /// It takes that many times as long as before from now on.
+    /// It takes this many times as long as before from now on.
     Slow(f64),
-    /// It says nothing any more, and nobody notices but by that.
+    /// It sends nothing any more, and its connection stays open.
     Silent,
     /// Its connection breaks, which the client learns of at once.
     Die,
-    /// It finishes what it has been asked for and ends: it says so, and closes the connection once the client
-    /// has everything.
+    /// It finishes what it has been asked for and ends: it announces that, and closes the connection
+    /// once the client has everything.
     Drain,
-    /// It connects. A node with this among its changes is not there from the start.
+    /// It connects. A node with this among its changes is not present from the start.
     Join,
     /// Its device fails at each run from now on.
     Fail,
-    /// It reports that share of its true busy time from now on.
+    /// It reports this ratio of its true busy time from now on.
     Lie(f64),
     /// It sends pixels that are not numbers from now on.
     Poison,
-    /// It sends wrong pixels that look right for one tile of so many from now on.
+    /// It sends wrong but plausible pixels for one tile in this many from now on.
     Forge(u32),
-    /// The client sleeps for so many seconds.
+    /// The client sleeps for this many seconds.
     Suspend(f64),
 }
 
-/// One frame after the other by tiles, without jitter or changes, of nodes that are to be named.
+/// One frame after the other, divided by tiles, without jitter or changes; the nodes are to be filled
+/// in.
 impl Default for FarmPlan {
     fn default() -> Self {
         Self {
@@ -114,7 +115,7 @@ impl FarmPlan {
         TileGrid::new(self.size, self.tile_edge)
     }
 
-    /// Whether a node is not there from the start.
+    /// Whether a node is not present from the start.
     pub(super) fn joins_later(&self, node: NodeIndex) -> bool {
         let by_time = self.nodes[node.0].changes.iter();
         let by_time = by_time.map(|(_, change)| *change);

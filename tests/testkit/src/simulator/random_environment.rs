@@ -1,7 +1,7 @@
 //! Random delays, stalls and tile costs, all from a seed.
 //!
-//! Each value is a hash of the seed and of what it belongs to, so that it is the same whichever
-//! algorithm divides the frames, and the clairvoyant optimum can be told of it.
+//! Each value is a hash of the seed and of its key, so that it does not depend on the algorithm that
+//! divides the frames, and the clairvoyant optimum can use it.
 
 use std::f64::consts::TAU;
 
@@ -11,29 +11,30 @@ use carom_tracer::TileGrid;
 use crate::random::SplitMix64;
 use carom_farm::NodeIndex;
 
-/// How much a farm varies from frame to frame. The default is a farm that never does.
+/// Random variation of a farm from frame to frame. The default has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NetworkConditions {
     /// Mean of the exponential delay of a node's answers for a frame, in seconds.
     pub delay_secs: f64,
     /// Standard deviation of a node's pace for a frame, as a share.
     pub pace_noise: f64,
-    /// How often a node pauses before it begins with a frame, as a share of the frames.
+    /// Share of the frames before which a node pauses.
     pub stall_share: f64,
-    /// How long it pauses then, in seconds.
+    /// Duration of such a pause, in seconds.
     pub stall_secs: f64,
-    /// How much tiles differ over the picture: the dearest costs e to this times the middle.
+    /// Spread of the costs of tiles over the picture: the most expensive costs at most e to this times
+    /// the medium.
     pub cost_spread: f64,
-    /// The most that a tile differs from one frame to the next, as a share.
+    /// Largest relative deviation of a tile's cost in a frame.
     pub cost_noise: f64,
 }
 
-/// The weather of one run.
+/// Random environment of one run.
 #[derive(Clone, Debug)]
 pub(super) struct RandomEnvironment {
     seed: u64,
     conditions: NetworkConditions,
-    /// What each tile costs on average, with a mean of 1.
+    /// Cost of each tile without its noise, with a mean of 1.
     costs: Vec<f64>,
 }
 
@@ -45,6 +46,7 @@ impl RandomEnvironment {
         let cost = |tile: u32| {
             let x = f64::from(tile % grid.columns()) / columns;
             let y = f64::from(tile / grid.columns()) / rows;
+            // Plane waves of random phases: a smooth terrain, with a height from −4 to 4.
             let waves = [(1.3, 0.4), (0.5, 1.7), (2.1, 1.1), (0.2, 0.9)];
             let waves = waves.iter().zip(phases);
             let height: f64 = waves
@@ -62,7 +64,7 @@ impl RandomEnvironment {
         }
     }
 
-    /// Seconds by which all that a node sends for a frame is late.
+    /// Delay in seconds of everything that a node sends for a frame.
     pub(super) fn delay_secs(&self, node: NodeIndex, frame: FrameId) -> f64 {
         if self.conditions.delay_secs == 0.0 {
             return 0.0;
@@ -70,7 +72,7 @@ impl RandomEnvironment {
         self.conditions.delay_secs * self.random(Quantity::Delay, node, frame).exponential()
     }
 
-    /// Seconds that a node pauses before it begins with a frame.
+    /// Pause of a node before it begins with a frame, in seconds.
     pub(super) fn stall_secs(&self, node: NodeIndex, frame: FrameId) -> f64 {
         let stalls =
             self.random(Quantity::Stall, node, frame).uniform() < self.conditions.stall_share;
@@ -81,13 +83,13 @@ impl RandomEnvironment {
         }
     }
 
-    /// How many times its usual time a node takes for a frame.
+    /// Time that a node takes for a frame, over its usual time.
     pub(super) fn pace(&self, node: NodeIndex, frame: FrameId) -> f64 {
         let noise = self.random(Quantity::Pace, node, frame).normal();
         (1.0 + self.conditions.pace_noise * noise).max(0.5)
     }
 
-    /// What a tile costs in a frame, in tiles of average cost.
+    /// Cost of a tile in a frame, in tiles of average cost.
     pub(super) fn cost(&self, frame: FrameId, tile: u32) -> f64 {
         if self.conditions.cost_noise == 0.0 {
             return self.costs[tile as usize];
@@ -98,7 +100,7 @@ impl RandomEnvironment {
         self.costs[tile as usize] * (1.0 + self.conditions.cost_noise * (2.0 * noise - 1.0))
     }
 
-    /// What all tiles of a frame cost.
+    /// Cost of all tiles of a frame.
     pub(super) fn frame_cost(&self, frame: FrameId) -> f64 {
         let tiles = 0..self.costs.len() as u32;
         tiles.map(|tile| self.cost(frame, tile)).sum()
@@ -109,7 +111,7 @@ impl RandomEnvironment {
     }
 }
 
-/// What a random number is for.
+/// Purpose of a random number, which is part of its key.
 #[derive(Clone, Copy)]
 enum Quantity {
     Terrain,

@@ -3,30 +3,30 @@
 use carom_farm::coordinator::FrameRefusal;
 use carom_farm::{Frame, NodeStatus};
 
-/// What came out.
+/// Results of a simulation.
 #[derive(Clone, Debug, Default)]
 pub struct SimulationReport {
     /// The whole frames in the order of delivery; the pixels have been checked and dropped.
     pub frames: Vec<Frame>,
-    /// Those that were shown with tiles missing, of which some came whole later.
+    /// Frames that were shown with tiles missing, some of which were completed later.
     pub partial: Vec<Frame>,
-    /// Those that every node refused.
+    /// Frames that every node refused.
     pub refused: Vec<FrameRefusal>,
-    /// What the user was told.
+    /// Warnings to the user.
     pub warnings: Vec<String>,
-    /// The most that a frame was handed over after it had to be shown, in seconds.
+    /// Largest delay of a frame's delivery after it had to be shown, in seconds.
     pub shown_late_secs: f64,
     /// Frames in which any pixel was wrong or missing.
     pub wrong_frames: u64,
-    /// Tiles in a frame.
+    /// Number of tiles in a frame.
     pub tiles_per_frame: u32,
-    /// Tiles that devices have worked on, wanted or not.
+    /// Number of tiles that devices have worked on, wanted or not.
     pub tiles_traced: u64,
-    /// Submissions that came while as many frames as may be were in flight.
+    /// Submissions that were skipped as the maximum number of frames was in flight.
     pub skipped: u64,
     /// The nodes at the end.
     pub nodes: Vec<NodeStatus>,
-    /// Virtual seconds that it took.
+    /// Duration in virtual seconds.
     pub secs: f64,
 }
 

@@ -1,4 +1,4 @@
-//! The farms on which algorithms are compared: unequal nodes at unequal distances, of which one slows
+//! Scenarios for the comparison of algorithms: unequal nodes at unequal distances, of which one slows
 //! down, one dies and one joins.
 
 use carom_protocol::FrameId;
@@ -10,46 +10,46 @@ use crate::random::SplitMix64;
 use carom_farm::Balancing;
 use carom_farm::NodeIndex;
 
-/// How far nodes are.
+/// Distances of the nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Network {
     /// Round trips of 0.3 to 2 ms.
     Lan,
     /// Round trips of 1 to 80 ms.
     Wan,
-    /// 46 ms for all.
+    /// Round trips of 46 ms for all nodes.
     Far,
 }
 
-/// When frames are submitted.
+/// Submission of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SubmissionMode {
-    /// Each when the one before is whole.
+    /// Each frame once the one before is complete.
     Closed,
-    /// 60 a second, up to eight in flight.
+    /// 60 frames a second, up to eight in flight.
     Pipelined,
 }
 
 /// One run of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scenario {
-    /// Nodes from the start; one more joins.
+    /// Number of nodes from the start; one more joins.
     pub nodes: usize,
-    /// How far they are.
+    /// Their distances.
     pub network: Network,
-    /// When frames are submitted.
+    /// Submission of frames.
     pub mode: SubmissionMode,
-    /// Decides all that is random.
+    /// Seed of all randomness.
     pub seed: u64,
-    /// Frames of the run; the events come after a quarter, a half and three quarters of them.
+    /// Number of frames; the events come after a quarter, a half and three quarters of them.
     pub frames: u64,
 }
 
 impl Network {
-    /// All of them.
+    /// All networks.
     pub const ALL: [Self; 3] = [Self::Lan, Self::Wan, Self::Far];
 
-    /// As results call it.
+    /// Name in results.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Lan => "lan",
@@ -58,7 +58,7 @@ impl Network {
         }
     }
 
-    /// The nearest and the farthest node's round trip in seconds.
+    /// Round trips of the nearest and the farthest node in seconds.
     const fn round_trips_secs(self) -> (f64, f64) {
         match self {
             Self::Lan => (0.3e-3, 2e-3),
@@ -69,10 +69,10 @@ impl Network {
 }
 
 impl SubmissionMode {
-    /// All of them.
+    /// All modes.
     pub const ALL: [Self; 2] = [Self::Closed, Self::Pipelined];
 
-    /// As results call it.
+    /// Name in results.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Closed => "closed",
@@ -84,6 +84,7 @@ impl SubmissionMode {
 impl Scenario {
     /// The run's plan, with `balancing` dividing the frames.
     pub fn plan(&self, balancing: Balancing) -> FarmPlan {
+        // Tiles have one pixel: 920 of them, or 3,600.
         let size = if self.nodes < 1000 {
             ImageSize::new(40, 23)
         } else {
@@ -109,12 +110,13 @@ impl Scenario {
         plan
     }
 
-    /// When the best node slows down, when another dies, and when one joins.
+    /// Frames before which the best node slows down, another dies, and one joins.
     pub fn events(&self) -> [u64; 3] {
         [1, 2, 3].map(|quarter| quarter * self.frames / 4)
     }
 
-    /// Speeds and distances are spread evenly over their ranges in logarithms and paired at random.
+    /// Speeds and round trips are spread evenly over the logarithms of their ranges and paired at
+    /// random.
     fn nodes(&self, tiles: f64) -> Vec<NodePlan> {
         let mut random = SplitMix64::keyed(&[self.seed, 0xfa12]);
         let mut speeds = spread(&mut random, self.nodes, (1.0, SPEED_SPREAD));
@@ -147,7 +149,8 @@ impl Scenario {
     }
 }
 
-/// `count` values from `range`, one in each of as many equal parts of its logarithm, in any order.
+/// `count` values from `range`, one in each of as many equal parts of its logarithm (stratified), in
+/// random order.
 fn spread(random: &mut SplitMix64, count: usize, (low, high): (f64, f64)) -> Vec<f64> {
     let value = |index: usize, random: &mut SplitMix64| {
         let place = (index as f64 + random.uniform()) / count as f64;
@@ -160,13 +163,13 @@ fn spread(random: &mut SplitMix64, count: usize, (low, high): (f64, f64)) -> Vec
     values
 }
 
-/// How much faster the fastest node is than the slowest.
+/// Ratio of the speeds of the fastest and the slowest node.
 const SPEED_SPREAD: f64 = 100.0;
-/// What a frame would take if every node were used perfectly.
+/// Time in s of a frame if every node were used perfectly.
 const WORK_SECS: f64 = 8e-3;
-/// Between the frames of [`SubmissionMode::Pipelined`].
+/// Interval in s between the frames of [`SubmissionMode::Pipelined`].
 pub const PERIOD_SECS: f64 = 1.0 / 60.0;
-/// Of all scenarios.
+/// Random variation in all scenarios.
 const NETWORK_CONDITIONS: NetworkConditions = NetworkConditions {
     delay_secs: 1e-3,
     pace_noise: 0.03,

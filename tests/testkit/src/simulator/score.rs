@@ -1,4 +1,4 @@
-//! The score of a run in which nodes slow down, die and join.
+//! Score of a run in which nodes slow down, die and join.
 
 use carom_protocol::limits::FRAMES_IN_FLIGHT_MAX;
 
@@ -7,31 +7,32 @@ use super::SimulationReport;
 /// Frame times as multiples of the clairvoyant optimum's.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Score {
-    /// Each frame's time; NaN where there is no optimum.
+    /// Ratio of each frame; NaN where there is no optimum.
     pub ratios: Vec<f64>,
-    /// Those of the settled frames, rising, without NaN.
+    /// Ratios of the settled frames in ascending order, without NaN.
     pub settled: Vec<f64>,
     /// Mean over the settled frames; NaN if the run has none.
     pub mean: f64,
     /// 99th percentile of the settled frames; NaN if the run has none.
     pub p99: f64,
-    /// Frames after each event until eight in a row are, on average, within a tenth of what they
-    /// settle to, all that there are if that never happens; absent where there is no optimum.
+    /// Number of frames after each event until eight in a row are, on average, within a tenth of what
+    /// they settle to; all remaining frames if that never happens; absent where there is no optimum.
     pub recovery_frames: [Option<usize>; 3],
-    /// Tiles that were traced more than once, of all.
+    /// Share of tiles that were traced more than once.
     pub duplicates: f64,
-    /// The worst of the frames in flight at the death and of the 50 after it; NaN if there is no optimum.
+    /// Largest ratio of the frames in flight at the death and of the 50 after it; NaN if there is no
+    /// optimum.
     pub worst_after_death: f64,
-    /// Mean over the settled frames of the deviation of the nodes' response times, in seconds.
+    /// Mean over the settled frames of the standard deviation of the nodes' response times, in seconds.
     pub response_deviation_secs: f64,
-    /// Frames that did not come, or were not submitted because too many were in flight.
+    /// Frames that were not delivered, or not submitted because too many were in flight.
     pub lost: u64,
 }
 
 impl Score {
-    /// Of a run of `frames` frames whose optimum is `optimum_secs`, `period_secs` apart if they are in
-    /// flight at once; before the frames `events` a node slowed down, one died and one joined:
-    /// `frames` or more for what did not happen.
+    /// Score of a run of `frames` frames whose optimum is `optimum_secs`, submitted `period_secs` apart
+    /// if they are pipelined. Before the frames `events` a node slowed down, one died and one joined:
+    /// `frames` or more for an event that did not happen.
     pub fn new(
         frames: u64,
         period_secs: Option<f64>,
@@ -77,8 +78,7 @@ impl Score {
     }
 }
 
-/// The first of the frames that were not whole when `event` was submitted: what happened then has hit
-/// them too.
+/// First frame that was not complete when `event` was submitted: the event has affected it too.
 fn first_in_flight(event: usize, period_secs: Option<f64>, report: &SimulationReport) -> usize {
     let Some(period_secs) = period_secs else {
         return event;
@@ -91,8 +91,9 @@ fn first_in_flight(event: usize, period_secs: Option<f64>, report: &SimulationRe
     before.into_iter().find(in_flight).unwrap_or(event)
 }
 
-/// Frames that are well after the start and after each event.
+/// Indices of the frames that are well after the start and after each event.
 fn settled(quarter: usize, events: [usize; 3], frames: usize) -> Vec<usize> {
+    // A sixteenth of the frames after an event, an eighth after the start.
     let is_settled = |index: &usize| match events.iter().filter(|event| *event <= index).max() {
         Some(event) => index - event >= quarter / 4,
         None => *index >= quarter / 2,
@@ -100,6 +101,7 @@ fn settled(quarter: usize, events: [usize; 3], frames: usize) -> Vec<usize> {
     (0..frames).filter(is_settled).collect()
 }
 
+/// Frames from `event` until the moving average is within a tenth of the mean of the later half.
 fn recovery(ratios: &[f64], event: usize, quarter: usize) -> Option<usize> {
     let after = ratios.get(event..ratios.len().min(event + quarter))?;
     let settled = mean(after[after.len() / 2..].iter().copied());
@@ -123,9 +125,9 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     if count > 0.0 { sum / count } else { f64::NAN }
 }
 
-/// Frames that are looked at together.
+/// Length of the moving average in frames.
 const WINDOW: usize = 8;
-/// Frames in which a death may show.
+/// Number of frames in which a death may show.
 const AFTER_DEATH: usize = 50;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Pixels of simulated frames, made so that a wrong one is noticed.
+//! Pixels of simulated frames, such that a wrong one is detected.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -28,9 +28,9 @@ pub(super) fn frame_spec(plan: &FarmPlan) -> FrameSpec {
     }
 }
 
-/// Where the pixels of simulated nodes come from.
+/// Source of the pixels of simulated nodes.
 pub(super) enum TileSource {
-    /// A pattern: each pixel names its frame, its tile and its samples.
+    /// A pattern: each pixel encodes its frame, its tile and its samples.
     Pattern,
     /// A tracer.
     Tracer(Box<TracedScene>),
@@ -45,7 +45,7 @@ pub(super) struct TracedScene {
 }
 
 impl TileSource {
-    /// That of a plan's frames, all of which show `scene`.
+    /// Source for a plan's frames, all of which show `scene`.
     ///
     /// # Panics
     /// If the tracer fails.
@@ -69,7 +69,7 @@ impl TileSource {
         Self::Tracer(Box::new(traced))
     }
 
-    /// What an honest node sends for tiles.
+    /// Pixels that an honest node sends for tiles.
     pub(super) fn pixels(&self, request: &TraceRequest, tiles: TileRange) -> TilePixels {
         TilePixels::Linear(match self {
             Self::Pattern => pattern(request, tiles),
@@ -77,8 +77,8 @@ impl TileSource {
         })
     }
 
-    /// Whether each pixel of a frame is what it should be: where tiles are missing black or, of several
-    /// passes, the mean of some of its samples.
+    /// Whether each pixel of a frame is correct: where tiles are missing it must be black or, with
+    /// several passes, the mean of some of its samples.
     pub(super) fn is_right(&self, frame: &Frame, grid: TileGrid, samples: u32) -> bool {
         let Pixels::Linear(pixels) = &frame.pixels else {
             return false;
@@ -142,12 +142,12 @@ fn pattern(request: &TraceRequest, tiles: TileRange) -> Vec<[f32; 3]> {
     pixels
 }
 
-/// What a node sends that has gone wrong.
+/// Pixels of a node that has gone wrong: not numbers.
 pub(super) fn poison(request: &TraceRequest, tiles: TileRange) -> TilePixels {
     TilePixels::Linear(vec![[f32::NAN; 3]; request.grid.pixels(tiles)])
 }
 
-/// What a node sends that lies: the picture, but brighter.
+/// Pixels of a node that forges: the picture, with its red 1.5 times as bright.
 pub(super) fn brighter(pixels: TilePixels) -> TilePixels {
     match pixels {
         TilePixels::Linear(mut pixels) => {
@@ -158,14 +158,15 @@ pub(super) fn brighter(pixels: TilePixels) -> TilePixels {
     }
 }
 
-/// Squares, so that no range of samples has the mean of another.
+/// Pixel of the pattern. Its samples enter by their squares, so that no range of samples has the mean
+/// of another.
 fn pixel(frame: FrameId, tile: u32, samples: Range<u32>) -> [f32; 3] {
     let count = samples.len() as f64;
     let sum: f64 = samples.map(|sample| f64::from(sample + 1).powi(2)).sum();
     [frame.0 as f32 + 1.0, tile as f32, (sum / count) as f32]
 }
 
-/// A scene without anything in it: whatever is looked at is as bright.
+/// An empty scene of uniform radiance.
 pub fn empty_scene() -> Scene {
     Scene {
         camera: Camera {

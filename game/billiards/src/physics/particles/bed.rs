@@ -1,4 +1,4 @@
-//! The particles that lie on a table.
+//! The particles on a table.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use super::{ParticleGroup, ParticleMaterial, ParticlePatch, ParticlePrecision};
 use crate::physics::{BallState, Table};
 use crate::{ParticleFault, Result};
 
-/// Particles on a table, as they lie or move.
+/// Particles on a table, at rest or moving.
 #[derive(Clone)]
 pub struct ParticleBed {
     patches: Vec<ParticlePatch>,
@@ -19,11 +19,11 @@ pub struct ParticleBed {
     simulation: Simulation,
     marbles: Marbles,
     obstacles: Vec<Obstacle>,
-    /// Materials in the order of the particles' numbers, each with how many there are.
+    /// Groups by material, in the order of the particles' numbers.
     groups: Vec<ParticleGroup>,
-    /// Where particles were when last looked for, in m.
+    /// Bounding rectangle of the particles at the last [`ParticleBed::find_bounds`], in m.
     bounds: [DVec2; 2],
-    /// Between two shots.
+    /// Heights of the particles between two shots.
     heights: HeightMap,
     /// Half the cloth's length and width, in m.
     cloth_half_m: DVec2,
@@ -38,15 +38,15 @@ impl fmt::Debug for ParticleBed {
 }
 
 impl ParticleBed {
-    /// Most particles of a table: a shot through all of them takes some seconds.
+    /// Maximum number of particles on a table: a shot through all of them takes some seconds.
     pub const PARTICLES_MAX: usize = 32_000;
 
-    /// Fresh particles on patches of a table, but where balls lie, that have come to rest: 0.1 to 0.8 s of a core for a
-    /// trick table.
+    /// Fresh particles on patches of a table, except where balls lie, settled to rest: 0.1 to 0.8 s of
+    /// a core for a trick table.
     ///
     /// # Errors
-    /// [`crate::Error::Particles`] if a patch is not on the cloth, there are none, more than
-    /// [`ParticleBed::PARTICLES_MAX`] particles, or marbles beside others: neither would push the other.
+    /// [`crate::Error::Particles`] if a patch is not on the cloth, or for no particles, more than
+    /// [`ParticleBed::PARTICLES_MAX`], or marbles beside others, as neither would push the other.
     pub fn new(
         table: &Table,
         balls: &[BallState],
@@ -56,7 +56,7 @@ impl ParticleBed {
         Self::unsettled(table, balls, patches, precision)?.settled(balls)
     }
 
-    /// Fresh particles on patches of a table as they are strewn, at once: they slump when time goes on.
+    /// Fresh particles on patches of a table, not settled yet: they slump when simulated.
     ///
     /// # Errors
     /// As [`ParticleBed::new`].
@@ -67,7 +67,7 @@ impl ParticleBed {
         precision: ParticlePrecision,
     ) -> Result<Self> {
         let mut patches = patches.to_vec();
-        // Whatever order patches come in, particles have the same numbers and so the shot the same bits.
+        // Particle numbers, and so the bits of a shot, must not depend on the order of the patches.
         patches.sort_unstable();
         patches.dedup_by_key(|patch| (patch.column, patch.row));
         let mut simulation = Simulation::new(settings(precision)).map_err(ParticleFault::from)?;
@@ -108,7 +108,7 @@ impl ParticleBed {
         Self::assemble(table, patches, precision, (simulation, marbles), groups)
     }
 
-    /// The particles once they have come to rest around balls that do not move; as they are if they rest.
+    /// The particles settled to rest around immovable balls; unchanged if they are at rest.
     ///
     /// # Errors
     /// [`crate::Error::Particles`] if the simulation fails.
@@ -128,7 +128,7 @@ impl ParticleBed {
         Ok(self)
     }
 
-    /// Particles on their table.
+    /// Assembles particles on their table.
     ///
     /// # Errors
     /// [`crate::Error::Particles`] if a patch is not on the cloth, there are no particles, or marbles and others.
@@ -181,27 +181,27 @@ impl ParticleBed {
         }
     }
 
-    /// What it was made of.
+    /// Patches that it was made of.
     pub fn patches(&self) -> &[ParticlePatch] {
         &self.patches
     }
 
-    /// How finely it is simulated.
+    /// Precision of the simulation.
     pub fn precision(&self) -> ParticlePrecision {
         self.precision
     }
 
-    /// Materials in the order of the particles' numbers, each with how many there are.
+    /// Groups by material, in the order of the particles' numbers.
     pub fn groups(&self) -> &[ParticleGroup] {
         &self.groups
     }
 
-    /// Half the cloth's length and width, in m: no particle gets beyond.
+    /// Half the cloth's length and width, in m: no particle moves beyond.
     pub fn cloth_half_m(&self) -> DVec2 {
         self.cloth_half_m
     }
 
-    /// Mean distance of particles that lie, in m.
+    /// Mean spacing of particles at rest, in m.
     pub fn spacing_m(&self) -> f32 {
         spacing_m(self.precision) as f32
     }
@@ -225,7 +225,8 @@ impl ParticleBed {
         &self.marbles
     }
 
-    /// Between two shots: the next one's bits depend on nothing but what is stored of the particles.
+    /// Sorts the particles and updates the height map between two shots, so that the bits of the next
+    /// shot depend on nothing but the stored state.
     pub(super) fn put_in_order(&mut self) -> Result<()> {
         let ordered = self.simulation.put_in_order();
         ordered.map_err(ParticleFault::from)?;
@@ -238,7 +239,7 @@ impl ParticleBed {
         Ok(())
     }
 
-    /// How high they lie.
+    /// Heights of the particles between two shots.
     pub(super) fn heights(&self) -> &HeightMap {
         &self.heights
     }
@@ -247,12 +248,12 @@ impl ParticleBed {
         !self.marbles.spheres().is_empty()
     }
 
-    /// Whether nothing moves until a ball comes.
+    /// Whether all particles are at rest until a ball disturbs them.
     pub(super) fn is_asleep(&self) -> bool {
         self.simulation.is_asleep() && self.marbles.is_asleep()
     }
 
-    /// Looks for where particles are.
+    /// Updates the bounding rectangle of the particles.
     pub(super) fn find_bounds(&mut self) {
         let particles = self.simulation.particles();
         let places = particles.map(|particle| particle.position.truncate().as_dvec2());
@@ -269,13 +270,13 @@ impl ParticleBed {
         (at.cmpge(min - reach) & at.cmple(max + reach)).all()
     }
 
-    /// Whether what lies reaches a ball that it may carry.
+    /// Whether particles at rest reach a ball at this position, and so may carry it.
     pub(super) fn carries(&self, position: DVec3, radius_m: f64) -> bool {
         let reach_m = radius_m + self.precision.cell_size_m();
         self.heights.touches(position, reach_m)
     }
 
-    /// Moves the particles on; the balls' impulses are those by particles.
+    /// Advances the particles; returns the balls with the impulses from particles.
     pub(super) fn step(&mut self, secs: f64, balls: Vec<Ball>) -> Result<Vec<Ball>> {
         let mut bodies = Bodies {
             balls,
@@ -294,18 +295,19 @@ impl ParticleBed {
 pub(super) fn settings(precision: ParticlePrecision) -> Settings {
     Settings {
         cell_size_m: precision.cell_size_m() as f32,
-        // Grains that creep more slowly lie: a shot is not to wait for the last of them.
+        // Grains that creep more slowly count as at rest: a shot must not wait for the last of them.
         rest_speed_m_s: 0.02,
         ..Settings::default()
     }
 }
 
-/// Distance of particles that lie, in m.
+/// Spacing of particles at rest, in m.
 fn spacing_m(precision: ParticlePrecision) -> f64 {
     precision.cell_size_m() / 2.0
 }
 
-/// Particles of a patch, each for an equal part of its volume: whole numbers along each edge.
+/// Positions of a patch's particles, each with an equal part of its volume: whole numbers along each
+/// edge.
 fn places(patch: &ParticlePatch, precision: ParticlePrecision) -> impl Iterator<Item = Vec3> {
     let spacing = spacing_m(precision);
     let along = (ParticlePatch::EDGE_M / spacing).round().max(1.0);
@@ -317,8 +319,8 @@ fn places(patch: &ParticlePatch, precision: ParticlePrecision) -> impl Iterator<
         .flat_map(move |x| (0..count[1]).flat_map(move |y| (0..count[2]).map(move |z| [x, y, z])));
     indices.map(move |index| {
         let number = (index[0] * count[1] + index[1]) * count[2] + index[2];
-        // By place, not by the order of patches: to add one leaves the grains of the others where they
-        // are.
+        // Seeded by position, not by the order of patches: an added patch leaves the grains of the
+        // others where they are.
         let shift = scatter(patch_seed(corner), number) * SCATTER;
         let at = DVec3::from(index.map(f64::from)) + 0.5 + shift;
         (corner + at * DVec3::new(step, step, spacing)).as_vec3()
@@ -329,7 +331,8 @@ fn patch_seed(corner: DVec3) -> u64 {
     corner.x.to_bits() ^ corner.y.to_bits().rotate_left(32)
 }
 
-/// Three numbers of ±0.5 from two words (Steele, Lea and Flood 2014, "Fast splittable pseudorandom number generators").
+/// Three numbers in ±0.5 from a hash of two words: the mixer of SplitMix64 (Steele, Lea and Flood 2014,
+/// "Fast splittable pseudorandom number generators").
 fn scatter(seed: u64, number: u32) -> DVec3 {
     let mut word = seed.wrapping_add(u64::from(number + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     word = (word ^ (word >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -359,7 +362,8 @@ fn check_places(table: &Table, patches: &[ParticlePatch]) -> Result<()> {
     }
 }
 
-/// The cloth, the cushions all around, closed where pockets are, and what jelly is glued to.
+/// Boundaries of the particles: the cloth, the cushions all around, also where pockets are, and the
+/// solid that jelly is glued to.
 fn obstacles(table: &Table, patches: &[ParticlePatch]) -> Vec<Obstacle> {
     let half = 0.5 * DVec2::new(table.length_m(), table.width_m());
     let mut obstacles = vec![Obstacle::plane(DVec3::ZERO, DVec3::Z)];
@@ -388,17 +392,17 @@ fn obstacles(table: &Table, patches: &[ParticlePatch]) -> Vec<Obstacle> {
     obstacles
 }
 
-/// What is laid has come to rest by then, or creeps too slowly to be seen.
+/// Time in s by which fresh particles have come to rest, or creep too slowly to be seen.
 const SETTLE_SECS_MAX: f64 = 6.0;
-/// Between two looks whether it has.
+/// Interval in s between two checks whether they are at rest.
 const SETTLE_STEP_SECS: f64 = 1.0 / 60.0;
-/// Of a ball that lies while particles settle.
+/// Mass of a ball at rest while particles settle.
 const IMMOVABLE_KG: f64 = 1e6;
-/// Of the distance between particles: grains are no lattice.
+/// Random displacement over the spacing: grains are no lattice.
 const SCATTER: f64 = 0.9;
-/// Nodes of particles reach so far, and a ball moves less in a step.
+/// Reach of particles' grid nodes in cells, more than a ball moves in a step.
 const REACH_CELLS: f64 = 4.0;
-/// How thick a solid jelly is glued to, in m.
+/// Thickness of the solid that jelly is glued to, in m.
 const GLUE_M: f64 = 0.06;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! First touch of balls and particles that lie: up to it a shot is as if there were no particles.
+//! First contact of balls with particles at rest: up to it a shot is the same as without particles.
 
 use glam::DVec3;
 
@@ -9,8 +9,9 @@ use crate::physics::shot::Shot;
 use crate::physics::trajectory::Trajectory;
 
 impl Shot {
-    /// Until when each ball of this shot, which was simulated without particles, goes as it would with those of `bed`, in
-    /// s: until it touches some, or a ball that had. Infinite for a ball that does neither.
+    /// Time in s up to which each ball of this shot, which was simulated without particles, moves as it
+    /// would with those of `bed`: until it touches particles, or a ball that has touched some. Infinite
+    /// for a ball that does neither.
     pub fn known_until_secs(&self, bed: &ParticleBed) -> Vec<f64> {
         let end_secs = self.duration_secs();
         let trajectories = self.trajectories();
@@ -19,8 +20,8 @@ impl Shot {
             .map(|ball| first_touch_secs(bed.heights(), ball, end_secs));
         let mut known: Vec<f64> = touches.collect();
         let index = |number: u8| trajectories.iter().position(|ball| ball.number() == number);
-        // In the order of time: a ball that has touched particles passes the difference on with each
-        // contact.
+        // Events are in time order: a ball that has touched particles passes the difference on with
+        // each contact.
         for event in self.events() {
             let EventKind::BallBall { first, second, .. } = event.kind else {
                 continue;
@@ -36,7 +37,7 @@ impl Shot {
     }
 }
 
-/// When a ball that moves first touches particles; infinite if it does not.
+/// Time in s at which a moving ball first touches particles; infinite if it does not.
 fn first_touch_secs(heights: &HeightMap, ball: &Trajectory, end_secs: f64) -> f64 {
     let radius_m = ball.body().radius_m;
     let starts: Vec<_> = ball.segments().map(|(segment, _)| segment).collect();
@@ -60,7 +61,7 @@ fn first_touch_secs(heights: &HeightMap, ball: &Trajectory, end_secs: f64) -> f6
     f64::INFINITY
 }
 
-/// Between two looks: a ball of 5 m/s goes 5 mm.
+/// Sampling interval: a ball at 5 m/s moves 5 mm.
 const STEP_SECS: f64 = 1e-3;
-/// Of one motion: the longest roll takes longer steps, at less speed.
+/// Maximum samples of one motion: only the longest rolls, which are slower, are sampled more coarsely.
 const STEPS_MAX: f64 = 20_000.0;

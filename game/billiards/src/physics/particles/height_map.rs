@@ -1,21 +1,22 @@
-//! Heights of particles that lie on the cloth.
+//! Height map of particles at rest on the cloth.
 
 use glam::{DVec3, IVec2, Vec3};
 
-/// How high particles lie over each square of the cloth.
+/// Height of the particles over each square of the cloth.
 #[derive(Clone, Debug)]
 pub(super) struct HeightMap {
     edge_m: f64,
     /// The square of the smallest coordinates.
     first: IVec2,
     columns: usize,
-    /// In m, row by row; none where nothing lies.
+    /// Heights in m, row by row; none where nothing lies.
     tops: Vec<Option<f32>>,
 }
 
 impl HeightMap {
-    /// Of the tops of particles that lie `spacing_m` apart.
+    /// Map of the tops of particles that lie `spacing_m` apart.
     pub(super) fn new(tops: &[Vec3], spacing_m: f64) -> Self {
+        // Twice the spacing, so that no square under particles is empty.
         let edge_m = 2.0 * spacing_m;
         let square = |top: Vec3| (top.truncate().as_dvec2() / edge_m).floor().as_ivec2();
         let none = (IVec2::MAX, IVec2::MIN);
@@ -47,7 +48,7 @@ impl HeightMap {
         (is_inside && index < self.tops.len()).then_some(index)
     }
 
-    /// Whether a sphere reaches into what lies.
+    /// Whether a sphere overlaps the particles.
     pub(super) fn touches(&self, center: DVec3, radius_m: f64) -> bool {
         let low = ((center.truncate() - radius_m) / self.edge_m)
             .floor()
@@ -70,5 +71,6 @@ impl HeightMap {
     }
 }
 
-/// Along each axis: more than a table has, so that stray particles take no memory.
+/// Maximum squares along each axis: more than a table has, which bounds the memory that stray particles
+/// take.
 const SQUARES_MAX: usize = 2048;

@@ -1,4 +1,4 @@
-//! Marbles on patches: a square lattice in layers, from which they settle.
+//! Marbles on patches: laid as a square lattice in layers, from which they settle.
 
 use carom_mpm::{Marble, MarbleState, Marbles};
 use glam::{DVec2, DVec3, Vec3};
@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3, Vec3};
 use super::{ParticleMaterial, ParticlePatch};
 use crate::{ParticleFault, Result};
 
-/// No marbles.
+/// An empty set of marbles.
 pub(super) fn none() -> Result<Marbles> {
     let marble = Marble {
         radius_m: ParticleMaterial::MARBLE_RADIUS_M,
@@ -16,8 +16,8 @@ pub(super) fn none() -> Result<Marbles> {
     Ok(Marbles::new(marble, fall, REST_M_S).map_err(ParticleFault::from)?)
 }
 
-/// Marbles where patches are covered with them and a place with room for a radius is clear. The upper layer lies over the
-/// gaps of the lower.
+/// Marbles on the patches that are covered with them, where `is_clear` holds for a position and a
+/// radius. The upper layer lies over the gaps of the lower.
 pub(super) fn laid(
     patches: &[ParticlePatch],
     is_clear: impl Fn(DVec3, f64) -> bool,
@@ -30,6 +30,7 @@ pub(super) fn laid(
     for patch in covered {
         for layer in 0..LAYERS {
             let shift = f64::from(layer) * 0.5;
+            // One lattice for the whole table, so that adjoining patches continue it.
             let [first, end] = [0.0, ParticlePatch::EDGE_M].map(|edge| {
                 ((patch.corner() + edge) / STEP_M - shift - 0.5)
                     .ceil()
@@ -52,7 +53,7 @@ pub(super) fn laid(
     Ok(marbles)
 }
 
-/// Points on top and around of each, in m.
+/// Points at the top and around each marble, in m.
 pub(super) fn tops(marbles: &Marbles) -> impl Iterator<Item = Vec3> + '_ {
     let radius_m = marbles.marble().radius_m as f32;
     let around = [Vec3::Z, Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Y].map(|way| 0.9 * radius_m * way);
@@ -60,7 +61,7 @@ pub(super) fn tops(marbles: &Marbles) -> impl Iterator<Item = Vec3> + '_ {
     marbles.flat_map(move |marble| around.map(|arm| marble.position.as_vec3() + arm))
 }
 
-/// Corners of the square around each, seen from above, in m.
+/// Corners of the bounding square of each marble seen from above, in m.
 pub(super) fn reach(marbles: &Marbles) -> impl Iterator<Item = DVec2> + '_ {
     let radius_m = marbles.marble().radius_m;
     let marbles = marbles.spheres().iter();
@@ -70,12 +71,13 @@ pub(super) fn reach(marbles: &Marbles) -> impl Iterator<Item = DVec2> + '_ {
     })
 }
 
-/// Most marbles of a table: a shot through all of them takes some seconds.
+/// Maximum number of marbles on a table: a shot through all of them takes some seconds.
 pub(super) const MARBLES_MAX: usize = 2000;
 const LAYERS: i32 = 2;
-/// Between neighbours of a layer: a hair more than they are wide.
+/// Spacing within a layer: slightly more than the diameter, so that none overlap.
 const STEP_M: f64 = 2.01 * ParticleMaterial::MARBLE_RADIUS_M;
-/// Between layers: those of the upper lie in the gaps of the lower, at √2 radii, and a hair more.
+/// Spacing of layers: a marble in the gap of four touching ones lies √2 radii higher, and slightly more
+/// is left.
 const LAYER_M: f64 = 1.43 * ParticleMaterial::MARBLE_RADIUS_M;
-/// Marbles that are slower rest.
+/// Speed below which marbles count as at rest.
 const REST_M_S: f64 = 0.02;

@@ -5,9 +5,12 @@
 //!    ▲                    ▼                                               │
 //! practice table     ParticleTrack, 60 a second ◀── to the end of the shot ┘
 //! ```
-//! Up to the first touch a shot is as without them, which is what is predicted of it. The particles are those of [`carom_mpm`]. A table without any is simulated as if there were none in the world.
-//! With them a shot costs the steps of its particles, some seconds of a core: `carom-bench particles --part precision` prints
-//! how many, and the settings show them beside each [`ParticlePrecision`].
+//! Up to the first contact with particles a shot is the same as without them, and that part is
+//! predicted. The particles are those of [`carom_mpm`]. A table without any is simulated as if there
+//! were none in the world.
+//! With them a shot costs the steps of its particles, some seconds of a core:
+//! `carom-bench particles --part precision` prints how many, and the settings show them beside each
+//! [`ParticlePrecision`].
 
 mod bed;
 mod first_touch;

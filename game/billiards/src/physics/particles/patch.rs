@@ -22,23 +22,24 @@ pub enum ParticleMaterial {
     Marbles,
 }
 
-/// A square of the cloth that is covered, by its place in a grid of [`ParticlePatch::EDGE_M`] from the table's middle.
+/// A covered square of the cloth, by its indices in a grid of [`ParticlePatch::EDGE_M`] from the
+/// table's middle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct ParticlePatch {
-    /// What covers it.
+    /// The covering material.
     pub material: ParticleMaterial,
-    /// Along x: column 0 begins at the middle.
+    /// Index along x: column 0 begins at the middle.
     pub column: i16,
-    /// Across it.
+    /// Index along y: row 0 begins at the middle.
     pub row: i16,
 }
 
-/// Particles of one material, behind those of the groups before.
+/// A run of consecutive particles of one material; groups follow one another in the order of particles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ParticleGroup {
     /// The material.
     pub material: ParticleMaterial,
-    /// How many particles there are.
+    /// Number of particles.
     pub count: u32,
 }
 
@@ -57,7 +58,7 @@ pub enum ParticlePrecision {
 }
 
 impl ParticleMaterial {
-    /// All of them.
+    /// All materials.
     pub const ALL: [Self; 5] = [
         Self::Sand,
         Self::Snow,
@@ -69,7 +70,7 @@ impl ParticleMaterial {
     /// Radius of a marble, in m.
     pub const MARBLE_RADIUS_M: f64 = 0.008;
 
-    /// How deep it lies, in m.
+    /// Depth of a fresh layer, in m.
     pub fn depth_m(self) -> f64 {
         match self {
             Self::Sand | Self::Snow => 0.015,
@@ -79,8 +80,9 @@ impl ParticleMaterial {
         }
     }
 
-    /// The model; none of marbles, which are rigid bodies. Sand, snow and water are softer than real ones, whose sound would take a hundred times as many
-    /// steps: a ball's weight presses sand by 4 %.
+    /// Model of the material-point method; none for marbles, which are rigid bodies. Sand, snow and
+    /// water are softer than real ones, whose speed of sound would need a hundred times as many steps:
+    /// a ball's weight compresses sand by 4 %.
     pub(crate) fn model(self) -> Option<Material> {
         Some(match self {
             Self::Sand => Material::Sand(Sand {
@@ -99,7 +101,7 @@ impl ParticleMaterial {
             }),
             Self::Water => Material::Water(Water {
                 sound_speed_m_s: 8.0,
-                // As thick as syrup, and held by the cloth: it is to come to rest.
+                // As viscous as syrup, with friction on the cloth, so that it comes to rest.
                 viscosity_pa_s: 0.3,
                 friction: 0.3,
                 ..Water::default()
@@ -113,7 +115,7 @@ impl ParticlePatch {
     /// Edge of the square, in m.
     pub const EDGE_M: f64 = 0.03;
 
-    /// The patch around a point of the table in m; none beyond the range of numbers.
+    /// The patch that contains a point of the table in m; none beyond the range of indices.
     pub fn around(material: ParticleMaterial, at: DVec2) -> Option<Self> {
         let place = (at / Self::EDGE_M).floor();
         let in_range = place.abs().max_element() < 1e4;
@@ -124,7 +126,7 @@ impl ParticlePatch {
         })
     }
 
-    /// Corner of the smallest coordinates, in m.
+    /// Corner with the smallest coordinates, in m.
     pub fn corner(&self) -> DVec2 {
         DVec2::new(self.column.into(), self.row.into()) * Self::EDGE_M
     }
@@ -138,7 +140,7 @@ impl ParticlePatch {
 }
 
 impl ParticlePrecision {
-    /// Edge of a cell of the grid in m, of which a particle has an eighth.
+    /// Edge of a grid cell in m; a particle has an eighth of its volume.
     pub fn cell_size_m(self) -> f64 {
         match self {
             Self::Coarse => 0.015,

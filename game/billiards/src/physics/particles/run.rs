@@ -10,11 +10,12 @@ use crate::physics::ball_ball::Twist;
 use crate::physics::ball_in_motion::BallInMotion;
 use crate::physics::event_engine::{EventEngine, SimulatedShot};
 
-/// Simulates to the end: over each step of the particles from event to event as ever, with half of the impulses that
-/// particles give the balls over it at its beginning and half at its end (Verlet 1967; a ball on jelly gains no energy).
+/// Simulates to the end. Over each step of the particles the balls move from event to event; half of
+/// the impulses from the particles over the step act at its beginning and half at its end (Verlet 1967;
+/// a ball on jelly gains no energy).
 ///
-/// Particles lift a ball that they press up by more than its weight. What comes to rest on them, or afloat, hovers: it is
-/// in the air, and moves no more until something pushes it.
+/// Particles that press a ball up by more than its weight lift it. A ball that comes to rest on them,
+/// or afloat, hovers: it counts as airborne and does not move until something pushes it.
 ///
 /// # Errors
 /// Those of the engine, and [`crate::Error::Particles`].
@@ -48,7 +49,7 @@ pub(crate) fn run(
             })
             .collect();
         let is_disturbed = met.iter().any(|ball| engine.balls[*ball].is_moving());
-        // Sleeping particles take no steps: most of a shot is over before or after they move.
+        // Sleeping particles take no steps: for most of a shot no particle moves.
         let kicks: Vec<(usize, Kick)> = match bed.is_asleep() && !is_disturbed {
             true => Vec::new(),
             false => {
@@ -94,7 +95,8 @@ fn is_carried(ball: &BallInMotion, bed: &ParticleBed) -> bool {
     is_in_air && is_at_rest && bed.carries(ball.position, ball.body.radius_m)
 }
 
-/// Whether a ball that particles carry hardly moves: the longer the shot, the more counts as hardly.
+/// Whether a ball that particles carry is nearly at rest. The threshold grows with time, so that every
+/// shot ends.
 fn is_calm(engine: &EventEngine<'_>, ball: usize, now_secs: f64) -> bool {
     let BallInMotion { body, motion, .. } = &engine.balls[ball];
     let Twist { velocity, spin } = engine.balls[ball].twist(engine.now);
@@ -103,7 +105,7 @@ fn is_calm(engine: &EventEngine<'_>, ball: usize, now_secs: f64) -> bool {
     is_flying && engine.balls[ball].is_in_play() && speed < CALM_M_S * (1.0 + now_secs)
 }
 
-/// A ball as particles meet it.
+/// A ball as a boundary of the particles' simulation.
 fn body(engine: &EventEngine<'_>, ball: usize) -> Ball {
     let BallInMotion {
         body,
@@ -123,7 +125,7 @@ fn body(engine: &EventEngine<'_>, ball: usize) -> Ball {
     met
 }
 
-/// What particles do to a ball over a step.
+/// Changes of a ball's velocity and spin by particles over a step.
 #[derive(Clone, Copy, Debug)]
 struct Kick {
     change: DVec3,
@@ -132,7 +134,7 @@ struct Kick {
 }
 
 impl Kick {
-    /// Nothing for a ball that does not feel it.
+    /// The changes; none where a ball at rest withstands them.
     fn of(engine: &EventEngine<'_>, ball: usize, pushed: &Ball) -> Option<Self> {
         let BallInMotion { body, motion, .. } = &engine.balls[ball];
         let cloth = &engine.laws.cloth;
@@ -140,14 +142,16 @@ impl Kick {
         let mut change = pushed.impulse / body.mass_kg;
         let turn = pushed.angular_impulse / pushed.moment_of_inertia();
         let is_flying = motion.phase == Phase::Airborne;
-        // The slate carried the ball for a part of the step.
+        // The slate bore the ball for a part of the step: lifted, it has the particles' final upward
+        // speed, plus what gravity takes off again over the step.
         let lifts = !is_flying && pushed.velocity.z > LIFT_LEAST_M_S;
         match (is_flying, lifts) {
             (true, _) => {}
             (false, true) => change.z = pushed.velocity.z + fall,
             (false, false) => change.z = 0.0,
         }
-        // What rests is held by the cloth as long as it need not slide, or it would creep as long as grains do.
+        // Static friction holds a ball at rest below the force at which it slides: otherwise it would
+        // creep as long as grains do.
         let is_held = motion.phase == Phase::Resting && !lifts;
         let is_hovering = is_flying && !engine.balls[ball].is_moving();
         let (felt, withstood) = match is_hovering {
@@ -191,22 +195,27 @@ impl Kick {
     }
 }
 
-/// A ball of 5 m/s moves a centimetre in it.
+/// Step of the particles: a ball of 5 m/s moves a centimetre in it.
 const STEP_SECS: f64 = 1.0 / 480.0;
-/// [`ParticleTrack::FRAMES_PER_SEC`].
+/// Steps per frame of the track, of [`ParticleTrack::FRAMES_PER_SEC`].
 const STEPS_A_FRAME: u32 = 8;
-/// When balls rest, particles are watched for so long: what sloshes on does so in the next shot.
+/// Steps for which particles are simulated once the balls are at rest: motion that remains continues in
+/// the next shot.
 const SETTLE_STEPS_MAX: u32 = 240;
-/// Marbles roll for longer.
+/// The same with marbles, which roll for longer.
 const ROLL_STEPS_MAX: u32 = 2400;
-/// A ball that particles press up leaves the cloth if it would rise at this speed after a step: by a tenth of its weight.
+/// Upward speed after a step above which particles lift a ball off the cloth: a force of 1.1 times its
+/// weight.
 const LIFT_LEAST_M_S: f64 = 2e-3;
-/// Softer landings are no events: nobody hears them, and what grains carry has many.
+/// Landings below this speed in m/s are not reported: they are inaudible, and a ball carried by grains
+/// has many.
 const QUIET_M_S: f64 = 0.1;
-/// A ball that particles carry comes to rest when it is slower for so many steps: a quarter of a second, about as long as it bobs to and fro.
+/// Speed below which, for [`CALM_STEPS`] steps, a ball that particles carry comes to rest: a quarter of
+/// a second, about as long as it bobs to and fro.
 const CALM_M_S: f64 = 0.005;
 const CALM_STEPS: u32 = 120;
-/// Of its weight: a ball at rest on particles does not feel less, as grains that creep would keep it awake.
+/// Share of its weight by which the force of particles on a ball at rest on them may differ from the
+/// weight without effect, as creeping grains would keep it awake.
 const HOVER_SHARE: f64 = 0.5;
 
 #[cfg(test)]
@@ -231,8 +240,8 @@ mod tests {
         }
     }
 
-    /// How deep a ball of half the density of water ends in radii, let go with its middle at a height over the level in
-    /// radii, and how deep it should.
+    /// Final and expected draught in radii of a ball of half the density of water, released with its
+    /// centre at `height` radii above the level.
     fn draught_afloat(height: f64) -> (f64, f64) {
         let table = Table::nine_foot();
         let laws = Laws::of(&table);
@@ -281,13 +290,14 @@ mod tests {
         let end = shot.trajectories[0].state_at(shot.end_secs);
         assert_eq!((end.phase, end.velocity), (Phase::Airborne, DVec3::ZERO));
         assert!(shot.end_secs < 8.0, "{} s", shot.end_secs);
-        // The cap under the level is as much of the ball as its density of water's.
+        // Archimedes: the immersed cap has the share of the ball's volume that its density has of
+        // water's.
         let share = density_kg_m3 / 1000.0;
         let cap = |h: f64| h * h * (3.0 - h) / 4.0;
         let wanted = (0..2000)
             .map(|i| f64::from(i) * 1e-3)
             .find(|h| cap(*h) >= share);
-        // Of the water far from the ball: twice the height of its middle.
+        // Level of the water far from the ball: twice the height of the centroid.
         let apart = |at: DVec3| at.truncate().distance(end.position.truncate());
         let centers = bed.centers().into_iter().map(|at| at.as_dvec3());
         let far: Vec<f64> = centers

@@ -1,4 +1,5 @@
-//! Particles of a table as a file has them: the numbers of the simulation, from which it goes on with the same bits.
+//! Particles of a table as a file stores them: the full state of the simulation, which continues with
+//! the same bits.
 
 use carom_mpm::{MarbleSnapshot, Simulation, Snapshot};
 use serde::{Deserialize, Serialize};
@@ -9,7 +10,7 @@ use super::{ParticleBed, ParticleGroup, ParticlePatch, ParticlePrecision};
 use crate::physics::Table;
 use crate::{ParticleFault, Result};
 
-/// Particles of a table, as they lie or move: 110 bytes each.
+/// Particles of a table, at rest or moving: 110 bytes each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct BedSave {
     patches: Vec<ParticlePatch>,
@@ -30,10 +31,10 @@ impl BedSave {
         }
     }
 
-    /// The particles on their table.
+    /// Restores the particles on their table.
     ///
     /// # Errors
-    /// [`crate::Error::Particles`] for particles that no table has.
+    /// [`crate::Error::Particles`] for contents that no table can have.
     pub(crate) fn restore(&self, table: &Table) -> Result<ParticleBed> {
         self.check_groups()?;
         let materials = self
@@ -57,7 +58,7 @@ impl BedSave {
         )
     }
 
-    /// Whether there are as many particles of each material as is said, in the order of their numbers.
+    /// Checks that the groups match the materials of the particles, in the order of their numbers.
     fn check_groups(&self) -> Result<(), ParticleFault> {
         let total: u64 = self.groups.iter().map(|group| u64::from(group.count)).sum();
         let max = ParticleBed::PARTICLES_MAX;

@@ -1,4 +1,5 @@
-//! Track of particles over a shot: 60 frames a second, of which each holds what has moved.
+//! Track of particles over a shot: 60 frames a second, each of which stores the particles that have
+//! moved.
 
 use glam::{U16Vec3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -6,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::{ParticleBed, ParticleGroup, ParticlePatch};
 use crate::FileFault;
 
-/// The particles of a table over a shot. A particle's place is one of 65,536 along each edge of a box: 6 bytes.
+/// Positions of a table's particles over a shot, quantised to 16 bits along each edge of a box: 6 bytes
+/// each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParticleTrack {
     patches: Vec<ParticlePatch>,
@@ -16,14 +18,15 @@ pub struct ParticleTrack {
     bounds: [Vec3; 2],
     start: Vec<[u16; 3]>,
     frames: Vec<Vec<Move>>,
-    /// Where all were last said to be, and places at every so many-th frame.
+    /// Positions as last recorded; `keys` holds all positions at every [`FRAMES_A_KEY`]-th frame.
     #[serde(skip)]
     last: Vec<U16Vec3>,
     #[serde(skip)]
     keys: Vec<Vec<U16Vec3>>,
 }
 
-/// A particle that has moved: how many lie between it and the one before, and its way modulo 2¹⁶.
+/// A particle that has moved: the number of unmoved particles between it and the one before, and its
+/// displacement in quantisation steps, modulo 2¹⁶.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Move {
     skipped: u32,
@@ -34,7 +37,7 @@ impl ParticleTrack {
     /// Frames a second.
     pub const FRAMES_PER_SEC: f64 = 60.0;
 
-    /// Particles that lie, and nothing yet of how they move.
+    /// A track without frames: the particles of `bed` at the start.
     pub fn new(bed: &ParticleBed) -> Self {
         let centers = bed.centers();
         let half = bed.cloth_half_m().as_vec2();
@@ -62,8 +65,8 @@ impl ParticleTrack {
         for (index, center) in centers.iter().enumerate() {
             let (place, last) = (self.place(*center), self.last[index]);
             let way = place.wrapping_sub(last).as_i16vec3();
-            // From where it was last said to be, not from the frame before: what creeps is stored once
-            // that adds up.
+            // Relative to the last recorded position, not to the frame before: creep is stored once it
+            // adds up.
             if place.as_ivec3().distance_squared(last.as_ivec3()) < STEPS_SEEN * STEPS_SEEN {
                 skipped += 1;
                 continue;
@@ -88,35 +91,38 @@ impl ParticleTrack {
     fn place(&self, center: Vec3) -> U16Vec3 {
         let [min, max] = self.bounds;
         let share = (center - min) / (max - min);
+        // The conversion saturates: positions outside are clamped to the box.
         (share * f32::from(u16::MAX) + 0.5).as_u16vec3()
     }
 
-    /// What the table was covered with before anything moved.
+    /// Patches that covered the table before anything moved.
     pub fn patches(&self) -> &[ParticlePatch] {
         &self.patches
     }
 
-    /// The materials.
+    /// Groups of particles by material.
     pub fn groups(&self) -> &[ParticleGroup] {
         &self.groups
     }
 
-    /// Mean distance of particles that lie, in m.
+    /// Mean spacing of particles at rest, in m.
     pub fn spacing_m(&self) -> f32 {
         self.spacing_m
     }
 
-    /// Corners of the box of places, in m.
+    /// Corners of the quantisation box, in m.
     pub fn bounds(&self) -> [Vec3; 2] {
         self.bounds
     }
 
-    /// Centres at a time of the shot in s, as places in the box: before 0 as at 0, after the end as at the end.
+    /// Quantised centres at a time of the shot in s: before 0 as at 0, after the end as at the end,
+    /// linear between frames.
     pub fn places_at(&self, secs: f64) -> Vec<U16Vec3> {
         let frame = (secs * Self::FRAMES_PER_SEC).clamp(0.0, self.frames.len() as f64);
         let whole = frame as usize;
         let key = (whole / FRAMES_A_KEY).min(self.keys.len() - 1);
         let mut places = self.keys[key].clone();
+        // Displacements are modulo 2¹⁶, so that wrapping addition gives the exact position.
         for moves in &self.frames[key * FRAMES_A_KEY..whole] {
             apply(moves, |index, way| {
                 places[index] = places[index].wrapping_add(way.as_u16vec3())
@@ -132,14 +138,15 @@ impl ParticleTrack {
         places
     }
 
-    /// A track that was read, ready to be shown.
+    /// Validates a track that was read from a file, and rebuilds its key frames.
     ///
     /// # Errors
-    /// [`FileFault::Particles`] with what no simulation gives.
+    /// [`FileFault::Particles`] for contents that no simulation produces.
     pub(crate) fn checked(mut self, duration_secs: f64) -> Result<Self, FileFault> {
         let reject = |fault| Err(FileFault::Particles(fault));
         let [min, max] = self.bounds;
         let counts: u64 = self.groups.iter().map(|group| u64::from(group.count)).sum();
+        // A generous bound, as particles settle for some time after the balls.
         let frames_max = (duration_secs + 3600.0) * Self::FRAMES_PER_SEC;
         let is_box = min.is_finite() && max.is_finite() && min.cmplt(max).all();
         if !is_box || (max - min).max_element() > BOX_M_MAX || min.abs().max_element() > BOX_M_MAX {
@@ -186,12 +193,12 @@ fn apply(moves: &[Move], mut each: impl FnMut(usize, glam::I16Vec3)) {
     }
 }
 
-/// The box of places reaches so far below and above the cloth: what flies higher is drawn at its lid.
+/// Extent of the box below and above the cloth, in m: particles that fly higher are clamped to its top.
 const UNDER_M: f32 = 0.01;
 const OVER_M: f32 = 0.5;
-/// A box on no table that there is.
+/// Largest plausible coordinate and edge of the box, in m.
 const BOX_M_MAX: f32 = 20.0;
-/// Steps of the lattice that a particle moves before it is said: 0.1 mm along a nine-foot table.
+/// Quantisation steps that a particle moves before it is recorded: 0.1 mm along a nine-foot table.
 const STEPS_SEEN: i32 = 3;
-/// Places are found from the last of these on.
+/// Frames per key frame, from which positions are reconstructed.
 const FRAMES_A_KEY: usize = 32;

@@ -108,7 +108,7 @@ impl Referee {
         fouls
     }
 
-    /// The free ball must not hide the ball on, unless only pink and black are left (12).
+    /// The foul of a free ball that hides the ball on, unless only pink and black are left (12).
     fn free_ball_snooker(
         &self,
         snooker: Snooker,
@@ -134,7 +134,7 @@ impl Referee {
         hides.then_some(Foul::FreeBallSnooker(ball))
     }
 
-    /// Colours come back, except those that are legally potted in the order of the end (7).
+    /// Spots the potted colours, except those that are legally potted in the order of the end (7).
     fn put_colours_back(
         &self,
         snooker: Snooker,
@@ -190,7 +190,7 @@ impl Referee {
 
     fn tie(&mut self, snooker: Snooker, layout: &TableLayout, verdict: &mut Verdict) {
         verdict.add_line(text!("verdict-tie"));
-        // The referee draws lots for who plays first: the seed stands for them.
+        // Lots decide who plays first: the seed stands for them.
         if self.seed().is_multiple_of(2) {
             self.pass();
         }
@@ -249,7 +249,8 @@ fn is_snookered(
         if distance <= reach + 1e-4 {
             return true;
         }
-        // The centre of a cue ball that just grazes the target: the tangents' points.
+        // Centres of a cue ball that just grazes the target: the points of tangency to the circle of
+        // contact.
         let along = (distance * distance - reach * reach).sqrt();
         let half = asin(reach / distance);
         [half, -half].into_iter().all(|turn| {
@@ -269,8 +270,8 @@ fn places_in_d(layout: &TableLayout, positions: &BallPositions) -> impl Iterator
         .filter(move |&at| layout.may_place(positions, at, PlacementArea::D).is_ok())
 }
 
-/// A colour's own spot; if it is taken, the highest that is free; if all are, its own, from which
-/// [`TableLayout::spotted`] goes on (7).
+/// Spot of a colour: its own; if that is taken, the highest free one; if all are taken, its own, from
+/// which [`TableLayout::spotted`] searches on (7).
 fn free_spot(layout: &TableLayout, positions: &BallPositions, ball: u8) -> DVec2 {
     let own = own_spot(RuleSet::Snooker, layout, ball);
     let by_value = (YELLOW..=BLACK)
@@ -283,7 +284,7 @@ fn free_spot(layout: &TableLayout, positions: &BallPositions, ball: u8) -> DVec2
         .unwrap_or(own)
 }
 
-/// At least 4, else the highest of the ball on and the balls concerned (11).
+/// Penalty points: at least 4, otherwise the highest value of the ball on and the balls concerned (11).
 fn penalty(aim: ShotTarget, fouls: &[Foul]) -> i32 {
     let concerned = fouls.iter().filter_map(|foul| match foul {
         Foul::WrongBall { hit: ball, .. }

@@ -1,4 +1,4 @@
-//! The ball on in snooker, what a stroke has to hit, and what it is worth.
+//! The ball on in snooker: what a stroke has to hit, and its value.
 
 use carom_text::text;
 
@@ -10,13 +10,13 @@ use crate::rules::{
     ruleset::RuleSet,
 };
 
-/// What is on.
+/// The set of balls on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TargetSet {
     Red,
-    /// Any colour, the player's to nominate.
+    /// Any colour, at the player's nomination.
     Colour,
-    /// This one, in the order of the end.
+    /// This colour, in the order of the end.
     Last(u8),
 }
 
@@ -64,7 +64,7 @@ impl Snooker {
         balls
     }
 
-    /// What is on, in words.
+    /// The ball on, in words.
     pub(crate) fn legal_targets_text(self, positions: &BallPositions) -> String {
         let on = match self.ball_on(positions) {
             TargetSet::Red => text!("on-red").to_owned(),
@@ -79,7 +79,7 @@ impl Snooker {
     }
 }
 
-/// What a stroke has to hit, and what it is worth.
+/// What a stroke has to hit, and its value.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ShotTarget {
     pub(super) on: TargetSet,
@@ -89,7 +89,8 @@ pub(super) struct ShotTarget {
 }
 
 impl ShotTarget {
-    /// What is not nominated in words is taken from what is hit: the call never blocks the cue.
+    /// Target of a shot. A missing nomination is taken from the ball that was hit first, so that a call
+    /// is never required.
     pub(super) fn of(snooker: Snooker, shot: &JudgedShot<'_>) -> Self {
         let on = snooker.ball_on(&shot.report.before);
         let said = match shot.call {
@@ -130,7 +131,7 @@ impl ShotTarget {
         }
     }
 
-    /// Of the ball that is on, for a foul: the highest, for a colour that was not nominated.
+    /// Value of the ball on, for a foul: the highest, for a colour that was not nominated.
     pub(super) fn value(self) -> i32 {
         match self.nominated {
             Some(colour) if !self.is_free => value(colour),
