@@ -5,7 +5,7 @@
 //! ```
 //!
 //! `VIEW` is `player`, `overview`, `rack`, `ball`, `pocket` or `low`, or the whole table of `snooker` or
-//! `carom`; `SET` one of `carom --ball-set`.
+//! `carom`; `SET` is a value of `--ball-set`.
 //! Both scenes are traced by this machine's processor in the same run, so that their ratio holds on
 //! a busy machine too.
 

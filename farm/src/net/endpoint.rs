@@ -93,7 +93,7 @@ impl CongestionControl {
 }
 
 /// The transport of a node's tiles. Farms use the default; the others exist to be measured against
-/// it by `carom-farm bench transport`.
+/// it by `carom-bench transport`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TransportOptions {
     /// The congestion controller.

@@ -41,6 +41,20 @@ fn unknown_paths_are_refused_with_the_known_ones() {
     }
 }
 
+/// With `--help` behind them, which is answered once all before it has been understood.
+#[test]
+fn commands_of_the_measurements_are_understood() {
+    let dir = tempfile::tempdir().unwrap();
+    let commands = include_str!("../MEASUREMENTS.md").split('`');
+    let ours = commands.filter_map(|command| command.strip_prefix("carom-bench "));
+    let ours: std::collections::BTreeSet<_> = ours.collect();
+    assert!(ours.len() > 30, "{ours:?}");
+    for command in ours {
+        let args: Vec<&str> = command.split_whitespace().chain(["--help"]).collect();
+        done(dir.path(), &args);
+    }
+}
+
 /// Of nodes that slow down, are held, go on, are killed and join, over paths that lose packets.
 #[cfg(unix)]
 #[test]

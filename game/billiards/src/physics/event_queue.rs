@@ -3,7 +3,7 @@
 //! A time stays valid until one of its balls changes its motion; only then is it recomputed. Each ball
 //! keeps the first of its contacts with balls of lower index, so that an event takes time linear in the
 //! number of balls: 1,000 of them are feasible
-//! (`carom-bench physics --part crowd`).
+//! (`carom-bench physics --part many-balls`).
 
 use super::{
     ball::Phase,

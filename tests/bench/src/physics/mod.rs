@@ -1,13 +1,13 @@
 //! The bench of the simulation: its errors, and its cost.
 //!
 //! ```text
-//! references    every shot of a folder, against the trajectories of another simulator
-//! closed-forms  sliding, rolling and spinning, against theory
-//! curves        rules and curves that are published, drawn with --plot
-//! breaks        many breaks of the same rack, by statistics
-//! air           balls in the air: the closed flight against rapier's solver
-//! crowd         up to 1,000 balls: what an event costs
-//! trade         plain rapier at many settings: error against CPU time
+//! references       every shot of a folder, against the trajectories of another simulator
+//! closed-forms     sliding, rolling and spinning, against theory
+//! curves           rules and curves that are published, drawn with --plot
+//! breaks           many breaks of the same rack, by statistics
+//! flight           balls in the air: the closed flight against rapier's solver
+//! many-balls       up to 1,000 balls: what an event costs
+//! engine-tradeoff  plain rapier at many settings: error against CPU time
 //! ```
 
 pub mod accuracy;
@@ -86,9 +86,9 @@ pub enum PhysicsPart {
     /// Many breaks of the same rack, by statistics
     Breaks,
     /// Balls in the air: the closed flight against rapier's solver
-    FlightRow,
+    Flight,
     /// Up to 1,000 balls: what an event costs
-    ManyBallsRow,
+    ManyBalls,
     /// Plain rapier at many settings: error against CPU time
     EngineTradeoff,
 }
@@ -107,11 +107,11 @@ struct PhysicsReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     breaks_agree: Option<BreakAgreement>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    air: Option<Vec<FlightRow>>,
+    flight: Option<Vec<FlightRow>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    crowd: Option<Vec<ManyBallsRow>>,
+    many_balls: Option<Vec<ManyBallsRow>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    trade: Option<Vec<EngineTradeoff>>,
+    engine_tradeoff: Option<Vec<EngineTradeoff>>,
 }
 
 impl PhysicsArgs {
@@ -152,17 +152,17 @@ impl PhysicsArgs {
             report.breaks_agree = Some(BreakAgreement::of(&rows));
             report.breaks = Some(rows);
         }
-        if wants(PhysicsPart::FlightRow) {
-            report.air = Some(airborne::measure()?);
+        if wants(PhysicsPart::Flight) {
+            report.flight = Some(airborne::measure()?);
         }
-        if wants(PhysicsPart::ManyBallsRow) {
-            report.crowd = Some(many_balls::measure()?);
+        if wants(PhysicsPart::ManyBalls) {
+            report.many_balls = Some(many_balls::measure()?);
         }
         if wants(PhysicsPart::EngineTradeoff) {
             let references = read()?;
             let engines = accuracy_cost::engines().into_iter();
             let measured = engines.map(|engine| accuracy_cost::measure(engine, &references));
-            report.trade = Some(measured.collect::<anyhow::Result<_>>()?);
+            report.engine_tradeoff = Some(measured.collect::<anyhow::Result<_>>()?);
         }
         Ok(report)
     }
@@ -175,11 +175,9 @@ impl PhysicsReport {
         let mut charts: Vec<_> = curves
             .map(|curve| (file_name(curve.name), curve.chart.clone()))
             .collect();
-        let trade = self
-            .trade
-            .iter()
-            .flat_map(|trades| accuracy_cost::charts(trades));
-        charts.extend(trade.map(|chart| (file_name(&chart.title), chart)));
+        let tradeoff = self.engine_tradeoff.iter();
+        let tradeoff = tradeoff.flat_map(|engines| accuracy_cost::charts(engines));
+        charts.extend(tradeoff.map(|chart| (file_name(&chart.title), chart)));
         charts
     }
 
@@ -212,30 +210,30 @@ impl PhysicsReport {
         if let Some(agreement) = &self.breaks_agree {
             println!("{agreement}");
         }
-        if let Some(airs) = &self.air {
+        if let Some(flights) = &self.flight {
             println!(
                 "\nIn the air (bar of the closed flight: {})\n{}",
                 airborne::OFF_MAX,
                 airborne::HEADING
             );
-            for air in airs {
-                println!("{air}");
+            for flight in flights {
+                println!("{flight}");
             }
         }
-        if let Some(crowds) = &self.crowd {
-            println!("\nCrowds\n{}", many_balls::HEADING);
-            for crowd in crowds {
-                println!("{crowd}");
+        if let Some(many_balls) = &self.many_balls {
+            println!("\nMany balls\n{}", many_balls::HEADING);
+            for row in many_balls {
+                println!("{row}");
             }
         }
-        if let Some(trades) = &self.trade {
+        if let Some(engines) = &self.engine_tradeoff {
             let [whole, second, frame] = accuracy_cost::BARS_MS;
             println!(
-                "\nThe trade (bars: {whole}, {second} and {frame} ms)\n{}",
+                "\nEngines: error against CPU time (bars: {whole}, {second} and {frame} ms)\n{}",
                 accuracy_cost::HEADING
             );
-            for trade in trades {
-                println!("{trade}");
+            for engine in engines {
+                println!("{engine}");
             }
         }
     }
