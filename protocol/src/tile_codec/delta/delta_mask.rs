@@ -20,8 +20,8 @@ impl MaskContext {
         let row = |middle: usize| {
             let [left, here, right] = [middle.wrapping_sub(1), middle, middle + 1]
                 .map(|index| rows.get(index).copied().map_or(0, u32::from));
-            // The last two pixels of the byte to the left, the group's eight, and the first two of the byte
-            // to the right, which are as many as a context reads.
+            // The last two pixels of the byte to the left, the group's eight, and the byte to the right, of
+            // which contexts read the first pixel.
             left >> 6 | here << 2 | right << 10
         };
         Self {

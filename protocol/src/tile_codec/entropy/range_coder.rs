@@ -96,8 +96,8 @@ impl RangeEncoder {
         if self.range < RANGE_MIN {
             let word = (self.low >> 32) as u32;
             self.bytes.extend_from_slice(&word.to_be_bytes());
-            // One shift is enough: a bit leaves at least 32 / 2¹⁶ of a range of 2³² or more, eight raw bits 1
-            // / 256.
+            // One shift is enough: a bit leaves at least 32 / 2¹⁶ of a range of 2³² or more, eight raw bits
+            // 1/256.
             self.low <<= 32;
             self.range <<= 32;
         }
@@ -107,8 +107,8 @@ impl RangeEncoder {
 impl Coder for RangeEncoder {
     #[inline(always)]
     fn bit(&mut self, model: &mut BitModel, bit: bool) -> bool {
-        // `shift` keeps the range at 2³² or more, so that this product loses few bits and neither part is
-        // empty.
+        // `shift` keeps the range at 2³² or more, so that 16 or more bits of it are divided and neither part
+        // is empty.
         let zeros = (self.range >> 16) * u64::from(model.zero);
         if bit {
             self.add(zeros);
@@ -133,7 +133,7 @@ impl Coder for RangeEncoder {
 /// Decoder of a message, which is followed by zeros without end.
 #[derive(Debug)]
 pub(crate) struct RangeDecoder<'a> {
-    /// Offset of the message's fraction above the interval's lower end, in units of `range`.
+    /// Offset of the message's fraction above the interval's lower end, on the scale of `range`.
     code: u64,
     range: u64,
     rest: &'a [u8],
@@ -219,8 +219,8 @@ fn last_bytes(range: u64) -> usize {
     (64 - range.ilog2()).div_ceil(8) as usize
 }
 
-/// Below this width the next 32 bits are shifted in, so that at least 16 bits are left below the 16 of a
-/// probability.
+/// Below this width the next 32 bits are shifted in, so that a 16-bit probability has at least 16 bits of it
+/// to divide.
 const RANGE_MIN: u64 = 1 << 32;
 /// Minimum probability of either value, in units of 2⁻¹⁶: 1 / 2048.
 const PROBABILITY_MIN: i32 = 32;
