@@ -1,4 +1,4 @@
-//! quinn's connection errors as [`Error`]s that say who is at fault and what to do.
+//! Conversion of quinn's connection errors into [`Error`]s that state who is at fault and what to do.
 
 use carom_tracer::text::printable;
 use quinn::ConnectionError;
@@ -43,7 +43,7 @@ pub(crate) fn connection(error: &ConnectionError, own: Role) -> Error {
     }
 }
 
-/// TLS alerts are QUIC's errors 0x100 to 0x1ff (RFC 9001, 4.8).
+/// The TLS alert in a QUIC error code: codes 0x100 to 0x1ff (RFC 9001, 4.8).
 fn tls_alert(code: u64) -> Option<u8> {
     (code >> 8 == 1).then_some((code & 0xff) as u8)
 }
@@ -52,7 +52,7 @@ fn tls_alert(code: u64) -> Option<u8> {
 fn certificate_fault(alert: u8, holder: Role) -> Option<CertificateFault> {
     Some(match alert {
         116 => CertificateFault::Missing,
-        // certificate_expired, which is also sent of one that is not valid yet.
+        // certificate_expired, which rustls also sends for a certificate that is not valid yet.
         45 => CertificateFault::OutsideItsDays(holder),
         48 | 51 => CertificateFault::OtherFarm,
         43 | 49 => CertificateFault::WrongRole(holder),
@@ -62,7 +62,7 @@ fn certificate_fault(alert: u8, holder: Role) -> Option<CertificateFault> {
     })
 }
 
-/// The error of a handshake that fails over something other than a certificate.
+/// The error of a handshake that failed for another reason than a certificate.
 fn handshake(alert: u8) -> Error {
     match alert {
         70 | 120 => Error::ProtocolMismatch,

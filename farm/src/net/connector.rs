@@ -1,4 +1,4 @@
-//! A player's connections to nodes: from names to addresses, from addresses to authenticated
+//! Connections of a player to nodes: from names to addresses, and from addresses to authenticated
 //! connections.
 
 use std::collections::HashMap;
@@ -17,19 +17,19 @@ use crate::net::peer::Role;
 use crate::net::player_account::PlayerAccount;
 use crate::net::{close_code, connection_error, endpoint};
 
-/// A player's sockets, one for each address family that is needed.
+/// Sockets of a player, one for each address family in use.
 pub(crate) struct Connector {
     config: ClientConfig,
     sockets: Mutex<Sockets>,
     claims: NodeClaims,
 }
 
-/// The nodes that a player's links hold, with the names that led to them: two names or addresses of one
-/// node must not count as two nodes.
+/// Registry of the nodes that a player's links hold, with the addresses that led to them: two names or
+/// addresses of one node must not count as two nodes.
 #[derive(Clone, Default)]
 pub(crate) struct NodeClaims(Arc<Mutex<HashMap<NodeIdentity, NodeAddress>>>);
 
-/// What is of one node only.
+/// Property that only one node can have.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum NodeIdentity {
     Address(SocketAddr),
@@ -37,7 +37,7 @@ enum NodeIdentity {
     Instance(u64),
 }
 
-/// A link's hold on a node, until it is dropped.
+/// Hold of a link on a node, released when dropped.
 pub(crate) struct NodeClaim {
     claims: NodeClaims,
     identity: NodeIdentity,
@@ -74,10 +74,10 @@ impl NodeClaims {
 }
 
 impl NodeClaim {
-    /// Claims the same node by the number that it has told, if it has told one.
+    /// Claims the same node by the number that it has reported, unless that is 0.
     ///
     /// # Errors
-    /// [`Error::SameNode`] if another link holds it, by another address.
+    /// [`Error::SameNode`] if another link holds it, under another address.
     pub(crate) fn claim_instance(&self, instance: u64) -> Result<Option<Self>, Error> {
         let identity = NodeIdentity::Instance(instance);
         let claim = || self.claims.claim_as(identity, self.address, &self.node);
@@ -122,7 +122,7 @@ impl Connector {
                 Err(error) => errors.push(error),
             }
         }
-        // Both families of one host often fail alike.
+        // Both address families of a host often fail alike.
         errors.dedup_by_key(|error| error.to_string());
         Err(Error::NoAddressConnects(errors))
     }
@@ -149,7 +149,7 @@ impl Connector {
         Ok(socket.insert(endpoint).clone())
     }
 
-    /// Tells all nodes that this player is gone, and waits until they know.
+    /// Closes all connections and waits until the nodes have acknowledged it.
     pub(crate) async fn close(&self) {
         let endpoints = {
             let sockets = lock(&self.sockets);
@@ -162,8 +162,8 @@ impl Connector {
     }
 }
 
-/// A host with more addresses than this is a list of hosts, each of which may take a whole
-/// handshake's time to fail.
+/// Addresses of a host that are tried. A host with more of them is a list of hosts, each of which may take
+/// a whole handshake timeout to fail.
 const ADDRESSES_MAX: usize = 4;
 
 async fn open(connection: Connection) -> Result<ConnectionStreams, quinn::ConnectionError> {
