@@ -1,4 +1,5 @@
-//! Statistics of the farm over the picture: a line in plain words, a card of figures, or everything, live or frozen.
+//! Statistics of the farm over the picture: a line in plain words, a card of figures, or all of them, live or
+//! frozen.
 //!
 //! ```text
 //! Farm ─▶ FrameSample ─▶ History ─▶ StatsSummary (a few times a second) ─▶ line, card, table
@@ -6,8 +7,8 @@
 //!                    └─────▶ Recorder (a thread) ─▶ CSV, JSON lines
 //! ```
 //!
-//! The model ([`history`], [`frame_record`], [`frame_rate`], [`summary`]) knows nothing of egui. While the
-//! overlay is hidden nothing is taken in and nothing is drawn.
+//! The model ([`history`], [`frame_record`], [`frame_rate`], [`summary`]) is independent of egui. While the
+//! overlay is hidden, nothing is recorded and nothing is drawn.
 
 mod charts;
 mod compact;
@@ -43,19 +44,19 @@ use self::maps::Maps;
 use self::recorder::Recorder;
 use self::summary::StatsSummary;
 
-/// How much is shown.
+/// Level of detail of the overlay.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum StatsLevel {
     /// Nothing.
     #[default]
     Off,
-    /// A line at the top, in plain words.
+    /// A line at the top in plain words.
     Line,
-    /// The line, the farm's figures, and where the last picture's time went.
+    /// The line, the farm's figures, and the latency breakdown of the last picture.
     Card,
-    /// Everything.
+    /// All statistics.
     Full,
-    /// Everything, and it is written to files.
+    /// All statistics, also written to files.
     Recording,
 }
 
