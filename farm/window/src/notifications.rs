@@ -30,7 +30,7 @@ pub struct FarmNotifier {
 
 #[derive(Clone, Debug, Default)]
 struct NodeNotice {
-    /// Last known availability.
+    /// Last known availability; `None` at first.
     standing: Option<Availability>,
     was_ready: bool,
     speeds: SpeedHistory,
