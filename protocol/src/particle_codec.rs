@@ -28,7 +28,7 @@ const ZSTD: u8 = 1;
 const DELTA: u8 = 2;
 /// Level 1 is 30 times as fast as level 3, for a twentieth more bytes.
 const ZSTD_LEVEL: i32 = 1;
-/// Planes may have so many times the bytes of their zstd frame, or [`EXPANSION_FREE_BYTES`].
+/// Maximum expansion of planes over their zstd frame, unless they have at most [`EXPANSION_FREE_BYTES`].
 const EXPANSION_MAX: usize = 16;
 const EXPANSION_FREE_BYTES: usize = 16 * 1024;
 /// Bytes of a position: three 16-bit coordinates.

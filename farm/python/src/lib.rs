@@ -421,9 +421,9 @@ fn srgb<'py>(
     PyArray1::from_vec(py, bytes.collect()).reshape([height, width, 3])
 }
 
-/// What NumPy calls `f32`.
+/// NumPy's name of `f32`.
 const FLOAT: &str = "float32";
-/// How often a render looks for Ctrl-C, and tells its progress.
+/// Bounds of the period in which a render checks for Ctrl-C and reports progress.
 const POLL_MIN: Duration = Duration::from_micros(50);
 const POLL_MAX: Duration = Duration::from_millis(20);
 

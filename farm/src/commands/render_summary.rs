@@ -20,7 +20,7 @@ struct Totals {
 
 #[derive(Clone, Debug, Default)]
 struct NodeTotals {
-    /// The last known description: a lost node has none any more.
+    /// The last known description: a lost node reports none.
     info: Option<NodeInfo>,
     tiles: u64,
     /// Number of frames it took part in, and the sum of its response times in them.

@@ -89,7 +89,7 @@ impl Authority {
     /// Creates an authority with a P-256 key, in memory.
     ///
     /// # Errors
-    /// [`Error::CertificateCreation`] if the system gives no randomness.
+    /// [`Error::CertificateCreation`] if the system provides no randomness.
     pub fn generate() -> Result<Self, Error> {
         let key = generate_key()?;
         let mut params = CertificateParams::default();

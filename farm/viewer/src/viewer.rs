@@ -133,7 +133,7 @@ impl Viewer {
         self.is_hovered = is_hovered;
     }
 
-    /// Sets the exposure as a power of two, clamped to ±[`STOPS_MAX`].
+    /// Sets the exposure as a power of two, clamped to ±`STOPS_MAX`.
     pub fn set_exposure_stops(&mut self, stops: f32) {
         self.exposure_stops = stops.clamp(-STOPS_MAX, STOPS_MAX);
     }

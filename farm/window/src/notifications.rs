@@ -1,16 +1,16 @@
 //! Notifications about the farm: a sentence when something changes, and a permanent one while there is no
 //! picture. Nothing waits for either.
 //!
-//! | what is | what happens | what is said |
+//! | situation | reaction | notification |
 //! |---|---|---|
-//! | no GPU | the CPU traces, coarser while things move | once, with its threads |
-//! | no nodes set up | this machine traces | nothing: that is the game as it comes |
-//! | a node is slow | its share of the tiles shrinks | once, with how much slower it has been for seconds; and when it no longer is |
-//! | a node is lost | others trace its tiles, it is called again | once, with why; and when it is back |
-//! | all nodes lost | this machine goes on alone; with no local tracer the last picture stays | the first once, the second as long as it lasts |
-//! | a bad network | pictures are asked for earlier, precision falls | once, with the round trip |
-//! | two nodes send different pixels | one further traces the tile, who is alone is dropped as a lost node | once, with both, where there is no third |
-//! | another version, UDP blocked | as a lost node | the reason says what to do |
+//! | no GPU | the CPU traces, more coarsely while things move | once, with the number of its threads |
+//! | no nodes configured | this machine traces | none: the default |
+//! | slow node | its share of the tiles shrinks | after seconds, with the factor; again on recovery |
+//! | lost node | others trace its tiles, the link reconnects | once, with the reason; again when it is back |
+//! | all nodes lost | local tracing; without a local tracer the last picture stays | once; the latter stays |
+//! | slow network | pictures are requested earlier, precision falls | once, with the round-trip time |
+//! | two nodes' pixels differ | a third traces the tile, the minority is dropped | both, if there is no third |
+//! | another version, UDP blocked | as a lost node | with advice in the reason |
 
 use carom_farm::{NodeState, NodeStatus};
 use carom_text::text;

@@ -36,7 +36,8 @@ impl<T> SceneCache<T> {
         self.scenes.last_mut().map(|kept| &mut kept.scene)
     }
 
-    /// Inserts a scene of so many bytes as the most recently used; the least recently used make room for it.
+    /// Inserts a scene of `bytes` bytes as the most recently used, evicting the least recently used as
+    /// needed.
     pub(super) fn insert(&mut self, hash: SceneHash, bytes: usize, scene: T) {
         self.remove(hash);
         while self.scenes.len() == SCENES_KEPT_MAX

@@ -22,7 +22,7 @@ pub(super) struct Saving {
 }
 
 impl Saving {
-    /// Begins to trace what `order` asks for of a scene file with these lights.
+    /// Begins to trace the `order` of a scene file with these lights.
     ///
     /// # Errors
     /// The farm's refusal, an unknown format, a still that cannot be drawn, or the system's error about a

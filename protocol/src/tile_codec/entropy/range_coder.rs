@@ -226,7 +226,7 @@ const RANGE_MIN: u64 = 1 << 32;
 const PROBABILITY_MIN: i32 = 32;
 /// Number of bits after which their weight stays constant. Twice as many made tiles 1 % larger.
 const SEEN_MAX: u16 = 30;
-/// Weight of the next bit after so many, in units of 2⁻¹⁶: 1 / (n + 2.5).
+/// Weight of the next bit after n bits, in units of 2⁻¹⁶: 1 / (n + 2.5).
 const RATES: [i32; SEEN_MAX as usize + 1] = {
     let mut rates = [0; SEEN_MAX as usize + 1];
     let mut seen = 0;

@@ -148,6 +148,6 @@ fn count_changed([green, red, blue]: &Channels) -> usize {
         .count()
 }
 
-/// If at most one pixel in so many has changed, the tile is delta-coded without computing the intra
+/// If at most one in this many pixels has changed, the tile is delta-coded without computing the intra
 /// alternative: an unmarked pixel takes no byte in any plane.
 const MASK_PART: usize = 2;
