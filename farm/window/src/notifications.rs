@@ -9,7 +9,7 @@
 //! | lost node | others trace its tiles, the link reconnects | once, with the reason; again when it is back |
 //! | all nodes lost | local tracing; without a local tracer the last picture stays | once; the latter stays |
 //! | slow network | pictures are requested earlier, precision falls | once, with the round-trip time |
-//! | two nodes' pixels differ | a third traces the tile, the minority is dropped | both, if there is no third |
+//! | two nodes' pixels differ | a third traces the tile, the minority is dropped | if there is no third |
 //! | another version, UDP blocked | as a lost node | with advice in the reason |
 
 use carom_farm::{NodeState, NodeStatus};

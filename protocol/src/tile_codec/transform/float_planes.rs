@@ -2,8 +2,8 @@
 //!
 //! Interpreted as integers, positive floats are nearly linear in the logarithms of their values, so that
 //! differences stand for ratios. Red and blue become differences from green; each channel is predicted from
-//! its left neighbour, in
-//! the first column from the pixel above; and each byte of the differences goes to a plane of its own.
+//! its left neighbour, in the first column from the pixel above; and each byte of the differences goes to a
+//! plane of its own.
 
 use carom_tracer::Tile;
 
