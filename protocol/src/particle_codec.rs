@@ -46,6 +46,7 @@ pub struct ParticleEncoder {
 impl ParticleEncoder {
     /// Encodes the particles of the next request. Call [`ParticleEncoder::remember`] once it has been sent.
     pub fn encode(&mut self, clouds: &[ParticleCloud]) -> CodedParticles {
+        // Taken out while the clouds are encoded, which borrows the encoder mutably.
         let last = self.last.take();
         let before = last.as_ref().map_or(&[][..], |(_, clouds)| clouds);
         let coded = clouds.iter().enumerate().map(|(index, cloud)| {
@@ -164,6 +165,8 @@ fn decode_cloud(
         Some(None) => None,
         Some(Some(before)) if planes.is_empty() => Some(before.to_vec()),
         Some(Some(before)) => {
+            // The mask tells how many displacements follow, but is compressed with them: only bounds are
+            // known yet.
             let mask_bytes = count.div_ceil(8);
             let sizes = mask_bytes..=mask_bytes + PLACE_BYTES * count;
             places_after(before, &stored(flags, planes, &sizes)?)

@@ -108,6 +108,7 @@ impl Registry for MdnsRegistry {
         let (host, port) = record.address.rsplit_once(':').unwrap_or_default();
         let port: u16 = port.parse().map_err(fault)?;
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+        // Derived from the address, the instance name is unique in the network.
         let name: String = record.address.chars().map(plain).collect();
         let host_name = format!("{name}.local.");
         let host = host.trim_matches(['[', ']']);

@@ -43,6 +43,8 @@ impl DirectoryWatch {
                         }
                     }
                 }
+                // The timeout is the pause between two queries; an error means that the watch has been
+                // dropped.
                 match stopped.recv_timeout(directory.period()) {
                     Err(RecvTimeoutError::Timeout) => {}
                     _ => return,

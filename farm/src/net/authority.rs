@@ -100,6 +100,7 @@ impl Authority {
         // forged one.
         let id = certificate_fields::hexadecimal(&params.key_identifier(&key)[..8]);
         params.distinguished_name = subject(&format!("Carom farm {id}"));
+        // Path length 0: it certifies nodes and players, but no further authority.
         params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
         // DigitalSignature, since the authority also signs the handshakes with nodes that join.
         params.key_usages = vec![

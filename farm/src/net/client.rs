@@ -180,6 +180,7 @@ impl LinkTask {
         let certificate = peer_certificate(&streams.connection);
         let name = certificate.and_then(|shown| common_name(&shown).ok());
         let mut claims = vec![address_claim];
+        // A failed claim is found in the callback below, which cannot end the connection; this channel does.
         let (same, is_same) = oneshot::channel();
         let mut same = Some(same);
         let events = |mut events: Vec<LinkEvent>| {

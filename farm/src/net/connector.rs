@@ -116,6 +116,7 @@ impl Connector {
     ) -> Result<(ConnectionStreams, NodeClaim), Error> {
         let mut errors = Vec::new();
         for address in node.resolve().await?.into_iter().take(ADDRESSES_MAX) {
+            // Claimed before connecting, so that two links to one address cannot both connect.
             let claim = self.claims.claim(address, node)?;
             match self.connect_address(address).await {
                 Ok(streams) => return Ok((streams, claim)),

@@ -144,6 +144,7 @@ impl FloodFilter {
             true => &mut self.known,
             false => &mut self.strangers,
         };
+        // The source's own bucket comes first, so that one flooding source does not drain the common bucket.
         (0..packets).all(|_| budget.sources[slot].try_take(now) && budget.all.try_take(now))
     }
 

@@ -93,6 +93,7 @@ impl Listener {
                             () = place.yielded() => {
                                 let why = NoPlace::Yielded.to_string();
                                 connection.close(close_code::FULL, why.as_bytes());
+                                // The session still has to notice the end of its connection and to clean up.
                                 served.await;
                             }
                         }

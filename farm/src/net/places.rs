@@ -64,6 +64,7 @@ impl Seating {
         // As many players from the front of the line may enter as there are free places, in whatever order
         // they call.
         if ahead >= PLAYERS_MAX.saturating_sub(self.served.len()) {
+            // Being turned away counts as a call, which keeps the place in the line.
             self.line[ahead].1 = now;
             let players = self.served.len();
             return Err(NoPlace::Full { players, ahead });

@@ -222,6 +222,8 @@ impl TileSender {
             None => drop(stream.reset(close_code::STALE)),
             Some(Ok(())) => {
                 let _ = stream.finish();
+                // Held until the stream is acknowledged, so that a cancellation can still stop its
+                // retransmissions.
                 self.unacknowledged.spawn(async move {
                     tokio::select! {
                         _ = stream.stopped() => {}

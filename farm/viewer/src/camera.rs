@@ -137,6 +137,7 @@ impl OrbitCamera {
     /// Shifts the picture right and down by shares of its width, so that points at the target's distance
     /// follow the pointer.
     pub fn pan(&mut self, shift: DVec2) {
+        // Width of the visible area at the target's distance.
         let width_m = 2.0 * self.distance_m * (0.5 * self.fov_x_deg.to_radians()).tan();
         let [right, up, _] = self.axes();
         self.target += width_m * (shift.y * up - shift.x * right);

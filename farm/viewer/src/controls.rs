@@ -58,6 +58,7 @@ pub(crate) fn point(camera: &mut OrbitCamera, picture: &Response, ui: &Ui) -> bo
     }
     if picture.contains_pointer() && (scroll != 0.0 || pinch != 1.0) {
         has_moved = true;
+        // Added as logarithms of the distance, in which equal steps are equal factors at every distance.
         let nearer = f64::from(scroll) / ZOOM_POINTS + f64::from(pinch).ln();
         camera.zoom((-nearer).exp());
     }

@@ -385,6 +385,7 @@ impl NodeSession {
         Ok(())
     }
 
+    /// Refuses further packets of a client that lets its answers pile up unread.
     fn check_answers_are_read(&self, what: &'static str) -> Result<(), Error> {
         match self.control_queue.len() {
             0..CONTROL_QUEUED_MAX => Ok(()),
@@ -484,6 +485,7 @@ impl NodeSession {
             return Err(Error::out_of_order(what, "only requests have copies"));
         };
         let id = request.id;
+        // A copy is of no use once its control packet, or another copy, has arrived.
         let come = self.last_request.is_some_and(|last| id <= last) || self.begun.contains_key(&id);
         let full = self.requests.len().max(self.begun.len()) >= REQUESTS_QUEUED_MAX;
         let scene = self.scenes.peek(request.scene);
@@ -492,6 +494,7 @@ impl NodeSession {
             return Ok(None);
         };
         let scene = Arc::clone(scene);
+        // The particles of the request before, against which these are coded, may not have arrived yet.
         if self.decode_particles(&mut request).is_err() {
             return Ok(None);
         }
@@ -527,6 +530,8 @@ impl NodeSession {
             .collect();
         self.unwanted.extend(&cancelled);
         self.answered.retain(|(request, state)| {
+            // The control packet of a copied request, still to come, may have been sent after this
+            // cancellation.
             let dropped = !self.begun.contains_key(request) && unwanted(*request, state);
             self.unwanted.extend(dropped.then_some(*request));
             !dropped

@@ -39,6 +39,7 @@ impl ReferenceList {
         let place = |tile: u32| (tile - request.tiles.first) as usize;
         let mut references = vec![None; request.tiles.count as usize];
         for (&tile, (id, tile_held)) in self.tiles.range(request.tiles.indices()) {
+            // Adjacent tiles of one request are merged into a range.
             let ranges = request.references.len();
             match request.references.last_mut() {
                 Some(last) if last.request == *id && last.tiles.end() == tile => {

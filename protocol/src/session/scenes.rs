@@ -32,6 +32,7 @@ impl<T> SceneCache<T> {
     /// The scene with that hash, which becomes the most recently used.
     pub(super) fn touch(&mut self, hash: SceneHash) -> Option<&mut T> {
         let index = self.scenes.iter().position(|kept| kept.hash == hash)?;
+        // Moves the scene to the end; those used more recently keep their order before it.
         self.scenes[index..].rotate_left(1);
         self.scenes.last_mut().map(|kept| &mut kept.scene)
     }

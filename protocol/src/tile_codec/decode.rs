@@ -269,6 +269,7 @@ fn decode_lossy(
         .filter(|(_, mode)| **mode == TileMode::Intra)
         .map(|((tile, _), _)| *tile)
         .collect();
+    // Without a scan, when all tiles are unchanged, the header keeps the storage bits of stored planes.
     let scan = match (scanned.is_empty(), header.storage) {
         (true, STORED) if header.body.is_empty() => Vec::new(),
         (false, JPEG) => jpeg::decode(precision, &scanned, header.body)?,
@@ -289,6 +290,8 @@ fn decode_lossy(
                 let tile = ReferenceTile { pixels, precision };
                 decoded.references.push(Arc::new(tile));
             }
+            // A reference of any precision can be repeated, also a lossy one, whose decoded pixels are held
+            // here.
             (TileMode::Unchanged, Some(same)) if same.pixels.len() == here.len() => {
                 here.copy_from_slice(&same.pixels);
                 decoded.references.push(Arc::clone(same));

@@ -277,6 +277,7 @@ fn count_pixels(tiles: impl Iterator<Item = (Tile, usize)>) -> usize {
 }
 
 pub(super) fn f16_bits(pixel: [f32; 3]) -> [u16; 3] {
+    // Clamped, since larger values would round to infinity; `clamp` passes NaN through.
     let limit = half::f16::MAX.to_f32();
     pixel.map(|channel| half::f16::from_f32(channel.clamp(-limit, limit)).to_bits())
 }

@@ -112,6 +112,7 @@ fn header(precision: PixelPrecision, width: usize, height: usize) -> Vec<u8> {
             PixelPrecision::Lossy50,
         ]
         .map(|precision| {
+            // A picture of one pixel serves as the template: headers of other sizes differ in the size alone.
             let mut file = whole_file(precision, &[[0; 3]], 1, 1);
             file.truncate(scan_start(&file));
             file
@@ -139,6 +140,7 @@ fn scan_start(file: &[u8]) -> usize {
 
 /// Marker and offset of each segment of a file. Meaningful up to the scan, whose bytes state no length.
 fn segments(file: &[u8]) -> impl Iterator<Item = (u8, usize)> + '_ {
+    // Behind the marker of the start of the image, which has no length.
     let mut at = 2;
     std::iter::from_fn(move || {
         let segment = (*file.get(at + 1)?, at);

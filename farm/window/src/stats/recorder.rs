@@ -141,6 +141,7 @@ fn write_all<W: Write>(
 ) {
     let mut header = writeln!(files.csv, "{}", header());
     while let Ok(record) = records.recv() {
+        // A failure to write the header is reported with the first record.
         let written = std::mem::replace(&mut header, Ok(())).and_then(|()| files.write(&record));
         if let Err(why) = written {
             change(state, |state| state.failure = Some(why.to_string()));

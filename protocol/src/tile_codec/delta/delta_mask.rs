@@ -37,8 +37,10 @@ impl MaskContext {
     pub(crate) fn group_context(self) -> usize {
         let above = u32::from(ONES_MAX3[usize::from((self.above >> 2) as u8)]);
         let here = (self.row & 1) + (self.row >> 1 & 1);
+        // Bits 1 and 10: the pixels above that adjoin the group on either side.
         let corners = u32::from(self.above & 0x402 != 0);
         let above2 = u32::from(self.above2 != 0);
+        // A number in mixed radix: 4 · 3 · 2 · 2 contexts.
         (((above * 3 + here) * 2 + above2) * 2 + corners) as usize
     }
 
@@ -49,6 +51,7 @@ impl MaskContext {
         let (here, above, above2) = (self.row >> bit, self.above >> bit, self.above2 >> bit);
         let corners = (above >> 1 & 1) + (above >> 3 & 1);
         let far = (here & 1) + (above2 >> 2 & 1);
+        // A number in mixed radix: 2 · 2 · 3 · 3 contexts.
         ((here >> 1 & 1) + 2 * (above >> 2 & 1) + 4 * corners + 12 * far) as usize
     }
 

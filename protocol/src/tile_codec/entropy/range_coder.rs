@@ -65,6 +65,7 @@ impl RangeEncoder {
     pub(crate) fn finish(mut self) -> Vec<u8> {
         // A power of two not above the width of an interval has a multiple in it.
         let zeros = (1 << self.range.ilog2()) - 1;
+        // −low modulo the power of two is the distance to its next multiple.
         self.add(self.low.wrapping_neg() & zeros);
         let last = &self.low.to_be_bytes()[..last_bytes(self.range)];
         self.bytes.extend_from_slice(last);
@@ -226,7 +227,8 @@ const RANGE_MIN: u64 = 1 << 32;
 const PROBABILITY_MIN: i32 = 32;
 /// Number of bits after which their weight stays constant. Twice as many made tiles 1 % larger.
 const SEEN_MAX: u16 = 30;
-/// Weight of the next bit after n bits, in units of 2⁻¹⁶: 1 / (n + 2.5).
+/// Weight of the next bit after n bits, in units of 2⁻¹⁶: 1 / (n + 2.5), which makes the probability the mean
+/// of the bits and of a prior of ½ that weighs as much as 1.5 bits.
 const RATES: [i32; SEEN_MAX as usize + 1] = {
     let mut rates = [0; SEEN_MAX as usize + 1];
     let mut seen = 0;

@@ -44,6 +44,8 @@ impl ValueModel {
         let is_negative = coder.bit(&mut self.negative[lean], difference < 0);
         // The sign of noise is unpredictable for the branch predictor as well.
         let difference = select_unpredictable(is_negative, -size, size);
+        // Truncation to 8 bits leaves the sum modulo 256 exact; a sum out of range, from hostile bytes,
+        // wraps.
         (expected.wrapping_add_signed(difference as i8), difference)
     }
 
@@ -52,6 +54,7 @@ impl ValueModel {
     fn magnitude<C: Coder>(&mut self, coder: &mut C, wanted: u32) -> i16 {
         let below_top = wanted.checked_ilog2().unwrap_or(0);
         let mut length = 0;
+        // A magnitude of at most 255 has its top bit at 7 or below, so a seventh 1 needs no terminating 0.
         while length < 7 && coder.bit(&mut self.longer[length as usize], length < below_top) {
             length += 1;
         }

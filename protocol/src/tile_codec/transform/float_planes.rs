@@ -63,6 +63,7 @@ pub(crate) fn inverse<S: Sample>(planes: &[u8], tiles: &[Tile]) -> Vec<[S; 3]> {
         for _ in 0..tile.height {
             let [g, r, b] = channels.each_ref().map(|c| &c[start..][..width]);
             let mut left = above;
+            // The value of this row's first pixel, which predicts that of the next row.
             above = sum([g[0], r[0], b[0]], above);
             let row = &mut pixels[start..][..width];
             for (((pixel, &g), &r), &b) in row.iter_mut().zip(g).zip(r).zip(b) {

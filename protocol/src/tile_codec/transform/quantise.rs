@@ -18,6 +18,7 @@ pub(crate) fn resized(plane: &mut Vec<u8>, length: usize) -> &mut [u8] {
 /// FLIP of 0.010 with it and 0.035 with the same levels in each row, for at most a quarter more bytes.
 #[inline(always)]
 fn shifts(step: u8) -> &'static [i8] {
+    // Each residue modulo the step occurs once in a cycle, so that the levels are unbiased over it.
     match step {
         1 => &[0],
         3 => &[-1, 0, 1],
