@@ -101,6 +101,7 @@ impl TraceRequest {
             self.references.len(),
             REFERENCE_RANGES_MAX,
         )?;
+        // Ranges must ascend without overlap: each begins at or after the end of the one before.
         let mut from = self.tiles.first;
         for ReferenceRange { request, tiles } in &self.references {
             let inside = tiles.first.checked_add(tiles.count);

@@ -79,6 +79,7 @@ pub(crate) struct NodeArgs {
 
 pub(crate) fn run(args: &NodeArgs, log: LogFormat) -> Result<(), Failure> {
     let credentials = Credentials::load(&args.credentials, Role::Node)?;
+    // Bound first, so that an unusable address is reported before devices are opened.
     let mut server = NodeServer::bind(args.listen, &credentials)?;
     let registry = args.registry()?;
     log_line::print(log, NodeState::Starting.word());

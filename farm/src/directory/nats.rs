@@ -198,6 +198,7 @@ fn take(records: &mut Records, entry: &Entry) {
 impl Directory for NatsDirectory {
     fn nodes(&mut self) -> Result<Vec<ListedNode>, Error> {
         let bucket = &self.bucket;
+        // Put back only if it works; otherwise the next query connects anew.
         let watch = match self.watch.take() {
             Some(watch) if watch.task.is_finished() => {
                 return Err(bucket.fault("the bucket is gone"));
@@ -252,6 +253,7 @@ impl NatsRegistry {
     }
 
     fn run(&mut self, record: &NodeRecord, is_leaving: bool) -> Result<(), Error> {
+        // Put back only after success, so that a failure leads to a new connection.
         let (bucket, store) = (&self.bucket, self.store.take());
         let written = async {
             let store = match store {

@@ -128,6 +128,7 @@ impl PeerVerifier {
                 self.players
                     .verify_client_cert(certificate, intermediates, now)?;
             }
+            // The server's name is not verified: certificates state roles, not hosts.
             Role::Node => rustls::client::verify_server_cert_signed_by_trust_anchor(
                 &rustls::server::ParsedCertificate::try_from(certificate)?,
                 &self.roots,

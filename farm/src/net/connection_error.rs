@@ -51,12 +51,17 @@ fn tls_alert(code: u64) -> Option<u8> {
 /// The fault of the certificate of `holder` that a TLS alert reports (RFC 8446, 6.2).
 fn certificate_fault(alert: u8, holder: Role) -> Option<CertificateFault> {
     Some(match alert {
+        // certificate_required
         116 => CertificateFault::Missing,
         // certificate_expired, which rustls also sends for a certificate that is not valid yet.
         45 => CertificateFault::OutsideItsDays(holder),
+        // unknown_ca and decrypt_error
         48 | 51 => CertificateFault::OtherFarm,
+        // unsupported_certificate and access_denied
         43 | 49 => CertificateFault::WrongRole(holder),
+        // certificate_revoked
         44 => CertificateFault::Revoked,
+        // bad_certificate and certificate_unknown
         42 | 46 => CertificateFault::Unusable(format!("TLS alert {alert}")),
         _ => return None,
     })
@@ -65,6 +70,7 @@ fn certificate_fault(alert: u8, holder: Role) -> Option<CertificateFault> {
 /// The error of a handshake that failed for another reason than a certificate.
 fn handshake(alert: u8) -> Error {
     match alert {
+        // protocol_version and no_application_protocol
         70 | 120 => Error::ProtocolMismatch,
         alert => Error::Handshake(alert),
     }

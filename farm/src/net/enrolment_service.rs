@@ -265,6 +265,7 @@ impl EnrolmentState {
 
     /// Admits a node. A use of the token is spent only if a certificate is issued.
     fn join(&self, secret: &str, name: &str, request_pem: &str) -> Result<(String, u32), Error> {
+        // Locked throughout, so that concurrent joins cannot exceed the uses.
         let mut uses_left = lock(&self.uses_left);
         if certificate_fields::sha256(secret.as_bytes()) != self.secret_hash || *uses_left == 0 {
             let why = "the token is not valid: ask for another by `carom-farm token`";

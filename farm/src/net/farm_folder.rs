@@ -176,6 +176,7 @@ impl AuthorityFolder {
             create_private_dir(&out)?;
         }
         let issued = self.authority.issue(role, name, lasting(role.life()))?;
+        // Recorded before the key is written, so that no usable certificate is unrecorded.
         self.log.append(&issued.certificate_der()?, role)?;
         save(&out, role, self.certificate_pem(), &issued)?;
         let denied = self.log.deny_list_text()?;

@@ -54,6 +54,7 @@ impl Handshakes {
     pub(crate) fn begin(&self, address: IpAddr) -> Option<PendingHandshake> {
         let source = source(address);
         let mut table = lock(&self.0);
+        // Strangers leave the reserved places free.
         let limit = match table.known.contains(&source) {
             true => HANDSHAKES_MAX,
             false => HANDSHAKES_MAX - RESERVED,

@@ -85,6 +85,7 @@ impl TileSender {
     ) -> ConnectionEnd {
         loop {
             while self.unacknowledged.try_join_next().is_some() {}
+            // Either the open block has to be closed, or the last one announced; never both.
             let timeout = self.encoder.close_timeout();
             let timeout = timeout.or_else(|| self.encoder.announce_timeout());
             let timeout = timeout.map(|timeout| self.start + timeout);

@@ -89,6 +89,7 @@ impl Playback {
         }
         if let Some(before) = self.advanced.replace(now_secs) {
             self.secs += self.speed * (now_secs - before).max(0.0);
+            // The duration is not 0, or nothing would play.
             self.secs %= self.duration_secs();
         }
     }

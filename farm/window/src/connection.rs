@@ -59,6 +59,7 @@ pub fn is_displayless() -> bool {
 /// # Errors
 /// [`WindowError::NotOpened`] if there is no display.
 pub fn open_event_loop<T: 'static>(instead: &str) -> Result<EventLoop<T>, WindowError> {
+    // Silences winit's panic, which becomes an error below.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let opened = std::panic::catch_unwind(|| EventLoop::<T>::with_user_event().build());

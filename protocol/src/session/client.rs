@@ -322,6 +322,7 @@ impl ClientSession {
         let hash = scene.hash();
         match message {
             ToNode::Manifest { .. } => self.scenes_asked.push_back((hash, SceneQuestion::Missing)),
+            // The scene enters the cache with its last message, as it does at the node.
             ToNode::ChunksSent(_) => {
                 self.scenes
                     .insert(hash, scene.bytes(), SceneStatus::Pending);
@@ -460,6 +461,8 @@ impl ClientSession {
             }
         } else {
             let count = request.grid.pixels(done.tiles);
+            // Shared pixels that do not fit are ignored; the decoder then refuses the payload, which is
+            // empty.
             let shared = shared.filter(|pixels| pixels.fits(request.format, count));
             let mut precision = PixelPrecision::Exact;
             let pixels = match (request.format, shared) {
@@ -590,6 +593,7 @@ impl ClientSession {
         for (request, _) in self.requests.extract_if(.., reported) {
             self.refused.insert(request);
         }
+        // The others stay open until the node's last message about them.
         for (request, state) in &mut self.requests {
             state.cancelled |= unwanted(*request, state);
         }

@@ -129,6 +129,7 @@ impl SceneAssembler {
             }
             (ToNode::Chunk { .. }, None) => out_of_order(CHUNK_NOT_WANTED),
             (ToNode::ChunksSent(sent), assembly) => {
+                // The transfer ends here, whatever the outcome.
                 match assembly.take().filter(|assembly| assembly.hash == sent) {
                     Some(assembly) => assembly.finish().map(SceneProgress::Received),
                     None => out_of_order(TRANSFER_NOT_OPEN),
@@ -141,6 +142,7 @@ impl SceneAssembler {
     /// Begins a scene with the chunks that the store has, and lists the others.
     fn begin(&mut self, hash: SceneHash, chunks: Vec<ChunkKey>) -> SceneProgress {
         let of: usize = chunks.iter().map(|chunk| chunk.bytes as usize).sum();
+        // Refused before any memory is allocated for the announced bytes.
         if of > self.bytes_max {
             let why = format!(
                 "it has {} MB, and a player's scenes may take {} MB of memory here: use smaller textures and fewer \
@@ -199,6 +201,7 @@ impl Assembly {
         let mut known = HashSet::new();
         for place in 0..assembly.chunks.len() {
             let chunk = assembly.chunks[place];
+            // A chunk that occurs several times is read or requested once; `put` copies it to all its places.
             if known.insert(chunk) {
                 match store.and_then(|store| store.read(&chunk)) {
                     Some(bytes) => assembly.put(chunk, &bytes),
@@ -220,6 +223,7 @@ impl Assembly {
             return Err(Error::out_of_order(WHAT, CHUNK_NOT_WANTED));
         };
         let chunk = self.chunks[place as usize];
+        // Verified before it is stored, since other players may get it from the store.
         if ChunkKey::of(bytes) != chunk {
             return Err(Error::malformed(
                 WHAT,
@@ -253,6 +257,7 @@ impl Assembly {
             let rule = format!("{} chunks are still to come", self.wanted.len());
             return Err(Error::out_of_order(WHAT, rule));
         }
+        // Each chunk matches its own hash, but the manifest need not belong to the announced scene.
         if SceneHash::of_bytes(&self.bytes) != self.hash {
             return Err(Error::malformed(WHAT, SCENE_HASH));
         }

@@ -79,6 +79,7 @@ impl SceneTransfers {
             return Err(Error::out_of_order(WHAT, TRANSFER_NOT_OPEN));
         };
         let chunks = scene.chunks().len();
+        // Validation has ensured ascending indices, so the last one is the largest.
         if let Some(&chunk) = wanted.last()
             && chunk as usize >= chunks
         {

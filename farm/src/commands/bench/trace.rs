@@ -140,6 +140,7 @@ fn measure_all(
         progress.step();
     }
     let mut costs = vec![(Vec::new(), Vec::new()); opened.len()];
+    // Back ends take turns, so that changes of the machine's clock rate affect all of them alike.
     for _ in 0..args.repetitions {
         for (opened, (paths, primary)) in opened.iter().zip(&mut costs) {
             let samples = args.spp.unwrap_or(samples_default(opened.backend));
@@ -218,6 +219,7 @@ fn scaling(scene: &CompiledScene, args: &Args) -> anyhow::Result<Vec<Scaling>> {
     let mut costs = vec![Vec::new(); counts.len()];
     let pictures = counts.len() * (1 + args.repetitions as usize);
     let progress = Progress::start("threads", pictures);
+    // One more than asked for, as a warm-up; the best repetition counts.
     for _ in 0..=args.repetitions {
         for (tracer, costs) in tracers.iter().zip(&mut costs) {
             let samples = args.spp.unwrap_or(samples_default(Backend::Cpu));

@@ -108,6 +108,7 @@ impl FarmFigures {
         let metrics = metrics(text);
         let now = Scrape { at, metrics };
         let before = self.scrapes.insert(address.to_owned(), now.clone());
+        // At the first scrape all differences are 0.
         let before = before.unwrap_or_else(|| now.clone());
         let secs = (now.at - before.at).as_secs_f64().max(1e-3);
         // The counters of a restarted node begin at 0 again, and their difference may be negative.

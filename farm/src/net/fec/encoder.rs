@@ -50,6 +50,7 @@ impl FecEncoder {
             return Err(packet);
         }
         let mut datagrams = Vec::new();
+        // All symbols of a block have one length, which follows the path MTU.
         let fits = self.open.symbol_bytes == symbol_bytes
             // A packet never spans two blocks, which are decoded independently.
             && self.open.symbols.len() + needed <= SOURCE_SYMBOLS_MAX;

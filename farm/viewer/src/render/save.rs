@@ -124,6 +124,7 @@ impl FrameStates {
         }
         let (_, lit) = &self.lit;
         Ok(FilmState {
+            // `None` stands for the scene with which the film was begun.
             scene: (!Arc::ptr_eq(lit, &self.scene)).then(|| Arc::clone(lit)),
             update: update.camera(camera),
         })

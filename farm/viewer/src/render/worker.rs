@@ -209,12 +209,15 @@ impl Worker<'_> {
         let (Some(view), Some(document)) = (&mut self.view, &self.document) else {
             return;
         };
+        // Paused while a file is saved, which then has the farm to itself.
         view.set_paused(wanted.is_paused || is_saving);
         view.set_quality_preference(wanted.preference);
         let followed = view.resize(size.width, size.height);
         let update = document.update.clone().camera(look.camera);
         let shown = self.view_scene.as_ref();
         let followed = followed.and_then(|()| {
+            // An update suffices while the file yields the same scene; other lights have begun a new view
+            // above.
             if shown.is_some_and(|shown| Arc::ptr_eq(shown, &document.scene)) {
                 return view.set_update(update);
             }

@@ -76,6 +76,7 @@ impl GpuDisplay {
         picture: Option<&DisplayFrame>,
         ui: &UiFrame,
     ) -> Result<(), DisplayFault> {
+        // Applied even if the frame is skipped: egui sends each change of a texture once.
         for (id, images) in &ui.textures.set {
             for image in images {
                 self.egui
@@ -209,6 +210,7 @@ impl PicturePass {
             label: Some("picture"),
             source: wgpu::ShaderSource::Wgsl(include_str!("picture.wgsl").into()),
         });
+        // An sRGB format encodes on writing, so the shader has to decode the picture's bytes.
         let entry = if format.is_srgb() {
             "show_decoded"
         } else {
@@ -330,6 +332,7 @@ async fn request_device(
     let (device, queue) = adapter
         .request_device(&wgpu::DeviceDescriptor {
             label: Some("window"),
+            // The limits of WebGL 2 suffice, so that old GPUs work; only the texture size is the adapter's.
             required_limits: wgpu::Limits::downlevel_webgl2_defaults()
                 .using_resolution(adapter.limits()),
             memory_hints: wgpu::MemoryHints::MemoryUsage,

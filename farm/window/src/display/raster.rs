@@ -84,6 +84,7 @@ impl Rasterizer {
             self.textures.insert(id, texture);
             return;
         };
+        // With a position, part of an existing texture is updated.
         let Some(texture) = self.textures.get_mut(&id) else {
             return;
         };

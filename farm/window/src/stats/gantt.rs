@@ -40,6 +40,7 @@ pub fn show(ui: &mut Ui, record: &FrameRecord) {
         .enumerate()
         .for_each(|(row, node)| row_of[*node] = Some(row));
     let mut mesh = Mesh::default();
+    // Room for five bars per message, of four vertices and two triangles each.
     mesh.reserve_vertices(detail.deliveries.len() * 20);
     mesh.reserve_triangles(detail.deliveries.len() * 10);
     let mut lanes = vec![GanttLane::default(); record.nodes.len()];

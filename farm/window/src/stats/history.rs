@@ -85,6 +85,7 @@ impl History {
         {
             let record = &mut self.records[self.detailed_from];
             self.detail_bytes -= detail_bytes(record);
+            // This clones the record if it is held elsewhere, as by frozen charts or a recorder.
             Arc::make_mut(record).detail = None;
             self.detailed_from += 1;
         }

@@ -70,6 +70,7 @@ impl Maps {
             return;
         };
         let tile = tile_size(screen, grid);
+        // Whole tiles: the last column and row, and thus the quad, may extend beyond the picture.
         let whole = Vec2::new(tile.x * grid.columns() as f32, tile.y * grid.rows() as f32);
         let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
         painter.image(

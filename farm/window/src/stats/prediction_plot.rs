@@ -39,7 +39,9 @@ pub(super) fn show(ui: &mut Ui, record: &FrameRecord) {
         );
         return;
     }
+    // A margin around the extremes, which also keeps the scale valid for a single point.
     let (low, high) = (low * 0.8, high * 1.25);
+    // Position on the logarithmic scale, 0 to 1.
     let place = |secs: f64| ((secs / low).ln() / (high / low).ln()) as f32;
     let at = |predicted: f64, actual: f64| {
         rect.min + Vec2::new(place(actual), 1.0 - place(predicted)) * rect.size()
