@@ -328,7 +328,7 @@ mod tests {
         }
     }
 
-    /// Places that repeat, far apart and at both ends of the range.
+    /// Positions that repeat, that are far apart and that lie at both ends of the range.
     fn places(count: usize, seed: u32) -> Vec<U16Vec3> {
         let place = |index: usize| {
             let [x, y, z, edge] = carom_tracer::sampling::uniforms(index as u32, seed, 1, 2);
@@ -425,7 +425,7 @@ mod tests {
         assert_eq!(refused, expanded(120_000));
     }
 
-    /// Every cut and every changed byte is refused or gives particles of the stated number.
+    /// Each truncation and each changed byte is refused or decodes to particles of the stated number.
     #[test]
     fn broken_bytes_neither_panic_nor_grow() {
         let mut encoder = ParticleEncoder::default();

@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn a_name_of_nobody_is_an_error_and_not_an_empty_list() {
-        // RFC 6761: no name under `invalid` is ever given to anybody.
+        // RFC 6761: names under `invalid` are guaranteed not to exist.
         let why = list("nobody.invalid:4433").unwrap_err().to_string();
         assert!(why.starts_with("dns:nobody.invalid:4433: "), "{why}");
     }

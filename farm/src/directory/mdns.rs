@@ -145,7 +145,7 @@ mod tests {
 
     use super::*;
 
-    /// On the loopback interface alone, and on a port of its own.
+    /// A daemon on the loopback interface alone, and on a port of its own.
     fn daemon() -> ServiceDaemon {
         let daemon = ServiceDaemon::new_with_port(45_353).unwrap();
         daemon.disable_interface(IfKind::All).unwrap();

@@ -199,7 +199,7 @@ mod tests {
 
     const DAY: Duration = Duration::from_secs(24 * 3600);
 
-    /// A node that shows some certificate and accepts any player.
+    /// A node that presents this certificate and accepts any player.
     fn impostor(shown: &IssuedCertificate, alpn: &[u8]) -> Endpoint {
         let certificate = CertificateDer::from_pem_slice(shown.certificate_pem.as_bytes());
         let key = PrivateKeyDer::from_pem_slice(shown.key_pem.as_bytes()).unwrap();
@@ -297,7 +297,7 @@ mod tests {
 
     #[test]
     fn packets_grow_to_the_path_mtu() {
-        // A search ends within 20 bytes.
+        // The search ends within 20 bytes of the MTU.
         assert!((6500..=6544).contains(&packet_bytes(None, 6500)));
         let ethernet = LinkConfig::default();
         let bytes = packet_bytes(Some(ethernet), 1452);
@@ -308,7 +308,7 @@ mod tests {
         crate::net::runtime::waiting_thread().unwrap()
     }
 
-    /// Far longer than a search for the MTU takes.
+    /// Far longer than the MTU discovery takes.
     const TIMEOUT: Duration = Duration::from_secs(60);
 
     #[test]
@@ -341,7 +341,7 @@ mod tests {
         assert!(second.claim_instance(8).unwrap().is_some());
         drop(held);
         assert!(second.claim_instance(7).unwrap().is_some());
-        // Nodes that tell none are told apart by their addresses alone.
+        // Nodes that report no instance number are distinguished by their addresses alone.
         assert!(first.claim_instance(0).unwrap().is_none());
     }
 
@@ -351,7 +351,7 @@ mod tests {
         let now = SystemTime::now();
         let player = farm.credentials(Role::Player, "player", now - DAY..now + DAY);
         let connector = Connector::new(&player.unwrap(), NodeClaims::default()).unwrap();
-        // RFC 6761: no name under `invalid` is ever given to anybody.
+        // RFC 6761: names under `invalid` are guaranteed not to exist.
         let nobody = "nobody.invalid:4433".parse().unwrap();
         let error = runtime()
             .block_on(connector.connect(&nobody))

@@ -205,7 +205,7 @@ mod tests {
         assert!(!is_due(&validity, day(19)));
         assert!(is_due(&validity, day(20)));
         assert!(is_due(&validity, day(31)));
-        // By a clock that is set back and forward, and of days that make no sense.
+        // With clocks set back and forward, and with an inverted validity.
         let validity = day(20_000)..day(20_030);
         assert!(!is_due(&validity, day(20_025 - 365)) && !is_due(&validity, start));
         assert!(is_due(&validity, day(20_005 + 365)));

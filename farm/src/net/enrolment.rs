@@ -298,7 +298,7 @@ mod tests {
         saved.unwrap();
         let deny_list = folder.path().join(DENY_LIST_FILE);
         std::fs::remove_file(&deny_list).unwrap();
-        // By an authority whose clock is three days ahead.
+        // Issued by an authority whose clock is three days ahead.
         let ahead = SystemTime::now() + 2 * DAY;
         let (_, refused) = replace(ahead..ahead + 30 * DAY);
         assert!(matches!(

@@ -365,7 +365,7 @@ mod tests {
                 "{refused}"
             );
         }
-        // A node that joins may ask for any: its operator is told a sentence, not a page.
+        // A joining node may ask for any name: its operator gets a sentence about it, not a page.
         let told = check_name(&"\u{1b}".repeat(16_000))
             .unwrap_err()
             .to_string();
@@ -435,7 +435,7 @@ mod tests {
         let bob = folder.add(Role::Player, "bob", None, false).unwrap();
         folder.add(Role::Player, "bob", None, true).unwrap();
         folder.add(Role::Player, FIRST_PLAYER, None, true).unwrap();
-        // Another copy for the same name would be unknown to whoever revokes it.
+        // A second certificate under the same name would be unknown to whoever revokes the name.
         let twice = folder.add(Role::Player, "bob", Some(&dir.path().join("x")), false);
         assert!(twice.unwrap_err().to_string().contains("--renew"));
         let records = folder.log.records().unwrap();

@@ -202,7 +202,8 @@ mod tests {
         assert_eq!(admitted(&mut filter, start, of_one), SOURCE_BURST as usize);
         let bucket = |source: u32| filter.bucket_of(IpAddr::from(source.to_be_bytes()));
         let shares = |source: &u32| bucket(*source) == bucket(7);
-        // Ten of them on average; the hash is secret, and more than 40 a matter of 1 in 10^12.
+        // On average ten of them share a bucket; with a secret hash, more than 40 have a probability of 1 in
+        // 10^12.
         assert!((100..10_340).filter(shares).count() <= 40);
         let others: Vec<u32> = (100..).filter(|source| !shares(source)).take(100).collect();
         assert_eq!(admitted(&mut filter, start, others.into_iter()), 100);

@@ -187,7 +187,7 @@ mod tests {
         let network = |host: u16| IpAddr::from([0x2001, 0xdb8, 0, host & 0xff, 0, 0, 0, host]);
         let from_network: Vec<_> = (0..99).filter_map(|host| begin(network(host))).collect();
         assert_eq!(from_network.len(), PER_SOURCE_MAX);
-        // An IPv4 address is the same source behind a socket of IPv6.
+        // An IPv4-mapped IPv6 address is the same source as the IPv4 address.
         assert!(begin("::ffff:192.0.2.1".parse().unwrap()).is_none());
         drop(from_one);
         assert!(begin(v4(1)).is_some());
@@ -220,7 +220,7 @@ mod tests {
             evicted += usize::from(told.is_ok());
         }
         assert_eq!(evicted, 1);
-        // Those that hold many cannot take the place back.
+        // The source with many handshakes cannot take the place back.
         let back: Vec<_> = (0..99).filter_map(|_| handshakes.begin(v4(0))).collect();
         assert!(back.len() <= 1, "{}", back.len());
         let told = tokio::time::timeout(Duration::ZERO, newcomer.evicted()).await;

@@ -310,7 +310,7 @@ mod tests {
             let mut file = OpenOptions::new().append(true).open(&path).unwrap();
             file.write_all(text.as_bytes()).unwrap();
         };
-        // An append was cut off; the next one is in its line.
+        // An interrupted append, with the next record in the same line.
         torn(r#"{"name":"el"#);
         add_node(farm, "oak", None, false).unwrap();
         torn("\0\0\n\n{\"name\":\"ash\",\"role\"");

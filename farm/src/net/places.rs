@@ -215,12 +215,12 @@ mod tests {
             assert_eq!(refusal, NoPlace::Full { players, ahead });
         }
         served.pop();
-        // The place is kept for the first in line while it calls.
+        // The place is kept for the first in line as long as it keeps calling.
         assert!(enter(2, 211).is_err());
         let first = enter(3, 210).unwrap();
         assert!(enter(4, 211).is_err());
         drop(first);
-        // The second has given up.
+        // The second has stopped calling.
         assert!(enter(6, 212).is_err());
         assert!(enter(17, 212).is_ok());
     }
@@ -237,9 +237,9 @@ mod tests {
         assert!(!yields().any(|yields| yields));
         let newcomer = enter(60, 200).unwrap();
         assert!(yields().eq((0..PLAYERS_MAX).map(|one| one == 0)));
-        // All others have worked since.
+        // All other players have been active since.
         assert!(enter(61, 0).is_err());
-        // Who leaves a place that it has yielded takes none from itself.
+        // A player that leaves a place it had yielded must not release its new one.
         drop(newcomer);
         let again = enter(62, 0).unwrap();
         drop(served);

@@ -106,14 +106,14 @@ mod tests {
         let start = Instant::now();
         let account = PlayerAccount::new(start);
         let at = |secs| start + Duration::from_secs(secs);
-        // A NAT that forgets ports every half a minute, for a day.
+        // A NAT that drops its mapping every half minute, for a day.
         for half_minute in 0..2880 {
             assert!(account.spend_path_probes(at(30 * half_minute), 2));
         }
         let now = at(86_400);
         assert!(account.spend_path_probes(now, 64));
         assert!(!account.spend_path_probes(now, 1));
-        // However many there were, it may come back in a minute.
+        // However large the excess was, the player may return after a minute.
         assert!(!account.spend_path_probes(now, 1 << 40));
         let pause = account.path_probes_pause(now);
         assert!(pause.abs_diff(PATH_PROBES_PAUSE_MAX) < Duration::from_millis(1));

@@ -225,7 +225,7 @@ mod tests {
         camera.eye.distance(camera.target)
     }
 
-    /// How far a position of single precision may be off.
+    /// Tolerance of a single-precision position in metres.
     fn slack(camera: &Camera) -> f32 {
         1e-6 * (camera.eye.length() + camera.target.length() + 1.0)
     }
@@ -252,7 +252,7 @@ mod tests {
                 let seen = camera.camera();
                 prop_assert!((distance(&seen) - distance(&home)).abs() < slack(&home));
                 prop_assert!(seen.target.distance(home.target) < slack(&home));
-                // Never over a pole, where the picture would turn over.
+                // Never over a pole, where the picture would turn upside down.
                 let view = (seen.target - seen.eye).normalize();
                 prop_assert!(view.cross(seen.up).length() > 1e-3);
             }
@@ -309,12 +309,12 @@ mod tests {
         camera = in_front();
         camera.walk(DVec3::new(0.25, 0.5, 0.0));
         assert!(camera.camera().eye.distance(Vec3::new(1.0, -4.0, 2.0)) < 1e-6);
-        // Higher, and to where x grows.
+        // Upwards, and towards positive x.
         camera = in_front();
         camera.turn(0.1, 0.2);
         let eye = camera.camera().eye;
         assert!(eye.x > 0.0 && eye.z > 0.0, "{eye}");
-        // To the left, and up.
+        // To the left and upwards.
         camera = in_front();
         camera.look_around(0.1, 0.2);
         let target = camera.camera().target;
@@ -325,7 +325,7 @@ mod tests {
     fn what_is_at_the_targets_distance_follows_a_pan() {
         let mut camera = in_front();
         camera.pan(DVec2::new(0.5, 0.0));
-        // What was in the middle is at the right edge: half a width of 2 · 4 tan 22.5° away.
+        // What was in the middle is at the right edge, half a width of 2 · 4 tan 22.5° away.
         let half_width = 4.0 * 22.5_f32.to_radians().tan();
         assert!((camera.camera().target.x + half_width).abs() < 1e-5);
     }
@@ -360,7 +360,7 @@ mod tests {
         let after = camera.camera();
         assert!(after.eye.distance(before.eye) < 1e-5);
         assert_eq!((after.target, after.up), (before.target, Vec3::X));
-        // Along the axis itself, it steps aside.
+        // A view along the up vector is replaced by one beside it.
         let mut above = OrbitCamera::new(Camera::looking_at([0.0, 0.0, 5.0], [0.0; 3]));
         above.set_up(Vec3::Z);
         let seen = above.camera();

@@ -141,7 +141,7 @@ mod tests {
                 now += secs;
                 way += walk.advance(velocity, now);
             }
-            // Released between two looks: the last one still counts.
+            // Released between two calls: the last velocity still counts.
             now += 0.01;
             way += walk.advance(DVec3::ZERO, now);
             way += walk.advance(DVec3::ZERO, now + 1.0);
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(walk.advance(DVec3::ZERO, 1.0), DVec3::ZERO);
         assert_eq!(walk.advance(DVec3::X, 100.0), DVec3::ZERO);
         assert_eq!(walk.advance(DVec3::X, 100.5), DVec3::X * 0.5);
-        // A window that stood still has walked no farther than it could have been seen to.
+        // After a stall the camera has moved no further than the bounded time step allows.
         assert_eq!(walk.advance(DVec3::X, 200.0), DVec3::X * STALL_SECS_MAX);
     }
 }

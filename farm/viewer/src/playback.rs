@@ -126,7 +126,7 @@ mod tests {
         playback.toggle();
         playback.advance(99.0);
         assert_eq!(playback.time(), Some((0, 0.25)));
-        // The time that it stood still does not count.
+        // The time while it was stopped does not count.
         playback.toggle();
         playback.advance(100.0);
         playback.seek(9.0);

@@ -142,7 +142,7 @@ mod tests {
         std::fs::write(path("view_0002.exr"), "").unwrap();
         form.go_on(&path("view_0002.exr"));
         assert_eq!(Path::new(&form.path), path("view_0003.exr"));
-        // A name that has been changed meanwhile stays.
+        // A name edited meanwhile is kept.
         form.path = "mine.jpg".to_owned();
         form.go_on(&path("view_0003.exr"));
         assert_eq!(form.path, "mine.jpg");

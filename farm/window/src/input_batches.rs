@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(quick, slow);
     }
 
-    /// Windows tell of more than the pointer while a button is down.
+    /// Platforms also send other events than the pointer's while a button is held.
     #[test]
     fn a_drag_begins_in_a_pass_of_its_own_whatever_comes_between() {
         let (from, to) = (pos2(20.0, 10.0), pos2(150.0, 10.0));

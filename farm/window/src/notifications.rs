@@ -396,7 +396,7 @@ mod tests {
         assert_eq!(standing(&nodes).unwrap(), "Waiting for the first frame");
     }
 
-    /// A farm in which one node has this speed, others ten.
+    /// A farm in which one node has this speed, and the others speed 10.
     fn farm_with(speed: f64) -> [NodeStatus; 2] {
         let mut slow = node("attic:1", NodeState::Ready);
         slow.msamples_per_sec = speed;

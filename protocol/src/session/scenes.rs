@@ -78,8 +78,8 @@ impl<T> SceneCache<T> {
 mod tests {
     use super::*;
 
-    /// A client inserts what it sends and removes what is refused, later; a node inserts what it
-    /// takes. Both use scenes in the same order.
+    /// A client inserts what it sends and later removes what is refused; a node inserts what it accepts. Both
+    /// touch scenes in the same order.
     #[test]
     fn client_cache_holds_no_scene_the_node_evicted() {
         let (mut client, mut node) = (SceneCache::new(), SceneCache::new());

@@ -159,7 +159,7 @@ const HEADER_BYTES: usize = 640;
 mod tests {
     use super::*;
 
-    /// Both ends make the header on their own. Whoever changes it raises the protocol's version.
+    /// Both ends construct the header themselves, so a change of it must raise the protocol's version.
     #[test]
     fn jpeg_header_changes_only_with_version() {
         let hashes = [

@@ -180,7 +180,7 @@ mod tests {
             architectures: &[Architecture::X86],
             hours: 8.0,
         };
-        // Where a type has no spot price, what it costs on demand bounds it.
+        // A type without a spot price counts with its on-demand price.
         let extra = ADDRESS_AND_DISK_DOLLARS_PER_HOUR;
         assert!((plan.dollars_per_hour_max(&spot) - 2.0 * (1.006 + extra)).abs() < 1e-9);
         let text = plan.price(&spot);

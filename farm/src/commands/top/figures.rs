@@ -239,7 +239,7 @@ mod tests {
             (2.0, 0.5, 2.0, 2.0)
         );
         assert!((row.response_ms.unwrap() - 25.0).abs() < 1e-6);
-        // Started anew.
+        // The node has restarted, with its counters at 0.
         let row = farm.row("oak:1", TEXT, begun + Duration::from_secs(3));
         assert_eq!(row.msamples_per_sec, 0.0);
     }

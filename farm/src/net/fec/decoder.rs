@@ -165,12 +165,12 @@ mod tests {
         losses: LossEstimator,
         there: LinkEmulator,
         back: LinkEmulator,
-        /// In flight with their arrival times.
+        /// Datagrams in flight with their arrival times.
         datagrams: Vec<(Duration, Vec<u8>)>,
         nacks: Vec<(Duration, Vec<u8>)>,
         retransmissions: Vec<(Duration, Retransmission)>,
         announcements: Vec<(Duration, u64)>,
-        /// Datagrams that were sent, and those that were lost.
+        /// Numbers of datagrams sent and lost.
         sent: (u64, u64),
         duplicated: f64,
         random: SplitMix64,
@@ -352,7 +352,7 @@ mod tests {
         );
     }
 
-    /// Each fiftieth datagram overtakes others by 11 ms, four blocks.
+    /// Every fiftieth datagram overtakes others by 11 ms, which is four blocks.
     #[test]
     fn reordered_symbols_are_waited_for() {
         let config = LinkConfig {
@@ -369,7 +369,7 @@ mod tests {
         );
     }
 
-    /// All of the only block is lost, and the first four NACKs.
+    /// The only block is lost entirely, and so are the first four NACKs.
     #[test]
     fn a_last_block_that_is_lost_whole_is_recovered() {
         let (mut encoder, mut decoder) = (FecEncoder::default(), FecDecoder::default());

@@ -121,7 +121,7 @@ mod tests {
 
     const LONG_RTT: Duration = Duration::from_millis(46);
 
-    /// An estimator of a path that has lost each `one_in`th of so many packets.
+    /// An estimator after this number of packets, of which every `one_in`th was lost.
     fn after(packets: u64, one_in: u64) -> LossEstimator {
         let mut estimator = LossEstimator::new();
         for sent in (0..=packets).step_by(100) {
@@ -165,7 +165,7 @@ mod tests {
         assert_eq!(after(1000, 2).repair_count(1), 2);
     }
 
-    /// Of 4 packets at 1/2: 5 in 16 lose more than 2.
+    /// Of 4 packets with loss 1/2, more than 2 are lost with probability 5/16.
     #[test]
     fn loss_tail_is_binomial() {
         assert!((loss_tail(4, 2, 0.5) - 5.0 / 16.0).abs() < 1e-12);

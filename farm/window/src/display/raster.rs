@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     fn triangles_of_a_fan_touch_each_pixel_once() {
-        // Corners and centre at odd places, so that edges cross pixel centres or miss them.
+        // Corners and centre at fractional positions, so that some edges pass through pixel centres.
         let rim: [[f32; 2]; 6] = [
             [0.5, 0.5],
             [4.5, 0.5],

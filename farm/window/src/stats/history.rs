@@ -198,7 +198,7 @@ mod tests {
             .records()
             .iter()
             .filter(|record| record.detail.is_some());
-        // As many as fit are kept, and they are the newest.
+        // As many details are kept as fit, those of the newest pictures.
         assert_eq!(detailed.count(), History::DETAIL_BYTES_MAX / (8160 * 4));
         assert_eq!(history.records().len(), History::FRAMES_MAX);
         assert_eq!(history.newest().unwrap().frame, 1999);

@@ -245,7 +245,7 @@ mod tests {
 
     use super::*;
 
-    /// Fails like a disk that is full after so many bytes.
+    /// A writer that fails like a full disk after a number of bytes.
     struct SlowDisk {
         left: usize,
     }
@@ -264,7 +264,7 @@ mod tests {
         }
     }
 
-    /// Writes nothing until it is told to.
+    /// A writer that blocks until it is released.
     struct StuckDisk {
         go: Receiver<()>,
         begun: Sender<()>,
@@ -368,7 +368,7 @@ mod tests {
         };
         let mut recorder = Recorder::into("a disk".to_owned(), files);
         begun.recv().unwrap();
-        // The thread hangs in the header: all of these are handed over or left out at once.
+        // The thread blocks in the header, so each of these is queued or left out immediately.
         (0..QUEUE_MAX as u64 + 50).for_each(|frame| recorder.write(record(frame)));
         assert_eq!(recorder.state().left_out, 50);
         drop(go);

@@ -37,7 +37,7 @@ impl MaskContext {
     pub(crate) fn group_context(self) -> usize {
         let above = u32::from(ONES_MAX3[usize::from((self.above >> 2) as u8)]);
         let here = (self.row & 1) + (self.row >> 1 & 1);
-        // Bits 1 and 10: the pixels above that adjoin the group on either side.
+        // Bits 1 and 10: the pixels in the row above that adjoin the group on either side.
         let corners = u32::from(self.above & 0x402 != 0);
         let above2 = u32::from(self.above2 != 0);
         // A number in mixed radix: 4 · 3 · 2 · 2 contexts.

@@ -245,7 +245,7 @@ mod tests {
 
     use super::*;
 
-    /// What to code: the number of a model and a bit, or as many raw bits.
+    /// Symbol to code: a model's index and a bit, or a number of raw bits.
     #[derive(Clone, Copy, Debug)]
     enum Step {
         Bit(usize, bool),
@@ -273,7 +273,7 @@ mod tests {
     }
 
     fn steps() -> impl Strategy<Value = Vec<Step>> {
-        // The first model's bits are nearly always 1, the second's 0: both ends of the range.
+        // The first model's bits are nearly always 1 and the second's 0: both ends of the probability range.
         let bit = (0..4usize, any::<u8>()).prop_map(|(model, random)| {
             let bit = match model {
                 0 => random != 0,
@@ -334,7 +334,7 @@ mod tests {
         for index in 0..8000 {
             encoder.bit(&mut model, index % 20 == 0);
         }
-        // A bit of 1 in 20 has 0.286 bits of information, a regular one even none.
+        // A bit of probability 1/20 has 0.286 bits of entropy; one in a regular sequence has none.
         let bytes = encoder.finish().len();
         assert!(bytes < 8000 * 35 / 100 / 8, "{bytes}");
     }

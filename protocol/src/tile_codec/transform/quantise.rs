@@ -103,7 +103,7 @@ fn multiply<const STEP: u8>(levels: &mut [u8], shift: i8) {
 mod tests {
     use super::*;
 
-    /// Each value, in each of many rows.
+    /// Every byte value, in each of 12 rows of 256 pixels.
     fn values() -> Vec<[u8; 3]> {
         let pixels = (0..12).flat_map(|row| (0..=255).map(move |value| [value, 255 - value, row]));
         pixels.collect()

@@ -152,7 +152,7 @@ mod tests {
         height: 29,
     };
 
-    /// Soft light with noise; one pixel in `part` is noisy.
+    /// A smooth gradient in which one pixel in `part` is noisy.
     fn picture(seed: u32, part: u32) -> Vec<[u8; 3]> {
         let pixel = |index: u32| {
             let soft = 40 + index / 11;
@@ -163,7 +163,7 @@ mod tests {
         (0..TILE.pixels() as u32).map(pixel).collect()
     }
 
-    /// The two ends of a connection may have other processors.
+    /// The two ends of a connection may have processors with different instruction sets.
     #[test]
     fn simd_levels_transform_alike() {
         let (now, dense, sparse) = (picture(1, 1), picture(2, 1), picture(2, 5));
