@@ -96,6 +96,7 @@ pub(crate) fn reachable_host(listen: SocketAddr) -> String {
         address.set_ip(outward.map_or(Ipv4Addr::LOCALHOST.into(), |outward| outward.ip()));
     }
     let text = address.to_string();
+    // Formatting with a port puts an IPv6 address in brackets.
     text.trim_end_matches(":0").to_owned()
 }
 

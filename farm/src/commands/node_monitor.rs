@@ -82,6 +82,7 @@ impl NodeMonitor {
                 self.stop.stop();
                 self.idle_exit = None;
             }
+            // The beginning of draining is registered at once.
             if now >= registration || figures.draining != self.record.draining {
                 registration = now + self.register(&record, &figures, &mut reported);
                 record = Window {

@@ -166,6 +166,7 @@ impl ConnectionDriver {
                     let mut arrivals = arrived.drain(..);
                     arrivals.try_for_each(|arrival| self.on_arrival(handler, arrival)).err()
                 }
+                // No commands while a packet waits: theirs would only queue behind it in the session.
                 command = poll_fn(|cx| handler.poll_commands(cx)), if pending.is_none() => {
                     match command {
                         Ok(()) => None,

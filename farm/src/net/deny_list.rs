@@ -71,6 +71,7 @@ impl DenyList {
 
 impl DeniedKeys {
     fn refresh(&mut self, path: &Path) {
+        // Stamped before it is read, so that a change in between is noticed the next time.
         let version = std::fs::metadata(path).and_then(|file| Ok((file.modified()?, file.len())));
         let text = match version {
             Ok(version) if self.version == Some(version) => return,

@@ -179,6 +179,7 @@ async fn ask_address(
         ConnectionError::TimedOut => Error::NoAnswer(address),
         error => refusal(connection_error::connection(&error, Role::Node)),
     };
+    // The reason why the connection was closed explains a failed exchange better than the stream's error.
     let bytes = answer.map_err(|why| connection.close_reason().map_or(why, lost))?;
     connection.close(close_code::DONE, b"");
     endpoint.wait_idle().await;

@@ -272,6 +272,7 @@ fn records_of_line(line: &[u8]) -> (Vec<IssuanceRecord>, bool) {
     }
     let mut whole = Vec::new();
     let mut is_damaged = !line.starts_with(b"{");
+    // Records are flat and names contain no brace, so each brace begins a record.
     for part in line.split(|&byte| byte == b'{').skip(1) {
         match serde_json::from_slice(&[b"{", part].concat()) {
             Ok(record) => whole.push(record),

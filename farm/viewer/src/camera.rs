@@ -130,6 +130,7 @@ impl OrbitCamera {
     /// Turns about the eye, which stays in place: to the left by `yaw_rad` and up by `pitch_rad`.
     pub fn look_around(&mut self, yaw_rad: f64, pitch_rad: f64) {
         let eye = self.eye();
+        // `to_eye` points backwards, so it falls when the view rises.
         self.turn(yaw_rad, -pitch_rad);
         self.target = eye - self.distance_m * self.to_eye;
     }

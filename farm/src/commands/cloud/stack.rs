@@ -90,6 +90,7 @@ impl Stack {
         });
         let (verb, waited) = match self.status()?.as_deref() {
             None => ("create-stack", "stack-create-complete"),
+            // A stack whose creation was rolled back cannot be updated, only deleted.
             Some(status) if status.ends_with("_COMPLETE") && !status.starts_with("ROLLBACK") => {
                 ("update-stack", "stack-update-complete")
             }

@@ -91,6 +91,7 @@ fn loss_tail(count: usize, tolerated: usize, loss: f64) -> f64 {
         term *= (count - lost + 1) as f64 / lost as f64 * loss / (1.0 - loss);
         sum += term;
     }
+    // The cancellation is harmless, since the result is compared with a probability as large as 10⁻⁴.
     1.0 - sum
 }
 

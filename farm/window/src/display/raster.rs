@@ -250,6 +250,7 @@ impl<'a> RasterPaint<'a> {
 }
 
 fn over(below: u32, source: [f32; 4]) -> u32 {
+    // Source-over compositing of premultiplied colours (Porter and Duff, SIGGRAPH 1984).
     let rest = 1.0 - source[3] / 255.0;
     let channel = |shift: u32, source: f32| {
         let below = (below >> shift & 0xFF) as f32;

@@ -114,6 +114,7 @@ impl History {
         if secs <= 0.0 {
             return 0.0;
         }
+        // n records delimit n − 1 intervals.
         (self.records.len() - 1) as f64 / secs
     }
 

@@ -131,6 +131,7 @@ impl Maps {
             .enumerate()
             .filter(|(_, (_, count))| *count > 0)
         {
+            // Each number is drawn twice, first in black as a shadow, for contrast on any colour.
             let at = screen.min + *sum / *count as f32 * tile;
             painter.text(
                 at + Vec2::splat(1.0),

@@ -43,7 +43,7 @@ impl BitModel {
     }
 }
 
-/// Encoder of a message, which is a binary fraction in [0, 1).
+/// Encoder of a message, which is a binary fraction from 0 to below 1.
 #[derive(Debug)]
 pub(crate) struct RangeEncoder {
     /// The last 64 bits of the fraction so far, not yet written.
