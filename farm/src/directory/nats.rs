@@ -24,8 +24,7 @@ use crate::lock::lock;
 use crate::net::runtime;
 
 /// Address of a bucket: `nats://host:port/bucket`, or with `tls://`; before the host may be `user:password@`
-/// or
-/// `token@`.
+/// or `token@`.
 #[derive(Clone, PartialEq, Eq)]
 pub struct NatsBucket {
     server: String,

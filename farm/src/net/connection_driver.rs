@@ -376,7 +376,7 @@ async fn write_control(
 ) {
     while let Some(packet) = packets.recv().await {
         if packet.len() > limits::CONTROL_BYTES_MAX {
-            // Requests queue behind the bytes that quinn has buffered, by default 4 MB of chunks. A send
+            // Requests queue behind the bytes that quinn has buffered, initially up to 4 MB of chunks. A send
             // window of little more than the congestion window keeps that queue short without starving the
             // path.
             let cwnd = connection.stats().path.cwnd;

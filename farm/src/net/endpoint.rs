@@ -92,7 +92,7 @@ impl CongestionControl {
 }
 
 /// Options of the transport of a node's tiles. Farms use the default; the others serve for comparison
-/// by `carom-farm bench transport`.
+/// by `carom-bench transport`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TransportOptions {
     /// The congestion controller.

@@ -204,7 +204,7 @@ impl TileSender {
     ) -> Result<(), ConnectionEnd> {
         let mut cancelled = self.cancelled.clone();
         let cwnd = self.connection.stats().path.cwnd;
-        // quinn's default buffer of 4 MB would hide the queue from the bitrate control.
+        // The initial send window of 4 MB would hide the queue from the bitrate control.
         self.connection
             .set_send_window(cwnd + (cwnd / 8).max(SEND_BYTES_AHEAD));
         let stream = self.connection.open_uni().await;

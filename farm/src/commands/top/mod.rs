@@ -5,8 +5,7 @@
 //! ```
 //!
 //! The metrics of a node cover all its players together, require no player's key and occupy no player's
-//! place;
-//! `carom-farm status --watch` shows the nodes from one player's view.
+//! place; `carom-farm status --watch` shows the nodes from one player's view.
 
 mod figures;
 mod view;

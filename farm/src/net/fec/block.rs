@@ -205,7 +205,7 @@ impl ReceivedBlock {
     }
 }
 
-/// Delay of an older block's first NACK: its symbols may still arrive, overtaken by as much as others were.
+/// Delay of an older block's first NACK: symbols that were overtaken may still arrive.
 const OLDER_DELAY: Duration = Duration::from_millis(4);
 /// Delay of the newest block's first NACK: it stays open for 3 ms, plus jitter, before its repair symbols
 /// leave.

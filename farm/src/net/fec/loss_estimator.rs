@@ -81,8 +81,7 @@ impl LossEstimator {
 }
 
 /// The probability that more than `tolerated` of `count` packets are lost, each independently with
-/// probability
-/// `loss`: the upper tail of the binomial distribution.
+/// probability `loss`: the upper tail of the binomial distribution.
 fn loss_tail(count: usize, tolerated: usize, loss: f64) -> f64 {
     let mut term = (1.0 - loss).powi(count as i32);
     let mut sum = term;

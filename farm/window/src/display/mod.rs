@@ -69,8 +69,7 @@ pub enum Display {
 
 impl Display {
     /// Opens the first presentation that works, in the order Vulkan, OpenGL, software; or only the one that
-    /// is
-    /// `forced`.
+    /// is `forced`.
     ///
     /// # Errors
     /// Each presentation that was tried, with its reason.
