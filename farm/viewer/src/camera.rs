@@ -113,7 +113,7 @@ impl OrbitCamera {
         self.up.as_vec3()
     }
 
-    /// Sets the up vector; eye and target stay.
+    /// Sets the up vector. The target stays, and so does the eye unless the view is almost parallel to it.
     pub fn set_up(&mut self, up: Vec3) {
         self.up = up.as_dvec3().normalize_or(self.up);
         self.is_home = false;

@@ -35,10 +35,10 @@
 //! | red and blue by themselves | 0 to +23 % | 0 to +1 % | +1 to +3 % | stays, alone |
 //! | levels that alternate by row | -27 to -2 % | -10 to -1 % | -12 to -2 % | stays: FLIP is ×1.5 to ×3.4 without |
 //!
-//! All parts that are gone together change the bytes by -2 to +6 % at 640×360, most of them with exact
-//! pixels and six rolling balls, and make the encoder 10 to 20 % faster; for 128×72 noisy pixels, exact and
-//! right after a camera cut, they cost 19 %. The following table is of zstd planes and JPEG without delta
-//! coding, with 4 samples / denoised, in Mbit/s, with MB/s of sRGB pixels that a core encodes and decodes:
+//! The removal of all parts that are gone changes the bytes by -2 to +6 % at 640×360, most with exact pixels
+//! and six rolling balls, and makes the encoder 10 to 20 % faster; for 128×72 noisy pixels, exact and right
+//! after a camera cut, it costs 19 %. Mbit/s with 4 samples / denoised, and MB/s of sRGB pixels that a core
+//! encodes and decodes:
 //!
 //! | precision | intra | encode | decode | balls | encode | decode | moving camera | encode | decode |
 //! |---|---|---|---|---|---|---|---|---|---|

@@ -353,7 +353,7 @@ fn configuration(
     let mut config = surface
         .get_default_config(adapter, 1, 1)
         .ok_or(DisplayFault::NoFormat)?;
-    // egui blends sRGB-encoded values, which needs a format that does not encode on writing.
+    // egui blends sRGB-encoded values, for which a format that does not encode on writing suits best.
     let formats = surface.get_capabilities(adapter).formats;
     if let Some(format) = formats.into_iter().find(|format| {
         matches!(
