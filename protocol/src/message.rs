@@ -281,7 +281,7 @@ pub struct TilesDone {
     pub tiles: TileRange,
     /// Microseconds of tracing and encoding that these tiles took, by the node's clock.
     pub busy_micros: u32,
-    /// Stages of the time since the request came.
+    /// Stages of the time since the request's arrival.
     pub times: NodeTimes,
     /// Samples that were not finite and count as black.
     pub dropped_samples: u32,

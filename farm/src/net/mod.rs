@@ -16,8 +16,8 @@
 //!
 //! # Measurements of the transport
 //!
-//! 31.5 Mbit/s of tiles over a round trip of 46 ms, by `carom-bench transport --seconds 10` with
-//! seeds 1 to 3 on an idle machine of 16 cores; medians. A tile is missing if it has not arrived
+//! 31.5 Mbit/s of tiles over a round trip of 46 ms, by `carom-bench transport --seconds 10` with seeds 1 to 3
+//! on an idle machine of 16 cores; medians. A tile is missing if it has not arrived
 //! within 100 ms of its request; the 99th percentile is of those that have.
 //!
 //! | path | | `congestion`, `fec` | `congestion`, streams | BBR, streams | Cubic, streams |

@@ -30,7 +30,7 @@ const SCENES_DECODED_MAX: usize = 1;
 /// Concurrent transfers of scenes in chunks of a player: each takes up to 128 MiB of memory.
 const TRANSFERS_MAX: usize = 1;
 
-/// See the [module](self).
+/// Account of a player at a node; see the [module](self).
 #[derive(Debug)]
 pub(crate) struct PlayerAccount {
     bytes: Mutex<TokenBucket>,

@@ -21,7 +21,7 @@ use crate::playback::Playback;
 use crate::render::{News, OpenedScene, Renderer, SceneLook, ShownPicture};
 use crate::save_form::{SaveForm, SaveKind};
 
-/// See the [module](self).
+/// State of the viewer; see the [module](self).
 pub struct Viewer {
     pub(crate) renderer: Renderer,
     pub(crate) document: Option<OpenedScene>,

@@ -57,7 +57,7 @@ pub enum ClientEvent {
         pixels: TilePixels,
         /// Microseconds of tracing and encoding, by the node's clock.
         busy_micros: u32,
-        /// Stages of the time since the request came, by the node's clock.
+        /// Stages of the time since the request's arrival, by the node's clock.
         times: NodeTimes,
         /// Samples that were not finite and count as black.
         dropped_samples: u32,

@@ -3,7 +3,7 @@
 use crate::error::{EMPTY, Reason};
 use crate::precision::PixelPrecision;
 
-/// How a tile of a payload is coded.
+/// Coding mode of a tile in a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TileMode {
     /// By itself: differences between neighbouring pixels, or a JPEG scan.

@@ -161,7 +161,7 @@ pub struct News {
     pub saving: Option<f64>,
 }
 
-/// See the [module](self).
+/// Renderer of the viewer's pictures; see the [module](self).
 pub struct Renderer {
     exchange: Arc<Exchange>,
     worker: Option<JoinHandle<()>>,

@@ -61,7 +61,7 @@ pub enum StatsLevel {
 }
 
 impl StatsLevel {
-    /// The next one; after the last comes none.
+    /// The next level; [`Self::Off`] after the last.
     pub fn next(self) -> Self {
         match self {
             Self::Off => Self::Line,
