@@ -129,6 +129,7 @@ impl Encoder {
             _ => self.encode_planes(precision, step, inputs, shown, &bases),
         };
         let pixels: usize = shown.iter().map(Vec::len).sum();
+        // Token bucket: each pixel earns the allowed mean time, and the message spends its estimated time.
         let spare_nanos = self.spare_nanos + PIXEL_NANOS * pixels as f32 - nanos;
         // Bounded above, or the credit of a still minute would be spent on seconds of slowly decoded frames.
         // It may fall below 0 by one message, whose cost is known only afterwards.

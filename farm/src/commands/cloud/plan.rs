@@ -91,7 +91,7 @@ impl Plan<'_> {
     /// The maximum price per hour, whichever types are started.
     fn dollars_per_hour_max(&self, spot: &SpotPrices) -> f64 {
         let dearest = |is_gpu: bool, nodes: u32| {
-            // With a share on demand, or without a spot price, the on-demand price bounds that of every machine.
+            // With a share on demand, or without a spot price, the on-demand price is the bound.
             let price = |it: &MachineType| match (self.on_demand_percent, spot.get(it.name)) {
                 (0, Some((_, dearest))) => *dearest,
                 _ => it.dollars_per_hour,
